@@ -70,7 +70,7 @@ def every_landing(scene: Scene, launch_times: np.ndarray, workers: Workers) -> d
 
 @njit(nogil=True, error_model="numpy")
 def _phases(batch, counts, phases):
-    """The orbit of `kernels.record` before it is rounded to one time: whole periods and phase."""
+    """The orbit of a record before it is rounded to one time: whole periods and phase."""
     problem = batch.problem
     fixed = bases.constants(batch.base, problem, 0)
     for p in range(counts.shape[0]):

@@ -20,6 +20,7 @@ from vibrosweep.lazy import lazily
 
 if TYPE_CHECKING:
     from vibrosweep import analysis, errors, figures, lab, theory
+    from vibrosweep.analysis.ragged import rectangle
     from vibrosweep.analysis.sampled_positions import positions
     from vibrosweep.api.analyses import basins, bifurcation, separations, sobol, windows
     from vibrosweep.api.periodic import boundaries, branches, orbits
@@ -59,6 +60,7 @@ __all__ = [
     "open_sweep",
     "orbits",
     "positions",
+    "rectangle",
     "register_design",
     "register_kind",
     "register_law",
@@ -84,6 +86,7 @@ _HOMES: Final = {
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
     **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.periodic"),
     "positions": "vibrosweep.analysis.sampled_positions",
+    "rectangle": "vibrosweep.analysis.ragged",
     **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.kinds"),
     "save_result": "vibrosweep.store.saving",
     "register_design": "vibrosweep.scene.design",

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from vibrosweep import simulate, theory
 from vibrosweep.engine import landings
+from vibrosweep.engine.measure import measure
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.model.status import Status
@@ -309,13 +310,11 @@ def test_a_spent_budget_is_no_fault_where_nothing_else_lands():
         assert found.impact_count.item() == budget
 
 
-def test_a_flight_whose_square_overflows_gets_a_status(parameters, observe, record):
-    """No parameters within their ranges have one."""
-    found = record(
-        parameters(launch_velocity=0.0, amplitude=1e200, **DYADIC), observe(launch=[0.25])
-    )
-    assert found["rebound_velocity"].item() == 1e200
-    assert found["status"].item() == Status.NON_FINITE
+def test_a_flight_whose_square_overflows_gets_a_status(parameters, observe, record, workers):
+    """No parameters within their ranges have one; a record holds no squares."""
+    scene = parameters(launch_velocity=0.0, amplitude=1e200, **DYADIC), observe(launch=[0.25])
+    assert record(*scene)["rebound_velocity"].item() == 1e200
+    assert measure(*scene, workers)["status"].item() == Status.NON_FINITE
 
 
 def test_a_hundred_thousand_particles():

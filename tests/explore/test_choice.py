@@ -57,9 +57,9 @@ def test_long_observations_are_drawn_in_part(choice):
 
 def test_what_is_observed_are_the_same_particles(choice):
     launched = choice.over("moving")
-    observed = launched.sweep()
+    observed = launched.settle()
     assert observed.regime.shape == (1, 4)
     assert float(observed.duration[()]) == 2000.0
-    coupled = choice.over("sprung").sweep()
+    coupled = choice.over("sprung").observe()
     record = choice.over("sprung").simulate()
     assert int(coupled.impact_count[0]) == int(record.impact_count.sum())

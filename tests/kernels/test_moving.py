@@ -2,15 +2,19 @@
 
 import numpy as np
 import pytest
+from numba import njit
 
+from vibrosweep.engine.landings import recorded
+from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.advance import Options, advance, memory_around
-from vibrosweep.kernels.bases import fitted
-from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.record import Units, empty_record, record
+from vibrosweep.kernels.bases import constants, fitted
+from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_speed
+from vibrosweep.kernels.record import Units
 from vibrosweep.kernels.statistics import empty_statistics
 from vibrosweep.kernels.totals import scratch
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
 from vibrosweep.model.status import Status
+from vibrosweep.scene.scene import Scene
 
 PARTICLES = 5
 
@@ -45,6 +49,57 @@ def same(one, other, which=slice(None)):
     return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
+@njit(error_model="numpy")
+def followed(batch, landing, lift_off, rests):
+    """Times of landings and lift-offs in periods, one impact after the other."""
+    problem, particles = batch.problem, batch.launches.whole.shape[1]
+    for t in range(rests.size):
+        i, p = t // particles, t % particles
+        fixed = constants(batch.base, problem, i)
+        n, x = launch(batch.launches, i, p, problem.phase[i])
+        u = launch_speed(fixed, problem, i, x)
+        for k in range(landing.shape[1]):
+            hit = impact(fixed, n, x, u)
+            if not hit.n - problem.end_count[i] <= problem.end_phase[i] - hit.x:
+                break
+            landing[t, k] = hit.n + hit.x
+            rests[t] += 0 if hit.leaves else 1
+            n, x, u = hit.n_off, hit.x_off, hit.u
+            if n == np.inf:
+                break
+            lift_off[t, k] = n + x
+
+
+def one_by_one(batch, capacity):
+    size = batch.problem.kick.size * PARTICLES
+    landing, lift_off = (np.full((size, capacity), np.nan) for _ in range(2))
+    rests = np.zeros(size, np.int64)
+    followed(batch, landing, lift_off, rests)
+    return landing, lift_off, rests
+
+
+@pytest.mark.parametrize("name", ["high-bounce", "moving"])
+def test_a_record_holds_what_one_impact_after_the_other_finds(name):
+    """And more trajectories than a block has lanes, of which some have no room."""
+    scene, starts = problem(60, 6.0, 30.0)
+    base = base_of(name, "rest")
+    landing, lift_off, rests = one_by_one(Batch(base, scene, starts), 3000)
+    room = np.isfinite(landing).sum(axis=1)
+    room[::7] //= 3
+    ones = np.ones(scene.kick.size)
+    like = Scene(particles=PARTICLES, base=name, duration=30.0).recorded()
+    with Workers(2) as workers:
+        found, each = recorded(scene, starts, like, workers, Units(ones, ones), room)
+    kept = np.arange(3000) < room[:, np.newaxis]
+    phase = np.repeat(scene.phase, PARTICLES)[:, np.newaxis]
+    assert found.landing_time == pytest.approx((landing - phase)[kept], rel=1e-15, abs=1e-15)
+    assert found.liftoff_time == pytest.approx(
+        (lift_off - phase)[kept], rel=1e-15, abs=1e-15, nan_ok=True
+    )
+    assert np.array_equal(each.landings, np.isfinite(landing).sum(axis=1))
+    assert np.array_equal(each.total("rests"), rests)
+
+
 def test_without_arcs_the_bits_are_the_same():
     scene, launch = problem(200, 1.0, 40.0)
     base = base_of("moving", "rest")
@@ -56,19 +111,16 @@ def test_without_arcs_the_bits_are_the_same():
 
 
 def test_passes_of_all_lanes_find_what_one_flight_after_another_finds():
-    scene, launch = problem(60, 6.0, 30.0)
+    scene, starts = problem(60, 6.0, 30.0)
     base = base_of("moving", "rest")
-    found = streamed(base, scene, launch)
+    found = streamed(base, scene, starts)
     assert set(found.status) == {Status.COMPLETED}
-    landings = empty_record(found.landings.size, int(found.landings.max()) + 1)
-    units = Units(np.ones(scene.kick.size), np.ones(scene.kick.size))
-    record(0, found.landings.size, Batch(base, scene, launch), units, landings)
-    seen = np.isfinite(landings.landing_time)
+    landing, lift_off, rests = one_by_one(Batch(base, scene, starts), int(found.landings.max()) + 1)
+    seen = np.isfinite(landing)
     assert np.array_equal(seen.sum(axis=1), found.landings)
-    assert np.array_equal(landings.rested.sum(axis=1), found.total("rests"))
+    assert np.array_equal(rests, found.total("rests"))
     # all flights but the last one, which ends after the record does
-    ends, starts = landings.landing_time[:, 1:], landings.liftoff_time[:, :-1]
-    flown = np.nansum(ends - starts, axis=1)
+    flown = np.nansum(landing[:, 1:] - lift_off[:, :-1], axis=1)
     assert np.all(found.total("flight_sum") >= flown - 1e-11)
     stays = found.at_rest == 1  # no flight follows
     assert found.total("flight_sum")[stays] == pytest.approx(flown[stays], rel=1e-12, abs=1e-13)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -23,15 +24,15 @@ from vibrosweep.analysis.common import (
 )
 from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
 from vibrosweep.arrays import Array
+from vibrosweep.engine.landings import recorded
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.record import Units, empty_record, record
+from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import HIGH_BOUNCE
+from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
@@ -172,16 +173,17 @@ def _impacts(
     """Impacts that follow what orbits have reached; arrays of shape (point, particle, sample)."""
     problem, launch = batch_from(scene, parameters, reached(orbits, scene.particles))
     count = orbits.phase.size
-    problem = problem._replace(end_count=np.full(count, np.inf))
-    out = empty_record(count, samples + 1)  # a flight ends with the next landing
-    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
+    problem = problem._replace(end_count=np.full(count, MAX_PERIODS))
     frequency, gravity = (
         np.repeat(parameters[name], scene.particles)[:, np.newaxis]
         for name in ("frequency", "gravity")
     )
     # a frequency of 1: times in periods are counted from 0
     units = Units(np.ones(count), np.ravel(gravity / (2.0 * frequency)))
-    workers.each(lambda first, last: record(first, last, batch, units, out), count, 16, out)
+    every = samples + 1  # a flight ends with the next landing
+    alone = replace(scene.with_measures(impact_budget=every).recorded(), particles=1, launch=(0.0,))
+    flat, _ = recorded(problem, launch, alone, workers, units, np.full(count, every))
+    out = Record._make(values.reshape(count, every) for values in flat)
     shape = (-1, scene.particles, samples)
     speed, left = out.rebound_velocity[:, :samples], out.liftoff_time[:, :samples]
     height, time = speed**2 / (2.0 * gravity), 2.0 * speed / gravity
@@ -191,7 +193,9 @@ def _impacts(
         rising = np.maximum(speed, 0.0)
         height = rising**2 / (2.0 * gravity) - unit * velocity * np.cos(2.0 * np.pi * left)
         time = (out.landing_time[:, 1:] - left) / frequency
-    phase = out.landing_time[:, :samples] - np.rint(out.landing_time[:, :samples])
+    # a particle that rests for good makes no impact
+    landed = np.where(np.isnan(left), np.nan, out.landing_time[:, :samples])
+    phase = landed - np.rint(landed)
     return Impacts(*(values.reshape(shape) for values in (phase, speed, height, time)))
 
 

@@ -42,6 +42,8 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
     >>> import vibrosweep as vs
     >>> vs.analysis.require(vs.simulate(), "echo", "landing_time")
     """
+    if wrong := "" if source else refused_ragged(dataset):
+        raise DataError(f"{analysis} {wrong}")
     absent = [name for name in names if name not in dataset.variables]
     if absent and source:
         raise DataError(
@@ -51,6 +53,12 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
         wanted = "; ".join(f"{name} ({remedy(name)})" for name in absent)
         noun = "variables" if len(absent) > 1 else "variable"
         raise DataError(f"{analysis} needs {noun} that the dataset lacks: {wanted}")
+
+
+def refused_ragged(dataset: xr.Dataset) -> str:
+    """Say what to do with a ragged record, which only `vibrosweep.rectangle` takes; else empty."""
+    ragged = "landing" in dataset.dims
+    return "takes no ragged record: give it vibrosweep.rectangle(record)" if ragged else ""
 
 
 def remedy(name: str) -> str:

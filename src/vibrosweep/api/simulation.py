@@ -6,6 +6,7 @@ from typing import Any, Unpack
 
 import xarray as xr
 
+from vibrosweep.analysis.ragged import ragged_variables, wasted
 from vibrosweep.api.keyword_types import BatchKeywords
 from vibrosweep.api.replay import replayed
 from vibrosweep.engine.landings import launch_times, record_landings, require_room
@@ -23,6 +24,7 @@ def simulate(
     result: xr.Dataset | None = None,
     /,
     *,
+    ragged: bool = False,
     threads: int | None = None,
     **keywords: Unpack[BatchKeywords],
 ) -> xr.Dataset:
@@ -34,6 +36,9 @@ def simulate(
         Instead of a scene realizations of a sweep, as `vibrosweep.sweep` or `open_sweep` gives
         them: ``simulate(found.isel(realization=7))`` follows exactly what the sweep followed, bit
         for bit on one model of processor.
+    ragged
+        Whether landings stand one after the other in a single dim, a contiguous ragged array of the
+        CF conventions, which leaves no places empty; `vibrosweep.rectangle` goes back.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -85,7 +90,9 @@ def simulate(
         Dims (realization, particle, impact): ``landing_time`` and ``liftoff_time`` (s),
         ``rebound_velocity`` (m s-1), ``rested``; dims (realization, particle): ``impact_count``,
         ``status``.  NaN past the last landing, and for the lift-off of a particle that rests for
-        good, or for a forcing period past the end.
+        good, or for a forcing period past the end.  The attribute ``notes`` says where more than
+        half of the places are empty.  If `ragged`, the dim landing in place of the first three, and
+        trajectory in place of two, with ``realization_index`` and ``particle_index``.
         Parameters that differ between realizations are coordinates, the others variables without
         dims.
 
@@ -119,7 +126,7 @@ def simulate(
     forcing, frequency = scene.forcing(), quantities["frequency"]
     refuse_large(quantities, forcing)
     with Workers(thread_count(threads)) as workers:
-        found = record_landings(only_parameters(quantities), scene, workers)
+        found = record_landings(only_parameters(quantities), scene, workers, ragged=ragged)
     varied = scene.varying(arrays)
     fixed = {n: ((), v[0], attributes_of(n)) for n, v in quantities.items() if n not in varied}
     along: dict[str, Any] = {
@@ -128,8 +135,13 @@ def simulate(
     if "frequency" not in varied or not isinstance(scene.launch, str):
         times = launch_times(scene.launch, scene.particles, float(frequency[0]))
         along["launch_time"] = ("particle", times, LAUNCH_TIME)
+    if ragged:
+        variables: dict[str, Any] = ragged_variables(found, frequency.size, scene.particles)
+    else:
+        variables = {name: (v.dims, found[name], v.attributes) for name, v in RECORD.items()}
+    note = "" if ragged else wasted(found["impact_count"])
     return xr.Dataset(
-        {name: (v.dims, found[name], v.attributes) for name, v in RECORD.items()} | fixed,
+        variables | fixed,
         along,
         {
             "base": scene.base,
@@ -137,6 +149,7 @@ def simulate(
             "waveform": scene.waveform.text,
             "forcing": forcing,
             **seed_of(scene, arrays),
+            **({"notes": note} if note else {}),
             **periods_given(scene.duration),
         },
     )

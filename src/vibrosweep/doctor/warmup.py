@@ -32,7 +32,7 @@ from vibrosweep.kernels.extended import FIX_E, correct_point, directions, splitt
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.impact import BASE_OF
 from vibrosweep.kernels.orbit_search import find_closed
-from vibrosweep.kernels.record import record
+from vibrosweep.kernels.recorder import leave_rest_empty
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.settle import settle
 from vibrosweep.kernels.shortest import shortest_flights
@@ -55,7 +55,7 @@ KERNELS: Final[tuple[Any, ...]] = (
     first_of_each,
     follow,
     follow_line,
-    record,
+    leave_rest_empty,
     separate,
     settle,
     settle_jointly,

@@ -10,13 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.trajectories import base_in, statistics
-from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
+from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.kernels.impact import Batch
-from vibrosweep.kernels.record import Record, Units, empty_record, record
-from vibrosweep.model.parameters import MOUNT, PARAMETERS, SPRUNG, dimensionless, launches
+from vibrosweep.kernels.record import Record, Units, empty_record
+from vibrosweep.kernels.recorder import Recorder, leave_rest_empty
+from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.unwritten import require_written
+from vibrosweep.model.parameters import (
+    MOUNT,
+    PARAMETERS,
+    SPRUNG,
+    Dimensionless,
+    Launches,
+    dimensionless,
+    launches,
+)
 from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
@@ -34,46 +44,62 @@ def launch_times(launch: str | tuple[float, ...], particles: int, frequency: flo
 
 
 def record_landings(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, *, ragged: bool = False
 ) -> dict[str, NDArray[Any]]:
     """Every landing until the end of the observation, as `vibrosweep.model.measures.RECORD`.
 
-    Parameters are of shape (realization,); the transient of the observation is -inf.  Raises a
-    ParameterError where the record would not fit into half of this machine's memory.
+    Parameters are of shape (realization,); the transient of the observation is -inf.  With `ragged`
+    landings are of shape (landing,): those of one particle after the other, without places that
+    are left empty.  Raises a ParameterError where the record would not fit into half of this
+    machine's memory.
     """
-    landings, status = _counted(parameters, scene, workers)
-    capacity = int(landings.max())
+    scene = replace(scene, skip=False)  # landings are followed one by one
+    landings, status = _counted(parameters, scene, workers, ragged=ragged)
+    shape, capacity = (parameters["frequency"].size, scene.particles), int(landings.max())
+    room = landings if ragged else np.full(landings.size, capacity)
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import record_coupled  # slow to import
 
         out = record_coupled(parameters, scene, workers, capacity)
+        if ragged:
+            there = np.arange(capacity) < landings[:, np.newaxis]
+            out = Record._make(values[there] for values in out)
     else:
-        out = _recorded(parameters, scene, workers, capacity)
-    shape = (parameters["frequency"].size, scene.particles)
+        problem = dimensionless(parameters, scene.duration, scene.measures.transient)
+        launch = launches(scene.launch, scene.particles, parameters["frequency"])
+        unit = parameters["gravity"] / (2.0 * parameters["frequency"])
+        units = Units(parameters["frequency"], unit)
+        out, _ = recorded(problem, launch, scene, workers, units, room)
+    dims = (-1,) if ragged else (*shape, capacity)
     found: dict[str, NDArray[Any]] = {
-        name: values.reshape(*shape, capacity) for name, values in out._asdict().items()
+        name: values.reshape(dims) for name, values in out._asdict().items()
     }
     found["impact_count"] = landings.reshape(shape)
     found["status"] = status.reshape(shape)
     return found
 
 
-def _recorded(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers, capacity: int
-) -> Record:
-    """Record particles that are independent of each other."""
-    problem = dimensionless(parameters, scene.duration, scene.measures.transient)
-    launch = launches(scene.launch, scene.particles, parameters["frequency"])
-    trajectories = parameters["frequency"].size * scene.particles
-    out = empty_record(trajectories, capacity)
-    batch = Batch(base_in(scene, problem), problem, launch)
-    units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
+def recorded(
+    problem: Dimensionless,
+    launch: Launches,
+    scene: Scene,
+    workers: Workers,
+    units: Units,
+    room: NDArray[np.int64],
+) -> tuple[Record, Statistics]:
+    """Record as many first landings of each trajectory as it has room for, of all that it has.
 
-    def task(first: int, last: int) -> None:
-        record(first, last, batch, units, out)
-
-    workers.each(task, trajectories, max(1, TRAJECTORIES_PER_TASK // 128), out)
-    return out
+    `room` has the shape (trajectory,), the arrays of the record one place after the other.  The
+    statistics are those of `vibrosweep.engine.trajectories.statistics`.
+    """
+    first = np.zeros(room.size + 1, np.int64)
+    np.cumsum(room, out=first[1:])
+    out = empty_record(int(first[-1]))
+    recorder = Recorder(out, first, units, problem, scene.particles)
+    each = statistics(problem, launch, scene, workers, observer=recorder)
+    leave_rest_empty(out, first, each.landings)
+    require_written(out)
+    return out, each
 
 
 def record_bytes(
@@ -110,7 +136,7 @@ def _needed(realizations: int, particles: int, landings: int) -> int:
 
 
 def _counted(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, *, ragged: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
     """Landings of each particle, and its status; raise if a record does not fit into memory."""
     realizations, particles = parameters["frequency"].size, scene.particles
@@ -118,19 +144,21 @@ def _counted(
     most = physical_memory() // (2 * BYTES_PER_LANDING * realizations * particles)
     # a trajectory with more than `most` is followed no further: the record is refused anyway
     budget = min(scene.measures.impact_budget, most + LOOK_AFTER)
-    # counted as they will be kept: one by one
     enough = replace(scene.with_measures(impact_budget=budget), skip=False)
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import count_coupled
 
-        coupled = count_coupled(parameters, enough, workers)
-        landings, status = coupled.landings, coupled.status
+        each = count_coupled(parameters, enough, workers)
     else:
         problem = dimensionless(parameters, scene.duration, scene.measures.transient)
         launch = launches(scene.launch, particles, parameters["frequency"])
-        each = statistics(problem, launch, enough, workers)
-        landings, status = each.landings.copy(), each.status.copy()
-    require_room(realizations, particles, int(landings.max()))
+        # the kernel that writes them also counts them: there is one to compile
+        units = Units(problem.kick, problem.kick)
+        room = np.zeros(realizations * particles, np.int64)
+        _, each = recorded(problem, launch, enough, workers, units, room)
+    landings, status = each.landings.copy(), each.status.copy()
+    mean = -(-int(landings.sum()) // landings.size)
+    require_room(realizations, particles, mean if ragged else int(landings.max()))
     return landings, status
 
 

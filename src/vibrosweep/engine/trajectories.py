@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observable_values import kinds_of
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
+from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import Base, fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
@@ -24,6 +26,7 @@ from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer, observer_scratch
 from vibrosweep.kernels.ordering import workspace
+from vibrosweep.kernels.recorder import KINDS_RECORDED, Recorder, recorder_scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate
 from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
 from vibrosweep.kernels.statistics import KINDS, Statistics, empty_sums
@@ -125,7 +128,7 @@ def statistics(
     scene: Scene,
     workers: Workers,
     cycles: Cycles | None = None,
-    observer: Observer | None = None,
+    observer: Observer | Recorder | None = None,
 ) -> Statistics:
     """Statistics of every trajectory, ordered by realization, then by particle.
 
@@ -134,7 +137,12 @@ def statistics(
     landing, takes no cycles.
     """
     total = problem.kick.size * scene.particles
-    kinds = KINDS if observer is not None else (*KINDS, *kinds_of(scene))
+    kernel, kinds = advance, (*KINDS, *kinds_of(scene))
+    block: Callable[[], Floats] = partial(scratch, kinds)
+    if isinstance(observer, Recorder):
+        kinds, block = KINDS_RECORDED, recorder_scratch
+    elif observer is not None:
+        kernel, kinds, block = advance_uncached, KINDS, observer_scratch
     each = workers.statistics(total, kinds)
     windowed = scene.windowed  # loops over all launches
     base = fitted(base_in(scene, problem), problem)
@@ -146,10 +154,9 @@ def statistics(
         int(scene.skip),
         observer,
     )
-    kernel = advance if observer is None else advance_uncached
 
     def begin() -> Callable[[int, int], None]:
-        memory = memory_around(scratch(kinds) if observer is None else observer_scratch())
+        memory = memory_around(block())
         rests = None if cycles is None else empty_rests(each.kinds)
         lanes = 0
 

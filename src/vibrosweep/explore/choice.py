@@ -11,7 +11,7 @@ import numpy as np
 import vibrosweep as vs
 from vibrosweep.model.forcing import inputs_of
 from vibrosweep.model.parameters import LAWS, SPRUNG, STAGGERED
-from vibrosweep.model.times import Periods, amount
+from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -36,6 +36,9 @@ class Choice:
 
     # Over all points of a result it lacks the inputs in which they differ
     scene: Scene
+    # Beginning and end of the window of the result, over which separations are taken; None for all
+    # of the drawn motion
+    window: tuple[Time, Time] | None = None
     spread: Spread | None = Spread()  # None where the scene lists its launches
     # Parameters of a mount that sliders keep while the base has none
     mount: Mapping[str, float] = field(default_factory=dict)
@@ -98,34 +101,40 @@ class Choice:
 
     def keywords(self) -> dict[str, Any]:
         """Keywords of `vibrosweep.simulate`."""
-        launch = {"launch_time": list(self.launch_time)}
-        return {**self.scene.inputs, **launch, **self._over_time()}
+        return {**self.scene.inputs, **self.sweep_keywords()}
 
     def sweep_keywords(self) -> dict[str, Any]:
         """Keywords of `vibrosweep.sweep` for the same particles, without physical parameters."""
-        launch = STAGGERED if self.spread == Spread() else list(self.launch_time)
-        return {"particles": self.scene.particles, "launch": launch, **self._over_time()}
-
-    def _over_time(self) -> dict[str, Any]:
-        scene = self.scene
-        end = "duration_periods" if isinstance(scene.duration, Periods) else "duration"
-        return {end: amount(scene.duration), "base": scene.base, "rebound": scene.rebound}
+        # staggered launches are phases of the forcing, which seconds would round
+        scene, staggered = self.scene, self.spread == Spread()
+        return {
+            "particles": scene.particles,
+            "launch": STAGGERED if staggered else list(self.launch_time),
+            **_timed("duration", scene.duration),
+            "base": scene.base,
+            "rebound": scene.rebound,
+        }
 
     def simulate(self) -> xr.Dataset:
         """Every landing, as `vibrosweep.simulate` returns it."""
         return vs.simulate(**self.keywords())
 
-    def sweep(self) -> xr.Dataset:
-        """Regimes, exponents and separations, as `vibrosweep.sweep` returns them.
+    def observe(self) -> xr.Dataset:
+        """Measures over the window of the result, as `vibrosweep.sweep` returns them."""
+        begin, end = self.window or (0.0, self.scene.duration)
+        observed = replace(self, scene=replace(self.scene, duration=end))
+        coupled = {"joint": True} if self.scene.base == SPRUNG else {}
+        return observed._sweep(separation=True, **_timed("transient", begin), **coupled)
 
-        The observation lasts `OBSERVED_PERIODS`; over a base of finite mass, which couples the
-        particles and takes far longer for each landing, only as long as the drawn motion.
-        """
-        coupled = self.scene.base == SPRUNG
-        longer = self if coupled else self.lasting(max(OBSERVED_PERIODS, self.periods))
-        keywords: dict[str, Any] = {
-            **self.scene.inputs,
-            **longer.sweep_keywords(),
-            **dict.fromkeys(("joint",) if coupled else ("regimes", "lyapunov"), True),
-        }
-        return vs.sweep(separation=True, progress=False, **keywords)
+    def settle(self) -> xr.Dataset:
+        """Regimes and exponents after `OBSERVED_PERIODS`, as `vibrosweep.sweep` returns them."""
+        longer = self.lasting(max(OBSERVED_PERIODS, self.periods))
+        return longer._sweep(regimes=True, lyapunov=True)
+
+    def _sweep(self, **measured: Any) -> xr.Dataset:
+        return vs.sweep(progress=False, **self.keywords(), **measured)
+
+
+def _timed(name: str, time: Time) -> dict[str, float]:
+    """Return the keyword of a time, in s or in forcing periods."""
+    return {f"{name}_periods" if isinstance(time, Periods) else name: amount(time)}

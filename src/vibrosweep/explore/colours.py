@@ -23,6 +23,8 @@ from vibrosweep.figures.style import OKABE_ITO
 GREY: Final = "#b5b5b5"
 NAMED: Final = (*OKABE_ITO, GREY)
 UNKNOWN: Final = "rgba(0, 0, 0, 0)"
+MOST_VALUES: Final = (0.01, 0.99)  # quantiles between which a scale lies if others stretch it
+STRETCHED: Final = 5.0  # times as wide as they are apart
 
 
 @dataclass(frozen=True)
@@ -60,14 +62,21 @@ def colouring(column: Column) -> Colouring:
         least = max(float(np.quantile(positive, 0.01)), 1e-6 * high)
         title = f"{column.label}, grey: 0" if low == 0.0 else column.label
         return Colouring(values, _scale(LogColorMapper, least, max(high, 1.01 * least)), title)
-    if low == high:
+    endless = bool(np.any(values == -np.inf))
+    title = f"{column.label}, grey: -∞" if endless else column.label
+    within = np.quantile(known, MOST_VALUES) if known.size else np.array([low, high])
+    if high - low > STRETCHED * np.ptp(within) > 0.0:
+        # the ends of the scale stand for what is beyond them: a few values do not hide the others
+        title += f", {low:.3g} to {high:.3g}"
+        low, high = low if endless else float(within[0]), float(within[1])
+    elif low == high:
         low, high = low - 0.5, high + 0.5
-    title = f"{column.label}, grey: -∞" if np.any(values == -np.inf) else column.label
-    return Colouring(values, _scale(LinearColorMapper, low, high), title)
+    below = GREY if endless else Viridis256[0]
+    return Colouring(values, _scale(LinearColorMapper, low, high, below), title)
 
 
-def _scale(kind: type[ColorMapper], low: float, high: float) -> ColorMapper:
-    return kind(palette=Viridis256, low=low, high=high, low_color=GREY, nan_color=UNKNOWN)
+def _scale(kind: type[ColorMapper], low: float, high: float, below: str = GREY) -> ColorMapper:
+    return kind(palette=Viridis256, low=low, high=high, low_color=below, nan_color=UNKNOWN)
 
 
 def _of_codes(column: Column) -> Colouring:

@@ -26,29 +26,35 @@ def named(choice: Choice) -> str:
     return ", ".join([f"{choice.scene.base} base", *parts])
 
 
-def facts(choice: Choice, result: xr.Dataset) -> Iterator[tuple[str, str]]:
-    """Names and values of the properties of a realization, from its choice and the result."""
-    one = result.isel(realization=0)
+def facts(
+    choice: Choice, observed: xr.Dataset, settled: xr.Dataset | None
+) -> Iterator[tuple[str, str]]:
+    """Names and values of the properties of a realization, from what its choice computes."""
+    one = observed.isel(realization=0)
+    begin, end = (float(one[n]) * choice.inputs["frequency"] for n in ("transient", "duration"))
     yield "base", choice.scene.base
-    yield "observed", _period_text(float(one["duration"]) * choice.inputs["frequency"])
-    yield "acceleration of the base Γ", f"{float(one['base_acceleration']):.5g}"
+    yield "acceleration of the base Γ", f"{float(one['base_acceleration']):.5g} g"
+    yield "observed", f"{f'{begin:.6g} to ' if begin > 0.0 else ''}{end:.6g} forcing periods"
     if choice.scene.base == SPRUNG:
         yield from _joint(one)
-    else:
-        yield "regimes of particles", ", ".join(_regimes(one))
-        yield "largest Lyapunov exponent per impact", _range(one["lyapunov_largest"].values)
-        yield "orbits, slots", ", ".join(_number(one[n]) for n in ("orbit_count", "slot_count"))
     yield "largest rebound height", _number(one["rebound_height_max"], " m")
     if choice.scene.particles > 1:
         yield "smallest separation Δt min", _number(one["dt_min"], " s")
         shared = {1: "yes", 0: "no"}.get(int(one["base_shared"]), "not known")
         yield "two particles on the base at once", shared
+    if settled is not None:
+        one = settled.isel(realization=0)
+        periods = float(one["duration"]) * choice.inputs["frequency"]
+        yield f"regimes after {periods:.6g} periods", ", ".join(_regimes(one))
+        yield "largest Lyapunov exponent per impact", _range(one["lyapunov_largest"].values)
+        yield "orbits, slots", ", ".join(_number(one[n]) for n in ("orbit_count", "slot_count"))
 
 
 def facts_html(choice: Choice) -> str:
     """`facts` of a realization as a table, or the reason why they cannot be computed."""
     try:
-        found = list(facts(choice, choice.sweep()))
+        settled = None if choice.scene.base == SPRUNG else choice.settle()
+        found = list(facts(choice, choice.observe(), settled))
     except VibrosweepError as error:
         return html.escape(str(error))
     rows = (f"<tr><td>{html.escape(a)}</td><td>{html.escape(b)}</td></tr>" for a, b in found)
@@ -93,7 +99,3 @@ def _range(values: np.ndarray) -> str:
     low, high = float(numbers.min()), float(numbers.max())
     texts = [("-∞" if v == -np.inf else f"{v:.5g}") for v in (low, high)]
     return texts[0] if low == high else f"{texts[0]} to {texts[1]}"
-
-
-def _period_text(periods: float) -> str:
-    return f"{periods:.6g} forcing periods"

@@ -15,10 +15,10 @@ from vibrosweep.analysis.record_flights import base_motion, course
 
 Columns = dict[str, NDArray[Any]]
 
-# Points of the base in a forcing period, and in all; points of a stay on a moving base
+# Points of the base in a forcing period, and in all; least pieces of a stay on a moving base
 SAMPLES: Final = 48
 MOST_SAMPLES: Final = 20_000
-OF_STAY: Final = 24
+OF_STAY: Final = 8
 
 HEIGHT: Final = "height"
 
@@ -110,16 +110,22 @@ def heights(record: xr.Dataset) -> Heights:
 def _stays(one: xr.Dataset, base: BaseMotion, end: float) -> Columns:
     landing = one["landing_time"].values
     leaves = np.fmin(one["liftoff_time"].values, end)  # a particle at rest for good stays
-    at = np.nonzero((one["rested"].values == 1) & (landing < end))
-    count = OF_STAY if base.speed > 0.0 else 2
-    time = np.linspace(landing[at], leaves[at], count, axis=1)
-    height = base.height(time)
+    particle, impact = np.nonzero((one["rested"].values == 1) & (landing < end))
+    start, length = landing[particle, impact], (leaves - landing)[particle, impact]
+    pieces = np.ones(start.size, np.int64)
+    if base.speed > 0.0:  # it follows the base as finely as that is drawn
+        wanted = np.ceil(SAMPLES * base.frequency * length)
+        pieces = np.maximum(wanted * min(1.0, MOST_SAMPLES / wanted.sum()), OF_STAY).astype(int)
+    stay = np.repeat(np.arange(start.size), pieces)
+    number = np.arange(stay.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    step = (length / pieces)[stay]
+    begin = start[stay] + number * step
     return {
-        "particle": np.repeat(at[0], count - 1),
-        "start": time[:, :-1].ravel(),
-        "end": time[:, 1:].ravel(),
-        "y_start": height[:, :-1].ravel(),
-        "y_end": height[:, 1:].ravel(),
+        "particle": particle[stay],
+        "start": begin,
+        "end": begin + step,
+        "y_start": base.height(begin),
+        "y_end": base.height(begin + step),
     }
 
 

@@ -19,7 +19,7 @@ from vibrosweep.explore.colours import colouring
 from vibrosweep.explore.curves import WindowEnd, window_ends
 from vibrosweep.explore.labels import SYMBOLS
 from vibrosweep.explore.points import Points
-from vibrosweep.explore.raster import View, nearest, raster
+from vibrosweep.explore.raster import View, even_cells, nearest, raster
 from vibrosweep.explore.sources import LARGEST, empty_source, inner_pixels, is_window
 
 # Above this number of points, they are gathered in pixels
@@ -175,7 +175,15 @@ class PlaneView:
         if self.marker != NO_MARKER:
             kinds = colouring(self.points.columns[self.marker]).values
             marks = [MARKERS[int(np.nan_to_num(kind)) % len(MARKERS)] for kind in kinds]
-        self.dots.glyph.size = float(np.clip(160.0 / np.sqrt(self.points.count), 3.0, 9.0))
+        size = float(np.clip(160.0 / np.sqrt(self.points.count), 3.0, 9.0))
+        cells = even_cells(self.values(self.x), self.values(self.y))
+        if cells is not None:  # a grid is filled cells; its dots are there to be pointed at
+            self.paint()
+            size = HEIGHT / max(cells.shape)
+        else:
+            self.image.data = {name: [] for name in self.image.data}
+        alpha = 1.0 if cells is None or self.marker != NO_MARKER else 0.0
+        self.dots.glyph.update(size=size if cells is None else max(size, 3.0), fill_alpha=alpha)
         said = [
             column.codes.get(int(v), f"{v:.6g}") if v == v else "not known" for v in column.values
         ]

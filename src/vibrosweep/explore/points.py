@@ -21,7 +21,7 @@ from vibrosweep.model.measures import known
 from vibrosweep.model.mount import MASSES
 from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, STAGGERED
 from vibrosweep.model.shapes import name_in
-from vibrosweep.model.times import Periods
+from vibrosweep.model.times import Periods, Time
 from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import Launch, Scene
 from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
@@ -305,14 +305,21 @@ def _shared(dataset: xr.Dataset, forcing: str) -> Choice:
         launch = tuple(np.ravel(listed).astype(np.float64).tolist())
     elif listed != STAGGERED:
         launch = tuple(dataset["launch_time"].values.tolist())
-    periods = dataset.attrs.get("duration_periods")
+    begin, end = (_time(dataset, name) for name in ("transient", "duration"))
     scene = Scene(
         particles=int(dataset.attrs["particles"]),
         launch=launch,
-        duration=float(dataset["duration"].max()) if periods is None else Periods(float(periods)),
+        duration=end,
         rebound=str(dataset.attrs["rebound"]),
         base=str(dataset.attrs["base"]),
         inputs=inputs,
         given=frozenset(inputs),
     )
-    return Choice(scene, Spread() if launch == STAGGERED else None)
+    return Choice(scene, (begin, end), Spread() if launch == STAGGERED else None)
+
+
+def _time(dataset: xr.Dataset, name: str) -> Time:
+    """Return a time of the observation in the unit in which it was given."""
+    if f"{name}_periods" in dataset.attrs:
+        return Periods(float(dataset.attrs[f"{name}_periods"]))
+    return float(dataset[name].max()) if name in dataset else 0.0

@@ -40,10 +40,8 @@ def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = 
 
     `codes` are the values that occur, if they are codes.
     """
-    # a grid repeats the values along an axis; sorting a million values would take a second
-    repeats = any(np.unique(v[:FIRST]).size < v[:FIRST].size for v in (x, y))
-    cells = grid_cells(x, y) if repeats else None
-    if cells is None or not (_even(cells.x_edges) and _even(cells.y_edges)):
+    cells = even_cells(x, y)
+    if cells is None:
         edges_x = np.linspace(*view.x, view.columns + 1)
         edges_y = np.linspace(*view.y, view.rows + 1)
         column = np.floor((x - view.x[0]) * (view.columns / (view.x[1] - view.x[0])))
@@ -58,6 +56,14 @@ def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = 
     return Raster(
         (float(x_edges[0]), float(x_edges[-1])), (float(y_edges[0]), float(y_edges[-1])), found
     )
+
+
+def even_cells(x: Array, y: Array) -> Cells | None:
+    """Return the cells of an even grid of points; None for other points."""
+    # a grid repeats the values along an axis; sorting a million values would take a second
+    repeats = any(np.unique(v[:FIRST]).size < v[:FIRST].size for v in (x, y))
+    cells = grid_cells(x, y) if repeats else None
+    return cells if cells and _even(cells.x_edges) and _even(cells.y_edges) else None
 
 
 def _mean(cells: Cells, values: Array) -> Array:

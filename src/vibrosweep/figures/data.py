@@ -11,7 +11,7 @@ import numpy as np
 
 from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.analysis.records import per_realization
-from vibrosweep.analysis.requirements import remedy
+from vibrosweep.analysis.requirements import refused_ragged, remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
@@ -82,6 +82,8 @@ class Needs:
 
     def check(self, figure: str, dataset: xr.Dataset) -> None:
         """Raise a DataError if anything is missing."""
+        if wrong := refused_ragged(dataset):
+            raise DataError(f"figure {figure} {wrong}")
         reason = self.lacking(dataset)
         if reason is not None:
             raise DataError(f"figure {figure} needs {reason}")

@@ -60,6 +60,7 @@ from vibrosweep.kernels.lanes import (
 )
 from vibrosweep.kernels.noise_lanes import draw_all, load_noise, note_sleep
 from vibrosweep.kernels.observer import Observer, note, observe
+from vibrosweep.kernels.recorder import Recorder
 from vibrosweep.kernels.statistics import RESTS, Kinds, Statistics
 from vibrosweep.kernels.totals import OF_RESTS, clear, count, expect, sum_up, totals_of, with_flight
 from vibrosweep.model.landing import Landing
@@ -81,8 +82,8 @@ class Options(NamedTuple):
     patience: float = 0.0
     all_cycles: int = 0  # 1 to find every cycle, 0 to find only those that save work
     jump: int = 1  # 1 to skip repetitions of cycles, 0 to simulate every impact nevertheless
-    # The function called for every landing in the window, or None.  Without cycles only.
-    observer: Observer | None = None
+    # What every landing in the window is shown to, or None.  Without cycles only.
+    observer: Observer | Recorder | None = None
 
 
 class Memory(NamedTuple):
@@ -93,7 +94,7 @@ class Memory(NamedTuple):
 
 
 def memory_around(block: Floats) -> Memory:
-    """Memory for one caller, with the block of `scratch` or `observer_scratch`."""
+    """Memory for one caller, with its block, such as that of `scratch`."""
     return Memory(block, np.empty(LANES, np.int64))
 
 
@@ -113,7 +114,7 @@ def _step(
     chosen: Chosen,
     budget: float,
     window: int | None,
-    observer: Observer | None,
+    observer: Observer | Recorder | None,
     live: int,
     since: int,
 ) -> None:
@@ -144,7 +145,7 @@ def _step(
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
         landing = Landing(x, time, v, u, not leaves)
         if observer is not None:
-            note(s, j, landing, seen)
+            note(observer, s, j, landing, n, seen)
         note_sleep(chosen.base.noise, s, j, landed & (not leaves) & (x_off == x_off))
         flight = counted_now(fixed, s, j, time, u)
         ends = keep(fixed, s, j, time, landed, seen)
@@ -154,7 +155,7 @@ def _step(
         s[ROW.U + j] = u if landed else u_from
     wake_lanes(chosen.base, s, live)
     if observer is not None:
-        observe(s, live, observer)
+        observe(observer, s, live, chosen.base)
 
 
 @jit

@@ -1,7 +1,7 @@
-"""A user's function of every landing, called beside the loop over the lanes.
+"""Observers of every landing, beside the loop over the lanes: a user's function is one.
 
-The loop notes what it needs of a landing in rows of its own, and stays free of branches; a second
-one calls the function for those lanes that have landed in the window.
+The loop notes what an observer needs of a landing in rows of its own, and stays free of branches;
+a second one serves those lanes that have landed in the window.
 """
 
 from __future__ import annotations
@@ -13,12 +13,23 @@ import numba
 from numba import njit, types
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels._jit import OPTIONS, Floats, compiled_anew, jit
+from vibrosweep.kernels._jit import OPTIONS, Floats, compiled_anew, generic, implements, jit
+from vibrosweep.kernels.bases import Base
 from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE
 from vibrosweep.kernels.statistics import KINDS, declare
 from vibrosweep.kernels.totals import scratch
 from vibrosweep.model.landing import Landing
 from vibrosweep.model.observables import Observable
+
+
+@generic
+def note(observer: Any, s: Floats, j: int, landing: Landing, n: float, seen: bool) -> None:
+    """Note a landing of lane j, after n whole periods, and whether it is in the window."""
+
+
+@generic
+def observe(observer: Any, s: Floats, lanes: int, base: Base) -> None:
+    """Use what is noted of those of the first lanes that have just landed in the window."""
 
 
 class Observer(NamedTuple):
@@ -49,18 +60,18 @@ def observer_scratch() -> Floats:
     return scratch(KINDS, len(Noted._fields))
 
 
-@jit
-def note(s: Floats, j: int, landing: Landing, seen: bool) -> None:
-    """Note a landing of lane j, and whether it is in the window."""
+@implements(note, Observer)
+def note_for_function(
+    observer: Observer, s: Floats, j: int, landing: Landing, n: float, seen: bool
+) -> None:
     s[NOTED.PHASE + j], s[NOTED.TIME + j] = landing.phase, landing.flight_time
     s[NOTED.ARRIVAL + j], s[NOTED.REBOUND + j] = landing.arrival, landing.rebound
     s[NOTED.RESTS + j] = 1.0 if landing.rests else 0.0
     s[NOTED.SEEN + j] = 1.0 if seen else 0.0
 
 
-@jit
-def observe(s: Floats, lanes: int, observer: Observer) -> None:
-    """Call the function for those of the first lanes that have just landed in the window."""
+@implements(observe, Observer)
+def call_function(observer: Observer, s: Floats, lanes: int, base: Base) -> None:
     for j in range(lanes):
         if s[NOTED.SEEN + j] > 0.0:
             landing = Landing(

@@ -6,14 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, jit, kernel
-from vibrosweep.kernels.bases import constants, speed
-from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
+from vibrosweep.kernels._jit import Flags, Floats, jit
 from vibrosweep.kernels.unwritten import unwritten
 
 
 class Record(NamedTuple):
-    """Landings of trajectories: each array has shape (trajectory, impact)."""
+    """Landings of trajectories: each array has shape (trajectory, impact), or (landing,)."""
 
     # landing_time, liftoff_time: s; NaN past the last landing, and for the lift-off that never
     # comes
@@ -23,9 +21,8 @@ class Record(NamedTuple):
     rested: Flags  # 1 where the particle rested after the landing
 
 
-def empty_record(trajectories: int, impacts: int) -> Record:
-    """Allocate at most `impacts` landings of each trajectory."""
-    shape = (trajectories, impacts)
+def empty_record(*shape: int) -> Record:
+    """Allocate arrays of that shape: trajectories and landings of each at most, or landings."""
     landing, liftoff, velocity = (unwritten(shape) for _ in range(3))
     return Record(landing, liftoff, velocity, unwritten(shape, np.int8))
 
@@ -82,29 +79,3 @@ def write_lift_off(
     if k < out.rested.shape[1]:
         out.liftoff_time[t, k] = seconds(scale, n, x)
         out.rebound_velocity[t, k] = speed * scale.velocity
-
-
-@kernel
-def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> None:
-    """Write the landings of trajectories first ... last - 1 until the end of the window.
-
-    A trajectory with more landings than the capacity of the record is cut off.
-    """
-    base, problem, launches = batch
-    particles = launches.whole.shape[1]
-    no_landings(out, first, last)
-    for t in range(first, last):
-        i, p = t // particles, t % particles
-        fixed = constants(base, problem, i)
-        n, x = launch(launches, i, p, problem.phase[i])
-        u = launch_speed(fixed, problem, i, x)
-        scale = Scale(units.frequency[i], units.velocity[i], 0.0, problem.phase[i])
-        for k in range(out.rested.shape[1]):
-            hit = impact(fixed, n, x, u, p, k)
-            if not hit.n - problem.end_count[i] <= problem.end_phase[i] - hit.x:
-                break
-            write_landing(out, t, k, scale, hit.n, hit.x, not hit.leaves)
-            if hit.n_off == np.inf:
-                break
-            n, x, u = hit.n_off, hit.x_off, hit.u
-            write_lift_off(out, t, k, scale, n, x, speed(fixed, x, u))
