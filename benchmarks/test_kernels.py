@@ -114,7 +114,7 @@ def test_bare_map_against_the_sine_alone(race):
 @njit(nogil=True, error_model="numpy")
 def passes(s, repetitions, chosen):
     for _ in range(repetitions):
-        _step(s, LANES_OF_KERNEL, chosen, np.inf, None, None, LANES_OF_KERNEL)
+        _step(s, LANES_OF_KERNEL, chosen, np.inf, None, None, LANES_OF_KERNEL, 0)
 
 
 def filled(law, flight, e, a, r):

@@ -129,7 +129,7 @@ def test_an_impact_of_the_moving_base_against_one_of_the_high_bounce_base(
 @njit(nogil=True, error_model="numpy")
 def passes(s, repetitions, chosen):
     for _ in range(repetitions):
-        _step(s, LANES_OF_KERNEL, chosen, np.inf, None, None, LANES_OF_KERNEL)
+        _step(s, LANES_OF_KERNEL, chosen, np.inf, None, None, LANES_OF_KERNEL, 0)
 
 
 def filled(ranges):
