@@ -66,7 +66,7 @@ def bare_map(s, repetitions):
     wide_vectors()
     for _ in range(repetitions):
         for j in range(LANES):
-            fixed = Constants(BASE, s[E + j], s[A + j], 0.0, 0.0, 0.0, 0.0, SILENT, STILL)
+            fixed = Constants(BASE, s[E + j], s[A + j], *(0.0,) * 5, SILENT, STILL)
             flight, v = fly(fixed, s[X + j], s[U + j])
             x, _ = land(s[X + j], flight)
             s[U + j] = rebound(fixed, x, v)

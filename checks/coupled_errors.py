@@ -19,6 +19,7 @@ from vibrosweep import simulate
 from vibrosweep.proof.coupled import prove
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
 from vibrosweep.proof.reference.coupled import TooManyLandingsError
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.sample import Realization
 
 PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
@@ -58,7 +59,7 @@ def compare(parameters, launches, duration, most=MOST):
         duration=duration,
         windowed=False,
         launch_rounding=0.0,
-        rebound="rest",
+        laws=Laws(),
         base="sprung",
     )
     try:

@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.abilities import ANALYSES, BASES, cells, refusal, table
+from vibrosweep.abilities import ANALYSES, BASES, OF_CONSTANT, cells, refusal, table
 from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
 from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.explore.points import open_points
@@ -14,6 +14,7 @@ from vibrosweep.kernels.impact import BASE_OF, base_of
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import LAWS_OF
+from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
 from vibrosweep.model.shapes import WAVEFORMS
 from vibrosweep.proof.verifying import verify
 from vibrosweep.scene.keywords import keyword_spec
@@ -29,9 +30,15 @@ def add_speed(totals, landing):
     totals[0] += landing.speed
 
 
+def lawful(law):
+    return {"restitution_law": law} | ({} if law == "constant" else {"restitution_speed": 1.0})
+
+
 def keys_of(asked):
     """Keywords that ask for a law, a waveform or a measure."""
     ((kind, name),) = asked.items()
+    if kind == "restitution":
+        return lawful(name)
     if kind in ("measure", "noise"):
         return {name: True} if kind == "measure" else dict.fromkeys(name, 0.1)
     return {"rebound": name} if kind == "law" else {"waveform": SHAPES[name]}
@@ -155,6 +162,14 @@ def test_a_measure_of_what_is_random_is_taken_or_refused(measure):
     assert sentence in [mistake.rule for mistake in listed.value.mistakes]
 
 
+@pytest.mark.parametrize("analysis", OF_CONSTANT)
+def test_what_is_of_a_constant_restitution_is_refused_with_its_sentence(analysis):
+    with pytest.raises(VibrosweepError) as caught:
+        perform("high-bounce", analysis, **lawful("plastic"))
+    sentence = refusal("high-bounce", analysis=analysis, restitution="plastic")
+    assert str(caught.value).endswith(sentence)
+
+
 @pytest.mark.parametrize("base", BASES)
 def test_a_law_that_somebody_adds_is_refused_where_no_base_implements_it(base, monkeypatch):
     monkeypatch.setitem(LAW_OF, "softening", LAW_OF["rest"])
@@ -174,11 +189,23 @@ def test_the_page_shows_the_table():
     assert "\n".join(table()) in page.read_text("utf-8")
 
 
-@pytest.mark.parametrize(("base", "law"), [(b, law) for b in BASES for law in LAWS_OF[b]])
-def test_all_that_can_be_had_together_is_computed_and_proved(base, law, tmp_path):
-    """One scene holds every pair of measures that a base with a law has."""
-    wanted = [key for key in MEASURES if not refusal(base, law=law, measure=key)]
+LAWFUL = [(base, law, "constant") for base in BASES for law in LAWS_OF[base]]
+LAWFUL += [
+    (base, "rest", law)
+    for base in BASES
+    for law in RESTITUTION_LAWS[1:]
+    if not refusal(base, restitution=law)
+]
+
+
+@pytest.mark.parametrize(("base", "law", "restitution"), LAWFUL)
+def test_all_that_can_be_had_together_is_computed_and_proved(base, law, restitution, tmp_path):
+    """One scene holds every pair of measures that a base with its laws has."""
+    wanted = [
+        key for key in MEASURES if not refusal(base, law=law, restitution=restitution, measure=key)
+    ]
     scene = over(base, rebound=law, restitution=(0.5, 0.9), amplitude=(0.3, 3.0))
+    scene |= lawful(restitution)
     scene |= {"realizations": 4, "particles": 3, "duration": 6.0, **dict.fromkeys(wanted, True)}
     path = tmp_path / "out.h5"
     with vs.run(scene, path) as found:

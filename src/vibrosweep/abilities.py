@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, NOISE, SPRUNG
+from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
 from vibrosweep.model.shapes import HARMONICS_NAME, PARABOLIC_NAME, SINE_NAME, WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
@@ -97,10 +98,20 @@ UNDER_NOISE: Final = frozenset({"separation", "per_particle", "separations", "re
 }
 
 
+# Analyses of a constant restitution alone
+OF_CONSTANT: Final = (
+    *("windows", "orbits", "branches", "boundaries"),
+    *("energy_balance", "heights_against_restitution", "slot_decay", "explore", "laboratory"),
+)
+# Bases over which the restitution may depend on the speed
+OF_SPEED: Final = (HIGH_BOUNCE,)
+
+
 def refusal(
     base: str,
     *,
     law: str = "",
+    restitution: str = "",
     waveform: str = "",
     measure: str = "",
     analysis: str = "",
@@ -108,14 +119,26 @@ def refusal(
 ) -> str:
     """Say in one sentence why something cannot be had over a base; empty where it can.
 
-    Anything but one of `BASES` is refused.  A law is one of `LAWS`, a waveform one of `WAVEFORMS`,
-    a measure a key of `vibrosweep.model.measures.MEASURES`, an analysis a key of `ANALYSES`, noise
-    keys of `vibrosweep.model.parameters.NOISE`.
+    Anything but one of `BASES` is refused.  A law, of rebound, is one of `LAWS`, that of
+    restitution one of `vibrosweep.model.restitution_laws.RESTITUTION_LAWS`, a waveform one of
+    `WAVEFORMS`, a measure a key of `vibrosweep.model.measures.MEASURES`, an analysis a key of
+    `ANALYSES`, noise keys of `vibrosweep.model.parameters.NOISE`.
     """
     if base not in BASES:
         return f'base = "{base}": must be {_quoted(BASES)}'
     if law and law not in LAWS_OF[base]:
         return _refused_law(base, law)
+    if restitution not in ("", CONSTANT):
+        if base not in OF_SPEED:
+            return (
+                f'restitution_law = "{restitution}" is not implemented with base = "{base}": take '
+                f'restitution_law = "{CONSTANT}", or base = {_quoted(OF_SPEED)}'
+            )
+        if analysis in OF_CONSTANT:
+            return (
+                f'cannot be had with restitution_law = "{restitution}" yet: take restitution_law = '
+                f'"{CONSTANT}"'
+            )
     if waveform and base not in SHAPED[waveform]:
         return (
             f'waveform = "{waveform}" is not implemented with base = "{base}": take waveform = '
@@ -171,21 +194,24 @@ def table() -> Iterator[str]:
         kept = (_kept(base, one) for base in BASES)
         random = kind in ("measure", "analysis") and name not in UNDER_NOISE
         shown = name if isinstance(name, str) else name[0]
-        yield f"| {kind} `{shown}` | {' | '.join(kept)} | {'no' if random else 'yes'} |"
+        what = "restitution_law" if kind == "restitution" else kind
+        yield f"| {what} `{shown}` | {' | '.join(kept)} | {'no' if random else 'yes'} |"
 
 
 def _kept(base: str, one: dict[str, Any]) -> str:
-    """Say whether something can be had over a base, and with which waveforms where not with all."""
+    """Say whether something can be had over a base; with what, where not with everything."""
     if refusal(base, **one):
         return "no"
     (name,) = one.values()
     waveforms = ANALYSES[name].waveforms if "analysis" in one else WAVEFORMS
     waveforms = _RANDOM[name[0]].waveforms if "noise" in one else waveforms
-    return "yes" if waveforms == WAVEFORMS else ", ".join(waveforms)
+    limits = [] if waveforms == WAVEFORMS else [*waveforms]
+    limits += ["constant restitution"] if "analysis" in one and name in OF_CONSTANT else []
+    return ", ".join(limits) or "yes"
 
 
 def _choices() -> list[dict[str, Any]]:
-    choices: dict[str, Iterable[Any]] = {"law": LAWS, "waveform": WAVEFORMS}
-    choices["noise"] = [(kind,) for kind in NOISE]
+    choices: dict[str, Iterable[Any]] = {"law": LAWS, "restitution": RESTITUTION_LAWS}
+    choices |= {"waveform": WAVEFORMS, "noise": [(kind,) for kind in NOISE]}
     choices |= {"measure": MEASURES, "analysis": ANALYSES}
     return [{kind: name} for kind, names in choices.items() for name in names]

@@ -1,18 +1,18 @@
-"""A restitution that falls with the speed of arrival, as e / (1 + v): a law of rebound."""
+"""A law of restitution: e / (1 + v / v_r), which falls with the speed of an impact."""
 
 import vibrosweep as vs
 
 
-def kept(e, v):
-    return e * v / (1.0 + v)
+def ratio(e, s):
+    return e / (1.0 + s)
 
 
-def slope(e, v):
-    return e / ((1.0 + v) * (1.0 + v))
+def slope(e, s):
+    return e / ((1.0 + s) * (1.0 + s))
 
 
 def bend(e):
     return 2.0 * e
 
 
-SOFTENING = vs.register_law(vs.Law("softening", kept, slope, bend, roundings=3))
+SOFTENING = vs.register_law(vs.Law("softening", ratio, slope, bend, roundings=3))

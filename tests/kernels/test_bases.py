@@ -123,7 +123,9 @@ from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.totals import scratch
 from vibrosweep.model.parameters import LAWS, PARAMETERS, dimensionless
 
-KINDS = [("high-bounce", law) for law in LAWS] + [("moving", "rest"), ("high-bounce", "noise")]
+KINDS = [("high-bounce", law, "constant") for law in (*LAWS, "noise")]
+KINDS += [("moving", "rest", "constant")]
+KINDS += [("high-bounce", "rest", "plastic"), ("high-bounce", "reflect", "viscoelastic")]
 
 @jit
 def ask_all(base, problem, i, x, u, s):
@@ -161,7 +163,7 @@ def ask_all(base, problem, i, x, u, s):
         error_bounds.jacobian_error(fixed, there, 1e-9, (1e-9, 1e-9)),
         error_bounds.launch_error(fixed, x, u),
         error_bounds.landing_added(fixed, there, (1e-9, 1e-9)),
-        error_bounds.rebound_error(fixed, there, (1e-16, 1e-16), 1e-9, 1e-9),
+        error_bounds.rebound_error(fixed, there, (1e-16, 1e-16), 1e-9, (1e-9, 1e-9)),
         error_bounds.absolute_error(fixed, x, u, (1e-9, 1e-9)),
         error_bounds.rest_is_doubtful(fixed, x, w, (0.1, 0.1)),
         error_bounds.liftoff_error(fixed),
@@ -171,17 +173,21 @@ rng = np.random.default_rng(5)
 size = 40
 given = {name: np.full(size, p.default) for name, p in PARAMETERS.items()}
 given["restitution"] = rng.choice([0.0, 1.0, 0.3, 0.9], size)
+given["restitution_speed"] = rng.choice([0.01, 1.0, 100.0], size)
 given["amplitude"] = rng.choice([0.0, 1e-3, 1.2, 4.0], size) * rng.uniform(0.5, 1.0, size)
 given["contact_time"] = 10.0 ** rng.uniform(-9.0, -0.5, size)
 states = rng.uniform((-0.5, 0.0), (0.5, 3.0), (size, 2))
 for kind in KINDS:
-    room, law = scratch(), kind[1]
+    room, law, own = scratch(), kind[1], dict(given)
     if law == "noise":
-        given |= {n: np.full(size, 0.3) for n in ("restitution_noise", "kick_noise", "drive_noise")}
-        given["noise_stream"], given["amplitude"] = np.arange(size), given["amplitude"] + 1.0
+        own |= {n: np.full(size, 0.3) for n in ("restitution_noise", "kick_noise", "drive_noise")}
+        own["noise_stream"], own["amplitude"] = np.arange(size), own["amplitude"] + 1.0
         law = "rest"
-    problem = dimensionless(given, 1.0)
-    base = base_of(kind[0], law, noise=noise_of(problem.noise, 7))
+    if kind[2] != "constant":  # of which one is of a restitution of 0.46 or more
+        own["restitution"] = np.maximum(own["restitution"], 0.5)
+    problem = dimensionless(own, 1.0)
+    noise = noise_of(problem.noise, 7)
+    base = base_of(kind[0], law, restitution=kind[2], noise=noise)
     found = [ask_all(base, problem, i, *states[i].tolist(), room) for i in range(size)]
     numbers = [np.concatenate([np.ravel(part) for part in row]).tolist() for row in found]
     low = bases.lowest(base, problem)
@@ -202,8 +208,9 @@ def test_every_question_has_the_same_bits_compiled_and_as_plain_python():
         ).stdout.splitlines()
         for off in ("0", "1")
     )
-    kinds = [["high-bounce", "rest"], ["high-bounce", "reflect"], ["moving", "rest"]]
-    kinds.append(["high-bounce", "noise"])
+    kinds = [["high-bounce", law, "constant"] for law in ("rest", "reflect", "noise")]
+    kinds += [["moving", "rest", "constant"]]
+    kinds += [["high-bounce", "rest", "plastic"], ["high-bounce", "reflect", "viscoelastic"]]
     assert [json.loads(line)[0] for line in plain] == kinds
     functions = {f"bases.{name}(" for name in bases.__all__ if name.islower()}
     functions |= {f"error_bounds.{name}(" for name in error_bounds.__all__ if name.islower()}

@@ -100,7 +100,7 @@ def test_every_state_within_an_error_lands_within_its_bound(
     added = error_bounds.landing_added(fixed, flight, spread)
     assume(added[0] < np.inf)
     xx, xu, ux, uu, terms = bases.jacobian(fixed, flight)
-    kicked = error_bounds.rebound_error(fixed, flight, added, added[0], spread[1])
+    kicked = error_bounds.rebound_error(fixed, flight, added, added[0], spread)
     dx, dy = spread[0] * part[0], spread[1] * part[1]
     slack = ROUNDING * terms * (abs(dx) + abs(dy))
     with ctx.workprec(BITS):

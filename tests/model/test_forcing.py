@@ -16,10 +16,10 @@ from vibrosweep.model.forcing import (
     completed,
     differing,
     forcing_of,
-    refuse_large,
+    refuse_extreme,
 )
 from vibrosweep.model.mount import OF_MOUNT
-from vibrosweep.model.parameters import BASES, LAWS, LAWS_OF, PARAMETERS
+from vibrosweep.model.parameters import BASES, LAWS, LAWS_OF, NOISE, OF_RESTITUTION, PARAMETERS
 
 TABLE_1 = {name: np.array([p.default]) for name, p in PARAMETERS.items()}
 OTHERS = {name: values for name, values in TABLE_1.items() if name != "amplitude"}
@@ -65,7 +65,8 @@ def test_all_ways_lead_to_one_amplitude(e, f, g, v):
 def test_what_differs_is_what_follows_from_what_is_varied(forcing, varied):
     if varied in FORCINGS and varied != forcing:
         return
-    own = OTHERS | {forcing: np.array([0.7])}
+    own = OTHERS | dict.fromkeys((*OF_RESTITUTION, *NOISE), np.array([0.4]))
+    own |= {forcing: np.array([0.7])}
     one, other = completed(own), completed(own | {varied: np.array([0.5])})
     changed = {name for name in one if one[name] != other[name]}
     assert changed == {*differing([varied], forcing)}
@@ -96,11 +97,11 @@ def test_no_extreme_overflows_and_what_is_too_large_is_refused(forcing):
         found = completed(own)
         assert all(np.isfinite(values).all() for values in found.values())
         if PARAMETERS["amplitude"].accepts(found["amplitude"]).all():
-            refuse_large(found, forcing)
+            refuse_extreme(found, forcing, "constant")
         else:
             assert forcing in ("base_displacement", "base_acceleration")
             with pytest.raises(ParameterError, match=f"{forcing}: makes an amplitude"):
-                refuse_large(found, forcing)
+                refuse_extreme(found, forcing, "constant")
 
 
 def test_what_a_base_implements_is_a_law_of_the_kernels():

@@ -10,7 +10,7 @@ from vibrosweep.model.forcing import (
     differing,
     inputs_of,
     only_parameters,
-    refuse_large,
+    refuse_extreme,
 )
 from vibrosweep.model.mount import MASSES, OF_MOUNT, mount_mistakes
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, MOVING, PARAMETERS, representable
@@ -81,5 +81,5 @@ def test_masses_of_too_large_a_ratio_are_refused_and_told_apart():
     values = completed(arrays(**{**WEIGHED, **masses}))
     assert representable(values, ()).tolist() == [True, False, False]
     with pytest.raises(ParameterError, match="particle_mass and base_mass: make a mass_ratio of"):
-        refuse_large(values, "amplitude")
-    refuse_large({name: v[:1] for name, v in values.items()}, "amplitude")
+        refuse_extreme(values, "amplitude", "constant")
+    refuse_extreme({name: v[:1] for name, v in values.items()}, "amplitude", "constant")

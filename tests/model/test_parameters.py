@@ -61,7 +61,9 @@ def test_the_arrays_of_kernels_have_one_layout(parameters):
     strided = dict(zip(given, columns.T, strict=True))
     repeated = {name: np.broadcast_to(values[0], 3) for name, values in given.items()}
     for passed in (strided, repeated):
-        for values in dimensionless(passed, Periods(2.0), 0.5):
+        problem = dimensionless(passed, Periods(2.0), 0.5)
+        assert problem.noise is None
+        for values in problem._replace(noise=problem.kick):
             assert values.shape == (3,)
             assert values.flags.c_contiguous
             assert values.flags.writeable

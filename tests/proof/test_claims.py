@@ -11,6 +11,7 @@ from vibrosweep.model.measures import MEASURES, VARIABLES
 from vibrosweep.proof.judgement import judge
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.measures import ProvedMeasures
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
@@ -31,7 +32,7 @@ SCENE = Realization(
     duration=9.0,
     windowed=True,
     launch_rounding=1e-15,
-    rebound="rest",
+    laws=Laws(),
     base="high-bounce",
 )
 MEASURED = ProvedMeasures(

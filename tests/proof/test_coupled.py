@@ -12,6 +12,7 @@ import vibrosweep as vs
 from vibrosweep.proof.coupled import CHANGE, prove
 from vibrosweep.proof.measures import prove_measures
 from vibrosweep.proof.reference.coupled import coupled
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.sample import Realization
 
 PARAMETERS = {
@@ -36,7 +37,7 @@ def realization(launch_times=(0.0, 0.2, 0.45), duration=5.0, transient=0.0, **ch
         duration=duration,
         windowed=transient > 0.0,
         launch_rounding=0.0,
-        rebound="rest",
+        laws=Laws(),
         base="sprung",
     )
 

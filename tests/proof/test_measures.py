@@ -10,6 +10,7 @@ from flint import arb
 
 from vibrosweep.model.status import Status
 from vibrosweep.proof.measures import prove_measures
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.sample import Realization
 
@@ -32,7 +33,7 @@ def scene(particles, transient=0.0):
         duration=10.0,
         windowed=transient > 0.0,
         launch_rounding=0.0,
-        rebound="rest",
+        laws=Laws(),
         base="high-bounce",
     )
 

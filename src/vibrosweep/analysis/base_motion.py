@@ -12,6 +12,7 @@ from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, SPRUNG
+from vibrosweep.model.restitution_laws import law_in
 from vibrosweep.model.shapes import name_in
 
 if TYPE_CHECKING:
@@ -53,6 +54,11 @@ def base_name(dataset: xr.Dataset) -> str:
     return str(dataset.attrs.get("base", HIGH_BOUNCE))
 
 
+def restitution_law(dataset: xr.Dataset) -> str:
+    """Return the law of restitution of a dataset; by default the constant one."""
+    return law_in(dataset.attrs)
+
+
 def moves(dataset: xr.Dataset) -> bool:
     """Tell whether the base of a dataset moves."""
     return base_name(dataset) != HIGH_BOUNCE
@@ -70,8 +76,12 @@ def waveform_name(dataset: xr.Dataset) -> str:
 
 def require_scene(dataset: xr.Dataset, analysis: str) -> None:
     """Raise a DataError where an analysis cannot take the scene of a dataset."""
-    base, waveform = base_name(dataset), waveform_name(dataset)
-    noise = [name for name in NOISE if name in dataset.variables]
-    wrong = refusal(base, analysis=analysis, waveform=waveform, noise=noise)
+    wrong = refusal(
+        base_name(dataset),
+        restitution=restitution_law(dataset),
+        waveform=waveform_name(dataset),
+        analysis=analysis,
+        noise=[name for name in NOISE if name in dataset.variables],
+    )
     if wrong:
         raise DataError(f"{analysis} {wrong}")

@@ -153,7 +153,7 @@ def _shortest(
     recurs = orbits.impacts[first] > 0
     rows = first[recurs]
     own = taken(problem, rows)
-    base, found = base_of(scene.base, scene.rebound, scene.waveform), empty_shortest(rows.size)
+    base, found = base_of(*scene.mechanics), empty_shortest(rows.size)
     states = (orbits.phase[rows], orbits.flight[rows], orbits.impacts[rows])
     workers.each(
         lambda begin, end: shortest_flights(begin, end, base, own, *states, found),

@@ -90,7 +90,7 @@ def closed_orbits(
     balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
     wanted = Wanted(impacts, periods, seeds, balances)
     with Workers(threads) as workers:
-        base = base_of(scene.base, scene.rebound, scene.waveform)
+        base = base_of(*scene.mechanics)
         found = find_all(base, problem, wanted, workers)
     unit = {"speed": quantities["gravity"] / (2.0 * quantities["frequency"])}
     unit["time"] = 1.0 / quantities["frequency"]

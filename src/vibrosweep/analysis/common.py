@@ -16,6 +16,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import ABSENT, Mistake, Word
 from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
 from vibrosweep.model.parameters import refuse_masked
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.times import Periods, in_seconds
 from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
@@ -48,6 +49,8 @@ def settling(spec: Sweep, restitution: float) -> Scene:
 
 def note_of(scene: Scene, restitution: float | None = None) -> str:
     """Say where orbits of up to that restitution may not be recognised in time; else empty."""
+    if scene.restitution_law != CONSTANT:
+        return ""  # how long orbits take to return is not known
     highest = scene.inputs["restitution"] if restitution is None else restitution
     return short_observation(scene.base, highest, scene.inputs["frequency"], scene.duration)
 
@@ -61,6 +64,7 @@ def attributes(scene: Scene, title: str) -> dict[str, Any]:
         "base": scene.base,
         "rebound": scene.rebound,
         "waveform": scene.waveform.text,
+        "restitution_law": scene.restitution_law,
         "forcing": scene.forcing(),
         "impact_budget": scene.measures.impact_budget,
         **periods_given(scene.duration, scene.measures.transient),
@@ -85,8 +89,13 @@ def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
 
 def require_ability(analysis: str, scene: Scene, varied: Collection[str] = ()) -> None:
     """Refuse a scene, some of whose inputs vary, that an analysis cannot take."""
-    waveform, noise = scene.waveform.name, scene.noise(varied)
-    wrong = refusal(scene.base, analysis=analysis, waveform=waveform, noise=noise)
+    wrong = refusal(
+        scene.base,
+        restitution=scene.restitution_law,
+        waveform=scene.waveform.name,
+        analysis=analysis,
+        noise=scene.noise(varied),
+    )
     if wrong:
         raise ParameterError(f"{analysis}: {wrong}")
 

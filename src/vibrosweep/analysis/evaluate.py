@@ -71,7 +71,7 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
     """
     problem = dimensionless(scene.parameters(points), scene.duration)
     k = np.full(problem.kick.size, condition.k)
-    base = base_of(scene.base, scene.rebound, scene.waveform)
+    base = base_of(*scene.mechanics)
 
     def state(sign: float) -> Codes:
         found = empty_fixed(k.size)

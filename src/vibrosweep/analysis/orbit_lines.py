@@ -38,7 +38,7 @@ from vibrosweep.kernels.extended import (
 )
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.orbit_search import Wanted
-from vibrosweep.model.forcing import AMPLITUDE, refuse_large
+from vibrosweep.model.forcing import AMPLITUDE, refuse_extreme
 from vibrosweep.model.parameters import HIGH_BOUNCE, dimensionless, taken
 from vibrosweep.scene.scene import Scene
 
@@ -107,11 +107,11 @@ class Plane:
         self.forcing, self.points = forcing, points
         self.relative = forcing != AMPLITUDE
         top = {"restitution": restitution[-1:], forcing: values[-1:]}
-        refuse_large(scene.quantities(top), forcing)
+        refuse_extreme(scene.quantities(top), forcing, scene.restitution_law)
         unit = {"restitution": np.array([0.0]), forcing: np.array([1.0])}
         self.problem = dimensionless(scene.parameters(unit), scene.duration)
         self.scale = float(self.problem.kick[0])  # of the drive of a forcing of 1
-        self.base: Any = base_of(scene.base, scene.rebound, scene.waveform)
+        self.base: Any = base_of(*scene.mechanics)
         self.balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
         self.restitution, self.drives = restitution, values * self.scale
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.base_motion import moves
+from vibrosweep.analysis.base_motion import moves, restitution_law
 from vibrosweep.analysis.record_flights import arrival_speeds
 from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
 
 __all__ = ["NEEDS", "return_map", "return_points"]
 
@@ -62,20 +64,22 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     """
     require(record, "return_map", *NEEDS, "rested")
     one = record.isel(realization=realization)
-    restitution = float(per_realization(record, "restitution")[realization])
     before, after, known = return_points(one)
+    law, speed = restitution_law(record), math.nan
+    restitution = float(per_realization(record, "restitution")[realization])
+    if law != CONSTANT:
+        speed = float(per_realization(record, "restitution_speed")[realization])
     time, leaving = one["landing_time"].values, one["rebound_velocity"].values
     with np.errstate(invalid="ignore"):
         known = known & (time >= since)
+    kept = restitution_at(before[known], restitution, law, speed) * before[known]
     particle = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
     dims = ("point",)
     return xr.Dataset(
         {
             "arrival_speed": variable(dims, before[known], "speed of arrival", "m s-1"),
             "next_arrival_speed": variable(dims, after[known], "next speed of arrival", "m s-1"),
-            "kick": variable(
-                dims, leaving[known] - restitution * before[known], "kick w - e v", "m s-1"
-            ),
+            "kick": variable(dims, leaving[known] - kept, "kick w - e v", "m s-1"),
             "landing_time": variable(dims, time[known], "time of landing", "s"),
             "particle": variable(dims, particle[known], "particle"),
             "rested": variable(

@@ -18,7 +18,7 @@ from vibrosweep.model.status import Status
 
 __all__ = ["positions"]
 
-OF_SCENE: Final = ("base", "rebound", "waveform")  # attributes that are kept
+OF_SCENE: Final = ("base", "rebound", "waveform", "restitution_law")  # attributes that are kept
 
 
 def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:

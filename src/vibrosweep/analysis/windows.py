@@ -44,7 +44,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.mistakes import Key, table
-from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of, refuse_large
+from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of, refuse_extreme
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
@@ -97,8 +97,8 @@ def find_windows(
     e, a = axis("restitution", restitution), axis(forcing, scan)
     if a.size < 2 or not np.all(np.diff(a) > 0.0):
         raise ParameterError(f"{forcing}: must be at least two values in ascending order")
-    largest = {"restitution": np.array([e.max()]), forcing: a[-1:]}
-    refuse_large(scene.quantities(largest), forcing)
+    ends = {"restitution": np.array([e.min(), e.max()]), forcing: a[[-1, -1]]}
+    refuse_extreme(scene.quantities(ends), forcing, scene.restitution_law)
     if not FINEST <= tolerance < 1.0:
         raise ParameterError(f"tolerance = {tolerance!r}: must be at least {FINEST} and below 1")
     if not conditions:

@@ -25,6 +25,7 @@ Values = ArrayLike | Mapping[str, float] | None
 Base = Literal["high-bounce", "moving", "sprung"] | str | None
 Law = Literal["rest", "reflect"] | str | None
 Waveform = Literal["sine", "parabolic"] | Mapping[str, Any] | None
+RestitutionLaw = Literal["constant", "plastic", "viscoelastic"] | str | None
 Launch = Literal["staggered"] | Sequence[float] | ArrayLike | None
 Design = Literal["uniform", "latin", "sobol", "grid"] | str
 
@@ -42,6 +43,7 @@ class MotionKeywords(TypedDict, total=False):
     gravity: Values
     launch_velocity: Values
     contact_time: Values
+    restitution_speed: Values
     mass_ratio: Values
     particle_mass: Values
     base_mass: Values
@@ -58,6 +60,7 @@ class MotionKeywords(TypedDict, total=False):
     kick_noise: Values
     drive_noise: Values
     noise_seed: int | None
+    restitution_law: RestitutionLaw
 
 
 class BatchKeywords(MotionKeywords, total=False):

@@ -11,7 +11,7 @@ from vibrosweep.api.keyword_types import BatchKeywords
 from vibrosweep.api.replay import replayed
 from vibrosweep.engine.landings import launch_times, record_landings, require_room
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.forcing import only_parameters, refuse_large
+from vibrosweep.model.forcing import only_parameters, refuse_extreme
 from vibrosweep.model.measures import RECORD
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given, seed_of
@@ -69,6 +69,10 @@ def simulate(
             Shape of the motion of the base: ``"sine"``, ``"parabolic"``, or the harmonics of its
             velocity with number, weight and phase in rad,
             ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
+        restitution_law, restitution_speed
+            How the restitution depends on the speed of an impact: ``"constant"``, not at all;
+            ``"plastic"``, above the speed (m/s) at which yielding begins; ``"viscoelastic"``, the
+            restitution being that at the speed; or a law of `vibrosweep.register_law`.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
             Of a sprung base, as physical parameters: the mass of one particle in units of that of
             the base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by
@@ -124,7 +128,7 @@ def simulate(
     require_room(max((v.size for v in arrays.values()), default=1), scene.particles)
     quantities = scene.timed(arrays)
     forcing, frequency = scene.forcing(), quantities["frequency"]
-    refuse_large(quantities, forcing)
+    refuse_extreme(quantities, forcing, scene.restitution_law)
     with Workers(thread_count(threads)) as workers:
         found = record_landings(only_parameters(quantities), scene, workers, ragged=ragged)
     varied = scene.varying(arrays)
@@ -147,6 +151,7 @@ def simulate(
             "base": scene.base,
             "rebound": scene.rebound,
             "waveform": scene.waveform.text,
+            "restitution_law": scene.restitution_law,
             "forcing": forcing,
             **seed_of(scene, arrays),
             **({"notes": note} if note else {}),

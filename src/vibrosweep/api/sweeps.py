@@ -72,6 +72,10 @@ def sweep(
             Shape of the motion of the base: ``"sine"``, ``"parabolic"``, or the harmonics of its
             velocity with number, weight and phase in rad,
             ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
+        restitution_law, restitution_speed
+            How the restitution depends on the speed of an impact: ``"constant"``, not at all;
+            ``"plastic"``, above the speed (m/s) at which yielding begins; ``"viscoelastic"``, the
+            restitution being that at the speed; or a law of `vibrosweep.register_law`.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
             Of a sprung base, as physical parameters: the mass of one particle in units of that of
             the base, or both masses (kg); natural frequency (Hz) and damping ratio of its mount.

@@ -20,6 +20,7 @@ from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.unwritten import require_written
 from vibrosweep.model.parameters import (
     MOUNT,
+    OF_RESTITUTION,
     PARAMETERS,
     SPRUNG,
     Dimensionless,
@@ -165,10 +166,11 @@ def _counted(
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:
     """Fill in default parameters and broadcast all to a common shape (realization,).
 
-    Of `MOUNT` there is what is given.
+    Of `OF_RESTITUTION` and `MOUNT` there is what is given.
     """
     size = max((values.size for values in given.values()), default=1)
     return {  # copies: numba would compile the kernels again for read-only arrays
         name: np.array(np.broadcast_to(given.get(name, p.default), (size,)), float)
-        for name, p in {**PARAMETERS, **{n: MOUNT[n] for n in MOUNT if n in given}}.items()
+        for name, p in {**PARAMETERS, **OF_RESTITUTION, **MOUNT}.items()
+        if name in PARAMETERS or name in given
     }

@@ -45,7 +45,7 @@ PERIODS_TO_RECUR = 32.0
 def base_in(scene: Scene, problem: Dimensionless) -> Base:
     """Base of a scene, as kernels take it, with the noise of the problem."""
     noise = noise_of(problem.noise, scene.noise_seed)
-    return base_of(scene.base, scene.rebound, scene.waveform, noise)
+    return base_of(*scene.mechanics, noise)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ SYMBOLS: Final[Mapping[str, str]] = {
     "gravity": "g",
     "launch_velocity": "v₀",
     "contact_time": "τc",
+    "restitution_speed": "vᵣ",
     "mass_ratio": "μ",
     "particle_mass": "m",
     "base_mass": "M",

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import moves, recoils
+from vibrosweep.analysis.base_motion import moves, recoils, restitution_law
 from vibrosweep.analysis.records import per_realization
 from vibrosweep.analysis.requirements import refused_ragged, remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import known
-from vibrosweep.model.mount import OF_MOUNT
-from vibrosweep.model.parameters import MOUNT, PARAMETERS
+from vibrosweep.model.parameters import MOUNT, OF_RESTITUTION
+from vibrosweep.model.restitution_laws import CONSTANT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,6 +38,7 @@ SYMBOLS: Final = {
     "gravity": "g",
     "launch_velocity": "v_0",
     "contact_time": r"\tau_c",
+    "restitution_speed": "v_r",
     "mass_ratio": r"\mu",
     "particle_mass": "m",
     "base_mass": "M",
@@ -167,7 +168,7 @@ def label(dataset: xr.Dataset, name: str) -> str:
     words, units = name.replace("_", " "), str(dataset[name].attrs.get("units", ""))
     if name in FORCINGS:
         return forcing_label(name)
-    if name in PARAMETERS or name in OF_MOUNT:
+    if name in INPUTS:
         units = INPUTS[name].units
     else:
         words = str(dataset[name].attrs.get("long_name", words))
@@ -193,7 +194,7 @@ def conditions(dataset: xr.Dataset) -> str:
     parts = []
     given = str(dataset.attrs.get("forcing", "amplitude"))
     forcing = given if given in dataset.variables else "amplitude"
-    for name in ("restitution", forcing, "frequency", *MOUNT):
+    for name in ("restitution", *OF_RESTITUTION, forcing, "frequency", *MOUNT):
         value = fixed(dataset, name) if name in dataset.variables else None
         if value is not None:
             units = _units(name)
@@ -201,6 +202,8 @@ def conditions(dataset: xr.Dataset) -> str:
             parts.append(f"${SYMBOLS[name]}$ = {value:.4g}{unit}")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
+    if restitution_law(dataset) != CONSTANT:
+        parts.append(f"{restitution_law(dataset)} restitution")
     if recoils(dataset):
         parts.append("sprung base")
     elif moves(dataset):

@@ -9,9 +9,16 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import base_name, moves, recoils, waveform_name
+from vibrosweep.analysis.base_motion import (
+    base_name,
+    moves,
+    recoils,
+    restitution_law,
+    waveform_name,
+)
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.model.window_begin import lower_end
 
@@ -88,7 +95,8 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     lowest = min(float(np.min(before, initial=0.0)), float(np.min(after, initial=0.0)))
     if not recoils(one) and waveform_name(one) == SINE_NAME:
         _draw_strip(axes, one, lowest, top)
-        _draw_locked(axes, one, top)
+        if restitution_law(one) == CONSTANT:  # of which there are closed forms
+            _draw_locked(axes, one, top)
     _draw_points(axes, before, after, late, data.pick(one, "duration") / 2.0)
     view = (1.06 * lowest - 0.03 * top, top)
     axes.set(xlim=view, ylim=view, aspect="equal")

@@ -80,7 +80,7 @@ def _state_error(fixed: Constants, state: State, impacts: int) -> Box:
         m01, m11 = carry(m01, m11, derivative)
         frame, box = turn_box(frame, box, derivative)
         added = landing_added(fixed, hit.flight, (0.0, 0.0))
-        rounding = added[0] + rebound_error(fixed, hit.flight, added, added[0], 0.0)
+        rounding = added[0] + rebound_error(fixed, hit.flight, added, added[0], (0.0, 0.0))
         box = box[0] + rounding, box[1] + rounding
         n, x, u = hit.n_off, hit.x_off, hit.u
     dx, du = _spread(frame, box)

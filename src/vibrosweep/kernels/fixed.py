@@ -20,7 +20,7 @@ from vibrosweep.kernels.bases import (
     fixed_holds,
     fixed_residual,
 )
-from vibrosweep.kernels.laws import law_of, speed_after
+from vibrosweep.kernels.laws import LAW_OF, speed_after
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless
@@ -50,7 +50,7 @@ def empty_fixed(problems: int) -> FixedOrbits:
 
 def may_push_back(rebound: str) -> bool:
     """Return whether a law of rebound turns a particle back that is pushed into the base."""
-    return speed_after(law_of(rebound), 0.0, 0.0, -1.0) > 0.0
+    return speed_after(LAW_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
 @jit

@@ -18,7 +18,8 @@ from vibrosweep.kernels.bases import (
     Constants,
     Flight,
     fly,
-    high_bounce_noise,  # noqa: F401 -- implementations for this base
+    high_bounce_errors,  # noqa: F401 -- implementations for this base
+    high_bounce_noise,  # noqa: F401
     leave,
     lift_off,
     moving_errors,  # noqa: F401 -- implementations for the moving base
@@ -31,10 +32,12 @@ from vibrosweep.kernels.bases import (
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.bases.shaped import Shaped
+from vibrosweep.kernels.falling import restitution_of
 from vibrosweep.kernels.harmonics import shape_of
-from vibrosweep.kernels.laws import law_of
+from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.kernels.noise import Noise
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE, Waveform
 
 Instant = tuple[float, float]  # whole periods and phase
@@ -68,24 +71,37 @@ class Impact(NamedTuple):
     fixed: Constants  # with what is random in it
 
 
-def base_of(base: str, rebound: str, waveform: Waveform = SINE, noise: Noise | None = None) -> Base:
-    """Base and law of rebound by their names, in `vibrosweep.model.parameters` BASES and LAWS.
+def base_of(
+    base: str,
+    rebound: str,
+    waveform: Waveform = SINE,
+    restitution: str = CONSTANT,
+    noise: Noise | None = None,
+) -> Base:
+    """Base, law of rebound and law of restitution by their names.
 
-    The noise is that of `vibrosweep.kernels.noise.noise_of`.
+    These are of BASES and LAWS of `vibrosweep.model.parameters`, and of RESTITUTION_LAWS of
+    `vibrosweep.model.restitution_laws`.  The noise is that of `vibrosweep.kernels.noise.noise_of`.
 
     Raises a ParameterError unless particles over the base are independent of each other, and it
-    implements the law and the waveform.
+    implements the laws and the waveform.
     """
     if base not in BASE_OF:
         raise ParameterError(
             f'base = "{base}": couples particles, which cannot be followed one by one; take '
             f"one of {', '.join(BASE_OF)}"
         )
-    if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
+    wrong = refusal(base, law=rebound) or refusal(base, restitution=restitution)
+    if wrong := wrong or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
+    made: Base
     if waveform == SINE:
-        return BASE_OF[base](law=law_of(rebound), noise=noise)
-    return SHAPED_OF[base](law=law_of(rebound), waveform=shape_of(waveform), noise=noise)
+        made = BASE_OF[base](law=LAW_OF[rebound], noise=noise)
+    else:
+        shape = shape_of(waveform)
+        made = SHAPED_OF[base](law=LAW_OF[rebound], waveform=shape, noise=noise)
+    own = restitution_of(restitution)
+    return made if restitution == CONSTANT else made._replace(restitution=own)
 
 
 @jit

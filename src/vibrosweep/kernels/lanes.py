@@ -77,6 +77,7 @@ class LaneRows(NamedTuple):
     TIME: int  # at which it lands, or is to be tried; the speed of arrival, and whether it lands
     SPEED: int
     LANDED: int
+    SCALE: int  # of speeds, where the law of restitution has one
     X_END: int
     X: int  # phase
     N: int  # whole periods, counted from the end of the window

@@ -145,7 +145,7 @@ def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box, cycles
     added = landing_added(fixed, flight, (off, faster))
     rounding = added[0]
     error = (landing_error(frame, box, derivative) + rounding) * INFLATION
-    kicked = rebound_error(fixed, flight, added, error, faster)
+    kicked = rebound_error(fixed, flight, added, error, (off, faster))
     frame, box = turn_box(frame, box, derivative)
     c, s = frame
     box = (

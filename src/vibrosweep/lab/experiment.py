@@ -136,10 +136,12 @@ class Experiment:
         given = scene, repeats, camera or Camera(), variation or Variation(), seed
         for one, value in zip(fields(self), given, strict=True):
             object.__setattr__(self, one.name, value)
-        noise, waveform = scene.noise(), scene.waveform.name
-        wrong = refusal(scene.base, analysis="laboratory", waveform=waveform, noise=noise)
+        noise, law, shape = scene.noise(), scene.restitution_law, scene.waveform.name
+        wrong = refusal(
+            scene.base, analysis="laboratory", restitution=law, waveform=shape, noise=noise
+        )
         if wrong:
-            raise ParameterError(f"{'noise' if noise else 'waveform'}: {wrong}")
+            raise ParameterError(f"an experiment {wrong}")
         for name in ANALYSES.keys() & vars(self.variation).keys():
             wrong = refusal(scene.base, analysis=name)
             if wrong and getattr(self.variation, name):

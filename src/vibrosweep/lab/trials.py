@@ -145,7 +145,7 @@ def _landings(
     parameters = all_parameters(given)
     begin = launches(scene.launch, scene.particles, parameters["frequency"][:1])
     problem = dimensionless(parameters, scene.duration)
-    batch = Batch(base_of(scene.base, scene.rebound), problem, begin)
+    batch = Batch(base_of(*scene.mechanics), problem, begin)
     record = wandering_record(batch, walk, frequency, numbers["gravity"], softening)
     return record, LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers)
 

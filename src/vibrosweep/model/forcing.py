@@ -23,7 +23,17 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT
-from vibrosweep.model.parameters import LARGEST, MOUNT, NOISE, PARAMETERS, SPRUNG, STREAM, Parameter
+from vibrosweep.model.parameters import (
+    LARGEST,
+    MOUNT,
+    NOISE,
+    OF_RESTITUTION,
+    PARAMETERS,
+    SPRUNG,
+    STREAM,
+    Parameter,
+)
+from vibrosweep.model.restitution_laws import range_mistake
 from vibrosweep.model.shapes import SINE, Waveform
 
 AMPLITUDE: Final = "amplitude"
@@ -41,12 +51,13 @@ FORCINGS: Final[Mapping[str, Parameter]] = {
 }
 
 # All inputs of a realization, in the order of files: the parameters, with the forcings in place of
-# the amplitude, exactly one of which is given, the parameters of a mount, and noise (`inputs_of`).
+# the amplitude, exactly one of which is given, those of a law of restitution and of a mount, and
+# noise (`inputs_of`).
 INPUTS: Final[Mapping[str, Parameter]] = {
     name: parameter
     for key, one in PARAMETERS.items()
     for name, parameter in (FORCINGS if key == AMPLITUDE else {key: one}).items()
-} | {**OF_MOUNT, **NOISE}
+} | {**OF_RESTITUTION, **OF_MOUNT, **NOISE}
 
 # Parameters that relate each forcing to V0
 _SOURCES: Final[Mapping[str, frozenset[str]]] = {
@@ -73,10 +84,12 @@ def forcing_of(given: Collection[str]) -> str:
 def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
     """Names of the inputs that describe a realization, given or by default.
 
-    The parameters given for the mount are consistent (`vibrosweep.model.mount.mount_mistakes`).
-    Raises a ParameterError where two forcings are given.
+    What is given fits together, as `vibrosweep.model.mount.mount_mistakes` and
+    `vibrosweep.model.restitution_laws.speed_mistakes` say.  Raises a ParameterError where two
+    forcings are given.
     """
-    left_out = (FORCINGS.keys() - {forcing_of(given)}) | (NOISE.keys() - {*given})
+    optional = {*OF_RESTITUTION, *NOISE}
+    left_out = (FORCINGS.keys() - {forcing_of(given)}) | (optional - {*given})
     if base != SPRUNG:
         left_out |= OF_MOUNT.keys()
     else:
@@ -131,16 +144,19 @@ def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str
 
 
 def only_parameters(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the parameters that the engine takes: `MOUNT` and `NOISE` where they are given."""
-    others = [name for name in (*MOUNT, *NOISE, STREAM) if name in values]
+    """Return the parameters that the engine takes; some of them only where they are given."""
+    others = [name for name in (*OF_RESTITUTION, *MOUNT, *NOISE, STREAM) if name in values]
     return {name: values[name] for name in (*PARAMETERS, *others)}
 
 
-def refuse_large(values: Mapping[str, Array], forcing: str) -> None:
-    """Refuse a forcing whose amplitude, or masses whose ratio, is above its range.
+def refuse_extreme(values: Mapping[str, Array], forcing: str, law: str) -> None:
+    """Refuse a forcing that makes an amplitude above its range, and masses of such a ratio.
 
-    The values are those of `completed`; the ParameterError names the forcing, or the masses.
+    Also a restitution for which the law of restitution does not hold.  The values are those of
+    `completed`; the ParameterError names the forcing, the masses, or the restitution.
     """
+    if wrong := range_mistake(law, values["restitution"]):
+        raise ParameterError(wrong)
     allowed = PARAMETERS[AMPLITUDE]
     if not np.all(allowed.accepts(values[AMPLITUDE])):
         raise ParameterError(

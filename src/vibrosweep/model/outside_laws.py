@@ -1,4 +1,4 @@
-"""Laws of rebound from outside the package."""
+"""Laws of restitution from outside the package."""
 
 from __future__ import annotations
 
@@ -10,35 +10,33 @@ from typing import Any, Final
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.functions import digest_of, plain
-from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, LAWS_OF
+from vibrosweep.model.restitution_laws import OUTSIDE_RATIOS, RESTITUTION_LAWS
 
 OUTSIDE: Final[dict[str, Law]] = {}  # by name, those of `register_law`
 
 
 @dataclass(frozen=True)
 class Law:
-    """A law of rebound w = k(e, v) + kick, which says what an impact keeps of the speed.
+    """A law of restitution E(v) = e(v) v: what an impact leaves of the relative speed v.
 
-    Speeds are durations of flights that begin with them from a base at rest, in forcing periods.  A
-    particle rests where w does not exceed the threshold of rest.  It is a law of the base
-    ``"high-bounce"``; other bases refuse it.
+    Speeds are in units of ``restitution_speed``, and the law holds over every base.
 
     Parameters
     ----------
     name
-        Value of ``rebound`` that selects it.
-    kept
-        ``kept(e, v)``: the speed k that an impact at speed v keeps, plain Python that numba
-        compiles.  Without functions of math it is evaluated in ball arithmetic too, as `verify`
-        needs it.
+        What ``restitution_law`` is set to.
+    ratio
+        ``ratio(e, s)``: the coefficient e(v) at the speed s = v / ``restitution_speed``, from the
+        ``restitution`` e, plain Python that numba compiles.  It neither is negative nor exceeds 1.
+        Without functions of math it is evaluated in ball arithmetic too, as `verify` needs it.
     slope
-        ``slope(e, v)``: the derivative of k by v.
+        ``slope(e, s)``: the derivative of e(v) v by v, of which s ratio(e, s) is that by s.
     bend
-        ``bend(e)``: a bound of the modulus of the second derivative of k by v, for all v >= 0.
+        ``bend(e)``: a bound of the modulus of the derivative of `slope` by s, for all s >= 0.
     roundings
-        Number of roundings, each half an ulp, by which the value of `kept` may be wrong.
-    ball_kept, ball_slope
-        The same two for balls of `flint.arb`, where `kept` and `slope` cannot take them.
+        How many roundings the values of `ratio` and `slope` may be off, each half an ulp.
+    ball_ratio, ball_slope
+        The same two for balls of `flint.arb`, where `ratio` and `slope` cannot take them.
 
     Raises
     ------
@@ -49,24 +47,25 @@ class Law:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> def kept(e, v):
-    ...     return 0.5 * e * v
-    >>> def slope(e, v):
+    >>> def ratio(e, s):
+    ...     return 0.5 * e
+    >>> def slope(e, s):
     ...     return 0.5 * e
     >>> def bend(e):
     ...     return 0.0
-    >>> law = vs.register_law(vs.Law("halved", kept, slope, bend, roundings=2))
-    >>> found = vs.simulate(rebound="halved", amplitude=0.0, restitution=0.8, duration=2.0)
+    >>> law = vs.register_law(vs.Law("halved", ratio, slope, bend, roundings=1))
+    >>> scene = {"restitution_law": "halved", "restitution_speed": 1.0, "restitution": 0.8}
+    >>> found = vs.simulate(**scene, amplitude=0.0, duration=2.0)
     >>> print(f"{found.rebound_velocity.values[0, 0, 0]:.6g}")
     2
     """
 
     name: str
-    kept: Callable[..., Any]
+    ratio: Callable[..., Any]
     slope: Callable[..., Any]
     bend: Callable[..., Any]
     roundings: int = 2
-    ball_kept: Callable[..., Any] | None = None
+    ball_ratio: Callable[..., Any] | None = None
     ball_slope: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
@@ -76,12 +75,12 @@ class Law:
         digest_of(self._compiled(), f"law {self.name!r}")
 
     def _compiled(self) -> Sequence[FunctionType]:
-        return [plain(function) for function in (self.kept, self.slope, self.bend)]
+        return [plain(function) for function in (self.ratio, self.slope, self.bend)]
 
     def _mistakes(self) -> Iterator[str]:
         if not isinstance(self.name, str) or not self.name.isidentifier():
             yield "name must be a word of letters, digits and _"
-        for key, count in {"kept": 2, "slope": 2, "bend": 1}.items():
+        for key, count in {"ratio": 2, "slope": 2, "bend": 1}.items():
             function = plain(getattr(self, key))
             if not isinstance(function, FunctionType):
                 yield f"{key} = {function!r} must be a Python function"
@@ -97,7 +96,7 @@ class Law:
 
 
 def register_law(law: Law) -> Law:
-    """Register a law under its name, a value of ``rebound``, or replace one from outside.
+    """Let ``restitution_law`` be the name of a law; one of that name from outside is replaced.
 
     Parameters
     ----------
@@ -117,20 +116,20 @@ def register_law(law: Law) -> Law:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> def kept(e, v):
-    ...     return e * v / (1.0 + v)
-    >>> def slope(e, v):
-    ...     return e / ((1.0 + v) * (1.0 + v))
+    >>> def ratio(e, s):
+    ...     return e / (1.0 + s)
+    >>> def slope(e, s):
+    ...     return e / ((1.0 + s) * (1.0 + s))
     >>> def bend(e):
     ...     return 2.0 * e
-    >>> law = vs.register_law(vs.Law("falling", kept, slope, bend, roundings=3))
-    >>> int(vs.simulate(rebound="falling", amplitude=0.5, duration=2.0).status.max())
+    >>> law = vs.register_law(vs.Law("falling", ratio, slope, bend, roundings=3))
+    >>> found = vs.simulate(restitution_law="falling", restitution_speed=5.0, duration=2.0)
+    >>> int(found.status.max())
     0
     """
-    if law.name in LAWS and law.name not in OUTSIDE:
+    if law.name in RESTITUTION_LAWS and law.name not in OUTSIDE:
         raise ParameterError(f"law {law.name!r}: is a law of this package; choose another name")
     if law.name not in OUTSIDE:
-        LAWS.append(law.name)
-        LAWS_OF[HIGH_BOUNCE] += (law.name,)
-    OUTSIDE[law.name] = law
+        RESTITUTION_LAWS.append(law.name)
+    OUTSIDE[law.name], OUTSIDE_RATIOS[law.name] = law, law.ratio
     return law

@@ -31,8 +31,7 @@ LAWS_OF: Final[dict[str, tuple[str, ...]]] = {
     SPRUNG: ("rest",),
 }
 BASES: Final = tuple(LAWS_OF)
-# Those of `vibrosweep.model.outside_laws.register_law` are appended
-LAWS: Final = list(dict.fromkeys(law for laws in LAWS_OF.values() for law in laws))
+LAWS: Final = tuple(dict.fromkeys(law for laws in LAWS_OF.values() for law in laws))
 STAGGERED: Final = "staggered"
 
 # Whole periods are counted in float64, exactly up to 2**53; this leaves room for the flights.
@@ -130,6 +129,23 @@ STREAMS: Final = 2**36
 STREAM_PARTICLES: Final = 2**26
 
 
+# Of a law of restitution that depends on the speed; NaN: without a default
+OF_RESTITUTION: Final[Mapping[str, Parameter]] = {
+    p.name: p
+    for p in (
+        Parameter(
+            "restitution_speed",
+            "v_r",
+            "m s-1",
+            "reference speed of the law of restitution",
+            math.nan,
+            SMALLEST,
+            LARGEST,
+        ),
+    )
+}
+
+
 def refuse_masked(name: str, values: object) -> None:
     """Raise a ParameterError for masked values, whose numbers numpy would take for data."""
     listed = values if isinstance(values, list | tuple) else ()
@@ -150,6 +166,8 @@ class Dimensionless(NamedTuple):
     """Dimensionless form of realizations, for the kernels; every array has shape (realization,)."""
 
     restitution: Array  # e
+    # v_r, speed of the law of restitution as the duration of a flight; 0 where it is constant
+    restitution_speed: Array
     kick: Array  # a = 2 f A / g, forcing periods
     launch_flight: Array  # u0 = 2 f v0 / g, duration of the first flight in forcing periods
     rest_flight: Array  # r = f tau_c, the flight time at and below which a particle comes to rest
@@ -190,13 +208,15 @@ def dimensionless(
 ) -> Dimensionless:
     """Change realizations to the dimensionless form.
 
-    Every parameter of `PARAMETERS` is of shape (realization,), within its range.  The transient is
+    Every parameter of `PARAMETERS`, and of `OF_RESTITUTION` where the law has any, is of shape
+    (realization,), within its range.  The transient is
     the beginning of the window that measures cover; -inf covers every landing.  Raises a
     ParameterError where a time is more forcing periods than can be counted exactly.
     """
     frequency = parameters["frequency"]
     per_velocity = 2.0 * frequency / parameters["gravity"]
     kick = per_velocity * parameters["amplitude"]
+    (speed,) = (parameters.get(name) for name in OF_RESTITUTION)
     rest_flight = frequency * parameters["contact_time"]
     lifts = kick > rest_flight
     ratio = np.divide(rest_flight, kick, out=np.zeros_like(kick), where=lifts)
@@ -209,6 +229,7 @@ def dimensionless(
     return Dimensionless(
         # a copy: kernels are compiled anew for arrays that are read-only or not contiguous
         restitution=np.array(parameters["restitution"]),
+        restitution_speed=np.zeros_like(kick) if speed is None else per_velocity * speed,
         kick=kick,
         launch_flight=per_velocity * parameters["launch_velocity"],
         rest_flight=rest_flight,

@@ -11,7 +11,14 @@ from typing import Final, ParamSpec, TypeVar
 import numpy as np
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import LARGEST, MOUNT, PARAMETERS, SMALLEST, Parameter
+from vibrosweep.model.parameters import (
+    LARGEST,
+    MOUNT,
+    OF_RESTITUTION,
+    PARAMETERS,
+    SMALLEST,
+    Parameter,
+)
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -20,11 +27,19 @@ _ARGUMENTS: Final[Mapping[str, Parameter]] = {
     **PARAMETERS,
     "mass_ratio": MOUNT["mass_ratio"],
     "damping": MOUNT["mount_damping"],
+    **OF_RESTITUTION,
     "k": Parameter("k", "k", "1", "forcing periods between impacts", math.nan, SMALLEST, LARGEST),
     "natural": Parameter("natural", "nu", "1", "natural frequency", math.nan, SMALLEST, LARGEST),
     **{
         name: Parameter(name, name, "1", name.replace("_", " "), math.nan, 0.0, LARGEST)
-        for name in ("acceleration", "kick", "launch_speed", "launch_flight", "rest_flight")
+        for name in (
+            "acceleration",
+            "kick",
+            "launch_speed",
+            "launch_flight",
+            "rest_flight",
+            "velocity",
+        )
     },
 }
 

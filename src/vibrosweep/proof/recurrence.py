@@ -157,7 +157,7 @@ class Orbit:
     def map(self) -> PeriodMap:
         """Impacts of the base, at the current precision."""
         realization = self._realization
-        return realization.reference.period_map(realization.parameters, realization.rebound)
+        return realization.reference.period_map(realization.parameters, realization.laws)
 
     def contraction(self, first: int, last: int) -> tuple[arb | float, float]:
         """Mean logarithm of the contraction of areas by impacts, from state `first` to `last`.

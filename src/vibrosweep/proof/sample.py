@@ -15,6 +15,7 @@ from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.scene.scene import Scene
 
 
@@ -22,8 +23,8 @@ from vibrosweep.scene.scene import Scene
 class Realization:
     """One realization as the reference takes it."""
 
-    # Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of
-    # `vibrosweep.model.parameters.MOUNT` where the base is sprung
+    # Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and of OF_RESTITUTION and MOUNT
+    # there what the law of restitution and the base have
     parameters: Mapping[str, float]
     # Exact, s; a staggered particle j is launched at j / (particles frequency)
     launch_times: tuple[Fraction, ...]
@@ -35,7 +36,7 @@ class Realization:
     windowed: bool
     # Error in s with which a launch is compared with the edges of the window
     launch_rounding: float
-    rebound: str  # ``"rest"`` or ``"reflect"``
+    laws: Laws
     base: str  # one of `vibrosweep.model.parameters.BASES`
 
     @property
@@ -89,7 +90,7 @@ class Sample:
             duration=end,
             windowed=scene.windowed,
             launch_rounding=rounding,
-            rebound=scene.rebound,
+            laws=Laws(scene.rebound, scene.restitution_law),
             base=scene.base,
         )
 

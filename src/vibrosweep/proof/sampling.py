@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,10 +24,12 @@ from vibrosweep.model.parameters import (
     LAWS_OF,
     MOUNT,
     NOISE,
+    OF_RESTITUTION,
     PARAMETERS,
     SPRUNG,
     STAGGERED,
 )
+from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
 from vibrosweep.model.shapes import name_in
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.axes import judge_axes
@@ -68,9 +71,9 @@ def read_sample(
             raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         for group in (file, *(file.groups[name] for name in file.groups if name == "record")):
-            if group.attrs["rebound"] not in LAWS_OF.get(group.attrs.get("base", HIGH_BOUNCE), ()):
-                raise _unsound(path, ["rebound or base"])
-            base = str(group.attrs.get("base", HIGH_BOUNCE))
+            base, law = str(group.attrs.get("base", HIGH_BOUNCE)), law_in(group.attrs)
+            if group.attrs["rebound"] not in LAWS_OF.get(base, ()) or law not in RESTITUTION_LAWS:
+                raise _unsound(path, ["rebound, restitution_law or base"])
             noise = [name for name in NOISE if name in group.variables]
             shape = name_in(group.attrs)
             if wrong := refusal(base, analysis="verify", waveform=shape, noise=noise):
@@ -101,7 +104,7 @@ def _drawn(
     return Sample(
         total=total,
         rows=rows,
-        parameters={n: _parameter(file, n, chosen, rows) for n in _taken(scene.base)},
+        parameters={n: _parameter(file, n, chosen, rows) for n in _taken(scene)},
         scene=scene,
         current=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
@@ -163,9 +166,10 @@ def _parameter(
     return np.asarray(read_rows(file, name, chosen), np.float64)
 
 
-def _taken(base: str) -> tuple[str, ...]:
-    """Names of the parameters of a base."""
-    return (*PARAMETERS, *(MOUNT if base == SPRUNG else ()))
+def _taken(scene: Scene) -> tuple[str, ...]:
+    """Names of the parameters of a scene."""
+    own = () if scene.restitution_law == CONSTANT else (*OF_RESTITUTION,)
+    return (*PARAMETERS, *own, *(MOUNT if scene.base == SPRUNG else ()))
 
 
 def _record(file: Any, sample: Sample) -> Sample:
@@ -179,7 +183,7 @@ def _record(file: Any, sample: Sample) -> Sample:
     return Sample(
         total=1,
         rows=rows,
-        parameters={name: np.atleast_1d(group.variables[name][...]) for name in _taken(scene.base)},
+        parameters={name: np.atleast_1d(group.variables[name][...]) for name in _taken(scene)},
         scene=scene,
         current=sample.current,
         stored={name: group.variables[name][...] for name in RECORD},
@@ -206,6 +210,7 @@ def _scene(file: Any, attributes: Mapping[str, Any]) -> Scene:
         impact_budget=int(attributes["impact_budget"]),
         base=str(attributes.get("base", HIGH_BOUNCE)),
     )
+    seen = replace(seen, restitution_law=law_in(attributes))
     if "transient" not in file.variables:
         return seen
     return seen.with_measures(
@@ -222,7 +227,7 @@ def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
 
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
     """Raise for data that no sweep can have written, before a kernel is given it."""
-    scene, known = sample.scene, {**PARAMETERS, **MOUNT}
+    scene, known = sample.scene, {**PARAMETERS, **OF_RESTITUTION, **MOUNT}
     bad = [n for n, v in sample.parameters.items() if not np.all(known[n].accepts(v))]
     times = () if isinstance(scene.launch, str) else scene.launch
     if math.isnan(amount(scene.measures.transient)) or not all(

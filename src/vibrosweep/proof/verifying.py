@@ -277,7 +277,8 @@ def _each(realization: Realization, max_landings: int) -> list[Trajectory]:
     shared: dict[str, Any] = {
         **realization.parameters,
         "duration": realization.duration,
-        "rebound": realization.rebound,
+        "rebound": realization.laws.rebound,
+        "restitution_law": realization.laws.restitution,
         "base": realization.base,
         "max_impacts": max_landings,
         "max_bits": MAX_BITS,

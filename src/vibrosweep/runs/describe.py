@@ -13,6 +13,7 @@ import numpy as np
 from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import OF_REALIZATIONS, RESERVED
 from vibrosweep.model.parameters import HIGH_BOUNCE
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.model.status import Status
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
@@ -82,6 +83,7 @@ def _head(file: Any) -> Iterator[str]:
             yield f"{'base':32}{file.attrs.get('base', HIGH_BOUNCE)}"
             yield f"{'rebound':32}{file.attrs['rebound']}"
             yield f"{'waveform':32}{file.attrs.get('waveform', SINE_NAME)}"
+            yield f"{'restitution_law':32}{file.attrs.get('restitution_law', CONSTANT)}"
         if name in file.variables:
             remark = " (default)" if name in defaults else ""
             if f"{name}_periods" in file.attrs:

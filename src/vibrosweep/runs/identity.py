@@ -71,7 +71,7 @@ def identity(spec: Sweep) -> dict[str, str]:
         found["contents of the table"] = _digest(spec.design.table)
     if spec.design.source:
         found["code of the design"] = _short(spec.design.source)
-    laws = {getattr(scene, "rebound", "") for scene in (spec.scene, spec.record)}
+    laws = {getattr(scene, "restitution_law", "") for scene in (spec.scene, spec.record)}
     for law in sorted(laws & {*OUTSIDE}):
         found[f"code of the law {law}"] = OUTSIDE[law].code
     found["programs"] = programs()

@@ -8,6 +8,7 @@ import numpy as np
 
 from vibrosweep import theory
 from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT
 from vibrosweep.model.times import Periods, Time, in_periods
 from vibrosweep.scene.realizations import Realizations
@@ -41,6 +42,8 @@ def _defaults(spec: Sweep, design: Realizations) -> str:
 
 def observation_of_orbits(spec: Sweep, design: Realizations) -> str:
     """Return a remark if the observation is too short to recognise locked orbits; else empty."""
+    if spec.scene.restitution_law != CONSTANT:
+        return ""  # how long orbits take to return is not known
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
     return short_observation(spec.scene.base, restitution[1], frequency[0], spec.scene.duration)
 

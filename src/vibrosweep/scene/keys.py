@@ -32,6 +32,7 @@ from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.limits import answer_to
 from vibrosweep.model.measures import OPTIONS, Option
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
+from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
 from vibrosweep.model.scene_measures import KEYS
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.columns import GivenTable
@@ -319,6 +320,7 @@ _SCENE: Final[Mapping[str, Check]] = {
     "rebound": partial(one_of, LAWS),
     "waveform": waveform_of,
     "noise_seed": _SEED,
+    "restitution_law": partial(one_of, RESTITUTION_LAWS),
 }
 SECTIONS: Final[Sections] = {
     "scene": _SCENE,

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,19 +19,21 @@ from vibrosweep.model.forcing import (
     completed,
     forcing_of,
     only_parameters,
-    refuse_large,
+    refuse_extreme,
 )
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, mount_mistakes
 from vibrosweep.model.parameters import (
     MOUNT,
     NOISE,
+    OF_RESTITUTION,
     SPRUNG,
     STREAM_PARTICLES,
     STREAMS,
     dimensionless,
     launches,
 )
+from vibrosweep.model.restitution_laws import CONSTANT, speed_mistakes
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
@@ -39,6 +41,8 @@ from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, Range
 from vibrosweep.scene.keys import MAX_REALIZATIONS, Steps, inputs_in
 from vibrosweep.scene.scene import Scene
 
+# Keys that decide which parameters are needed, and these
+DEPENDENT: Final = ("base", *OF_MOUNT, "restitution_law", *OF_RESTITUTION)
 Table = Mapping[str, Any]  # of a sweep file: its sound values by their keys
 
 
@@ -69,6 +73,7 @@ def settings(name: str, table: Table, shared: Table, mistakes: Mistakes) -> dict
         )
     for key, wrong in (
         ("rebound", refusal(own["base"], law=own["rebound"])),
+        ("restitution_law", refusal(own["base"], restitution=own["restitution_law"])),
         ("waveform", refusal(own["base"], waveform=own["waveform"].name)),
     ):
         if wrong and not {"base", key}.isdisjoint(table):
@@ -147,8 +152,8 @@ def check_forcing(scene: Table, sample: Table, mistakes: Mistakes) -> None:
             mistakes.add(key, rule, value, "keep one of the two", involves=[first])
 
 
-def check_mount(base: str, scene: Table, sample: Table, mistakes: Mistakes) -> None:
-    """Report parameters of a mount that a base of finite mass lacks, or that another base is given.
+def check_given(base: str, law: str, scene: Table, sample: Table, mistakes: Mistakes) -> None:
+    """Report what is lacking of a mount or of a law of restitution, or is given for another one.
 
     Columns of a table that the file does not name are judged when the table is read.
     """
@@ -157,8 +162,8 @@ def check_mount(base: str, scene: Table, sample: Table, mistakes: Mistakes) -> N
     homes = dict.fromkeys(sample.get("columns", ()), "sample.columns")
     homes |= {name: f"sample.{name}" for name in inputs_in(sample)}
     homes |= {name: f"scene.{name}" for name in inputs_in(scene)}
-    involved = [f"{t}.{name}" for t in ("scene", "sample") for name in ("base", *OF_MOUNT)]
-    for name, text in mount_mistakes(base, homes).items():
+    involved = [f"{t}.{name}" for t in ("scene", "sample") for name in DEPENDENT]
+    for name, text in {**mount_mistakes(base, homes), **speed_mistakes(law, homes)}.items():
         key = homes.get(name, f"scene.{name}")
         mistakes.add(key, text if key.endswith(name) else f"{name} {text}", involves=involved)
 
@@ -269,7 +274,7 @@ def record(
     ``varied`` names the sampled parameters, None where only the table knows them.
     """
     given, own = inputs_in(table), settings("record", table, shared, mistakes)
-    base = own["base"]
+    base, law = own["base"], own["restitution_law"]
     if varied is None:
         rule = "the recorded scene must state what the table samples"
         names = Value(["restitution", "amplitude"])
@@ -285,14 +290,15 @@ def record(
     replaced |= {*MASSES} if MASS_RATIO in given else set()
     replaced |= set() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
     replaced |= {*OF_MOUNT} if base != SPRUNG else set()
+    replaced |= {*OF_RESTITUTION} if law == CONSTANT else set()
     for name in varied or ():
         if name in INPUTS and name not in given and name not in replaced:
             state = f"so state the value of the recorded scene (allowed: {INPUTS[name].allowed})"
             mistakes.add(f"record.{name}", f"is missing; the sweep samples it, {state}")
     found = {n: v for n, v in values.items() if n not in replaced} | {**given}
     tables = ("scene", "sample", "record")
-    involved = [f"{t}.{name}" for t in tables for name in ("base", *OF_MOUNT)]
-    for name, text in mount_mistakes(base, found).items():
+    involved = [f"{t}.{name}" for t in tables for name in DEPENDENT]
+    for name, text in {**mount_mistakes(base, found), **speed_mistakes(law, found)}.items():
         mistakes.add(f"record.{name}", text, involves=involved)
     homes = dict.fromkeys(noise_homes(found, {}, ()), "record")
     check_noise(own, homes, {}, mistakes)
@@ -317,7 +323,7 @@ def check_extremes(
     # the phase does not affect the number of periods
     arrays = only_parameters(values) | {"phase": np.zeros(corners.shape[1])}
     try:
-        refuse_large(values, forcing_of(ends))
+        refuse_extreme(values, forcing_of(ends), scene.restitution_law)
         dimensionless(arrays, scene.duration)
         launches(scene.launch, 1, np.max(arrays["frequency"], keepdims=True))
     except ParameterError as error:

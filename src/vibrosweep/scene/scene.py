@@ -21,6 +21,7 @@ from vibrosweep.model.forcing import (
     only_parameters,
 )
 from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, NOISE, STAGGERED, STREAM
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.model.times import Periods, Time, amount, in_seconds
@@ -35,13 +36,15 @@ class Scene:
     Raises
     ------
     ParameterError
-        The base does not implement the law of rebound, or the waveform.
+        The base does not implement the law of rebound, that of restitution, or the waveform.
     """
 
     particles: int = 1  # number of particles per realization
     launch: Launch = STAGGERED  # ``"staggered"`` or the launch times of all particles in s
     duration: Time = 12.0  # end of the observation: a number in s, or `Periods`
     rebound: str = LAWS[0]  # one of `vibrosweep.model.parameters.LAWS`
+    # One of `vibrosweep.model.restitution_laws.RESTITUTION_LAWS`
+    restitution_law: str = CONSTANT
     measures: Measures = field(default_factory=Measures)
     # True to count repetitions of a cycle instead of following them; False where every landing is
     # kept, and for comparison
@@ -57,6 +60,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         wrong = refusal(self.base, law=self.rebound)
+        wrong = wrong or refusal(self.base, restitution=self.restitution_law)
         wrong = wrong or refusal(self.base, waveform=self.waveform.name)
         if wrong:
             raise ParameterError(wrong)
@@ -75,6 +79,11 @@ class Scene:
         """Return the same scene with the measures that are named, and no others."""
         kept = {"transient": self.measures.transient, "impact_budget": self.measures.impact_budget}
         return replace(self, measures=Measures(**kept, **measured))  # type: ignore[arg-type]
+
+    @property
+    def mechanics(self) -> tuple[str, str, Waveform, str]:
+        """Return how the base moves and what an impact does, as the kernels' `base_of` takes it."""
+        return self.base, self.rebound, self.waveform, self.restitution_law
 
     @property
     def budget(self) -> int:

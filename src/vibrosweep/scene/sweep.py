@@ -21,7 +21,10 @@ from vibrosweep.scene.keys import Tables, read_tables
 from vibrosweep.scene.scene import Scene
 
 # Fields of a scene that [record] takes from [scene], beside the inputs
-SHARED: Final = ("particles", "launch", "duration", "rebound", "base", "waveform", "noise_seed")
+SHARED: Final = (
+    *("particles", "launch", "duration", "rebound", "restitution_law"),
+    *("base", "waveform", "noise_seed"),
+)
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     defaults = {key: getattr(Scene, key) for key in SHARED}
     own = rules.settings("scene", scene, defaults, mistakes)
     base = own["base"]
-    rules.check_mount(base, scene, sample, mistakes)
+    rules.check_given(base, own["restitution_law"], scene, sample, mistakes)
     measures = Measures(**tables.get("measure", {}))
     noise = rules.noise_homes(numbers, sample, varied)
     rules.check_measures(base, own["waveform"], noise, measures, mistakes)

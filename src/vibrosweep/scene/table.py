@@ -21,6 +21,7 @@ from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.mount import mount_mistakes
+from vibrosweep.model.restitution_laws import range_mistake, speed_mistakes
 from vibrosweep.scene.columns import GivenTable, Label, columns_of
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.sweep import Sweep
@@ -83,6 +84,9 @@ def read_table(sweep: Sweep) -> Table:
     }
     labels = {name: _label(columns[name]) for name in chosen if name not in INPUTS}
     _judge_labels(labels, mistakes)
+    law, own = sweep.scene.restitution_law, parameters.get("restitution", np.empty(0))
+    if wrong := range_mistake(law, own):
+        mistakes.add("", wrong)
     refuse(mistakes, TableError, _LISTED)
     return Table(parameters, labels)
 
@@ -175,7 +179,10 @@ def _chosen(columns: Mapping[str, Label], sweep: Sweep, mistakes: Mistakes) -> l
     if len(forcings) > 1:
         rule = f"{forcings[0]} and {forcings[1]} both give the forcing, here or in {_source(sweep)}"
         mistakes.add_cell(rule, remedy="keep one of the two")
-    for name, text in mount_mistakes(sweep.scene.base, {*chosen, *sweep.scene.given}).items():
+    given = {*chosen, *sweep.scene.given}
+    wrong = mount_mistakes(sweep.scene.base, given)
+    wrong |= speed_mistakes(sweep.scene.restitution_law, given)
+    for name, text in wrong.items():
         fixed = name in sweep.scene.given
         lacks = not fixed and name not in chosen
         remedy = ("add the column, or write it as a number in ", SCENE) if lacks else ""

@@ -24,6 +24,7 @@ from vibrosweep.model.orbit_theory import (
     unforced_rest_impact,
     unforced_rest_time,
 )
+from vibrosweep.model.restitution_laws import restitution_at
 from vibrosweep.theory import sprung
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "locked_velocity",
     "multipliers",
     "recognition_periods",
+    "restitution_at",
     "sprung",
     "unforced_rest_impact",
     "unforced_rest_time",

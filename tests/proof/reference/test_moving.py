@@ -12,6 +12,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
+from vibrosweep.proof.reference.laws import Constant
 from vibrosweep.proof.reference.moving import MovingMap, first_landing
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
@@ -125,7 +126,7 @@ def test_graze_is_decided_between_neighbouring_doubles():
 def test_jacobian_is_the_limit_of_differences(e, gamma, x, y):
     with ctx.workprec(400):
         alpha = arb(gamma) / arb.pi()
-        m = MovingMap(arb(e), alpha, arb(gamma), arb(0))
+        m = MovingMap(Constant(arb(e)), alpha, arb(gamma), arb(0))
 
         def image(x, y):
             found = m.impact(x, y, m.flight(x, y, 1), 1)

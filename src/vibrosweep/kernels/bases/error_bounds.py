@@ -46,12 +46,12 @@ def jacobian_error(
 
 @generic
 def rebound_error(
-    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
+    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, spread: Spread
 ) -> float:
     """Bound of the error that an impact adds to the speed after it.
 
-    `added` is from `landing_added`; `error` is all of that of the landing's phase, `v_error` that
-    of the speed before.
+    `added` is from `landing_added`; `error` is all of that of the landing's phase, `spread` that of
+    the lift-off before.
     """
 
 

@@ -3,8 +3,8 @@
 A flight that begins with speed u lasts u and arrives with speed u; the kick at phase x is
 a sin(2 pi x).  A resting particle is lifted when the kick rises through the threshold of rest.
 
-An orbit that leaves with the flight k lands with it, so that the law must give the speed k for k
-and the kick.  With the derivatives f and g of the speed after an impact by that before it and by
+An orbit that leaves with the flight k lands with it, so that kick and restitution must give the
+speed k for k.  With the derivatives f and g of the speed after an impact by that before it and by
 the kick, and s = 2 pi a cos(2 pi x), the Jacobian
 
     [[1, 1], [g s, f + g s]]
@@ -21,30 +21,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases, noise
-from vibrosweep.kernels._jit import Floats, implements, jit
-from vibrosweep.kernels.bases import Counted, Flight, Jacobian, error_bounds
-from vibrosweep.kernels.bases.error_bounds import Spread
+from vibrosweep.kernels._jit import Floats, fma, implements, jit
+from vibrosweep.kernels.bases import Counted, Flight, Jacobian
 from vibrosweep.kernels.lanes import ROW, STRIDE
-from vibrosweep.kernels.laws import (
-    Law,
-    curvature,
-    kick_to_repeat,
-    slopes,
-    speed_after,
-    speed_rounding,
-)
+from vibrosweep.kernels.laws import Law, direction, speed_after
 from vibrosweep.kernels.noise import SILENT, STILL, Draw, Noise, Source
-from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
+from vibrosweep.kernels.restitution import (
+    Constant,
+    Restitution,
+    lost_speed,
+    ratio,
+    scale_of,
+    slack,
+    slope,
+)
 from vibrosweep.kernels.waveforms import (
     LiftOffs,
     Shape,
     Sine,
     first_lift_off,
-    kick_bend,
-    kick_rounding,
     kick_slope,
-    left_out,
-    lift_off_error,
     lift_offs,
     lifts_once,
     next_lift_off,
@@ -55,15 +51,13 @@ from vibrosweep.kernels.waveforms import (
 )
 from vibrosweep.model.parameters import Dimensionless
 
-# A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
-LANDING_ERROR = 0.5 * HALF_ULP
-
 
 class HighBounce(NamedTuple):
-    """The base, with its law of rebound, and the shape of its kick over a period."""
+    """The base: its laws of rebound and restitution, and the shape of its kick over a period."""
 
     law: Law
     waveform: Shape = Sine()
+    restitution: Restitution = Constant()
     noise: Noise | None = None
 
 
@@ -75,6 +69,7 @@ class Constants(NamedTuple):
     e: float
     a: float
     r: float
+    scale: float  # of speeds, in the law of restitution
     # x_lift, wait, u_lift: of a rest: phase of the lift-off, or of several, 0 or infinite where
     # there is none, and next flight
     x_lift: LiftOffs
@@ -92,7 +87,8 @@ def constants_high_bounce(base: HighBounce, problem: Dimensionless, i: int) -> C
     peak = noise.strongest(base.noise, a * peak_of(base.waveform), source)
     wait, u_lift = (0.0, r) if peak > r else (np.inf, 0.0)
     x_lift = lift_offs(base.waveform, a, r, problem.liftoff_phase[i])
-    return Constants(base, e, a, r, x_lift, wait, u_lift, source, STILL)
+    scale = scale_of(base.restitution, e, problem.restitution_speed[i])
+    return Constants(base, e, a, r, scale, x_lift, wait, u_lift, source, STILL)
 
 
 @implements(bases.put, Constants)
@@ -101,6 +97,7 @@ def put_high_bounce(fixed: Constants, s: Floats, j: int) -> None:
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.a, fixed.r
     put_phases(fixed.base.waveform, fixed.x_lift, fixed.wait, s, j)
     s[row + 4 * STRIDE] = fixed.u_lift
+    s[ROW.SCALE + j] = fixed.scale
 
 
 @implements(bases.take, HighBounce)
@@ -108,8 +105,8 @@ def take_high_bounce(base: HighBounce, s: Floats, j: int) -> Constants:
     row = ROW.CONSTANTS + j
     e, a, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
     draw, x_lift = noise.drawn_in(base.noise, s, j), take_phases(base.waveform, s, j)
-    a = noise.driven(base.noise, a, draw.drive)
-    return Constants(base, e, a, r, x_lift, 0.0, s[row + 4 * STRIDE], SILENT, draw)
+    a, scale = noise.driven(base.noise, a, draw.drive), s[ROW.SCALE + j]
+    return Constants(base, e, a, r, scale, x_lift, 0.0, s[row + 4 * STRIDE], SILENT, draw)
 
 
 @implements(bases.fly, Constants)
@@ -198,7 +195,7 @@ def speed_high_bounce(fixed: Constants, x: float, u: float) -> float:
 
 @implements(bases.rebound, Constants)
 def rebound_high_bounce(fixed: Constants, x: float, v: float) -> float:
-    return speed_after(fixed.base.law, _restitution(fixed), v, _kick(fixed, x))
+    return speed_after(fixed.base.law, _restitution(fixed, v), v, _kick(fixed, x))
 
 
 @implements(bases.lift_off, Constants)
@@ -230,8 +227,17 @@ def contact_time_high_bounce(fixed: Constants) -> float:
 
 
 @jit
-def _restitution(fixed: Constants) -> float:
-    return noise.slipped(fixed.base.noise, fixed.e, fixed.draw.slip)
+def _restitution(fixed: Constants, v: float) -> float:
+    """Coefficient of restitution of an impact at speed v."""
+    share = ratio(fixed.base.restitution, fixed.e, fixed.scale, v)
+    return noise.slipped(fixed.base.noise, share, fixed.draw.slip)
+
+
+@jit
+def _slope(fixed: Constants, v: float) -> float:
+    """Derivative by v of the speed that an impact leaves, without the kick."""
+    q = slope(fixed.base.restitution, fixed.e, fixed.scale, v)
+    return noise.slipped(fixed.base.noise, q, fixed.draw.slip)
 
 
 @jit
@@ -241,32 +247,29 @@ def _kick(fixed: Constants, x: float) -> float:
     return noise.pushed(fixed.base.noise, kick, fixed.draw.push)
 
 
+@jit
+def _slopes(fixed: Constants, x: float, v: float) -> tuple[float, float]:
+    """Derivatives of the speed after an impact by v and by the kick."""
+    sign = direction(fixed.base.law, fma(_restitution(fixed, v), v, _kick(fixed, x)))
+    return sign * _slope(fixed, v), sign
+
+
 @implements(bases.jacobian, Constants)
 def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
-    x, v = flight.landing, flight.v
-    by_speed, by_kick = slopes(fixed.base.law, _restitution(fixed), v, _kick(fixed, x))
-    k = by_kick * kick_slope(fixed.base.waveform, fixed.a, x)
-    return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
-
-
-@implements(error_bounds.jacobian_error, Constants)
-def jacobian_error_high_bounce(
-    fixed: Constants, flight: Flight, error: float, spread: Spread
-) -> tuple[float, float, float]:
-    by_phase = kick_bend(fixed.base.waveform, fixed.a, flight.landing, error)
-    return 0.0, 2.0 * curvature(fixed.base.law, fixed.e) * spread[1], by_phase
+    by_speed, by_kick = _slopes(fixed, flight.landing, flight.v)
+    k = by_kick * kick_slope(fixed.base.waveform, fixed.a, flight.landing)
+    size = 2.0 + slack(fixed.base.restitution) * abs(by_speed) + 2.0 * abs(k)
+    return 1.0, 1.0, k, by_speed + k, size
 
 
 @implements(bases.reverses, Constants)
 def reverses_high_bounce(fixed: Constants, x: float, v: float) -> float:
-    by_speed, _ = slopes(fixed.base.law, _restitution(fixed), v, _kick(fixed, x))
-    return -1.0 if by_speed < 0.0 else 1.0
+    return -1.0 if _slopes(fixed, x, v)[0] < 0.0 else 1.0
 
 
 @implements(bases.contraction, Constants)
 def contraction_high_bounce(fixed: Constants, v: float) -> float:
-    by_speed, _ = slopes(fixed.base.law, _restitution(fixed), v, 0.0)
-    return abs(by_speed)
+    return abs(_slope(fixed, v))
 
 
 @implements(bases.density, Constants)
@@ -278,13 +281,13 @@ def density_high_bounce(fixed: Constants, u: float) -> float:
 def fixed_residual_high_bounce(
     fixed: Constants, x: float, k: float, sign: float
 ) -> tuple[float, float, float]:
-    need = kick_to_repeat(fixed.base.law, fixed.e, k, sign)
+    need = lost_speed(fixed.base.restitution, fixed.e, fixed.scale, k, sign)
     return _kick(fixed, x) - need, kick_slope(fixed.base.waveform, fixed.a, x), fixed.a
 
 
 @implements(bases.fixed_attracts, Constants)
 def fixed_attracts_high_bounce(fixed: Constants, x: float, k: float) -> bool:
-    by_speed, by_kick = slopes(fixed.base.law, fixed.e, k, _kick(fixed, x))
+    by_speed, by_kick = _slopes(fixed, x, k)
     pull = -by_kick * kick_slope(fixed.base.waveform, fixed.a, x)
     return abs(by_speed) < 1.0 and 0.0 < pull < 2.0 * (1.0 + by_speed)
 
@@ -292,52 +295,3 @@ def fixed_attracts_high_bounce(fixed: Constants, x: float, k: float) -> bool:
 @implements(bases.fixed_holds, Constants)
 def fixed_holds_high_bounce(fixed: Constants, x: float, k: float) -> bool:
     return k > fixed.r
-
-
-@implements(error_bounds.launch_error, Constants)
-def launch_error_high_bounce(fixed: Constants, x: float, u: float) -> float:
-    return KICK_ERROR * u + SMALLEST
-
-
-@implements(error_bounds.landing_added, Constants)
-def landing_added_high_bounce(
-    fixed: Constants, flight: Flight, spread: Spread
-) -> tuple[float, float]:
-    moved: float = flight.x + (flight.u - np.rint(flight.u))
-    return min(LANDING_ERROR, HALF_ULP * abs(moved)), 0.0
-
-
-@implements(error_bounds.rebound_error, Constants)
-def rebound_error_high_bounce(
-    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
-) -> float:
-    x, v = flight.landing, flight.v
-    law, e, a, shape = fixed.base.law, fixed.e, fixed.a, fixed.base.waveform
-    of_base = velocity(shape, x)
-    w = speed_after(law, e, v, a * of_base)
-    kicked = abs(kick_slope(shape, a, x)) * added[0] + speed_rounding(law, e, v, w)
-    kicked += kick_rounding(shape, a, of_base)
-    kicked += left_out(shape, a, x, error)
-    return kicked + curvature(law, e) * v_error * v_error
-
-
-@implements(error_bounds.absolute_error, Constants)
-def absolute_error_high_bounce(fixed: Constants, x: float, u: float, spread: Spread) -> float:
-    return spread[1]
-
-
-@implements(error_bounds.rest_is_doubtful, Constants)
-def rest_is_doubtful_high_bounce(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
-    return abs(w - fixed.r) <= spread[1] + REST_ERROR * fixed.r
-
-
-@implements(error_bounds.liftoff_error, Constants)
-def liftoff_error_high_bounce(fixed: Constants) -> tuple[float, float]:
-    shape, a, r = fixed.base.waveform, fixed.a, fixed.r
-    most = a * peak_of(shape)
-    if abs(most - r) <= KICK_ERROR * most + REST_ERROR * r:
-        return np.inf, np.inf
-    if most < r:  # it is never lifted
-        return 0.0, 0.0
-    error = lift_off_error(shape, a, r, fixed.x_lift)
-    return error, REST_ERROR * r if error < np.inf else np.inf

@@ -40,6 +40,7 @@ def random_high_bounce(
         fixed.e,
         driven(fixed.base.noise, fixed.a, draw.drive),
         fixed.r,
+        fixed.scale,
         fixed.x_lift,
         fixed.wait,
         fixed.u_lift,

@@ -1,8 +1,13 @@
 """The base that moves with the velocity alpha sin(2 pi x), alpha = a / (1 + e).
 
-Speeds are relative to it: a particle arrives with z and leaves with e z.  It comes to rest where
-that is at most r and the base presses it, 1 + Gamma cos(2 pi x) > 0 with Gamma = pi alpha, and is
-lifted, with speed 0, where the base begins to fall faster than gravity; never if Gamma <= 1.
+Speeds are relative to it: a particle arrives with z and leaves with E(z), as the law of restitution
+says.  It comes to rest where that is at most r and the base presses it, 1 + Gamma cos(2 pi x) > 0
+with Gamma = pi alpha, and is lifted, with speed 0, where the base begins to fall faster than
+gravity; never if Gamma <= 1.
+
+An orbit that lands every k periods meets the base with c, where c + E(c) = 2 k, at a phase at which
+the base rises with c - k.  With the slope q of E at c, e = E(c) / c and G = Gamma cos(2 pi x), its
+multipliers are the roots of z^2 - (1 + q e + (1 + q)(1 + e) G) z + q e.
 """
 
 from __future__ import annotations
@@ -29,6 +34,16 @@ from vibrosweep.kernels.bases.landing_search import (
 )
 from vibrosweep.kernels.laws import Law
 from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
+from vibrosweep.kernels.restitution import (
+    Constant,
+    Restitution,
+    arrival_to_repeat,
+    leaving_to_repeat,
+    ratio,
+    rise_to_repeat,
+    scale_of,
+    slope,
+)
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.arcsine import arcsin_turns
 from vibrosweep.model.parameters import Dimensionless
@@ -44,7 +59,8 @@ TINY = 1e-300  # of a speed: pushed into the base, if ever so little
 class Moving(NamedTuple):
     """The base."""
 
-    law: Law  # `Rest`, the only one with a meaning here
+    law: Law  # `Rest`, the only law of rebound with a meaning here
+    restitution: Restitution = Constant()
     # None where Gamma <= 1 in all realizations, so that no particle is ever lifted
     arcs: int | None = 1
     noise: Noise | None = None
@@ -58,6 +74,7 @@ class MovingConstants(NamedTuple):
     e: float
     alpha: float
     r: float
+    scale: float  # of speeds, in the law of restitution
     # Phase at which the base begins to fall faster than gravity, and a resting particle leaves it;
     # NaN where it never does
     x_lift: float
@@ -77,8 +94,9 @@ def constants_moving(base: Moving, problem: Dimensionless, i: int) -> MovingCons
     elif gamma > 1.0:
         # half the angle from pi, whose sine loses nothing near Gamma = 1
         x_lift = 0.5 - 2.0 * _arcsin_turns(math.sqrt((gamma - 1.0) / (2.0 * gamma)))
+    scale = scale_of(base.restitution, e, problem.restitution_speed[i])
     source = noise.source_of(problem.noise, problem.end_count, i)
-    return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift, source, STILL)
+    return MovingConstants(base, e, alpha, problem.rest_flight[i], scale, x_lift, source, STILL)
 
 
 @implements(bases.fly, MovingConstants)
@@ -101,7 +119,8 @@ def fly_moving(fixed: MovingConstants, x: float, u: float) -> tuple[float, float
 
 @implements(bases.rebound, MovingConstants)
 def rebound_moving(fixed: MovingConstants, x: float, v: float) -> float:
-    e = noise.slipped(fixed.base.noise, fixed.e, fixed.draw.slip)
+    share = ratio(fixed.base.restitution, fixed.e, fixed.scale, v)
+    e = noise.slipped(fixed.base.noise, share, fixed.draw.slip)
     return noise.thrown(fixed.base.noise, e * v, fixed.draw.push)
 
 
@@ -120,7 +139,7 @@ def random_moving(
 ) -> MovingConstants:
     draw = noise.draw_of(fixed.base.noise, fixed.source, particle, number, 0.0)
     e, alpha, r, x_lift = fixed.e, fixed.alpha, fixed.r, fixed.x_lift
-    return MovingConstants(fixed.base, e, alpha, r, x_lift, fixed.source, draw)
+    return MovingConstants(fixed.base, e, alpha, r, fixed.scale, x_lift, fixed.source, draw)
 
 
 @implements(bases.wake, MovingConstants)
@@ -187,8 +206,10 @@ def reverses_moving(fixed: MovingConstants, x: float, v: float) -> float:
 
 @implements(bases.contraction, MovingConstants)
 def contraction_moving(fixed: MovingConstants, v: float) -> float:
-    # e times the relative speed before the flight over that of arrival, which is 1 / e of the next
-    return fixed.e * fixed.e
+    # the slope times the relative speed before the flight over that of arrival, which is the ratio
+    # of the restitution to the next
+    law = fixed.base.restitution
+    return slope(law, fixed.e, fixed.scale, v) * ratio(law, fixed.e, fixed.scale, v)
 
 
 @implements(bases.density, MovingConstants)
@@ -201,20 +222,22 @@ def fixed_residual_moving(
     fixed: MovingConstants, x: float, k: float, sign: float
 ) -> tuple[float, float, float]:
     a = fixed.alpha * (1.0 + fixed.e)
-    return a * sin_turns(x) - (1.0 - fixed.e) * k, TWO_PI * a * cos_turns(x), a
+    need = rise_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
+    return a * sin_turns(x) - need, TWO_PI * a * cos_turns(x), a
 
 
 @implements(bases.fixed_attracts, MovingConstants)
 def fixed_attracts_moving(fixed: MovingConstants, x: float, k: float) -> bool:
     # both multipliers are inside the unit circle
-    e = fixed.e
+    law = fixed.base.restitution
+    c = arrival_to_repeat(law, fixed.e, fixed.scale, k)
+    q, e = slope(law, fixed.e, fixed.scale, c), ratio(law, fixed.e, fixed.scale, c)
     s = -math.pi * fixed.alpha * cos_turns(x)
-    return e < 1.0 and 0.0 < s < 2.0 * (1.0 + e * e) / ((1.0 + e) * (1.0 + e))
+    return q * e < 1.0 and 0.0 < s < 2.0 * (1.0 + q * e) / ((1.0 + q) * (1.0 + e))
 
 
 @implements(bases.fixed_holds, MovingConstants)
 def fixed_holds_moving(fixed: MovingConstants, x: float, k: float) -> bool:
-    # the base rises by (1 - e) / (1 + e) k at the landings
-    y = 2.0 * fixed.e * k / (1.0 + fixed.e)
+    y = leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
     time, _ = bases.fly(fixed, x, y)
     return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y)[3]

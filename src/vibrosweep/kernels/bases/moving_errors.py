@@ -1,12 +1,6 @@
-"""The Jacobian of an impact on the moving base, and bounds of the errors that an impact adds.
+"""Bounds of the errors that an impact on the moving base adds.
 
-The flight from phase x with relative speed y lasts s and arrives with the speed z; F is the
-clearance (`landing_search`), with the angles t = 2 pi x, t' = 2 pi (x + s), q = 2 pi s.  Then
-
-    ds = (P dx + s dy) / z,     P = alpha (cos t (q - sin q) + sin t (1 - cos q))
-    dz = 2 (1 + Gamma cos t') ds + 2 Gamma (cos t' - cos t) dx - dy
-
-with the determinant y / z of (dx + ds, dz).  The errors that an impact adds are those of
+In the notation of `vibrosweep.kernels.bases.moving_jacobian` they are those of
 
 - s: wherever it came from, F is evaluated there, with a bound of its rounding.  |F''| <= 1 + Gamma,
   so that F falls through zero within |F| / |F'| of s where |F| is small against F'^2: Kantorovich's
@@ -27,51 +21,33 @@ import numpy as np
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import fma, implements, jit
-from vibrosweep.kernels.bases import Flight, Jacobian, error_bounds
+from vibrosweep.kernels.bases import Flight, error_bounds
 from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.bases.moving import MovingConstants
+from vibrosweep.kernels.bases.moving_jacobian import ALPHA_ERROR, GAMMA_ERROR, Along, along
+from vibrosweep.kernels.restitution import (
+    ratio,
+    ratio_error,
+    slope,
+    slope_change,
+    straight,
+)
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, LAUNCH_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.sine import (
     COSINE_ERROR,
-    LAG_ERROR,
     SINE_ERROR,
     cos_turns,
-    sin_and_lag,
-    sin_near,
     sin_turns,
 )
 
 __all__: list[str] = []
 
 TWO_PI = 2.0 * math.pi
-# alpha = a / (1 + e), relative; Gamma = pi alpha takes two roundings more.
-ALPHA_ERROR = KICK_ERROR + 2.0 * HALF_ULP
-GAMMA_ERROR = ALPHA_ERROR + 2.0 * HALF_ULP
-# Of sin t (q - sin q), sin t (1 - cos q) and so on, where the cosine is exact, relative: the
-# functions, 1 - cos q = 2 sin^2(q / 2), the products, their sum, and alpha.
-TERM_ERROR = SINE_ERROR + LAG_ERROR + ALPHA_ERROR + 6.0 * HALF_ULP
 # x_L, absolute: of the root, of the arcsine of at most 1 / sqrt(2), and of the difference
 ARCSINE_ERROR = 4.0 * HALF_ULP
 SURE = 1.0 + 2.0**-30  # what is compared is itself rounded
 MARCH = 1000  # steps
 LANDING_ERROR = 0.5 * HALF_ULP  # of a phase, a sum below 1 of two exact numbers
-
-
-class Along(NamedTuple):
-    """A flight after t periods: clearance F, speed z = -2 F' towards the base, and their errors.
-
-    With them the sine and cosine of the lift-off, sin q, q - sin q and 1 - cos q.
-    """
-
-    f: float
-    f_error: float
-    z: float
-    z_error: float
-    sine: float
-    cosine: float
-    turned: float
-    lag: float
-    c: float
 
 
 class Landed(NamedTuple):
@@ -88,47 +64,6 @@ class Change(NamedTuple):
     s_y: float
     z_x: float
     z_y: float
-
-
-@jit
-def _along(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
-    """Where a flight is after t periods."""
-    alpha, sine, cosine = fixed.alpha, sin_turns(x), cos_turns(x)
-    part = t - np.rint(t)
-    turned, lag = sin_and_lag(t, part)
-    half = sin_near(0.5 * part)
-    c = 2.0 * half * half
-    level = (0.25 / math.pi) * alpha
-    f = fma(0.5 * t, y - t, level * fma(sine, lag, -cosine * c))
-    f_error = HALF_ULP * (0.5 * t * abs(y - t) + abs(f)) + level * (
-        TERM_ERROR * (abs(sine) * lag + abs(cosine) * c) + COSINE_ERROR * c
-    )
-    slowed = fma(sine, c, -cosine * turned)
-    z = fma(-alpha, slowed, 2.0 * t - y)
-    z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * (
-        TERM_ERROR * (abs(sine) * c + abs(cosine * turned)) + COSINE_ERROR * abs(turned)
-    )
-    return Along(f, f_error, z, z_error, sine, cosine, turned, lag, c)
-
-
-@implements(bases.jacobian, MovingConstants)
-def jacobian_moving(fixed: MovingConstants, flight: Flight) -> Jacobian:
-    e, alpha, gamma = fixed.e, fixed.alpha, math.pi * fixed.alpha
-    s, z = flight.time, flight.v
-    if s == 0.0:  # it lands at once
-        return 1.0, 0.0, 0.0, -e, 1.0 + e
-    at = _along(fixed, flight.x, flight.u, s)
-    by_x = alpha * fma(at.cosine, at.lag, at.sine * at.c) / z
-    by_y = s / z
-    dropped = at.cosine * at.c + at.sine * at.turned  # cos t - cos t'
-    pull = 2.0 * (1.0 + gamma * (at.cosine - dropped))
-    lost = 2.0 * gamma * dropped
-    # of all terms, of which a rounding error of z makes a part of those it is made of
-    turns = at.c + abs(at.turned)
-    parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * alpha * turns) / z
-    size = 1.0 + parts * (alpha * (at.lag + at.c) + s) / z
-    size += e * ((abs(pull) + 2.0 * gamma + 2.0) * size + 4.0 * gamma * turns)
-    return 1.0 + by_x, by_y, e * (pull * by_x - lost), e * (pull * by_y - 1.0), size
 
 
 @jit
@@ -156,7 +91,7 @@ def _change(
     """
     gamma, (dx, dy) = math.pi * fixed.alpha, spread
     s, z = flight.time, flight.v
-    at = _along(fixed, flight.x, flight.u, s)
+    at = along(fixed, flight.x, flight.u, s)
     dropped = at.cosine * at.c + at.sine * at.turned
     pull = 2.0 * abs(1.0 + gamma * (at.cosine - dropped))
     s_x = abs(fixed.alpha * fma(at.cosine, at.lag, at.sine * at.c)) / z
@@ -208,7 +143,7 @@ def _lowest(
     fixed: MovingConstants, flight: Flight, spread: Spread, t: float
 ) -> tuple[float, float]:
     """Lower bounds of F and F' after t periods, of all states in a spread."""
-    at, alpha, (dx, dy) = _along(fixed, flight.x, flight.u, t), fixed.alpha, spread
+    at, alpha, (dx, dy) = along(fixed, flight.x, flight.u, t), fixed.alpha, spread
     f = at.f - SURE * (at.f_error + 0.5 * (t * dy + alpha * (at.lag + at.c) * dx))
     return f, -0.5 * (at.z + SURE * (at.z_error + dy + 4.0 * math.pi * alpha * dx))
 
@@ -272,7 +207,7 @@ def landing_added_moving(
 ) -> tuple[float, float]:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
-    at = _along(fixed, flight.x, flight.u, flight.time)
+    at = along(fixed, flight.x, flight.u, flight.time)
     landed = _landed(fixed, flight, at)
     change, off, least = _change(fixed, flight, landed, spread)
     # z changes by 2 (1 + Gamma) in a period at most: since `last`, F has been falling
@@ -288,13 +223,18 @@ def landing_added_moving(
 
 @implements(error_bounds.rebound_error, MovingConstants)
 def rebound_error_moving(
-    fixed: MovingConstants,
-    flight: Flight,
-    added: tuple[float, float],
-    error: float,
-    v_error: float,
+    fixed: MovingConstants, flight: Flight, added: tuple[float, float], error: float, spread: Spread
 ) -> float:
-    return fixed.e * (added[1] + HALF_ULP * abs(flight.v)) + SMALLEST
+    law, e, scale, z = fixed.base.restitution, fixed.e, fixed.scale, flight.v
+    share = ratio(law, e, scale, z)
+    if straight(law) or share == 0.0:
+        return share * (added[1] + HALF_ULP * abs(z)) + SMALLEST
+    q = slope(law, e, scale, z)
+    _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
+    linear = SURE * (abs(by_x) * spread[0] + abs(by_y) * spread[1]) / q
+    _, change = slope_change(law, e, scale, z, linear + added[1])
+    rounding = (HALF_ULP + ratio_error(law, e, scale, z)) * share * abs(z)
+    return (q + change) * added[1] + change * linear + rounding + SMALLEST
 
 
 @implements(error_bounds.jacobian_error, MovingConstants)
@@ -303,10 +243,16 @@ def jacobian_error_moving(
 ) -> tuple[float, float, float]:
     if flight.time == 0.0:
         return 0.0, 0.0, 0.0
-    landed = _landed(fixed, flight, _along(fixed, flight.x, flight.u, flight.time))
-    change, _, _ = _change(fixed, flight, landed, spread)
-    e = fixed.e
-    return max(change.s_x, e * change.z_x), max(change.s_y, e * change.z_y), 0.0
+    landed = _landed(fixed, flight, along(fixed, flight.x, flight.u, flight.time))
+    derivatives, _, least = _change(fixed, flight, landed, spread)
+    law = fixed.base.restitution
+    q, change = slope_change(law, fixed.e, fixed.scale, flight.v, flight.v - least)
+    u_x, u_y = q * derivatives.z_x, q * derivatives.z_y
+    if change > 0.0:
+        _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
+        u_x += change * (derivatives.z_x + abs(by_x) / q)
+        u_y += change * (derivatives.z_y + abs(by_y) / q)
+    return max(derivatives.s_x, u_x), max(derivatives.s_y, u_y), 0.0
 
 
 @implements(error_bounds.launch_error, MovingConstants)

@@ -38,7 +38,7 @@ FRESH = -1.0  # instead of the time that has been reached: the flight has just b
 def put_moving(fixed: MovingConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
-    s[row + 3 * STRIDE] = fixed.x_lift
+    s[row + 3 * STRIDE], s[ROW.SCALE + j] = fixed.x_lift, fixed.scale
     s[ROW.NEXT + j], s[ROW.COUNTS + j] = FRESH, 0.0
     s[ROW.TRIES + j], s[ROW.AGE_SEEN + j] = 0.0, 0.0
 
@@ -47,8 +47,8 @@ def put_moving(fixed: MovingConstants, s: Floats, j: int) -> None:
 def take_moving(base: Moving, s: Floats, j: int) -> MovingConstants:
     row = ROW.CONSTANTS + j
     e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
-    draw = drawn_in(base.noise, s, j)
-    return MovingConstants(base, e, alpha, r, s[row + 3 * STRIDE], SILENT, draw)
+    draw, scale = drawn_in(base.noise, s, j), s[ROW.SCALE + j]
+    return MovingConstants(base, e, alpha, r, scale, s[row + 3 * STRIDE], SILENT, draw)
 
 
 @implements(bases.prepare, Moving)

@@ -41,6 +41,7 @@ from vibrosweep.kernels.bases.shaped_search import (
 from vibrosweep.kernels.harmonics import Harmonics, for_each
 from vibrosweep.kernels.laws import Law
 from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
+from vibrosweep.kernels.restitution import Constant, Restitution, scale_of, slack, slope
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.waveforms import velocity
 from vibrosweep.model.parameters import Dimensionless
@@ -52,8 +53,9 @@ __all__ = ["Shaped", "ShapedConstants"]
 class Shaped(NamedTuple):
     """The base."""
 
-    law: Law  # `Rest`, the only one with a meaning here
+    law: Law  # `Rest`, the only law of rebound with a meaning here
     waveform: Harmonics
+    restitution: Restitution = Constant()
     noise: Noise | None = None
 
 
@@ -65,6 +67,7 @@ class ShapedConstants(NamedTuple):
     e: float
     alpha: float
     r: float
+    scale: float  # of speeds, in the law of restitution
     # falls, presses: phases at which the base begins to fall faster than gravity, and to press
     # again; NaN where it does not
     falls: tuple[float, ...]
@@ -86,7 +89,8 @@ def constants_shaped(base: Shaped, problem: Dimensionless, i: int) -> ShapedCons
         alpha = np.nan
     falls, presses = _falls(shape, alpha, 0.0, 0.0, 0), _presses(shape, alpha, 0.0, 0.0, 0)
     source = noise.source_of(problem.noise, problem.end_count, i)
-    return ShapedConstants(base, e, alpha, problem.rest_flight[i], falls, presses, source, STILL)
+    scale, r = scale_of(base.restitution, e, problem.restitution_speed[i]), problem.rest_flight[i]
+    return ShapedConstants(base, e, alpha, r, scale, falls, presses, source, STILL)
 
 
 @jit
@@ -149,8 +153,9 @@ def random_shaped(
     fixed: ShapedConstants, particle: float, number: float, n: float, x: float
 ) -> ShapedConstants:
     draw = noise.draw_of(fixed.base.noise, fixed.source, particle, number, 0.0)
-    e, alpha, r, falls, presses = fixed.e, fixed.alpha, fixed.r, fixed.falls, fixed.presses
-    return ShapedConstants(fixed.base, e, alpha, r, falls, presses, fixed.source, draw)
+    e, alpha, r, scale = fixed.e, fixed.alpha, fixed.r, fixed.scale
+    falls, presses = fixed.falls, fixed.presses
+    return ShapedConstants(fixed.base, e, alpha, r, scale, falls, presses, fixed.source, draw)
 
 
 @implements(bases.lifts_alike, Shaped)
@@ -196,10 +201,11 @@ def lowest_shaped(base: Shaped, problem: Dimensionless) -> Floats | None:
 
 @implements(bases.jacobian, ShapedConstants)
 def jacobian_shaped(fixed: ShapedConstants, flight: Flight) -> Jacobian:
-    e, shape, half = fixed.e, fixed.base.waveform, 0.5 * fixed.alpha
+    shape, half, law = fixed.base.waveform, 0.5 * fixed.alpha, fixed.base.restitution
     s, z = flight.time, flight.v
+    e = slope(law, fixed.e, fixed.scale, z)
     if s == 0.0:  # it lands at once
-        return 1.0, 0.0, 0.0, -e, 1.0 + e
+        return 1.0, 0.0, 0.0, -e, 1.0 + slack(law) * e
     begin, whole = begin_at(flight.x, flight.u), np.rint(s)
     turned, lag, c = turn(s)
     clear = clearance(search(fixed), begin, s, turned, lag, c)
@@ -229,7 +235,7 @@ def jacobian_shaped(fixed: ShapedConstants, flight: Flight) -> Jacobian:
     swings *= half
     parts = 1.0 + (2.0 * s + abs(flight.u) + 4.0 * swings) / z
     size = 1.0 + parts * (fixed.alpha * terms + s) / z
-    size += e * ((abs(pull) + 2.0 * swings + 2.0) * size + 8.0 * swings)
+    size += slack(law) * e * ((abs(pull) + 2.0 * swings + 2.0) * size + 8.0 * swings)
     return 1.0 + by_x, by_y, e * (pull * by_x - lost), e * (pull * by_y - 1.0), size
 
 

@@ -52,6 +52,7 @@ _presses = for_each("dip", f"s[{PRESSES} + {{row}} + j]")
 def put_shaped(fixed: ShapedConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
+    s[ROW.SCALE + j] = fixed.scale
     for k in range(len(fixed.falls)):
         s[ROW.PHASES + k * STRIDE + j] = fixed.falls[k]
         s[PRESSES + k * STRIDE + j] = fixed.presses[k]
@@ -64,7 +65,8 @@ def take_shaped(base: Shaped, s: Floats, j: int) -> ShapedConstants:
     row, shape = ROW.CONSTANTS + j, base.waveform
     e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
     falls, presses = _falls(shape, 0.0, 0.0, s, j), _presses(shape, 0.0, 0.0, s, j)
-    return ShapedConstants(base, e, alpha, r, falls, presses, SILENT, drawn_in(base.noise, s, j))
+    draw, scale = drawn_in(base.noise, s, j), s[ROW.SCALE + j]
+    return ShapedConstants(base, e, alpha, r, scale, falls, presses, SILENT, draw)
 
 
 @implements(bases.prepare, Shaped)

@@ -35,11 +35,13 @@ from functools import partial
 from typing import Final
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import LAWS, PARAMETERS
+from vibrosweep.model.parameters import LAWS, OF_RESTITUTION, PARAMETERS
+from vibrosweep.model.restitution_laws import CONSTANT, speed_mistakes
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.bases import REFERENCE_OF
 from vibrosweep.proof.reference.decisions import decided, nearest_integer
 from vibrosweep.proof.reference.high_bounce import BallMap
+from vibrosweep.proof.reference.laws import Constant, Laws
 from vibrosweep.proof.reference.motion import Problem
 from vibrosweep.proof.reference.orbit import attempt
 from vibrosweep.proof.reference.results import Trajectory
@@ -60,6 +62,8 @@ def trajectory(
     duration: float | Fraction,
     base: str = "high-bounce",
     rebound: str = "rest",
+    restitution_law: str = CONSTANT,
+    restitution_speed: float | None = None,
     max_impacts: int = 100_000,
     digits: int = 20,
     max_bits: int = 1 << 17,
@@ -88,9 +92,12 @@ def trajectory(
     }
     if base not in REFERENCE_OF:  # of single particles
         raise ParameterError(f"base = {base!r}: must be one of {', '.join(REFERENCE_OF)}")
+    if restitution_speed is not None:
+        values["restitution_speed"] = restitution_speed
     if base != "high-bounce" and rebound != "rest":
         raise ParameterError(f"rebound = {rebound!r}: must be rest where the base is {base}")
-    problem = _checked(values, launch_time, duration, rebound, max_impacts, digits)
+    laws = Laws(rebound, restitution_law)
+    problem = _checked(values, launch_time, duration, laws, max_impacts, digits)
     first = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
     return decided(partial(attempt, problem, REFERENCE_OF[base].motion), first, max_bits)
 
@@ -99,20 +106,24 @@ def _checked(
     values: dict[str, float],
     launch_time: float | Fraction,
     duration: float | Fraction,
-    rebound: str,
+    laws: Laws,
     max_impacts: int,
     digits: int,
 ) -> Problem:
     """Return the problem, with every number as a double, or raise `ParameterError`."""
     parameters = {name: float(value) for name, value in values.items()}
+    known = {**PARAMETERS, **OF_RESTITUTION}
     for name, value in parameters.items():
-        if not PARAMETERS[name].accepts(value):
-            raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
+        if not known[name].accepts(value):
+            raise ParameterError(f"{name} = {value!r}: must be {known[name].allowed}")
     for name, time in (("launch_time", launch_time), ("duration", duration)):
         if not math.isfinite(time):
             raise ParameterError(f"{name} = {time!r}: must be any finite number (s)")
-    if rebound not in LAWS:
-        raise ParameterError(f"rebound = {rebound!r}: must be one of {', '.join(LAWS)}")
+    if laws.rebound not in LAWS:
+        raise ParameterError(f"rebound = {laws.rebound!r}: must be one of {', '.join(LAWS)}")
+    given = {name for name in OF_RESTITUTION if name in parameters}
+    for name, text in speed_mistakes(laws.restitution, given).items():
+        raise ParameterError(f"{name}: {text}")
     for name, number in (("max_impacts", max_impacts), ("digits", digits)):
         if number < 1:
             raise ParameterError(f"{name} = {number!r}: must be at least 1")
@@ -120,7 +131,7 @@ def _checked(
         time if isinstance(time, Fraction) else Fraction(float(time))
         for time in (launch_time, duration)
     )
-    return Problem(parameters, launched, end, rebound, max_impacts, digits)
+    return Problem(parameters, launched, end, laws, max_impacts, digits)
 
 
 def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, int, arb]:
@@ -137,7 +148,7 @@ def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, 
     """
     with ctx.workprec(bits):
         # gravity 2 and frequency 1: velocities are flight times in periods
-        m = BallMap(arb(e), arb(a), 2 * arb(x), arb(4), arb(2))
+        m = BallMap(Constant(arb(e)), arb(a), 2 * arb(x), arb(4), arb(2))
         landed, w = m.impact(arb(0), arb(u))
         turns = arb(x) + landed
         count = nearest_integer(turns)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference import high_bounce, moving
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import Motion, PeriodMap, Problem
 
 
@@ -13,8 +14,8 @@ class Reference(NamedTuple):
     """Reference of a base: its motion, its map and its errors in doubles."""
 
     motion: Callable[[Problem], Motion]  # of a particle, from a problem
-    # Impacts in forcing periods, from physical parameters and the law of rebound
-    period_map: Callable[[Mapping[str, float], str], PeriodMap]
+    # Impacts in forcing periods, from physical parameters and the laws of an impact
+    period_map: Callable[[Mapping[str, float], Laws], PeriodMap]
     # Largest velocity of the base, m s-1, from physical parameters
     velocity: Callable[[Mapping[str, float]], float]
     # Largest error in turns of a lift-off after a rest in doubles, from physical parameters

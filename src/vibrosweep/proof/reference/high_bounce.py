@@ -11,9 +11,9 @@ so landing before the end, 2 V' <= g (T - t0), and rest, w <= g tau_c / 2, compa
 division has made inexact.  Without excitation V and v stay exact while they fit the precision, and
 even a tie is decided.  The dimensionless map is the case g = 2, f = 1, phi = 0.
 
-Where only phase and flight matter, as on a cycle, the map is written in forcing periods: x' = x +
-u, w = e u + a sin(2 pi x').  The law decides how much of the speed an impact keeps; here e v and e
-u stand for that.
+Where only phase and flight matter, as on a cycle, the map is written in forcing periods:
+x' = x + u, w = e u + a sin(2 pi x').  The law of restitution decides how much of the speed an
+impact keeps; e v and e u stand for it here.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import NamedTuple
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.decisions import UncertainError, certain_above
 from vibrosweep.proof.reference.enclosure import FRAME_BITS, Enclosure
-from vibrosweep.proof.reference.laws import LAW_OF, Law, law_of
+from vibrosweep.proof.reference.laws import Impact, Laws, mean_logarithm, slope_change
 from vibrosweep.proof.reference.motion import (
     EPS,
     Carried,
@@ -47,38 +47,32 @@ ZERO, ONE = arb(0), arb(1)
 class BallMap:
     """The map's parameters as balls; half turns, because sin(pi h) needs no multiplication."""
 
-    # restitution, amplitude: e and A (m s-1)
-    restitution: arb
-    amplitude: arb
+    restitution: Impact
+    amplitude: arb  # A (m s-1)
     half_turns_at_launch: arb  # 2 f t0 + phi / pi
     # half_turn_rate, gravity: 4 f and g.  The phase is 4 f V / g as a quotient, which is exact
     # where the result is: a landing on a zero of the sine is then recognised as one.
     half_turn_rate: arb
     gravity: arb
-    law: Law = LAW_OF["rest"]  # of the rebound
+    turns_back: bool = False  # True if a particle that is pushed into the base is turned back
 
     @classmethod
-    def of(cls, parameters: Mapping[str, float], rebound: str, launch_time: arb) -> BallMap:
+    def of(cls, parameters: Mapping[str, float], laws: Laws, launch_time: arb) -> BallMap:
         """Map of physical parameters, at the current precision."""
         p = {name: arb(value) for name, value in parameters.items()}
         return cls(
-            restitution=p["restitution"],
+            restitution=laws.impact(p["restitution"], p.get("restitution_speed")),
             amplitude=p["amplitude"],
             half_turns_at_launch=2 * p["frequency"] * launch_time + p["phase"] / arb.pi(),
             half_turn_rate=4 * p["frequency"],
             gravity=p["gravity"],
-            law=law_of(rebound),
+            turns_back=laws.turns_back,
         )
 
     @cached_property
     def _steepest(self) -> arb:
         """Largest derivative of the kick by V, pi A 4 f / g."""
         return arb.pi() * self.amplitude * self.half_turn_rate / self.gravity
-
-    @cached_property
-    def _unit(self) -> arb:
-        """Speed whose flight lasts one forcing period."""
-        return 2 * self.gravity / self.half_turn_rate
 
     def half_turns(self, flown: arb) -> arb:
         """Phase of the forcing, not reduced, when V is `flown`."""
@@ -88,12 +82,12 @@ class BallMap:
         """V' at the landing, and w, after a flight that starts with `speed` at V = `flown`."""
         landed = flown + speed
         kick = self.amplitude * self.half_turns(landed).sin_pi()
-        return landed, self.law.kept(self.restitution, speed, self._unit) + kick
+        return landed, self.restitution.kept(speed) + kick
 
     def slopes(self, half_turns: arb, speed: arb) -> tuple[arb, arb]:
         """Derivatives of w by V', at a phase, and by the speed before it, the landing kept."""
         by_landing = self._steepest * half_turns.cos_pi()
-        return by_landing, self.law.slope(self.restitution, speed, self._unit)
+        return by_landing, self.restitution.slope(speed)
 
     def carry(self, state: Enclosure) -> tuple[arb, arb, arb]:
         """Map a set; return V', its phase in half turns and w as balls around all its states."""
@@ -130,7 +124,7 @@ class Motion:
 
     def __init__(self, problem: Problem) -> None:
         p, self._launch_time = problem.balls, problem.launched
-        self._map = BallMap.of(problem.parameters, problem.rebound, self._launch_time)
+        self._map = BallMap.of(problem.parameters, problem.laws, self._launch_time)
         self._rest_velocity = p["gravity"] * p["contact_time"] / 2
         self._flown, self._velocity = ZERO, p["launch_velocity"]
         self._half_turns = self._map.half_turns_at_launch
@@ -160,7 +154,7 @@ class Motion:
     def leave(self, impact: int) -> Left | None:
         """Rebound, perhaps after a rest; None at rest for good."""
         w = self._velocity
-        speed = abs(w) if self._map.law.turns_back else w
+        speed = abs(w) if self._map.turns_back else w
         if certain_above(speed, self._rest_velocity, "w > v_rest", impact):
             self._velocity = speed
             if w < 0:
@@ -190,35 +184,36 @@ class Motion:
 class PeriodMap(NamedTuple):
     """The map in forcing periods."""
 
-    # e, a, r: restitution, kick and threshold of rest
-    e: arb
+    restitution: Impact
+    # a, r: kick and threshold of rest
     a: arb
     r: arb
-    law: Law
+    turns_back: bool
 
     @classmethod
-    def of(cls, parameters: Mapping[str, float], rebound: str) -> PeriodMap:
+    def of(cls, parameters: Mapping[str, float], laws: Laws) -> PeriodMap:
         """Map of physical parameters, at the current precision."""
         p = {name: arb(value) for name, value in parameters.items()}
         kick = 2 * p["frequency"] / p["gravity"] * p["amplitude"]
-        return cls(p["restitution"], kick, p["frequency"] * p["contact_time"], law_of(rebound))
+        rest = p["frequency"] * p["contact_time"]
+        return cls(laws.in_periods(p), kick, rest, laws.turns_back)
 
     def speed(self, x: arb, u: arb) -> arb:
         """Speed w after the landing at phase x of the flight u."""
-        return self.law.kept(self.e, u, ONE) + self.a * (2 * x).sin_pi()
+        return self.restitution.kept(u) + self.a * (2 * x).sin_pi()
 
     def slopes(self, x: arb, u: arb) -> tuple[arb, arb]:
         """Derivatives of w by the phase x of the landing, and by u with that phase kept.
 
         The Jacobian of (x', w) by (x, u) is [[1, 1], [s, f + s]].
         """
-        return 2 * arb.pi() * self.a * (2 * x).cos_pi(), self.law.slope(self.e, u, ONE)
+        return 2 * arb.pi() * self.a * (2 * x).cos_pi(), self.restitution.slope(u)
 
     def step(self, x: arb, u: arb) -> Step | None:
         """Impact of a ball of states; None where one may rest, or a decision is open."""
         w = self.speed(x + u, u)
         s, f = self.slopes(x + u, u)
-        if self.law.turns_back and w < 0:
+        if self.turns_back and w < 0:
             w, s, f = -w, -s, -f
         return Step(u, w, ((ONE, ONE), (s, f + s)), f) if w > self.r else None
 
@@ -232,7 +227,7 @@ class PeriodMap(NamedTuple):
         k, f = (float(slope) for slope in self.slopes(x + u, u))
         s_error = 4.0 * math.pi**2 * float(self.a) * errors[0]
         s_error += 16.0 * math.pi * EPS * float(self.a)  # both computations round
-        f_error = self.law.bend(float(self.e)) * errors[1]
+        f_error = slope_change(self.restitution, u, errors[1])
         c, s = direction
         wrong = abs(c + s) * s_error + abs(s) * f_error
         wrong += 32.0 * EPS * (2.0 + f + 2.0 * abs(k))
@@ -241,14 +236,7 @@ class PeriodMap(NamedTuple):
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
         """Mean logarithm of the determinant of impacts with these speeds of arrival."""
-        slopes = [self.law.slope(self.e, u, ONE) for u in speeds]
-        if any(slope == 0 for slope in slopes):
-            return -math.inf, 0.0
-        bend = self.law.bend(float(self.e))
-        if bend == 0.0:  # the law keeps the same share of any speed
-            return slopes[0].log(), 0.0
-        change = max(bend * error / float(slope) for slope in slopes)
-        return sum((slope.log() for slope in slopes), ZERO) / len(slopes), change
+        return mean_logarithm(self.restitution, self.restitution.slope, speeds, error)
 
 
 def liftoff_error(parameters: Mapping[str, float]) -> float:

@@ -1,60 +1,188 @@
-"""Laws of rebound in ball arithmetic: the speed kept at an impact, and the turning back.
+"""Laws of rebound and of restitution in ball arithmetic.
 
-The speed after an impact is w = kept + kick.  Where w is negative the particle is pushed into the
-base: it rests, or the law turns it back with the speed -w.
+Over the high-bounce base the speed after an impact is w = kept + kick.  Where w is negative the
+particle is pushed into the base: it rests, or the law of rebound turns it back with the speed -w.
+
+A law of restitution holds for a restitution e and a speed v_r, and is given speeds in the unit of
+that one.  Where a ball of speeds holds a kink, values and slopes of both sides are enclosed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Final, NamedTuple
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, NamedTuple, Protocol
 
 from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.outside_laws import Law as OutsideLaw
 from vibrosweep.proof.reference._flint import arb
 
-
-class Law(NamedTuple):
-    """A law of rebound."""
-
-    # Speed kept, from restitution, speed of arrival, and the speed whose flight lasts one forcing
-    # period, in the same unit
-    kept: Callable[[arb, arb, arb], arb]
-    slope: Callable[[arb, arb, arb], arb]  # derivative of `kept` by the speed of arrival
-    # Bound of the modulus of the second derivative, from the restitution; speeds are in units of
-    # that whose flight lasts one forcing period
-    bend: Callable[[float], float]
-    turns_back: bool  # True if a particle that is pushed into the base is turned back
+TURNS_BACK: Final[Mapping[str, bool]] = {"rest": False, "reflect": True}
 
 
-def _share(restitution: arb, speed: arb, unit: arb) -> arb:
-    return restitution * speed
+class Laws(NamedTuple):
+    """Laws by their names."""
+
+    rebound: str = "rest"
+    restitution: str = "constant"
+
+    @property
+    def turns_back(self) -> bool:
+        """True if a particle that is pushed into the base is turned back."""
+        return TURNS_BACK[self.rebound]
+
+    def in_periods(self, p: Mapping[str, arb]) -> Impact:
+        """Return `impact` of physical parameters, with speeds as flights in forcing periods."""
+        speed = p.get("restitution_speed")
+        unit = p["gravity"] / (2 * p["frequency"])
+        return self.impact(p["restitution"], None if speed is None else speed / unit)
+
+    def impact(self, e: arb, speed: arb | None) -> Impact:
+        """Return the law of restitution e, where it has one of that speed."""
+        if speed is None:
+            return Constant(e)
+        if self.restitution in OF_SPEED:
+            return OF_SPEED[self.restitution](e, speed)
+        return Outside(OUTSIDE[self.restitution], e, speed)
 
 
-def _restitution(restitution: arb, speed: arb, unit: arb) -> arb:
-    return restitution
+class Impact(Protocol):
+    """What an impact leaves of a relative speed."""
+
+    def kept(self, v: arb) -> arb:
+        """Speed that is left of v."""
+
+    def slope(self, v: arb) -> arb:
+        """Derivative of `kept`."""
 
 
-def _straight(restitution: float) -> float:
-    return 0.0
+class Constant(NamedTuple):
+    """The same share of any speed."""
+
+    e: arb
+
+    def kept(self, v: arb) -> arb:
+        """Speed that is left of v."""
+        return self.e * v
+
+    def slope(self, v: arb) -> arb:
+        """Derivative of `kept`."""
+        return self.e
 
 
-def law_of(name: str) -> Law:
-    """Return a law by its name, one from outside the package as it is at this moment."""
-    return LAW_OF[name] if name in LAW_OF else _from_outside(OUTSIDE[name])
+class Plastic(NamedTuple):
+    """The same share up to a speed, and e (v / speed)^(-1/4) above it."""
+
+    e: arb
+    speed: arb
+
+    def _chosen(self, v: arb, below: arb, above: Callable[[], arb]) -> arb:
+        if v <= self.speed:
+            return below
+        return above() if v > self.speed else below.union(above())
+
+    def kept(self, v: arb) -> arb:
+        """Speed that is left of v."""
+        below = self.e * v
+        return self._chosen(v, below, lambda: below * (self.speed / v).sqrt().sqrt())
+
+    def slope(self, v: arb) -> arb:
+        """Derivative of `kept`."""
+        return self._chosen(v, self.e, lambda: 0.75 * self.e * (self.speed / v).sqrt().sqrt())
 
 
-def _from_outside(law: OutsideLaw) -> Law:
-    kept, slope = law.ball_kept or law.kept, law.ball_slope or law.slope
-    return Law(
-        lambda e, v, unit: kept(e, v / unit) * unit,
-        lambda e, v, unit: slope(e, v / unit),
-        law.bend,
-        turns_back=False,
-    )
+class Viscoelastic:
+    """P(y) of the speed with y = y_0 (v / speed)^(1/10), where P(y_0) = e."""
+
+    def __init__(self, e: arb, speed: arb) -> None:
+        self._speed, self._root = speed, _root_at(e)
+
+    def _scaled(self, v: arb) -> arb:
+        """Return y, of speeds that are not negative."""
+        t = v / self._speed
+        if t > 0:
+            return self._root * t.root(10)
+        highest = arb(t.abs_upper())
+        return self._root * (highest.root(10).union(arb(0)) if highest > 0 else arb(0))
+
+    def kept(self, v: arb) -> arb:
+        """Speed that is left of v."""
+        top, higher, _, _ = _terms(self._scaled(v))
+        return top / (top + higher) * v
+
+    def slope(self, v: arb) -> arb:
+        """Derivative of `kept`."""
+        y = self._scaled(v)
+        top, higher, by_top, by_higher = _terms(y)
+        bottom = top + higher
+        fall = y * (by_top * higher - top * by_higher) / bottom
+        return (top + fall / 10) / bottom
 
 
-LAW_OF: Final[Mapping[str, Law]] = {
-    "rest": Law(_share, _restitution, _straight, turns_back=False),
-    "reflect": Law(_share, _restitution, _straight, turns_back=True),
+def _terms(y: arb) -> tuple[arb, arb, arb, arb]:
+    """Numerator of P, its denominator less that, and their derivatives."""
+    n1, d2, d3, d4 = arb("0.501086"), arb("1.15345"), arb("0.577977"), arb("0.532178")
+    higher = y * y * (d2 + y * (d3 + y * d4))
+    return 1 + n1 * y, higher, n1, y * (2 * d2 + y * (3 * d3 + y * 4 * d4))
+
+
+def _root_at(e: arb) -> arb:
+    """Return y > 0 with P(y) = e, by Newton's interval method; P falls from 1 at 0."""
+    if e == 1:
+        return arb(0)
+    y = arb(1)
+    for _ in range(30):  # (1 - e) top = e higher; each leaves a fifth of the error
+        top, higher, _, _ = _terms(y)
+        y = arb((y * ((1 - e) * top / (e * higher)).sqrt()).mid())
+    found = y * arb(1, 2.0**-40)
+    while True:
+        top, higher, _, _ = _terms(y)
+        _, _, by_top, by_higher = _terms(found)
+        step = ((1 - e) * top - e * higher) / ((1 - e) * by_top - e * by_higher)
+        closer = (y - step).intersection(found)
+        if not closer.rad() < 0.5 * found.rad():
+            return closer
+        found, y = closer, arb(closer.mid())
+
+
+class Outside:
+    """A law from outside the package, as it is at this moment."""
+
+    def __init__(self, law: OutsideLaw, e: arb, speed: arb) -> None:
+        self._ratio, self._slope = law.ball_ratio or law.ratio, law.ball_slope or law.slope
+        self._e, self._speed = e, speed
+
+    def kept(self, v: arb) -> arb:
+        """Speed that is left of v."""
+        return self._ratio(self._e, v / self._speed) * v
+
+    def slope(self, v: arb) -> arb:
+        """Derivative of `kept`."""
+        return self._slope(self._e, v / self._speed)
+
+
+OF_SPEED: Final[Mapping[str, Callable[[arb, arb], Impact]]] = {
+    "plastic": Plastic,
+    "viscoelastic": Viscoelastic,
 }
+
+
+def slope_change(impact: Impact, v: arb, error: float) -> float:
+    """Bound of how much the slope changes where a speed does by an error."""
+    if isinstance(impact, Constant):
+        return 0.0
+    return float((impact.slope(v + arb(0, error)) - impact.slope(v)).abs_upper())
+
+
+def mean_logarithm(
+    law: Impact, factor: Callable[[arb], arb], speeds: Sequence[arb], error: float
+) -> tuple[arb | float, float]:
+    """Mean logarithm of a factor at some speeds, and a bound of its change by their error."""
+    exact = [factor(v) for v in speeds[: 1 if isinstance(law, Constant) else None]]
+    if any(one == 0 for one in exact):
+        return -math.inf, 0.0
+    mean = sum((one.log() for one in exact), arb(0)) / len(exact)
+    if isinstance(law, Constant):
+        return mean, 0.0
+    off = [(factor(v + arb(0, error)) / one).log() for v, one in zip(speeds, exact, strict=True)]
+    return mean, max(float(one.abs_upper()) for one in off)

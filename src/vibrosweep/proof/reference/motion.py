@@ -11,6 +11,7 @@ from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from vibrosweep.proof.reference._flint import arb, exact
 from vibrosweep.proof.reference.enclosure import Rows
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.results import Flight
 
 EPS: Final = 2.0**-53  # one rounding
@@ -26,7 +27,7 @@ class Problem:
     parameters: dict[str, float]
     launch_time: Fraction
     duration: Fraction
-    rebound: str
+    laws: Laws
     max_impacts: int
     digits: int
 

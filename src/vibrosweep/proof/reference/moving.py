@@ -1,20 +1,21 @@
 """The moving base in ball arithmetic.
 
 The base has the velocity V0 sin(omega t + phi) and the height -(V0 / omega) cos(omega t + phi),
-with V0 = A / (1 + e).  In forcing periods and speeds of g / 2 f its velocity is alpha sin(2 pi x)
+with V0 = A / (1 + e).  An impact leaves E(z) of the relative speed z, with the slope q = E'(z).  In
+forcing periods and speeds of g / 2 f its velocity is alpha sin(2 pi x)
 with alpha = a / (1 + e), a = 2 f A / g, and its largest acceleration is Gamma = pi alpha in units
 of gravity.  The state is the phase x and the speed y relative to the base, both at lift-off.  The
 flight to the first s > 0 at the height of the base (`vibrosweep.proof.reference.landing`) ends with
 the relative speed z, and
 
-    x' = x + s,        z = 2 s - y + alpha (sin(2 pi x') - sin(2 pi x)),        y' = e z
+    x' = x + s,        z = 2 s - y + alpha (sin(2 pi x') - sin(2 pi x)),        y' = E(z)
 
 By the implicit function theorem, with the angles t = 2 pi x and t' = 2 pi x',
 
     ds = (2 G_x dx + s dy) / z,            G_x = (alpha / 2) (sin t - sin t' + 2 pi s cos t)
-    dy' = e (2 (1 + Gamma cos t') ds + 2 Gamma (cos t' - cos t) dx - dy)
+    dy' = q (2 (1 + Gamma cos t') ds + 2 Gamma (cos t' - cos t) dx - dy)
 
-with the determinant e y / z.
+with the determinant q y / z.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from vibrosweep.proof.reference.decisions import (
 )
 from vibrosweep.proof.reference.enclosure import FRAME_BITS, Enclosure, Rows
 from vibrosweep.proof.reference.landing import Clearance, first_root, narrowed
+from vibrosweep.proof.reference.laws import Constant, Impact, Laws, mean_logarithm
 from vibrosweep.proof.reference.motion import (
     EPS,
     Carried,
@@ -50,19 +52,19 @@ ZERO, ONE = arb(0), arb(1)
 class MovingMap(NamedTuple):
     """The impacts in forcing periods."""
 
-    # e, alpha, gamma: restitution, largest velocity of the base, and its largest acceleration
-    e: arb
+    restitution: Impact
+    # alpha, gamma: largest velocity of the base, and its largest acceleration
     alpha: arb
     gamma: arb
     r: arb  # relative speed at and below which a particle rests where the base presses
 
     @classmethod
-    def of(cls, parameters: Mapping[str, float], rebound: str) -> MovingMap:
+    def of(cls, parameters: Mapping[str, float], laws: Laws) -> MovingMap:
         """Map of physical parameters, at the current precision; there is one law of rebound."""
         p = {name: arb(value) for name, value in parameters.items()}
         alpha = 2 * p["frequency"] / p["gravity"] * p["amplitude"] / (1 + p["restitution"])
         rest = p["frequency"] * p["contact_time"]
-        return cls(p["restitution"], alpha, arb.pi() * alpha, rest)
+        return cls(laws.in_periods(p), alpha, arb.pi() * alpha, rest)
 
     def lift_off(self, impact: int) -> arb | None:
         """Phase at which a resting particle is left behind; None if it never is."""
@@ -96,11 +98,13 @@ class MovingMap(NamedTuple):
     def impact(self, x: arb, y: arb, s: arb | None, impact: int) -> Step:
         """Impact after a flight of `s` periods; None where it lands at once."""
         if s is None:
-            return Step(ZERO, -self.e * y, ((ONE, ZERO), (ZERO, -self.e)), -self.e)
+            kept, slope = self.restitution.kept(-y), -self.restitution.slope(-y)
+            return Step(ZERO, kept, ((ONE, ZERO), (ZERO, slope)), slope)
         arrival = -2 * Clearance(self.alpha, x, y).slope(s)
         if not arrival > 0:
             raise UncertainError("the speed of a landing", impact)
-        return Step(s, self.e * arrival, self.jacobian(x, s, arrival), self.e * y / arrival)
+        kept, slope = self.restitution.kept(arrival), self.restitution.slope(arrival)
+        return Step(s, kept, self.jacobian(x, s, arrival), slope * y / arrival)
 
     def jacobian(self, x: arb, s: arb, arrival: arb) -> Rows:
         """Derivative of phase and speed after an impact by those before its flight."""
@@ -110,7 +114,8 @@ class MovingMap(NamedTuple):
         by_speed = s / arrival
         twice = 2 * (1 + self.gamma * cosine_after)
         turned = 2 * self.gamma * (cosine_after - cosine)
-        below = self.e * (twice * by_phase + turned), self.e * (twice * by_speed - 1)
+        slope = self.restitution.slope(arrival)
+        below = slope * (twice * by_phase + turned), slope * (twice * by_speed - 1)
         return (1 + by_phase, by_speed), below
 
     def step(self, x: arb, y: arb) -> Step | None:
@@ -145,9 +150,10 @@ class MovingMap(NamedTuple):
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
         """Mean logarithm of the determinant, in coordinates in which it does not depend on speeds.
 
-        It is e y / z = e^2 y / y' in (x, y), and e^2 in (x, y^2).
+        It is q y / z = q (y' / z) (y / y') in (x, y), and q y' / z in (x, y^2).
         """
-        return (-math.inf if self.e == 0 else 2 * self.e.log()), 0.0
+        law = self.restitution
+        return mean_logarithm(law, lambda z: law.slope(z) * law.kept(z) / z, speeds, error)
 
 
 def liftoff_error(parameters: Mapping[str, float]) -> float:
@@ -155,7 +161,7 @@ def liftoff_error(parameters: Mapping[str, float]) -> float:
 
     It grows where the base hardly falls faster than gravity: Gamma, of a few roundings, decides.
     """
-    gamma = float(MovingMap.of(parameters, "rest").gamma)
+    gamma = float(MovingMap.of(parameters, Laws()).gamma)
     if gamma <= 1.0 - 32.0 * EPS:
         return 0.0
     above = (gamma - 1.0) * (gamma + 1.0)
@@ -191,7 +197,7 @@ def first_landing(
     def attempt(bits: int) -> tuple[arb, arb]:
         with ctx.workprec(bits):
             alpha = arb(a) / (1 + arb(e))
-            s = MovingMap(arb(e), alpha, arb.pi() * alpha, ZERO).flight(arb(x), arb(y), 1)
+            s = MovingMap(Constant(arb(e)), alpha, arb.pi() * alpha, ZERO).flight(arb(x), arb(y), 1)
             if s is None:
                 return ZERO, -arb(y)
             return s, -2 * Clearance(alpha, arb(x), arb(y)).slope(s)
@@ -210,7 +216,7 @@ class Motion:
 
     def __init__(self, problem: Problem) -> None:
         p, self._launch_time = problem.balls, problem.launched
-        self._map = MovingMap.of(problem.parameters, problem.rebound)
+        self._map = MovingMap.of(problem.parameters, problem.laws)
         self._frequency, self._gravity = p["frequency"], p["gravity"]
         self._phase = p["frequency"] * self._launch_time + p["phase"] / (2 * arb.pi())
         self.end = p["frequency"] * problem.lasting

@@ -1,0 +1,88 @@
+"""Bounds of the errors that an impact on the high-bounce base adds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibrosweep.kernels._jit import fma, implements
+from vibrosweep.kernels.bases import Flight, error_bounds
+from vibrosweep.kernels.bases.error_bounds import Spread
+from vibrosweep.kernels.bases.high_bounce import Constants
+from vibrosweep.kernels.restitution import (
+    ratio,
+    ratio_error,
+    slope_change,
+)
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
+from vibrosweep.kernels.waveforms import (
+    kick_bend,
+    kick_rounding,
+    kick_slope,
+    left_out,
+    lift_off_error,
+    peak_of,
+    velocity,
+)
+
+# A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
+LANDING_ERROR = 0.5 * HALF_ULP
+
+
+@implements(error_bounds.jacobian_error, Constants)
+def jacobian_error_high_bounce(
+    fixed: Constants, flight: Flight, error: float, spread: Spread
+) -> tuple[float, float, float]:
+    by_phase = kick_bend(fixed.base.waveform, fixed.a, flight.landing, error)
+    change = slope_change(fixed.base.restitution, fixed.e, fixed.scale, flight.v, spread[1])[1]
+    return 0.0, change, by_phase
+
+
+@implements(error_bounds.launch_error, Constants)
+def launch_error_high_bounce(fixed: Constants, x: float, u: float) -> float:
+    return KICK_ERROR * u + SMALLEST
+
+
+@implements(error_bounds.landing_added, Constants)
+def landing_added_high_bounce(
+    fixed: Constants, flight: Flight, spread: Spread
+) -> tuple[float, float]:
+    moved: float = flight.x + (flight.u - np.rint(flight.u))
+    return min(LANDING_ERROR, HALF_ULP * abs(moved)), 0.0
+
+
+@implements(error_bounds.rebound_error, Constants)
+def rebound_error_high_bounce(
+    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, spread: Spread
+) -> float:
+    x, v = flight.landing, flight.v
+    law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
+    a, shape = fixed.a, fixed.base.waveform
+    share, of_base = ratio(law, e, scale, v), velocity(shape, x)
+    w = fma(share, v, a * of_base)
+    kicked = abs(kick_slope(shape, a, x)) * added[0] + (HALF_ULP * abs(w) + SMALLEST)
+    kicked += ratio_error(law, e, scale, v) * (share * v)
+    kicked += kick_rounding(shape, a, of_base)
+    kicked += left_out(shape, a, x, error)
+    return kicked + slope_change(law, e, scale, v, spread[1])[1] * spread[1]
+
+
+@implements(error_bounds.absolute_error, Constants)
+def absolute_error_high_bounce(fixed: Constants, x: float, u: float, spread: Spread) -> float:
+    return spread[1]
+
+
+@implements(error_bounds.rest_is_doubtful, Constants)
+def rest_is_doubtful_high_bounce(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
+    return abs(w - fixed.r) <= spread[1] + REST_ERROR * fixed.r
+
+
+@implements(error_bounds.liftoff_error, Constants)
+def liftoff_error_high_bounce(fixed: Constants) -> tuple[float, float]:
+    shape, a, r = fixed.base.waveform, fixed.a, fixed.r
+    most = a * peak_of(shape)
+    if abs(most - r) <= KICK_ERROR * most + REST_ERROR * r:
+        return np.inf, np.inf
+    if most < r:  # it is never lifted
+        return 0.0, 0.0
+    error = lift_off_error(shape, a, r, fixed.x_lift)
+    return error, REST_ERROR * r if error < np.inf else np.inf

@@ -1,0 +1,288 @@
+"""Laws of restitution whose share falls with the speed of the impact.
+
+- plastic (Johnson 1985, Contact Mechanics, section 11.5): e(v) = e up to the speed v_y at which
+  yielding begins, and e (v / v_y)^(-1/4) above it.  E has a kink there.
+- viscoelastic (Mueller and Poeschel 2011, Phys. Rev. E 84, 021302): e(v) = P(y), the quotient of
+  two polynomials of y = y_0 (v / v_r)^(1/10), where P(y_0) = e.
+
+Their slopes fall too: over a range of speeds a slope lies between those at its ends.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels import elementary
+from vibrosweep.kernels._jit import compiled_anew, fma, implements, jit
+from vibrosweep.kernels.markers import kind
+from vibrosweep.kernels.restitution import (
+    Constant,
+    Restitution,
+    arrival_to_repeat,
+    leaving_to_repeat,
+    lost_speed,
+    ratio,
+    ratio_error,
+    rise_to_repeat,
+    scale_of,
+    slack,
+    slope,
+    slope_range,
+    straight,
+)
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
+from vibrosweep.model.outside_laws import OUTSIDE
+from vibrosweep.model.outside_laws import Law as OutsideLaw
+from vibrosweep.model.restitution_laws import CONSTANT, PADE, PLASTIC, VISCOELASTIC
+
+# The bits of t^(-1/4), to 3.2 %, are these less a quarter of the bits of t
+QUARTER_BITS = np.int64(0x4FEB_0312_0000_0000)
+# (1 - h)^(-1/4) = 1 + h (Q1 + h (Q2 + h Q3)) + ...
+Q1, Q2, Q3 = 1.0 / 4.0, 5.0 / 32.0, 15.0 / 128.0
+# Relative errors: of e(v) above the speed of yielding, a product of e with a fourth root; of q(v),
+# which is 3/4 of it; each with that of v_y, of which a fourth root is taken
+PLASTIC_ERROR: Final = 5.0 * HALF_ULP + 0.25 * KICK_ERROR
+# Of v / v_r, relative
+SPEED_ERROR: Final = 2.0 * HALF_ULP + KICK_ERROR
+N1, D2, D3, D4 = PADE
+STEPS = 40  # of the iteration for y_0, each of which leaves a fifth of the error
+# Relative errors: of y_0^10 / v_r, ten times 8 of y_0, 10 of the powers, 3 of v_r and the quotient;
+# of P where y is exact; of y where its logarithm is 0, and how much more for a logarithm of 1
+SCALE_ERROR: Final = 93.0 * HALF_ULP + KICK_ERROR
+PADE_ERROR: Final = 10.0 * HALF_ULP
+ROOT_ERROR: Final = 0.1 * SCALE_ERROR + 2.5 * HALF_ULP
+LOG_ERROR: Final = 4.5 * HALF_ULP
+
+
+class Plastic(NamedTuple):
+    """Yielding above a speed."""
+
+
+@jit
+def inverse_fourth_root(t: float) -> float:
+    """Return t^(-1/4) to 2 half ulps, for t that is positive and normal.
+
+    A guess from the bits is off by h = 1 - root^4 t of at most 0.124; each step leaves 0.38 h^4.
+    """
+    root = np.int64(QUARTER_BITS - (np.float64(t).view(np.int64) >> 2)).view(np.float64)
+    for _ in range(2):
+        square = root * root
+        h = fma(-t, square * square, 1.0)
+        root = np.float64(fma(root * h, fma(h, fma(h, Q3, Q2), Q1), root))
+    return root
+
+
+@implements(scale_of, Plastic)
+def scale_of_plastic(law: Restitution, e: float, speed: float) -> float:
+    return 1.0 / speed
+
+
+@implements(ratio, Plastic)
+def ratio_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    t = v * scale
+    yielding = e * inverse_fourth_root(t)  # of every lane, which is no branch
+    return yielding if t > 1.0 else e
+
+
+@implements(slope, Plastic)
+def slope_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    return 0.75 * ratio(law, e, scale, v) if v * scale > 1.0 else e
+
+
+@implements(slope_range, Plastic)
+def slope_range_plastic(
+    law: Restitution, e: float, scale: float, low: float, high: float
+) -> tuple[float, float]:
+    # on whichever side of the kink rounding may have put an end
+    near, far = 1.0 - 8.0 * HALF_ULP, 1.0 + 8.0 * HALF_ULP
+    least = slope(law, e, scale, high * far) * near if high < np.inf else 0.0
+    return least, slope(law, e, scale, low * near) * far
+
+
+@implements(ratio_error, Plastic)
+def ratio_error_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    return PLASTIC_ERROR
+
+
+@implements(slack, Plastic)
+def slack_plastic(law: Restitution) -> float:
+    return 2.0
+
+
+class Viscoelastic(NamedTuple):
+    """Spheres that dissipate as they are deformed."""
+
+
+@jit
+def root_at(e: float) -> float:
+    """Return y_0 where P is e, by (1 - e)(1 + n_1 y) = e y^2 (d_2 + d_3 y + d_4 y^2).
+
+    The iteration converges for e in [0.4, 1], where y is at most 1.2, and keeps relative accuracy
+    where e is near 1.
+    """
+    y = 0.0
+    for _ in range(STEPS):
+        y = math.sqrt((1.0 - e) * fma(N1, y, 1.0) / (e * fma(y, fma(y, D4, D3), D2)))
+    return y
+
+
+@jit
+def _root(scale: float, v: float) -> float:
+    """Return y at speed v."""
+    t = v * scale
+    return elementary.exp(0.1 * elementary.log(0.0 if t < 0.0 else t))
+
+
+@jit
+def pade(y: float) -> tuple[float, float]:
+    """Return P(y), and the slope P + y P' / 10 of P(y_0 (v / v_r)^(1/10)) v."""
+    top = fma(N1, y, 1.0)
+    higher = y * y * fma(y, fma(y, D4, D3), D2)
+    bottom = top + higher
+    # of y P' / P: the logarithmic derivatives of top and bottom
+    fall = N1 * y / top - (N1 * y + y * y * fma(y, fma(y, 4.0 * D4, 3.0 * D3), 2.0 * D2)) / bottom
+    share = top / bottom
+    return share, share * fma(0.1, fall, 1.0)
+
+
+@implements(scale_of, Viscoelastic)
+def scale_of_viscoelastic(law: Restitution, e: float, speed: float) -> float:
+    y = root_at(e)
+    square = y * y
+    eighth = square * square
+    eighth *= eighth
+    return eighth * square / speed
+
+
+@implements(ratio, Viscoelastic)
+def ratio_viscoelastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    return pade(_root(scale, v))[0]
+
+
+@implements(slope, Viscoelastic)
+def slope_viscoelastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    return pade(_root(scale, v))[1]
+
+
+@implements(slope_range, Viscoelastic)
+def slope_range_viscoelastic(
+    law: Restitution, e: float, scale: float, low: float, high: float
+) -> tuple[float, float]:
+    error = 32.0 * HALF_ULP
+    least = slope(law, e, scale, high) - error if high < np.inf else 0.0
+    return max(least, 0.0), min(slope(law, e, scale, low) + error, 1.0)
+
+
+@implements(ratio_error, Viscoelastic)
+def ratio_error_viscoelastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    y = _root(scale, v)
+    share, q = pade(y)
+    of_root = ROOT_ERROR + LOG_ERROR * abs(elementary.log(y)) if y > 0.0 else 0.0
+    return PADE_ERROR + 10.0 * (share - q) / share * of_root
+
+
+@implements(slack, Viscoelastic)
+def slack_viscoelastic(law: Restitution) -> float:
+    return 3.0
+
+
+@implements(straight, Plastic, Viscoelastic)
+def straight_falling(law: Restitution) -> bool:
+    return False
+
+
+@implements(lost_speed, Plastic, Viscoelastic)
+def lost_speed_falling(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
+    return fma(-ratio(law, e, scale, v), v, sign * v)
+
+
+@implements(arrival_to_repeat, Plastic, Viscoelastic)
+def arrival_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+    # E is concave: Newton's method from below never passes the root
+    c = k
+    for _ in range(STEPS):
+        left = lost_speed(law, e, scale, c, -1.0) + 2.0 * k
+        c += left / (1.0 + slope(law, e, scale, c))
+    return c
+
+
+@implements(leaving_to_repeat, Plastic, Viscoelastic)
+def leaving_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+    c = arrival_to_repeat(law, e, scale, k)
+    return ratio(law, e, scale, c) * c
+
+
+@implements(rise_to_repeat, Plastic, Viscoelastic)
+def rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+    # half of what the impact leaves out
+    c = arrival_to_repeat(law, e, scale, k)
+    return 0.5 * (1.0 + e) * lost_speed(law, e, scale, c, 1.0)
+
+
+# What is the same for all laws whose share of a speed falls with it
+FALLING: Final[Mapping[Any, Any]] = {
+    straight: straight_falling,
+    lost_speed: lost_speed_falling,
+    arrival_to_repeat: arrival_to_repeat_falling,
+    leaving_to_repeat: leaving_to_repeat_falling,
+    rise_to_repeat: rise_to_repeat_falling,
+}
+LAW_OF: Final[Mapping[str, Restitution]] = {
+    CONSTANT: Constant(),
+    PLASTIC: Plastic(),
+    VISCOELASTIC: Viscoelastic(),
+}
+
+
+def restitution_of(name: str) -> Restitution:
+    """Return a law by its name, one from outside the package with the code of this moment."""
+    return LAW_OF[name] if name in LAW_OF else _from_outside(OUTSIDE[name].code, OUTSIDE[name])
+
+
+@functools.cache
+def _from_outside(code: str, law: OutsideLaw) -> Restitution:
+    """Implement a law from outside the package."""
+    marker = kind(f"{law.name}_{code}")
+    share, kept_slope, bend = (compiled_anew(f, jit) for f in (law.ratio, law.slope, law.bend))
+    roundings, rounding = law.roundings, law.roundings * HALF_ULP
+
+    @implements(scale_of, marker)
+    def scale_of_outside(law: Restitution, e: float, speed: float) -> float:
+        return 1.0 / speed
+
+    @implements(ratio, marker)
+    def ratio_outside(law: Restitution, e: float, scale: float, v: float) -> float:
+        return share(e, v * scale)  # type: ignore[no-any-return]
+
+    @implements(slope, marker)
+    def slope_outside(law: Restitution, e: float, scale: float, v: float) -> float:
+        return kept_slope(e, v * scale)  # type: ignore[no-any-return]
+
+    @implements(slope_range, marker)
+    def slope_range_outside(
+        law: Restitution, e: float, scale: float, low: float, high: float
+    ) -> tuple[float, float]:
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        q, change = kept_slope(e, middle * scale), bend(e) * half * scale
+        change += abs(q) * rounding + bend(e) * abs(middle) * scale * SPEED_ERROR
+        return q - change, q + change
+
+    @implements(ratio_error, marker)
+    def ratio_error_outside(law: Restitution, e: float, scale: float, v: float) -> float:
+        # the derivative of e(v) by the logarithm of v is q - e
+        kept = share(e, v * scale)
+        off = abs(kept_slope(e, v * scale) - kept) + bend(e) * v * scale * SPEED_ERROR
+        return rounding + off * SPEED_ERROR / abs(kept) if kept != 0.0 else rounding
+
+    @implements(slack, marker)
+    def slack_outside(law: Restitution) -> float:
+        return 1.0 + 0.25 * roundings
+
+    for function, falling in FALLING.items():
+        implements(function, marker)(falling)
+    return marker()

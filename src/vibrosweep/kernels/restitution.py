@@ -1,0 +1,150 @@
+"""Laws of restitution: the share of its relative speed that an impact leaves to a particle.
+
+An impact at the relative speed v ends with E(v) = e(v) v, of which q(v) = E'(v) is the slope.  A
+law is an empty named tuple, whose type numba knows when it compiles.  `scale_of` makes one number
+of the restitution e and the speed of a law, with which the law scales speeds; these are durations
+of flights, in forcing periods.
+
+Here is the constant law, e(v) = e; `vibrosweep.kernels.falling` has those whose share falls with
+the speed.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from vibrosweep.kernels._jit import generic, implements, jit
+
+Restitution = Any
+
+
+@generic
+def scale_of(law: Restitution, e: float, speed: float) -> float:
+    """Number by which a law scales speeds, from its restitution and its speed."""
+
+
+@generic
+def ratio(law: Restitution, e: float, scale: float, v: float) -> float:
+    """Coefficient of restitution e(v) of an impact at speed v."""
+
+
+@generic
+def slope(law: Restitution, e: float, scale: float, v: float) -> float:
+    """Derivative q(v) of the speed that an impact at speed v leaves."""
+
+
+@generic
+def slope_range(
+    law: Restitution, e: float, scale: float, low: float, high: float
+) -> tuple[float, float]:
+    """Bounds of the slope over the speeds from `low` to `high`."""
+
+
+@generic
+def ratio_error(law: Restitution, e: float, scale: float, v: float) -> float:
+    """Bound of the relative error of e(v), for an exact speed v."""
+
+
+@generic
+def straight(law: Restitution) -> bool:
+    """Return whether a law leaves the same share of any speed."""
+
+
+@generic
+def slack(law: Restitution) -> float:
+    """How many times the share of rounding of a component of a Jacobian a slope may need."""
+
+
+@generic
+def lost_speed(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
+    """Return sign v - E(v), the change of speed that makes up for an impact at speed v."""
+
+
+@generic
+def arrival_to_repeat(law: Restitution, e: float, scale: float, k: float) -> float:
+    """Speed c of an impact with c + E(c) = 2 k: relative to a base that rises with c - k."""
+
+
+@generic
+def leaving_to_repeat(law: Restitution, e: float, scale: float, k: float) -> float:
+    """Return E(c), of the speed c of `arrival_to_repeat`."""
+
+
+@generic
+def rise_to_repeat(law: Restitution, e: float, scale: float, k: float) -> float:
+    """Return (1 + e)(c - k), with the speed c of `arrival_to_repeat`."""
+
+
+@jit
+def slope_change(
+    law: Restitution, e: float, scale: float, v: float, error: float
+) -> tuple[float, float]:
+    """Slope at speed v, and how much it changes within an error of the speed.
+
+    By the mean value theorem the second times the error bounds what the linear part leaves out.
+    """
+    q = slope(law, e, scale, v)
+    low, high = slope_range(law, e, scale, v - error, v + error)
+    return q, max(high - q, q - low)
+
+
+class Constant(NamedTuple):
+    """The same share of any speed."""
+
+
+@implements(scale_of, Constant)
+def scale_of_constant(law: Restitution, e: float, speed: float) -> float:
+    return 0.0
+
+
+@implements(ratio, Constant)
+def ratio_constant(law: Restitution, e: float, scale: float, v: float) -> float:
+    return e
+
+
+@implements(slope, Constant)
+def slope_constant(law: Restitution, e: float, scale: float, v: float) -> float:
+    return e
+
+
+@implements(slope_range, Constant)
+def slope_range_constant(
+    law: Restitution, e: float, scale: float, low: float, high: float
+) -> tuple[float, float]:
+    return e, e
+
+
+@implements(ratio_error, Constant)
+def ratio_error_constant(law: Restitution, e: float, scale: float, v: float) -> float:
+    return 0.0
+
+
+@implements(straight, Constant)
+def straight_constant(law: Restitution) -> bool:
+    return True
+
+
+@implements(slack, Constant)
+def slack_constant(law: Restitution) -> float:
+    return 1.0
+
+
+@implements(lost_speed, Constant)
+def lost_speed_constant(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
+    # not as the difference of the speeds, of which 1 - e would be lost in rounding near 1
+    return (sign - e) * v
+
+
+@implements(arrival_to_repeat, Constant)
+def arrival_to_repeat_constant(law: Restitution, e: float, scale: float, k: float) -> float:
+    return 2.0 * k / (1.0 + e)
+
+
+@implements(leaving_to_repeat, Constant)
+def leaving_to_repeat_constant(law: Restitution, e: float, scale: float, k: float) -> float:
+    return 2.0 * e * k / (1.0 + e)
+
+
+@implements(rise_to_repeat, Constant)
+def rise_to_repeat_constant(law: Restitution, e: float, scale: float, k: float) -> float:
+    return (1.0 - e) * k
