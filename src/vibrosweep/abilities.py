@@ -104,7 +104,7 @@ OF_CONSTANT: Final = (
     *("energy_balance", "heights_against_restitution", "slot_decay", "explore", "laboratory"),
 )
 # Bases over which the restitution may depend on the speed
-OF_SPEED: Final = (HIGH_BOUNCE,)
+OF_SPEED: Final = (HIGH_BOUNCE, MOVING)
 
 
 def refusal(
