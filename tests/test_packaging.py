@@ -50,7 +50,7 @@ def test_the_wheel_holds_all_of_the_package_and_the_examples(wheel):
     }
     files |= {
         f"sweeps/{p.relative_to(ROOT / 'sweeps').as_posix()}": p
-        for p in (ROOT / "sweeps").rglob("*.toml")
+        for p in (ROOT / "sweeps").rglob("*.*")
     }
     packed = {
         name.removeprefix("vibrosweep/"): data

@@ -73,6 +73,16 @@ def test_a_resting_particle_leaves_where_the_base_falls_faster_than_gravity():
     assert (of_base.slope(phases + 1e-6) < of_base.slope(phases)).all()
 
 
+def test_positions_show_the_base_as_it_moves():
+    forcing = {"base": "moving", "base_velocity": 1.5, "phase": 0.4}
+    one = vs.simulate(waveform=TWO_TONES, restitution=0.8, duration=6.0, **forcing)
+    lands = one.landing_time.values[0, 0, :4]
+    film = vs.positions(one, np.concatenate([lands, np.linspace(0.0, 6.0, 500)]))
+    above = (film.height - film.base_height).values[0, 0]
+    assert np.abs(above[:4]).max() < 1e-12
+    assert above.min() > -1e-12
+
+
 def test_measures_that_are_not_there_yet_are_refused():
     with pytest.raises(vs.errors.SpecError, match="trust"):
         vs.sweep({"waveform": TWO_TONES, "base": "moving", "trust": True})

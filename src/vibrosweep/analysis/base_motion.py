@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import law_in
-from vibrosweep.model.shapes import name_in
+from vibrosweep.model.shapes import SINE, Waveform, name_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,24 +26,32 @@ class BaseMotion:
     speed: float  # peak velocity V0 = A / (1 + e), m s-1; 0 where the base stays at height 0
     frequency: float  # Hz
     phase: float  # rad
+    waveform: Waveform = field(default=SINE, kw_only=True)
 
     def velocity(self, time: ArrayLike) -> Array:
-        """Velocity V0 sin(2 pi f t + phi), m s-1, at times in s of any shape."""
-        return np.asarray(self.speed * np.sin(self._angle(time)))
+        """Velocity V0 w(f t + phi / 2 pi), m s-1, at times in s of any shape."""
+        if self.waveform == SINE:
+            return np.asarray(self.speed * np.sin(self._angle(time)))
+        return self.speed * self.waveform.velocity(self._turns(time))
 
     def height(self, time: ArrayLike) -> Array:
-        """Height -V0 / (2 pi f) cos(2 pi f t + phi), m, at times in s of any shape."""
-        return np.asarray(-self.displacement * np.cos(self._angle(time)))
+        """Height V0 / f W(f t + phi / 2 pi), m, at times in s of any shape."""
+        if self.waveform == SINE:
+            return np.asarray(-self.displacement * np.cos(self._angle(time)))
+        return self.speed / self.frequency * self.waveform.height(self._turns(time))
 
     @property
     def displacement(self) -> float:
-        """Peak displacement, m."""
-        return self.speed / (2.0 * np.pi * self.frequency)
+        """Half the height from the lowest to the highest level, m."""
+        return self.speed / (self.waveform.per_displacement * self.frequency)
 
     @property
     def reach(self) -> float:
-        """Largest distance from height 0, m."""
-        return self.displacement
+        """Largest distance from height 0, m, or more."""
+        return self.displacement if self.waveform == SINE else 2.0 * self.displacement
+
+    def _turns(self, time: ArrayLike) -> Array:
+        return np.asarray(self.frequency * np.asarray(time) + self.phase / (2.0 * np.pi))
 
     def _angle(self, time: ArrayLike) -> Array:
         return np.asarray(2.0 * np.pi * self.frequency * np.asarray(time) + self.phase)

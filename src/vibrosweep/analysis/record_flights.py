@@ -11,6 +11,7 @@ from vibrosweep.analysis.base_motion import BaseMotion, moves, recoils
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.model.status import Status
+from vibrosweep.scene.waveform import stored
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,7 +44,7 @@ def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
         return BaseMotion(0.0, 1.0, 0.0)
     require(one, analysis, *NEEDS)
     e, amplitude, frequency, phase = (float(one[name]) for name in NEEDS)
-    motion = BaseMotion(amplitude / (1.0 + e), frequency, phase)
+    motion = BaseMotion(amplitude / (1.0 + e), frequency, phase, waveform=stored(one.attrs))
     if not recoils(one):
         return motion
     from vibrosweep.analysis.recoil import recoiling  # loads numba, which drawing does not

@@ -69,10 +69,17 @@ def _chosen(files: dict[str, Path], names: list[str]) -> dict[str, Path]:
 
 
 def _copy(files: dict[str, Path], directory: Path, *, force: bool) -> None:
-    """Copy files below a directory, all of them or none."""
+    """Copy files below a directory, with the traces that they read; all of them or none."""
+    import re
+
     from vibrosweep.store.disk import check_output, replacing, reporting
 
     copies = {directory / f"{name}.toml": path for name, path in files.items()}
+    copies |= {
+        copy.with_name(trace): path.with_name(trace)
+        for copy, path in copies.items()
+        for trace in re.findall(r'trace = "([^"/]+)"', path.read_text(encoding="utf-8"))
+    }
     for copy in copies:
         with reporting(copy):
             copy.parent.mkdir(parents=True, exist_ok=True)

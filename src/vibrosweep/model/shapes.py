@@ -14,7 +14,7 @@ import functools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,19 +34,35 @@ NARROW: Final = 2.0**-44  # turns; two roots as near as that are one
 Tone = tuple[int, float, float]  # number, weight and phase in rad of a harmonic
 
 
+class Trace(NamedTuple):
+    """A measured motion that harmonics were fitted to."""
+
+    trace: str  # name of its file
+    column: str
+    digest: str  # of the file
+    held: float  # share of the variance of the trace that the harmonics hold
+
+
 @dataclass(frozen=True)
 class Waveform:
     """A shape, by one of `WAVEFORMS`; harmonics in the order of their numbers, each once."""
 
     name: str = SINE_NAME
     tones: tuple[Tone, ...] = ()
+    trace: Trace | tuple[()] = ()
 
     @property
     def text(self) -> str:
-        """Value of the key ``waveform`` of a sweep file that asks for it."""
+        """Words of the key ``waveform``, in a result: a name, or harmonics and their origin."""
+        return self.name if self.name != HARMONICS_NAME else toml(self.value)
+
+    @property
+    def value(self) -> Any:
+        """Value of the key ``waveform`` that asks for it, whether its trace is there or not."""
         if self.name != HARMONICS_NAME:
             return self.name
-        return toml({self.name: [list(tone) for tone in self.tones]})
+        origin = self.trace._asdict() if isinstance(self.trace, Trace) else {}
+        return {self.name: [list(tone) for tone in self.tones], **origin}
 
     def height(self, x: ArrayLike) -> Array:
         """W at phases in turns."""

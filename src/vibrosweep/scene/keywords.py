@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest, toml
+from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.limits import answer_to
@@ -23,6 +23,7 @@ from vibrosweep.scene.design import DESIGNS, GRID
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, checked
+from vibrosweep.scene.text import text_of
 
 # Where a keyword is looked for, in this order
 _RANGE: Final = "is a range, because it is a tuple, and no range is drawn from here"
@@ -42,7 +43,8 @@ def keyword_spec(given: Mapping[str, Any], *first: str) -> Sweep:
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes = Mistakes(dialect=PYTHON, given=stated)
     data = _tables(stated, (*first, *HOMES), mistakes)
-    return replace(checked(data, "", None, mistakes), text=_file(data))
+    sweep = checked(data, "", None, mistakes)
+    return sweep if sweep.text else replace(sweep, text=text_of(data))
 
 
 def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Array]]:
@@ -214,12 +216,3 @@ def short_axis(values: Any) -> Any:
         return values
     even = np.linspace(values[0], values[-1], len(values)).tolist() == values
     return {"start": values[0], "stop": values[-1], "num": len(values)} if even else values
-
-
-def _file(data: Mapping[str, Any]) -> str:
-    """Text of a sweep file."""
-    lines = [f"title = {toml(data['title'])}"]
-    for section in SECTIONS:
-        if section in data:
-            lines += [f"[{section}]", *(f"{key} = {toml(v)}" for key, v in data[section].items())]
-    return "\n".join(lines) + "\n"

@@ -19,6 +19,8 @@ from vibrosweep.scene import rules
 from vibrosweep.scene.design import TABLE, Design
 from vibrosweep.scene.keys import Tables, read_tables
 from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.text import text_of
+from vibrosweep.scene.traces import Traced, measured
 
 # Fields of a scene that [record] takes from [scene], beside the inputs
 SHARED: Final = (
@@ -125,6 +127,11 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
     if title is None:
         remedy = 'begin with title = "..." that says what the sweep shows'
         mistakes.add("title", "is missing", remedy=remedy)
+    traced = _measured(tables, source, mistakes)
+    if traced:  # the text then asks for the same where the trace is not
+        scene = {**data["scene"], **traced}
+        quoted = "".join(f"# {line}\n" for line in ("written for", *text.splitlines()) if text)
+        text = text_of({**data, "title": title or "", "scene": scene}) + quoted
     sweep = _assembled(tables, source, mistakes)
     sweep = replace(sweep, title=title or "", text=text)
     # a table is judged when it is computed, for only then its values are known
@@ -134,6 +141,31 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
         rules.check_extremes("record", sweep.record, {}, mistakes)
     refuse(mistakes)
     return sweep
+
+
+def _measured(tables: Tables, source: Path | None, mistakes: Mistakes) -> dict[str, Any]:
+    """Fit the trace that [scene] asks for, and put what it gives in place; return that."""
+    scene, sample = tables.get("scene", {}), tables.get("sample", {})
+    if isinstance(tables.get("record", {}).get("waveform"), Traced):
+        asked = tables["record"].pop("waveform")
+        rule = "a trace is read in [scene] only; give its harmonics here"
+        mistakes.add_broken("record.waveform", rule, asked.trace)
+    if not isinstance(scene.get("waveform"), Traced):
+        return {}
+    asked = scene.pop("waveform")
+    try:
+        found = measured(asked, (source or Path()).parent)
+    except ValueError as error:
+        mistakes.add_broken("scene.waveform", error.args, asked.trace)
+        return {}
+    own = {"frequency": found.frequency, "base_velocity": found.velocity}
+    given = {*scene, *sample, *sample.get("columns", ())}
+    if "frequency" in given:
+        del own["frequency"]
+    if not given.isdisjoint(FORCINGS):
+        del own["base_velocity"]
+    scene |= {"waveform": found.waveform, **own}
+    return {"waveform": found.waveform.value, **own}
 
 
 def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep:

@@ -1,0 +1,126 @@
+"""Waveforms from a measured motion: what was put in comes out."""
+
+import numpy as np
+import pytest
+
+import vibrosweep as vs
+from vibrosweep.errors import SpecError
+from vibrosweep.model.shapes import Waveform
+from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import parse_spec, read_spec
+from vibrosweep.scene.traces import Traced, measured
+
+TWO = Waveform("harmonics", ((1, 1.0, 0.3), (2, 0.4, 1.1)))
+FREQUENCY, VELOCITY = 19.73, 0.31
+
+
+def motion(time, column, noise=0.0, seed=1):
+    """Write a base's height (m) or acceleration (m s-2), scaled so that max |w| is 1."""
+    x = FREQUENCY * time
+    size = VELOCITY / np.abs(TWO.velocity(np.linspace(0.0, 1.0, 100001))).max()
+    if column == "height":
+        values = 0.002 + size / FREQUENCY * TWO.height(x)
+    else:
+        values = 9.81 + size * FREQUENCY * TWO.slope(x)
+    random = np.random.default_rng(seed)
+    return values + noise * np.std(values) * random.normal(size=time.size)
+
+
+def written(path, time, values, column="height"):
+    rows = "".join(f"{t!r},{v!r}\n" for t, v in zip(time.tolist(), values.tolist(), strict=True))
+    path.write_text(f"time,{column}\n{rows}", "utf-8")
+    return path
+
+
+@pytest.mark.parametrize("column", ["height", "acceleration"])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_what_was_put_in_comes_out(tmp_path, column, noise):
+    time = np.arange(0.0, 1.5, 4e-4)
+    written(tmp_path / "shaker.csv", time, motion(time, column, noise), column)
+    found = measured(Traced("shaker.csv", column, 4), tmp_path)
+    close = 1e-7 if noise == 0.0 else 5e-3
+    assert found.frequency == pytest.approx(FREQUENCY, rel=max(close / 10.0, 1e-9))
+    assert found.velocity == pytest.approx(VELOCITY, rel=close)
+    turns = np.linspace(0.0, 1.0, 500)
+    assert np.abs(found.waveform.velocity(turns)).max() == pytest.approx(1.0, abs=1e-4)
+    size = np.abs(TWO.velocity(np.linspace(0.0, 1.0, 100001))).max()
+    assert found.waveform.velocity(turns) == pytest.approx(
+        TWO.velocity(turns) / size, abs=4 * close
+    )
+    assert found.waveform.trace.held == pytest.approx(1.0 / (1.0 + noise**2), abs=1e-3)
+
+
+def test_a_result_needs_its_trace_no_more(tmp_path):
+    time = np.arange(0.0, 1.0, 5e-4)
+    trace = written(tmp_path / "shaker.csv", time, motion(time, "height"))
+    text = (
+        'title = "Two tones"  # measured\n[scene]\nduration = 2.0\n'
+        'waveform = { trace = "shaker.csv", column = "height", harmonics = 2 }\n'
+    )
+    (tmp_path / "sweep.toml").write_text(text, "utf-8")
+    sweep = read_spec(tmp_path / "sweep.toml")
+    assert sweep.scene.inputs["frequency"] == pytest.approx(FREQUENCY, rel=1e-8)
+    assert sweep.scene.inputs["base_velocity"] == pytest.approx(VELOCITY, rel=1e-6)
+    trace.unlink()
+    again = parse_spec(sweep.text)
+    assert again.scene == sweep.scene
+    assert again.scene.waveform.trace.digest
+    assert "# measured" in sweep.text
+    with pytest.raises(SpecError, match="cannot be read"):
+        read_spec(tmp_path / "sweep.toml")
+
+
+def test_frequency_and_forcing_that_are_given_stay(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(0.0, 1.0, 5e-4)
+    written(tmp_path / "shaker.csv", time, motion(time, "height"))
+    asked = {"trace": "shaker.csv", "column": "height", "harmonics": 2}
+    sweep = keyword_spec(
+        {"waveform": asked, "frequency": 30.0, "amplitude": (0.2, 3.5), "realizations": 3}
+    )
+    assert sweep.scene.inputs["frequency"] == 30.0
+    assert "base_velocity" not in sweep.scene.inputs
+    one = vs.simulate(waveform=asked, duration=0.5)
+    assert float(one.frequency) == pytest.approx(FREQUENCY, rel=1e-8)
+    assert one.forcing == "base_velocity"
+    assert "digest" in one.waveform
+
+
+@pytest.mark.parametrize(
+    ("make", "harmonics", "message"),
+    [
+        (lambda t: motion(t, "height")[: int(0.5 / FREQUENCY / 5e-4)], 2, "periods; at least 2"),
+        (lambda t: np.random.default_rng(2).normal(size=t.size), 2, "no period"),
+        (lambda t: motion(t, "height") + 0.05 * t, 2, "mean velocity"),
+        (lambda t: np.ones(t.size), 2, "does not move"),
+        (lambda t: np.where(t > 0.3, np.nan, motion(t, "height")), 2, "not finite in line"),
+        (lambda t: motion(t, "height"), 17, "from 1 to 16"),
+    ],
+    ids=["half a period", "noise", "drift", "still", "nan", "seventeen"],
+)
+def test_a_trace_that_cannot_be_used(tmp_path, monkeypatch, make, harmonics, message):
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(0.0, 1.0, 5e-4)
+    values = make(time)
+    written(tmp_path / "shaker.csv", time[: values.size], values)
+    asked = {"trace": "shaker.csv", "column": "height", "harmonics": harmonics}
+    with pytest.raises(SpecError, match="waveform") as caught:
+        keyword_spec({"waveform": asked})
+    assert len(caught.value.mistakes) == 1
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"trace": "none.csv", "column": "height", "harmonics": 2}, "cannot be read"),
+        ({"trace": "shaker.csv", "column": "acceleration", "harmonics": 2}, "no column"),
+        ({"trace": "shaker.csv", "column": "speed", "harmonics": 2}, 'must be "height" or'),
+    ],
+)
+def test_a_file_or_column_that_is_not_there(tmp_path, monkeypatch, asked, message):
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(0.0, 1.0, 5e-4)
+    written(tmp_path / "shaker.csv", time, motion(time, "height"))
+    with pytest.raises(SpecError, match=message):
+        keyword_spec({"waveform": asked})
