@@ -7,15 +7,16 @@ the machine may be shared; kernels are compiled before.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+import vibrosweep as vs
 from vibrosweep import theory
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import read_spec
 
 PLANE = Path(__file__).parents[1] / "sweeps" / "plane.toml"
@@ -55,9 +56,8 @@ def plane(workers, **changes):
 
 def windows(conditions, **options):
     """Windows over the same plane."""
-    spec = read_spec(PLANE)
-    e, amplitude = (spec.design.sampled[name].values for name in ("restitution", "amplitude"))
-    return find_windows(spec.scene, e, amplitude, conditions, threads=2, **options)
+    asked = {"conditions": conditions, **options}
+    return find_windows(replace(read_spec(PLANE), windows=asked), 2)
 
 
 def worst_end(frequency):
@@ -65,8 +65,9 @@ def worst_end(frequency):
     e = np.linspace(0.30, 0.99, SIZE)
     scan = np.linspace(0.005, 14.5, SIZE) / frequency  # from below every end
     names = [f"locked({k})" for k in (1, 2, 3, 4)]
-    scene = keyword_spec({"frequency": frequency}).scene
-    found = find_windows(scene, e, scan, names, threads=2)
+    found = vs.windows(
+        restitution=e, amplitude=scan, frequency=frequency, conditions=names, threads=2
+    )
     assert (found["window_count"] == 1).all()
     off = 0.0
     for k, name in enumerate(names, start=1):
@@ -78,10 +79,9 @@ def worst_end(frequency):
 
 def main() -> None:
     with Workers(2) as workers:
-        few = keyword_spec({"particles": 2, "duration": 1000.0}).scene
         for condition in ("ordered", "regular"):  # compile
-            find_windows(few, [0.9], [1.0, 3.0], [condition], threads=2)
-            find_windows(few, [0.9], [1.0, 3.0], [condition], continuation=True, threads=2)
+            for way in (False, True):
+                vs.windows(amplitude=[1.0, 3.0], conditions=[condition], continuation=way)
         print("| what | processor (s) | wall (s) |\n|---|---|---|")
         lines = [
             ("regimes", lambda: plane(workers, lyapunov=False)),

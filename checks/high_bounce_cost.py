@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image
 
 import high_bounce_pictures as pictures
+import vibrosweep as vs
 from accuracy import provenance, table, write_section
 from high_bounce_literature import chaos, literature, tangent_root
 from high_bounce_scenes import (
@@ -32,10 +33,8 @@ from high_bounce_scenes import (
     settled,
 )
 from vibrosweep import simulate, theory
-from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.status import Regime
-from vibrosweep.scene.keywords import keyword_spec
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "what-high-bounce-costs.md"
@@ -243,12 +242,8 @@ def windows(workers, _options):
     rows = [[f"{one:g}"] for one in e]
     for base in BOTH:
         scan = np.linspace(0.005, 15.0, 200)
-        found = find_windows(
-            keyword_spec({"duration": 2000.0, "base": base}).scene,
-            e,
-            scan,
-            ["locked(1)"],
-            threads=2,
+        found = vs.windows(
+            restitution=e, amplitude=scan, conditions=["locked(1)"], base=base, threads=2
         )
         one = found.isel(condition=0, direction=0, window=0)
         exact = {

@@ -51,11 +51,11 @@ _ANYWHERE = Ability(BASES, "")
 _OF_PARTICLES: Final[Mapping[bool | None, Ability]] = {
     None: _ANYWHERE,
     True: Ability(
-        (SPRUNG,), "is of particles that a base of finite mass couples; it needs base = {others}"
+        (SPRUNG,), "describes particles that a base of finite mass couples; take base = {others}"
     ),
     False: Ability(
         APART,
-        "is of particles that do not act on each other; with base = {base} leave it out "
+        "describes particles that do not act on each other; with base = {base} leave it out "
         "(`vibrosweep verify` tells how exact a result is)",
     ),
 }

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.scans import basins
 from vibrosweep.analysis.attractor_slots import capacity
-from vibrosweep.analysis.basins import basins
 from vibrosweep.errors import DataError
 from vibrosweep.scene.keywords import keyword_spec
 

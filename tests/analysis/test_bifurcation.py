@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+import vibrosweep as vs
+from tests.scans import bifurcation
 from vibrosweep import simulate, theory
-from vibrosweep.analysis.bifurcation import OBSERVABLES, bifurcation
+from vibrosweep.analysis.bifurcation import OBSERVABLES
 from vibrosweep.analysis.record_flights import base_motion
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene.keywords import keyword_spec
 
 # launched close to the locked orbit at the end of its window
@@ -113,18 +115,23 @@ def test_a_function_is_an_observable_and_a_particle_at_rest_has_none():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("given", "words"),
     [
-        ({"scan": [1.0], "observable": "height"}, "observable = 'height': must be one of"),
-        ({"scan": [1.0], "observable": 3}, "observable = 3: must be one of"),
-        ({"scan": [1.0], "samples": 0}, "samples = 0: must be at least 1"),
-        ({"scan": [2.0, 1.0]}, "amplitude: must be in ascending order"),
-        ({"scan": [-1.0]}, "amplitude = -1.0: must be at least 0"),
+        ({"observable": "height"}, "observable = 'height': must be one of"),
+        ({"observable": 3}, "observable = 3: must be one of"),
+        ({"samples": 0}, "samples = 0: must be a whole number, at least 1"),
     ],
 )
-def test_mistakes_are_named(arguments, words):
+def test_mistakes_are_named(given, words):
     with pytest.raises(ParameterError, match=words):
-        bifurcation(keyword_spec({"duration": 2000.0}).scene, **arguments)
+        vs.bifurcation(amplitude=[1.0], **given)
+
+
+@pytest.mark.parametrize(("axis", "value"), [("amplitude", [-1.0]), ("amplitude", [2.0, 2.0])])
+def test_axes_that_cannot_be_followed_are_named(axis, value):
+    with pytest.raises(SpecError) as caught:
+        vs.bifurcation(**{axis: value})
+    assert [mistake.key for mistake in caught.value.mistakes] == [f"sample.{axis}"]
 
 
 def test_more_samples_than_fit_into_memory_are_refused_with_a_remedy_that_exists():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.scans import find_windows
 from vibrosweep.analysis.conditions import FAILS, HOLDS, UNDETERMINED, Condition, named
 from vibrosweep.analysis.window_codes import (
     ENDS,
@@ -13,7 +14,6 @@ from vibrosweep.analysis.window_codes import (
     UNDETERMINED_BELOW,
     summary,
 )
-from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.status import Regime, Status

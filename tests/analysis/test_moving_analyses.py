@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
+from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import simulate, theory
 from vibrosweep.analysis.attractor_slots import capacity
-from vibrosweep.analysis.basins import basins
-from vibrosweep.analysis.bifurcation import bifurcation
 from vibrosweep.analysis.evaluate import launch_states, reached, settle_from
-from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.status import Regime
 from vibrosweep.scene.keywords import keyword_spec

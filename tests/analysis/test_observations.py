@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.scans import find_windows
 from vibrosweep import sobol, sweep
 from vibrosweep.analysis.conditions import NAMED
-from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine import landings
 from vibrosweep.engine import measure as engine
 from vibrosweep.engine.landings import all_parameters, record_landings

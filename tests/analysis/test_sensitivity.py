@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep import sobol, theory
-from vibrosweep.analysis import sensitivity
+from vibrosweep import sobol, sweep, theory
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.scene.keywords import keyword_spec
 
 RANGES = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "gravity": (9.0, 10.0)}
@@ -18,23 +18,8 @@ def indices(ranges=RANGES, outputs=("dt_min",), **keywords):
     return sobol_indices(keyword_spec({**ranges, **keywords}), outputs, 0.95, 1)
 
 
-@pytest.fixture
-def linear(monkeypatch):
-    """A measured variable that is linear in the parameters, in place of the engine."""
-
-    def measure(parameters, observation, workers):
-        e, a = parameters["restitution"], parameters["amplitude"]
-        return {"dt_min": (e - 0.8) / 0.18 + 2.0 * (a - 0.2) / 3.3, "status": 0 * e}
-
-    monkeypatch.setattr(sensitivity, "measure", measure)
-
-
-def test_indices_of_a_linear_function_are_its_shares_of_variance(linear):
-    found = indices(realizations=512)
-    # variances 1/12 and 4/12: shares 0.2, 0.8 and nothing for gravity; no interactions
-    np.testing.assert_allclose(found["first_order"][0], [0.2, 0.8, 0.0], atol=0.01)
-    np.testing.assert_allclose(found["total_order"][0], [0.2, 0.8, 0.0], atol=0.01)
-    np.testing.assert_allclose(found["mean"], [1.5], atol=1e-2)
+def test_intervals_hold_the_indices():
+    found = indices(duration=3.0, outputs=["rebound_height_max"], realizations=512)
     for name in ("first_order", "total_order"):
         low, high = found[f"{name}_low"].values, found[f"{name}_high"].values
         assert np.all(low <= found[name].values + 1e-12)
@@ -42,35 +27,36 @@ def test_indices_of_a_linear_function_are_its_shares_of_variance(linear):
         assert 0.0 < high[0, 1] - low[0, 1] < 0.3
 
 
-def test_any_forcing_may_vary(monkeypatch):
-    def measure(parameters, observation, workers):
-        speed = parameters["amplitude"] / (1.0 + parameters["restitution"])
-        gap = speed * parameters["frequency"] / parameters["gravity"]
-        return {"dt_min": gap, "status": 0 * gap}
-
-    monkeypatch.setattr(sensitivity, "measure", measure)
-    ranges = dict.fromkeys(("restitution", "base_acceleration", "frequency", "gravity"), (0.5, 0.9))
-    found = indices(ranges, realizations=64)
-    # what is measured is the acceleration alone, over 2 pi
-    np.testing.assert_allclose(found["mean"], [0.7 / (2.0 * np.pi)], rtol=0.01)
-    for name in ("first_order", "total_order"):
-        np.testing.assert_allclose(found[name][0], [0.0, 1.0, 0.0, 0.0], atol=0.05)
+MOUNTED = {"base": "sprung", "particle_mass": 0.02, "mount_frequency": 0.7}
 
 
-def test_what_varies_may_be_of_a_mount(monkeypatch):
-    def measure(parameters, observation, workers):
-        return {"dt_min": 1.0 / parameters["mass_ratio"], "status": 0 * parameters["mass_ratio"]}
+@pytest.mark.parametrize(
+    ("ranges", "scene"),
+    [
+        ({"restitution": (0.5, 0.9), "base_acceleration": (0.5, 0.9)}, {"gravity": 5.0}),
+        ({"base_displacement": (0.05, 0.1), "frequency": (1.0, 1.5)}, {"base": "moving"}),
+        ({"base_mass": (1.0, 3.0), "mount_damping": (0, 1)}, MOUNTED),
+    ],
+    ids=["acceleration", "displacement", "masses"],
+)
+def test_any_forcing_and_masses_may_vary(ranges, scene):
+    """The mean over the sample is that of a sweep over the same ranges."""
+    found = indices(ranges, ["flight_time_mean"], realizations=256, duration=4.0, **scene)
+    swept = sweep(**ranges, **scene, realizations=512, design="sobol", duration=4.0)
+    mean = float(swept.flight_time_mean.mean())
+    np.testing.assert_allclose(found["mean"], [mean], rtol=0.02)
+    assert found.parameter.values.tolist() == [n for n in INPUTS if n in ranges]
 
-    monkeypatch.setattr(sensitivity, "measure", measure)
-    ranges = {"base_mass": (1.0, 3.0), "mount_damping": (0, 1)}
-    mount = {"base": "sprung", "particle_mass": 2.0, "mount_frequency": 1.0}
-    found = indices(ranges, realizations=64, **mount)
-    np.testing.assert_allclose(found["mean"], [1.0], rtol=1e-2)
-    np.testing.assert_allclose(found["total_order"][0], [1.0, 0.0], atol=0.05)
+
+def test_a_missing_parameter_of_the_mount_is_named():
+    with pytest.raises(SpecError) as caught:
+        indices({"base_mass": (1.0, 3.0)}, base="sprung", particle_mass=2.0, realizations=64)
+    assert [mistake.key for mistake in caught.value.mistakes] == ["scene.mount_frequency"]
 
 
-def test_indices_repeat_with_the_seed(linear):
-    runs = [indices(realizations=64, seed=s) for s in (1, 1, 2)]
+def test_indices_repeat_with_the_seed():
+    given = {"outputs": ["rebound_height_max"], "duration": 3.0, "realizations": 64}
+    runs = [indices(**given, seed=s) for s in (1, 1, 2)]
     xr.testing.assert_identical(runs[0], runs[1])
     assert not runs[0].equals(runs[2])
 

@@ -1,5 +1,6 @@
 """Stability windows against closed forms, and against the engine on both sides of every edge."""
 
+import re
 from dataclasses import replace
 from fractions import Fraction
 
@@ -8,12 +9,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.scans import find_windows
 from vibrosweep import theory, windows
 from vibrosweep.analysis.conditions import NAMED, Condition, named
 from vibrosweep.analysis.window_codes import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW, summary
-from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
-from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.status import Regime
 from vibrosweep.scene.keywords import keyword_spec
@@ -320,19 +321,25 @@ def test_a_function_that_gives_no_booleans_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("given", "key"),
     [
-        (([0.9], [1.0], ["ordered"]), "amplitude: must be at least two values"),
-        (([0.9], [2.0, 1.0], ["ordered"]), "ascending"),
-        (([1.1], [1.0, 2.0], ["ordered"]), r"restitution = 1\.1: must be at least 0 and at most 1"),
-        (([0.9], [1.0, 2.0], ["orderly"]), "'orderly' is not known; choose from locked"),
-        (([0.9], [1.0, 2.0], ["locked(0)"]), "not known"),
-        (([0.9], [1.0, 2.0], []), "at least one condition"),
+        ({"amplitude": [1.0]}, "sample.amplitude"),
+        ({"restitution": [1.1]}, "sample.restitution"),
+        ({"conditions": []}, "windows.conditions"),
+        ({"tolerance": 1e-20}, "windows.tolerance"),
+        ({"frequency": [1.0, 2.0]}, "sample.frequency"),
     ],
 )
-def test_mistakes_are_named(arguments, words):
-    with pytest.raises(ParameterError, match=words):
-        find_windows(keyword_spec({"duration": 2000.0}).scene, *arguments)
+def test_mistakes_are_named(given, key):
+    with pytest.raises(SpecError) as caught:
+        windows(**{"amplitude": [1.0, 2.0], "conditions": ["ordered"], **given})
+    assert [mistake.key for mistake in caught.value.mistakes] == [key]
+
+
+@pytest.mark.parametrize("name", ["orderly", "locked(0)"])
+def test_an_unknown_condition_is_named(name):
+    with pytest.raises(SpecError, match=f"condition '{re.escape(name)}' is not known"):
+        windows(amplitude=[1.0, 2.0], conditions=[name])
 
 
 def test_conditions_on_launches_cannot_be_continued():

@@ -5,10 +5,10 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
-from vibrosweep.analysis.basins import basins_of_spec
-from vibrosweep.analysis.bifurcation import bifurcation_of_spec
+from vibrosweep.analysis.basins import basins
+from vibrosweep.analysis.bifurcation import bifurcation
 from vibrosweep.analysis.separations import separation_against, separation_distribution
-from vibrosweep.analysis.windows import windows_of_spec
+from vibrosweep.analysis.windows import find_windows
 from vibrosweep.cli import main
 from vibrosweep.errors import (
     DataError,
@@ -35,7 +35,7 @@ def only_numbers(dataset):
             {"amplitude": [0.3, 0.6, 4.0], "restitution": 0.8, "tolerance": 1e-6},
             '[scene]\nrestitution = 0.8\n[windows]\nconditions = ["locked(1)"]\ntolerance = 1e-6\n'
             '[sample]\ndesign = "grid"\namplitude = [0.3, 0.6, 4.0]',
-            windows_of_spec,
+            find_windows,
         ),
         (
             vs.bifurcation,
@@ -46,14 +46,14 @@ def only_numbers(dataset):
                 "duration": 1500.0,
             },
             '[scene]\nduration = 1500.0\n[sample]\ndesign = "grid"\nbase_velocity = [0.3, 0.4]',
-            lambda spec, threads: bifurcation_of_spec(spec, "flight_time", 5, threads),
+            lambda spec, threads: bifurcation(spec, "flight_time", 5, threads),
         ),
         (
             vs.basins,
             {"launch_velocity": [4.0, 5.0], "launch": [0.0, 0.5], "duration": 1500.0},
             "[scene]\nduration = 1500.0\nlaunch = [0.0, 0.5]\n"
             '[sample]\ndesign = "grid"\nlaunch_velocity = [4.0, 5.0]',
-            basins_of_spec,
+            basins,
         ),
     ],
 )

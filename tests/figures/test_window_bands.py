@@ -7,10 +7,9 @@ import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
 
+import vibrosweep as vs
+from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import theory
-from vibrosweep.analysis.basins import basins
-from vibrosweep.analysis.bifurcation import bifurcation, bifurcation_of_spec
-from vibrosweep.analysis.windows import find_windows
 from vibrosweep.errors import DataError
 from vibrosweep.figures.basins import basins_of_attraction
 from vibrosweep.figures.bifurcation import bifurcation_diagram
@@ -18,7 +17,6 @@ from vibrosweep.figures.window_bands import stability_windows
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.status import Regime
 from vibrosweep.scene.keywords import keyword_spec
-from vibrosweep.scene.sweep import read_spec
 from vibrosweep.theory import FIXED
 
 SCENE = keyword_spec({"particles": 2, "duration": 300.0}).scene
@@ -226,7 +224,7 @@ def test_a_diagram_along_the_acceleration_is_that_along_the_amplitude(tmp_path):
         """,
         encoding="utf-8",
     )
-    found = bifurcation_of_spec(read_spec(path), "flight_time", 3, 1)
+    found = vs.bifurcation(path, observable="flight_time", samples=3)
     assert found["base_acceleration"].values == pytest.approx([0.8, 1.0, 2.0], rel=1e-15)
     amplitude = found["amplitude"].values
     assert amplitude == pytest.approx(np.array([0.8, 1.0, 2.0]) * 1.7 * 9.81 / (40.0 * np.pi))

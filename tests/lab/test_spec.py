@@ -107,7 +107,7 @@ def test_a_scene_names_its_base_and_any_of_the_forcings(read):
     ("text", "message"),
     [
         ('[scene]\nbase = "sprung"\n', "scene.mount_frequency"),
-        ("[scene]\nmass_ratio = 0.1\n", "is of a base of finite mass"),
+        ("[scene]\nmass_ratio = 0.1\n", "belongs to a base of finite mass"),
         ("[scene]\namplitude = 1.0\nbase_velocity = 1.0\n", "keep one of the two"),
         ('[scene]\nbase = "soft"\n', 'must be "high-bounce", "moving" or "sprung"'),
         (

@@ -518,8 +518,8 @@ def test_a_column_that_is_not_computed_is_never_filled(sweep, tmp_path, monkeypa
             del columns[lost]
         return columns
 
-    calls, original = [], chunks._batch
-    monkeypatch.setattr(chunks, "_batch", batch)
+    calls, original = [], chunks.compute_batch
+    monkeypatch.setattr(chunks, "compute_batch", batch)
     monkeypatch.setattr(chunks, "TRAJECTORIES_PER_BATCH", 3)
     with pytest.raises(RunError, match=r"other columns|failed twice|is not what the result"):
         sweep(chunk=chunk)

@@ -75,7 +75,7 @@ def test_other_bases_hold_nothing_of_a_mount():
         ),
         (
             'title = "x"\n[scene]\nbase = "moving"\nmount_damping = 0.1',
-            ["scene.mount_damping: is of a base of finite mass", 'write base = "sprung"'],
+            ["scene.mount_damping: belongs to a base of finite mass", 'write base = "sprung"'],
         ),
         (MOUNTED + "mount_damping = -0.1", ["scene.mount_damping = -0.1", "at least 0"]),
         (MOUNTED + "mount_damping = nan", ["scene.mount_damping = nan", "finite number"]),
@@ -89,7 +89,7 @@ def test_other_bases_hold_nothing_of_a_mount():
         ),
         (
             MOUNTED + "[measure]\ntrust = true",
-            ["measure.trust = true: is of particles that do not"],
+            ["measure.trust = true: describes particles that do not"],
         ),
         (MOUNTED + 'rebound = "reflect"', ['"reflect" has no meaning with base = "sprung"']),
         (
@@ -98,13 +98,13 @@ def test_other_bases_hold_nothing_of_a_mount():
         ),
         (
             'title = "x"\n[sample]\ndesign = "a.csv"\ncolumns = ["restitution", "mass_ratio"]',
-            ["sample.columns: mass_ratio is of a base of finite mass"],
+            ["sample.columns: mass_ratio belongs to a base of finite mass"],
         ),
         (
             'title = "x"\n[record]\nbase = "sprung"\nmass_ratio = 0.1',
             ["record.mount_frequency: is missing"],
         ),
-        (MOUNTED + '[record]\nbase = "moving"\nmass_ratio = 0.1', ["record.mass_ratio: is of a"]),
+        (MOUNTED + '[record]\nbase = "moving"\nmass_ratio = 0.1', ["record.mass_ratio: belongs"]),
         (
             SCENE + "mount_frequency = 3.0\n[sample]\nrealizations = 2\nmass_ratio = [0.0, 0.1]\n"
             "[record]\nparticles = 2",
@@ -149,7 +149,7 @@ def test_columns_of_a_table(tmp_path):
     ("header", "scene", "parts"),
     [
         ("mass_ratio", SCENE, ['column "mount_frequency" is missing', "add the column"]),
-        ("mass_ratio", 'title = "x"\n', ['column "mass_ratio" is of a base of finite mass']),
+        ("mass_ratio", 'title = "x"\n', ['column "mass_ratio" belongs to a base of finite mass']),
         ("mu", MOUNTED, ['did you mean "mass_ratio"']),
     ],
 )

@@ -1,5 +1,6 @@
 """Every kind of mistake is named by file, key, value and what is allowed; sound files are read."""
 
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import SpecError
+from vibrosweep.mistakes import ABSENT
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.design import Axis, Range
@@ -147,101 +149,76 @@ def test_tables_of_the_schema_know_every_parameter():
         assert [name for name in SECTIONS[table] if name in PARAMETERS] == list(PARAMETERS)
 
 
+NAN = math.nan
 MISTAKES = {
-    "no title": ("", ["title: is missing"]),
-    "title type": ("title = 3", ["title = 3: must be one line of text"]),
-    "empty title": ('title = " "', ['title = " ": must be one line of text', "not empty"]),
-    "title that a terminal obeys": (r'title = "a\u001b[2J"', [r"a\u001b[2J", "one line of text"]),
-    "unknown table": ("[sampel]", ["sampel", 'did you mean "sample"?', "scene", "record"]),
-    "unknown key": (
-        "[scene]\nfrequencey = 3",
-        ["scene.frequencey = 3", 'did you mean "frequency"?', "Known keys of [scene]", "gravity"],
-    ),
-    "key of another table": ("[measure]\nseed = 3", ["measure.seed = 3", "belongs in [sample]"]),
-    "top-level key": ("seed = 3", ["seed = 3", "belongs in [sample]", "top of the file"]),
-    "table type": ("scene = 3", ["scene = 3: must be a table", "[scene]"]),
-    "table array": ("[[record]]", ["record = [{", "must be a table"]),
-    "number type": ('[scene]\ngravity = "9"', ['scene.gravity = "9"', "not a finite number"]),
-    "bool is no number": ("[scene]\ngravity = true", ["scene.gravity = true", "not a finite"]),
-    "nan": (
-        "[scene]\nphase = nan",
-        ["scene.phase = nan", "not a finite number", "at most 1e+09 rad"],
-    ),
-    "inf": ("[scene]\namplitude = inf", ["scene.amplitude = inf", "at most 1e+30 m s-1"]),
-    "huge integer": (f"[scene]\nphase = {'9' * 400}", ["scene.phase", "a huge number"]),
-    "range": (
-        "[scene]\nrestitution = 1.2",
-        ["scene.restitution = 1.2", "at least 0 and at most 1"],
-    ),
-    "open range": (
-        "[record]\nfrequency = 0",
-        ["record.frequency = 0", "at least 1e-30 and at most 1e+09 Hz"],
-    ),
-    "particles": ("[scene]\nparticles = 0", ["scene.particles = 0", "whole number, at least 1"]),
-    "too many particles": (
-        f"[scene]\nparticles = 1{400 * '0'}",
-        ["scene.particles = a huge number", "at least 1 and at most 1000000000"],
-    ),
-    "particles type": ("[scene]\nparticles = 2.0", ["scene.particles = 2.0", "whole number"]),
-    "launch word": ('[scene]\nlaunch = "now"', ['scene.launch = "now"', '"staggered" or a list']),
-    "launch value": ("[scene]\nlaunch = [0.0, inf]", ["scene.launch = [0.0, inf]", "finite"]),
-    "launch empty": ("[scene]\nlaunch = []", ["scene.launch = []", "finite launch times"]),
-    "launch length": (
-        "[scene]\nparticles = 3\nlaunch = [0.0, 1.0]",
-        ["scene.particles = 3", "2 launch times of scene.launch"],
-    ),
+    "no title": ("", "title", ABSENT),
+    "title type": ("title = 3", "title", 3),
+    "empty title": ('title = " "', "title", " "),
+    "title that a terminal obeys": (r'title = "a\u001b[2J"', "title", "a\x1b[2J"),
+    "unknown table": ("[sampel]", "sampel", {}),
+    "unknown key": ("[scene]\nfrequencey = 3", "scene.frequencey", 3),
+    "key of another table": ("[measure]\nseed = 3", "measure.seed", 3),
+    "top-level key": ("seed = 3", "seed", 3),
+    "table type": ("scene = 3", "scene", 3),
+    "table array": ("[[record]]", "record", [{}]),
+    "number type": ('[scene]\ngravity = "9"', "scene.gravity", "9"),
+    "bool is no number": ("[scene]\ngravity = true", "scene.gravity", True),
+    "nan": ("[scene]\nphase = nan", "scene.phase", NAN),
+    "inf": ("[scene]\namplitude = inf", "scene.amplitude", math.inf),
+    "huge integer": (f"[scene]\nphase = {'9' * 400}", "scene.phase", 10**400 - 1),
+    "range": ("[scene]\nrestitution = 1.2", "scene.restitution", 1.2),
+    "open range": ("[record]\nfrequency = 0", "record.frequency", 0),
+    "particles": ("[scene]\nparticles = 0", "scene.particles", 0),
+    "too many particles": (f"[scene]\nparticles = 1{400 * '0'}", "scene.particles", 10**400),
+    "particles type": ("[scene]\nparticles = 2.0", "scene.particles", 2.0),
+    "launch word": ('[scene]\nlaunch = "now"', "scene.launch", "now"),
+    "launch value": ("[scene]\nlaunch = [0.0, inf]", "scene.launch", [0.0, math.inf]),
+    "launch empty": ("[scene]\nlaunch = []", "scene.launch", []),
+    "launch length": ("[scene]\nparticles = 3\nlaunch = [0.0, 1.0]", "scene.particles", 3),
     "record launch length": (
         "[scene]\nlaunch = [0.0, 1.0]\n[record]\nparticles = 5",
-        ["record.particles = 5", "2 launch times of scene.launch"],
+        "record.particles",
+        5,
     ),
-    "duration": ("[scene]\nduration = 0", ["scene.duration = 0", "finite and above 0 s"]),
-    "rebound": ('[scene]\nrebound = "stick"', ['scene.rebound = "stick"', '"rest" or "reflect"']),
-    "design": (
-        '[sample]\ndesign = "sobel"',
-        ['sample.design = "sobel"', 'did you mean "sobol"?', '"latin"', '".csv" or ".nc"'],
-    ),
-    "design type": ("[sample]\ndesign = 3", ["sample.design = 3", '"uniform"', '"grid"']),
-    "no realizations": (
-        "[sample]\nphase = [0.0, 1.0]",
-        ["sample.realizations: is missing", "at least 1"],
-    ),
-    "realizations": (
-        "[sample]\nrealizations = 0",
-        ["sample.realizations = 0", "at least 1 and at most 1000000000000"],
-    ),
-    "seed": ("[sample]\nseed = -1", ["sample.seed = -1", "whole number, at least 0"]),
-    "huge seed": (
-        f"[sample]\nseed = {2**63}",
-        ["sample.seed = 9223372036854775808", "at most 2**63 - 1"],
-    ),
+    "duration": ("[scene]\nduration = 0", "scene.duration", 0),
+    "rebound": ('[scene]\nrebound = "stick"', "scene.rebound", "stick"),
+    "design": ('[sample]\ndesign = "sobel"', "sample.design", "sobel"),
+    "design type": ("[sample]\ndesign = 3", "sample.design", 3),
+    "no realizations": ("[sample]\nphase = [0.0, 1.0]", "sample.realizations", ABSENT),
+    "realizations": ("[sample]\nrealizations = 0", "sample.realizations", 0),
+    "seed": ("[sample]\nseed = -1", "sample.seed", -1),
+    "huge seed": (f"[sample]\nseed = {2**63}", "sample.seed", 9223372036854775808),
     "empty range": (
         "[sample]\nrealizations = 2\nrestitution = [0.9, 0.9]",
-        ["sample.restitution = [0.9, 0.9]", "range is empty", "at least 0 and at most 1", "0.9"],
+        "sample.restitution",
+        (0.9, 0.9),
     ),
     "reversed range": (
         "[sample]\nrealizations = 2\nrestitution = [0.98, 0.8]",
-        ["sample.restitution = [0.98, 0.8]", "reversed", "at most 1", "write [0.8, 0.98]"],
+        "sample.restitution",
+        (0.98, 0.8),
     ),
     "range end": (
         "[sample]\nrealizations = 2\nrestitution = [0.8, 1.2]",
-        ["sample.restitution = [0.8, 1.2]", "1.2 is out of range", "at most 1"],
+        "sample.restitution",
+        [0.8, 1.2],
     ),
     "three numbers": (
         "[sample]\nrealizations = 2\nphase = [0.8, 1.2, 3.0]",
-        ["sample.phase = [0.8, 1.2, 3.0]", "[low, high]", '"uniform"', '"grid"'],
+        "sample.phase",
+        (0.8, 1.2, 3.0),
     ),
-    "empty list": ("[sample]\nphase = []", ["sample.phase = []", "list is empty"]),
+    "empty list": ("[sample]\nphase = []", "sample.phase", []),
     "steps without grid": (
         "[sample]\nrealizations = 2\nphase = { start = 0, stop = 1, num = 2 }",
-        ["sample.phase = { start = 0.0, stop = 1.0, num = 2 }", '"grid"'],
+        "sample.phase",
+        {"start": 0.0, "stop": 1.0, "num": 2},
     ),
-    "given twice": (
-        "[scene]\nphase = 1.0\n[sample]\nphase = 2.0",
-        ["sample.phase = 2.0", "scene.phase = 1.0", "keep one"],
-    ),
+    "given twice": ("[scene]\nphase = 1.0\n[sample]\nphase = 2.0", "sample.phase", 2.0),
     "grid count": (
         '[sample]\ndesign = "grid"\nrealizations = 3\nphase = [1, 2]',
-        ["sample.realizations = 3", "contradicts the grid", "2"],
+        "sample.realizations",
+        3,
     ),
     "grid too large": (
         '[sample]\ndesign = "grid"\n'
@@ -249,166 +226,176 @@ MISTAKES = {
             f"{n} = {{ start = 0.1, stop = 0.2, num = 100000 }}"
             for n in ("phase", "gravity", "amplitude")
         ),
-        ["sample.realizations", "1000000000000000", "at most 1000000000000"],
+        "sample.realizations",
+        ABSENT,
     ),
     "grid duplicate": (
         '[sample]\ndesign = "grid"\nphase = [1, 2, 1]',
-        ["sample.phase = [1.0, 2.0, 1.0]", "twice"],
+        "sample.phase",
+        (1.0, 2.0, 1.0),
     ),
     "steps keys": (
         '[sample]\ndesign = "grid"\nphase = { start = 1, end = 2 }',
-        ["sample.phase = { start = 1, end = 2 }", "start, stop and num"],
+        "sample.phase",
+        {"start": 1, "end": 2},
     ),
     "steps order": (
         '[sample]\ndesign = "grid"\nphase = { start = 2, stop = 1, num = 3 }',
-        ["sample.phase", "start must be less than stop"],
+        "sample.phase",
+        {"start": 2, "stop": 1, "num": 3},
     ),
     "steps number": (
         '[sample]\ndesign = "grid"\nphase = { start = 1, stop = 2, num = 1 }',
-        ["sample.phase", "at least 2 and at most 1000000"],
+        "sample.phase",
+        {"start": 1, "stop": 2, "num": 1},
     ),
-    "columns without table": (
-        '[sample]\ncolumns = ["phase"]',
-        ['sample.columns = ["phase"]', "needs a table"],
-    ),
+    "columns without table": ('[sample]\ncolumns = ["phase"]', "sample.columns", ("phase",)),
     "columns unknown": (
         '[sample]\ndesign = "a.csv"\ncolumns = ["fase"]',
-        ['sample.columns = ["fase"]', 'did you mean "phase"?', '"gravity"'],
+        "sample.columns",
+        ["fase"],
     ),
-    "columns type": ('[sample]\ndesign = "a.csv"\ncolumns = []', ["sample.columns = []", "list"]),
+    "columns type": ('[sample]\ndesign = "a.csv"\ncolumns = []', "sample.columns", []),
     "columns twice": (
         '[sample]\ndesign = "a.csv"\ncolumns = ["phase", "phase"]',
-        ["sample.columns", "twice"],
+        "sample.columns",
+        ["phase", "phase"],
     ),
     "column fixed": (
         '[scene]\nphase = 1.0\n[sample]\ndesign = "a.csv"\ncolumns = ["phase"]',
-        ["sample.columns", "phase is a fixed number", "keep one"],
+        "sample.columns",
+        ("phase",),
     ),
     "range under a table": (
         '[sample]\ndesign = "a.csv"\nphase = [0.0, 1.0]',
-        ["sample.phase = [0.0, 1.0]", "must be a number", "table"],
+        "sample.phase",
+        (0.0, 1.0),
     ),
-    "transient": (
-        "[scene]\nduration = 5.0\n[measure]\ntransient = 5.0",
-        ["measure.transient = 5.0", "less than scene.duration = 5.0 s"],
-    ),
-    "base": (
-        '[scene]\nbase = "still"',
-        ['scene.base = "still"', '"high-bounce", "moving" or "sprung"'],
-    ),
-    "law without meaning": (
-        '[scene]\nbase = "moving"\nrebound = "reflect"',
-        ['scene: rebound = "reflect"', 'base = "moving"', 'take rebound = "rest"'],
-    ),
+    "transient": ("[scene]\nduration = 5.0\n[measure]\ntransient = 5.0", "measure.transient", 5.0),
+    "base": ('[scene]\nbase = "still"', "scene.base", "still"),
+    "law without meaning": ('[scene]\nbase = "moving"\nrebound = "reflect"', "scene.", ABSENT),
     "law of the record without meaning": (
         '[scene]\nrebound = "reflect"\n[record]\nbase = "moving"',
-        ['record: rebound = "reflect"', 'base = "moving"'],
+        "record.",
+        ABSENT,
     ),
-    "two forcings": (
-        "[scene]\namplitude = 1.0\nbase_velocity = 0.5",
-        ["scene.base_velocity = 0.5", "amplitude in scene.amplitude", "keep one"],
-    ),
+    "two forcings": ("[scene]\namplitude = 1.0\nbase_velocity = 0.5", "scene.base_velocity", 0.5),
     "two forcings in two tables": (
         "[scene]\nbase_displacement = 0.1\n[sample]\nrealizations = 2\namplitude = [1.0, 2.0]",
-        ["sample.amplitude = [1.0, 2.0]", "base_displacement in scene.base_displacement", "keep"],
+        "sample.amplitude",
+        (1.0, 2.0),
     ),
     "two forcings in columns": (
         '[sample]\ndesign = "a.csv"\ncolumns = ["base_velocity", "base_acceleration"]',
-        ["sample.columns", "base_acceleration gives the forcing", "so does base_velocity"],
+        "sample.columns",
+        ("base_velocity", "base_acceleration"),
     ),
     "a forcing beside a column": (
         '[scene]\nbase_acceleration = 2.0\n[sample]\ndesign = "a.csv"\ncolumns = ["amplitude"]',
-        ["sample.columns", "amplitude gives the forcing", "scene.base_acceleration", "keep one"],
+        "sample.columns",
+        ("amplitude",),
     ),
     "two forcings of the record": (
         "[record]\namplitude = 1.0\nbase_velocity = 0.5",
-        ["record.base_velocity = 0.5", "record.amplitude", "keep one"],
+        "record.base_velocity",
+        0.5,
     ),
     "record lacks the forcing": (
         "[sample]\nrealizations = 2\nbase_velocity = [0.1, 0.2]\n[record]",
-        ["record.base_velocity: is missing", "the sweep samples it"],
+        "record.base_velocity",
+        ABSENT,
     ),
-    "forcing out of range": (
-        "[scene]\nbase_acceleration = -1",
-        ["scene.base_acceleration = -1", "peak base acceleration", "at least 0 and at most 1e+30"],
-    ),
+    "forcing out of range": ("[scene]\nbase_acceleration = -1", "scene.base_acceleration", -1),
     "amplitude too large": (
         "[scene]\nbase_acceleration = 1e29\nfrequency = 0.001",
-        ["scene: base_acceleration: makes an amplitude of", "at most 1e+30 m s-1"],
+        "scene.",
+        ABSENT,
     ),
     "two durations": (
         "[scene]\nduration = 5.0\nduration_periods = 6.0",
-        ["scene.duration_periods = 6.0", "scene.duration = 5.0", "keep one"],
+        "scene.duration_periods",
+        6.0,
     ),
     "two transients": (
         "[measure]\ntransient = 5.0\ntransient_periods = 6.0",
-        ["measure.transient_periods = 6.0", "measure.transient = 5.0", "keep one"],
+        "measure.transient_periods",
+        6.0,
     ),
-    "duration in periods": (
-        "[scene]\nduration_periods = 0",
-        ["scene.duration_periods = 0", "finite and above 0 forcing periods"],
-    ),
+    "duration in periods": ("[scene]\nduration_periods = 0", "scene.duration_periods", 0),
     "transient in periods": (
         "[scene]\nduration_periods = 5.0\n[measure]\ntransient_periods = 5.0",
-        ["measure.transient_periods = 5.0", "less than scene.duration_periods = 5.0 forcing"],
+        "measure.transient_periods",
+        5.0,
     ),
     "transient in periods, duration in s": (
         "[scene]\nduration = 5.0\nfrequency = 2.0\n[measure]\ntransient_periods = 10.0",
-        ["measure.transient_periods = 10.0", "less than scene.duration = 5.0 s"],
+        "measure.transient_periods",
+        10.0,
     ),
     "window empty at one frequency": (
         "[scene]\nduration_periods = 5.0\n[measure]\ntransient = 2.0\n"
         "[sample]\nrealizations = 2\nfrequency = [1.0, 3.0]",
-        ["measure.transient = 2.0", "less than scene.duration_periods = 5.0 forcing periods"],
+        "measure.transient",
+        2.0,
     ),
-    "uncountable periods": (
-        "[scene]\nduration_periods = 1e20",
-        ["scene: duration = 1e+20 forcing periods", "at most 2.25e+15", "lower it"],
-    ),
-    "negative transient": ("[measure]\ntransient = -1", ["measure.transient = -1", "at least 0 s"]),
-    "bool": ("[measure]\nseparation = 1", ["measure.separation = 1", "true or false"]),
-    "bool text": (
-        '[measure]\nper_particle = "yes"',
-        ['measure.per_particle = "yes"', "true or false"],
-    ),
-    "budget": ("[measure]\nimpact_budget = 0", ["measure.impact_budget = 0", "at least 1"]),
+    "uncountable periods": ("[scene]\nduration_periods = 1e20", "scene.", ABSENT),
+    "negative transient": ("[measure]\ntransient = -1", "measure.transient", -1),
+    "bool": ("[measure]\nseparation = 1", "measure.separation", 1),
+    "bool text": ('[measure]\nper_particle = "yes"', "measure.per_particle", "yes"),
+    "budget": ("[measure]\nimpact_budget = 0", "measure.impact_budget", 0),
     "record lacks": (
         "[sample]\nrealizations = 2\nrestitution = [0.8, 0.9]\n[record]",
-        ["record.restitution: is missing", "the sweep samples it", "at most 1"],
+        "record.restitution",
+        ABSENT,
     ),
-    "record of a table": (
-        '[sample]\ndesign = "a.csv"\n[record]',
-        ["record: ", "sample.columns = "],
-    ),
-    "uncountable": (
-        "[scene]\nduration = 1e20",
-        ["scene: duration = 1e+20 s", "forcing periods", "lower it"],
-    ),
+    "record of a table": ('[sample]\ndesign = "a.csv"\n[record]', "record", ABSENT),
+    "uncountable": ("[scene]\nduration = 1e20", "scene.", ABSENT),
     "uncountable corner": (
         "[scene]\nduration = 1e14\n[sample]\nrealizations = 2\nfrequency = [1.0, 100.0]",
-        ["scene: duration = 1e+14 s", "lower it or the frequency"],
+        "scene.",
+        ABSENT,
     ),
-    "uncountable record": (
-        "[record]\nlaunch = [1e20]",
-        ["record: launch time = 1e+20 s", "lower it"],
-    ),
-    "beyond double precision": (
-        "[scene]\nfrequency = 1e-157",
-        ["scene.frequency = 1e-157", "at least 1e-30 and at most 1e+09 Hz"],
-    ),
+    "uncountable record": ("[record]\nlaunch = [1e20]", "record.", ABSENT),
+    "beyond double precision": ("[scene]\nfrequency = 1e-157", "scene.frequency", 1e-157),
 }
 
 
-@pytest.mark.parametrize(("text", "parts"), MISTAKES.values(), ids=MISTAKES)
-def test_each_mistake_is_one_clear_line(text, parts):
-    said = message(text if "title" in text or not text else TITLE + text)
-    assert said.startswith(f"{Path('dir/bad.toml')}: ")
+@pytest.mark.parametrize(("text", "key", "value"), MISTAKES.values(), ids=MISTAKES)
+def test_each_mistake_is_one_clear_line_with_its_key_and_value(text, key, value):
+    with pytest.raises(SpecError) as caught:
+        parse_spec(text if "title" in text or not text else TITLE + text, Path("dir/bad.toml"))
+    (mistake,) = caught.value.mistakes
+    assert mistake.key == key
+    # not a number equals nothing, and ABSENT is only itself
+    assert mistake.value is value or mistake.value == value or mistake.value != mistake.value
+    said = str(caught.value)
+    assert said.startswith(f"{Path('dir/bad.toml')}: {key.removesuffix('.')}")
     assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[sampel]", ['did you mean "sample"?']),
+        ("[scene]\nfrequencey = 3", ['did you mean "frequency"?', "Known keys of [scene]"]),
+        ("[measure]\nseed = 3", ["belongs in [sample]"]),
+        ("[scene]\nphase = nan", ["not a finite number", "at most 1e+09 rad"]),
+        ("[scene]\nrestitution = 1.2", ["at least 0 and at most 1"]),
+        (f"[scene]\nparticles = 1{400 * '0'}", ["a huge number", "at most 1000000000"]),
+        ('[sample]\ndesign = "sobel"', ['did you mean "sobol"?', '"latin"', '".csv" or ".nc"']),
+        ("[sample]\nrealizations = 2\nrestitution = [0.98, 0.8]", ["write [0.8, 0.98]"]),
+        ("[sample]\nphase = 2.0\n[scene]\nphase = 1.0", ["scene.phase = 1.0", "keep one"]),
+        ("[scene]\nduration = 5.0\n[measure]\ntransient = 5.0", ["than scene.duration = 5.0 s"]),
+        ("[scene]\nbase_acceleration = 1e29\nfrequency = 0.001", ["at most 1e+30 m s-1"]),
+    ],
+)
+def test_a_message_tells_what_is_allowed_and_the_remedy(text, parts):
+    said = message(TITLE + text)
     for part in parts:
         assert part in said
 
 
-@pytest.mark.parametrize("text", [t for t, _ in MISTAKES.values()], ids=list(MISTAKES))
+@pytest.mark.parametrize("text", [text for text, *_ in MISTAKES.values()], ids=list(MISTAKES))
 def test_no_message_speaks_of_the_machinery(text):
     said = message(text).lower()
     for word in ("pydantic", "value error", "input should", "validation", "type=", "nonetype"):

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from vibrosweep.analysis.common import (
     attributes,
-    axis,
     grid_axes,
     note_of,
     require_ability,
@@ -25,7 +24,6 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
-from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.kernels.shortest import empty_shortest, shortest_flights
@@ -33,14 +31,13 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
 from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
-from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["basins", "basins_of_spec", "name_of", "summary"]
+__all__ = ["basins", "name_of", "summary"]
 
 Codes = NDArray[np.int64]
 
@@ -48,32 +45,25 @@ BYTES_PER_LAUNCH: Final = 300
 PLANE: Final = ("launch_velocity", "launch_time")
 
 
-def basins(
-    scene: Scene,
-    launch_time: ArrayLike,
-    launch_velocity: ArrayLike,
-    *,
-    threads: int | None = None,
-) -> xr.Dataset:
-    """Launch a particle at every point of a plane and find its attractor.
+def basins(sweep: Sweep, threads: int) -> xr.Dataset:
+    """Launch a particle at every point of a plane and find its attractor: `vibrosweep.basins`.
 
-    As `vibrosweep.basins`: launch times in s, and velocities in m s-1, in any order; the result
-    holds each once, ascending.  The scene's particles and launches are ignored.  All launches at
-    rest for good are one attractor.  All aperiodic launches share one index, and so do all
-    unsettled ones, which are no attractor: ``regime`` tells.
+    The launch times are those of the sweep's particles, the speeds those of its grid; the result
+    holds each once, ascending.  All launches at rest for good are one attractor.  All aperiodic
+    launches share one index, and so do all unsettled ones, which are no attractor: ``regime``
+    tells.  Raises a SpecError unless the design is a grid of launch velocities.
     """
-    require_ability("basins", scene)
-    times = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
-    if times.ndim != 1 or not times.size or not np.all(np.isfinite(times)):
-        raise ParameterError("launch_time: must be one or more finite times in s")
-    times, speeds = np.unique(times), np.unique(axis("launch_velocity", launch_velocity))
+    require_ability("basins", sweep.scene)
+    speeds = grid_axes(sweep, "basins", "launch_velocity")["launch_velocity"]
+    scene = settling(sweep, sweep.scene.inputs["restitution"])
+    times = np.unique(launch_times(scene.launch, scene.particles, scene.inputs["frequency"]))
     require_memory("launches", speeds.size * times.size, BYTES_PER_LAUNCH)
     shape = (speeds.size, times.size)
     parameters = scene.parameters({"launch_velocity": np.repeat(speeds, times.size)})
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     whole, phase = reduced_turns(scene.inputs["frequency"], np.tile(times, speeds.size), 0.0)
     launch = Launches(whole[:, np.newaxis], phase[:, np.newaxis])
-    with Workers(thread_count(threads)) as workers:
+    with Workers(threads) as workers:
         alone = replace(scene.only(), particles=1, launch=tuple(times))
         orbits = find_orbits(problem, launch, alone, workers)
         labels = _labels(orbits)
@@ -94,20 +84,8 @@ def basins(
         **shared(scene, ["launch_velocity"]),
     }
     words = attributes(scene, "Basins of attraction") | {"notes": note_of(scene)}
+    words |= {"title": sweep.title, "sweep_file": sweep.text}
     return xr.Dataset(data, _coordinates(times, speeds), words)
-
-
-def basins_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
-    """Basins of a sweep file: the launches of its particles, with speeds from its grid.
-
-    Raises a SpecError unless its design is a grid of launch velocities.
-    """
-    require_ability("basins", spec.scene, spec.design.sampled)
-    speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
-    times = launch_times(spec.scene.launch, spec.scene.particles, spec.scene.inputs["frequency"])
-    scene = settling(spec, spec.scene.inputs["restitution"])
-    found = basins(scene, times, speeds, threads=threads)
-    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
 
 
 def name_of(attractor: xr.Dataset) -> str:

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from vibrosweep.analysis.common import KEPT as ALWAYS_HELD
 from vibrosweep.analysis.common import (
     attributes,
-    axis,
     grid_axes,
     note_of,
     require_ability,
@@ -30,18 +29,17 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.settle import Orbits
-from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
+from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
 from vibrosweep.model.status import Regime
-from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["OBSERVABLES", "Observable", "bifurcation", "bifurcation_of_spec", "summary"]
+__all__ = ["OBSERVABLES", "Observable", "bifurcation", "summary"]
 
 # phase of landing in turns, speed at lift-off in m s-1, gravity in m s-2 -> the observable
 Observable = Callable[[Array, Array, float], Array]
@@ -76,27 +74,20 @@ KEPT: Final = (
 
 
 def bifurcation(
-    scene: Scene,
-    scan: ArrayLike,
-    *,
-    forcing: str = AMPLITUDE,
-    observable: str | Observable = "rebound_velocity",
-    samples: int = 64,
-    threads: int | None = None,
+    sweep: Sweep, observable: str | Observable, samples: int, threads: int
 ) -> xr.Dataset:
-    """Follow the orbits of a scene's particles up and down the forcing: `vibrosweep.bifurcation`.
+    """Follow the orbits of a sweep's particles up and down the forcing: `vibrosweep.bifurcation`.
 
     At the first point of each direction particles are launched as the scene says; at every further
     one they start from the state reached at the previous one.  They settle until they recur or the
     duration is over, and then `samples` further impacts are kept.  Orbits that ``regime`` calls
-    unsettled may be on their way to an attractor.
+    unsettled may be on their way to an attractor.  Raises a SpecError unless the design is a grid
+    with an axis of the forcing, in any form.
     """
-    require_ability("bifurcation", scene)
-    a = axis(forcing, scan)
-    if not np.all(np.diff(a) > 0.0):
-        raise ParameterError(f"{forcing}: must be in ascending order")
-    if samples < 1:
-        raise ParameterError(f"samples = {samples!r}: must be at least 1")
+    require_ability("bifurcation", sweep.scene)
+    forcing = forcing_of(sweep.design.sampled)
+    a = grid_axes(sweep, "bifurcation diagrams", forcing)[forcing]
+    scene = settling(sweep, sweep.scene.inputs["restitution"])
     name, (function, units, words) = _observable(observable)
     order = np.stack([a, a[::-1]])
     shape = (len(DIRECTIONS), a.size, scene.particles)
@@ -105,7 +96,7 @@ def bifurcation(
     values = np.empty((*shape, samples))
     measured: dict[str, NDArray[Any]] = {}
     states = launch_states(scene, scene.parameters({forcing: order[:, 0]}))
-    with Workers(thread_count(threads)) as workers:
+    with Workers(threads) as workers:
         for i in range(a.size):
             parameters = scene.parameters({forcing: order[:, i]})
             orbits = settle_from(scene, parameters, states, workers)
@@ -115,29 +106,14 @@ def bifurcation(
             values[at] = function(impacts, scene.inputs["gravity"])
             found = orbit_variables(orbits, parameters["frequency"])
             for kept in KEPT:
-                room = measured.setdefault(kept, np.empty(shape, found[kept].dtype))
-                room[at] = found[kept]
+                array = measured.setdefault(kept, np.empty(shape, found[kept].dtype))
+                array[at] = found[kept]
     data = {n: (VARIABLES[n].attributes, v) for n, v in measured.items()}
     data[name] = ({"units": units, "long_name": words}, values)
-    found_set = _dataset(scene, forcing, a, data)
-    return found_set.assign_attrs(observable=name, notes=note_of(scene))
-
-
-def bifurcation_of_spec(
-    spec: Sweep, observable: str | Observable, samples: int, threads: int
-) -> xr.Dataset:
-    """Bifurcation diagram of a sweep whose grid has an axis of the forcing, in any form.
-
-    Raises a SpecError unless the design is such a grid.
-    """
-    require_ability("bifurcation", spec.scene, spec.design.sampled)
-    forcing = forcing_of(spec.design.sampled)
-    scan = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]
-    scene = settling(spec, spec.scene.inputs["restitution"])
-    found = bifurcation(
-        scene, scan, forcing=forcing, observable=observable, samples=samples, threads=threads
+    diagram = _dataset(scene, forcing, a, data)
+    return diagram.assign_attrs(
+        observable=name, notes=note_of(scene), title=sweep.title, sweep_file=sweep.text
     )
-    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
 
 
 def summary(diagram: xr.Dataset) -> Iterator[str]:

@@ -130,19 +130,19 @@ def _measured(
     if np.any(status):
         worst = Status(int(status.max()))
         raise DataError(
-            f"sobol_indices: {np.count_nonzero(status)} of {count} realizations did not complete: "
+            f"sobol: {np.count_nonzero(status)} of {count} realizations did not complete: "
             f"{worst.sentence}"
         )
     for name, row in zip(outputs, values, strict=True):
         undefined = int(np.count_nonzero(~np.isfinite(row)))
         if undefined:
             raise DataError(
-                f"sobol_indices: {name} is undefined in {undefined} of {row.size} realizations: "
+                f"sobol: {name} is undefined in {undefined} of {row.size} realizations: "
                 f"lengthen the duration, raise measure.impact_budget, or take ranges in which all "
                 f"particles land"
             )
         if np.ptp(row) == 0.0:
-            raise DataError(f"sobol_indices: {name} is the same in all realizations")
+            raise DataError(f"sobol: {name} is the same in all realizations")
     return values
 
 

@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 
 from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import Window, find_edges, windows_of_row
 from vibrosweep.analysis.common import (
     attributes,
-    axis,
     grid_axes,
     note_of,
     require_ability,
@@ -43,10 +41,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.mistakes import Key, table
-from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of, refuse_extreme
+from vibrosweep.mistakes import Key, Mistake, table
+from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
 
@@ -58,13 +55,11 @@ __all__ = [
     "DIRECTIONS",
     "TOLERANCE",
     "find_windows",
-    "windows_of_spec",
 ]
 
 
 TOLERANCE: Final = 1e-9
 DIRECTIONS: Final = ("up", "down")
-FINEST: Final = 1e-14
 RESTITUTIONS, POINTS = 25, 150  # of a scan over ranges
 # Relative error of the amplitude that `model.forcing.completed` makes of another forcing: at most
 # six roundings, with that of pi
@@ -73,98 +68,63 @@ BYTES_PER_POINT: Final = 200
 BYTES_PER_STATE: Final = 16  # that a continued particle has at a point
 
 
-def find_windows(
-    scene: Scene,
-    restitution: ArrayLike,
-    scan: ArrayLike,
-    conditions: Sequence[str | Condition | Locked],
-    *,
-    forcing: str = AMPLITUDE,
-    continuation: bool = False,
-    tolerance: float = TOLERANCE,
-    threads: int | None = None,
-) -> xr.Dataset:
-    """Intervals of the forcing in which conditions hold, for every restitution.
+def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
+    """Intervals of the forcing in which conditions hold, for every restitution of a sweep.
 
-    As `vibrosweep.windows`, for a scene, values of the restitution, and ascending values of a
-    forcing.  With `continuation` coexisting and hysteretic windows show as differences between the
-    directions.  A bracket around an edge is at most `tolerance` wide, relative to the edge; that of
-    a locked orbit holds the exact edge.
+    As `vibrosweep.windows`.  With continuation coexisting and hysteretic windows show as
+    differences between the directions.  A bracket around an edge is at most as wide as the
+    tolerance, relative to the edge; that of a locked orbit holds the exact edge.  Ranges of a
+    design that draws are scanned in `RESTITUTIONS` and `POINTS` even steps; the attribute ``grid``
+    says so.  Raises a SpecError where the sweep asks for no windows, a condition is not known, or
+    parameters other than restitution and a forcing vary.
     """
-    require_ability("windows", scene)
-    if forcing not in FORCINGS:
-        raise ParameterError(f"forcing = {forcing!r}: must be one of {', '.join(FORCINGS)}")
-    e, a = axis("restitution", restitution), axis(forcing, scan)
-    if a.size < 2 or not np.all(np.diff(a) > 0.0):
-        raise ParameterError(f"{forcing}: must be at least two values in ascending order")
-    ends = {"restitution": np.array([e.min(), e.max()]), forcing: a[[-1, -1]]}
-    refuse_extreme(scene.quantities(ends), forcing, scene.restitution_law)
-    if not FINEST <= tolerance < 1.0:
-        raise ParameterError(f"tolerance = {tolerance!r}: must be at least {FINEST} and below 1")
-    if not conditions:
-        raise ParameterError("conditions: must name at least one condition")
-    chosen = [named(c) if isinstance(c, str) else c for c in conditions]
-    own = [c for c in chosen if isinstance(c, Condition) and c not in NAMED.values()]
+    require_ability("windows", sweep.scene)
+    conditions = _conditions(sweep)
+    forcing = forcing_of(sweep.design.sampled)
+    points = {"restitution": RESTITUTIONS, forcing: POINTS}
+    axes = grid_axes(sweep, "windows", forcing, ("restitution",), points)
+    a = axes[forcing]
+    e = axes.get("restitution", np.array([sweep.scene.inputs.get("restitution", np.nan)]))
+    if a.size < 2:
+        raise sweep.refusal(Mistake(f"sample.{forcing}", "must be two or more values", a.tolist()))
+    own = [c for c in conditions if isinstance(c, Condition) and c not in NAMED.values()]
     code = {"condition_code": "\n\n".join(condition.code for condition in own)} if own else {}
+    orbits = any(_of_orbits(c) for c in conditions)
+    scene = settling(sweep, float(e.max())) if orbits else sweep.scene
+    asked = sweep.windows or {}
+    tolerance, continuation = asked.get("tolerance", TOLERANCE), asked.get("continuation", False)
     directions = DIRECTIONS if continuation else FRESH
     states = BYTES_PER_STATE * scene.particles if continuation else 0
     require_memory("points of the scan", e.size * a.size, BYTES_PER_POINT + states)
-    with Workers(thread_count(threads)) as workers:
+    with Workers(threads) as workers:
         found = [
             _windows(scene, condition, Scan(forcing, e, a), direction, tolerance, workers)
-            for condition in chosen
+            for condition in conditions
             for direction in directions
         ]
-    shape = (len(chosen), len(directions), e.size)
+    shape = (len(conditions), len(directions), e.size)
     table = _table(found, shape)
     held = np.array([row.codes for rows in found for row in rows], np.int8)
     held = held.reshape(*shape, a.size)
-    dataset = _dataset(scene, chosen, directions, Scan(forcing, e, a), table)
+    dataset = _dataset(scene, conditions, directions, Scan(forcing, e, a), table)
     dataset[HELD.name] = (HELD.dims, held, HELD.attributes)
-    note = note_of(scene, float(e.max())) if any(_of_orbits(c) for c in chosen) else ""
-    return dataset.assign_attrs(tolerance=tolerance, notes=note, **code)
+    attributes = {"tolerance": tolerance, "notes": note_of(scene, float(e.max())) if orbits else ""}
+    if not sweep.design.axes:
+        sizes = f"{e.size} restitutions and {POINTS} values of {forcing} in even steps"
+        attributes["grid"] = f"{sizes} over the ranges of the {sweep.design.name} design"
+    return dataset.assign_attrs({**attributes, **code}, title=sweep.title, sweep_file=sweep.text)
 
 
-def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
-    """Windows of a sweep file with a [windows] section, as `find_windows`.
-
-    Ranges of a design that draws are scanned in `RESTITUTIONS` and `POINTS` even steps; the
-    attribute ``grid`` says so.  Raises a SpecError where the file has no such section, a condition
-    is not known, or parameters other than restitution and a forcing vary.
-    """
-    require_ability("windows", spec.scene, spec.design.sampled)
-    if spec.windows is None:
-        raise spec.refusal(
-            (
-                table("windows"),
-                f" is missing; add it with conditions = [...], each one of {', '.join(NAMES)}",
-            )
-        )
-    wanted = spec.windows.get("conditions", ("locked(1)",))
+def _conditions(sweep: Sweep) -> list[Condition | Locked]:
+    """Conditions of a sweep; a SpecError without any, or for one that is not known."""
+    if sweep.windows is None:
+        known = f" is missing; add it with conditions = [...], each one of {', '.join(NAMES)}"
+        raise sweep.refusal((table("windows"), known))
+    listed = sweep.windows.get("conditions", ("locked(1)",))
     try:
-        conditions = [named(one) if isinstance(one, str) else one for one in wanted]
+        return [named(one) if isinstance(one, str) else one for one in listed]
     except ParameterError as error:
-        raise spec.refusal((Key("windows.conditions"), f": {error}")) from error
-    forcing = forcing_of(spec.design.sampled)
-    points = {"restitution": RESTITUTIONS, forcing: POINTS}
-    axes = grid_axes(spec, "windows", forcing, ("restitution",), points)
-    e = axes.get("restitution", spec.scene.inputs.get("restitution", ()))
-    orbits = any(_of_orbits(c) for c in conditions)
-    found = find_windows(
-        settling(spec, float(np.max(e, initial=0.0))) if orbits else spec.scene,
-        e,
-        axes[forcing],
-        forcing=forcing,
-        threads=threads,
-        **{n: v for n, v in spec.windows.items() if n not in ("conditions", "prove")},
-        conditions=conditions,
-    )
-    if not spec.design.axes:
-        sizes = f"{np.size(e)} restitutions and {POINTS} values of {forcing}"
-        found.attrs["grid"] = (
-            f"{sizes} in even steps over the ranges of the {spec.design.name} design"
-        )
-    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+        raise sweep.refusal((Key("windows.conditions"), f": {error}")) from error
 
 
 def _of_orbits(condition: Condition | Locked) -> bool:

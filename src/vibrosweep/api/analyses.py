@@ -10,8 +10,9 @@ from typing import Any, Unpack
 
 import xarray as xr
 
-from vibrosweep.analysis.basins import basins_of_spec
-from vibrosweep.analysis.bifurcation import Observable, bifurcation_of_spec
+from vibrosweep.analysis.basins import basins as find_basins
+from vibrosweep.analysis.bifurcation import Observable
+from vibrosweep.analysis.bifurcation import bifurcation as follow_orbits
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.analysis.separations import (
     QUANTILES,
@@ -163,7 +164,7 @@ def bifurcation(
     """
     samples = count("samples", samples)
     checked = as_sweep(spec, keywords)
-    return warned(bifurcation_of_spec(checked, observable, samples, thread_count(threads)))
+    return warned(follow_orbits(checked, observable, samples, thread_count(threads)))
 
 
 def basins(
@@ -211,7 +212,7 @@ def basins(
     >>> found.basin.dims, found.basin.shape
     (('launch_velocity', 'launch_time'), (3, 20))
     """
-    return warned(basins_of_spec(as_sweep(spec, keywords), thread_count(threads)))
+    return warned(find_basins(as_sweep(spec, keywords), thread_count(threads)))
 
 
 def sobol(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from vibrosweep.analysis.windows import windows_of_spec
+from vibrosweep.analysis.windows import find_windows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,7 +17,7 @@ __all__ = ["windows_found"]
 def windows_found(spec: Sweep, threads: int) -> xr.Dataset:
     """Windows of a sweep, with proofs where it asks for them."""
     if not (spec.windows or {}).get("prove"):
-        return windows_of_spec(spec, threads)
+        return find_windows(spec, threads)
     from vibrosweep.proof.windows import prove_windows
 
-    return prove_windows(windows_of_spec(spec, threads), spec.scene)
+    return prove_windows(find_windows(spec, threads), spec.scene)

@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.analysis.basins import basins_of_spec
+    from vibrosweep.analysis.basins import basins
     from vibrosweep.api.result_kinds import BASINS
 
-    produce(options, BASINS, basins_of_spec)
+    produce(options, BASINS, basins)

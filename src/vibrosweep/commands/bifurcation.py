@@ -23,13 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.analysis.bifurcation import bifurcation_of_spec
+    from vibrosweep.analysis.bifurcation import bifurcation
     from vibrosweep.api.result_kinds import BIFURCATION
 
     produce(
         options,
         BIFURCATION,
-        lambda spec, threads: bifurcation_of_spec(
-            spec, options.observable, options.samples, threads
-        ),
+        lambda spec, threads: bifurcation(spec, options.observable, options.samples, threads),
     )

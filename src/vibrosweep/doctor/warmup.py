@@ -42,7 +42,7 @@ from vibrosweep.kernels.trust import trust
 from vibrosweep.model.forcing import AMPLITUDE
 from vibrosweep.model.parameters import LAWS, SPRUNG
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.scene.keywords import batch
+from vibrosweep.scene.keywords import batch, keyword_spec
 from vibrosweep.scene.scene import bare_scene
 
 KERNELS: Final[tuple[Any, ...]] = (
@@ -103,7 +103,8 @@ def warm_up() -> Compiled:
             point = {"restitution": np.array([0.9]), "amplitude": np.array([1.2])}
             one, _ = batch({"base": base, "rebound": rebound, "duration": 2000.0})
             locked(one, Locked(1), point, workers)
-            basins(one, [0.0], [5.0], threads=1)
+            launched = {"launch": [0.0], "launch_velocity": [5.0], "duration": 2000.0}
+            basins(keyword_spec({"base": base, "rebound": rebound, **launched}), 1)
             closed_orbits(one, point, impacts=1, periods=1, threads=1)
             plane = Plane(one, AMPLITUDE, np.array([0.5]), np.array([1.0, 5.0]), 100)
             branches_along(plane, FIX_E, (1, 1), 1, workers)

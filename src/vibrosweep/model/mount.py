@@ -35,7 +35,7 @@ def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:
     """
     found = [name for name in OF_MOUNT if name in given]
     if base != SPRUNG:
-        text = f'is of a base of finite mass: write base = "{SPRUNG}", or leave it out'
+        text = f'belongs to a base of finite mass: write base = "{SPRUNG}", or leave it out'
         return dict.fromkeys(found, text)
     mistakes = {}
     masses = [name for name in MASSES if name in given]

@@ -144,7 +144,7 @@ class Observable:
         if arguments != 1:
             yield "function must take one argument with landings, as in function(landing)"
         if self.along or self.initial != 0.0:
-            yield "along and initial are of functions that change totals, without landings"
+            yield "along and initial belong to functions that change totals, without landings"
 
     @property
     def source(self) -> str:

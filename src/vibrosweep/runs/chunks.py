@@ -141,10 +141,13 @@ def compute_rows(
     size = min(most or stop, batch_size(spec))
     for first in range(start, stop, size):
         # free the memory before the next batch is computed
-        yield _batch(spec, design, first, min(first + size, stop), workers)
+        yield compute_batch(spec, design, first, min(first + size, stop), workers)
 
 
-def _batch(spec: Sweep, design: Realizations, start: int, stop: int, workers: Workers) -> Columns:
+def compute_batch(
+    spec: Sweep, design: Realizations, start: int, stop: int, workers: Workers
+) -> Columns:
+    """Compute the realizations start, ..., stop - 1 of a sweep at once."""
     sampled, size = design.take(start, stop), stop - start
     parameters = spec.scene.parameters(sampled, size)
     try:
