@@ -17,7 +17,7 @@ from vibrosweep.engine.landings import all_parameters as complete
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels._jit import uncached
-from vibrosweep.kernels.advance import Options, _step, advance, memory_around
+from vibrosweep.kernels.advance import Options, Share, _step, advance, memory_around
 from vibrosweep.kernels.bases import constants, put
 from vibrosweep.kernels.cycles import Chosen
 from vibrosweep.kernels.impact import Batch, base_of
@@ -89,8 +89,8 @@ def test_speed_does_not_depend_on_the_place_in_memory():
         block[:] = 0.0
         memory = memory_around(block)
         begin = time.perf_counter()
-        left = advance((0, trajectories, 0), batch, options, False, memory, out, None, None)
-        advance((0, 0, left), batch, options, False, memory, out, None, None)
+        left = advance(Share(0, trajectories, 0), batch, options, False, memory, out, None, None)
+        advance(Share(0, 0, left), batch, options, False, memory, out, None, None)
         fastest[place] = min(fastest[place], time.perf_counter() - begin)
     slow = np.mean(fastest > 1.2 * fastest.min())
     mean = fastest.mean() / fastest.min()
@@ -161,7 +161,7 @@ def test_hot_loop_uses_whole_vector_registers():
     batch = Batch(base_of("high-bounce", observation.rebound), problem, launch)
     fresh: Any = uncached(advance)
     memory = memory_around(scratch())
-    fresh((0, 8, 0), batch, Options(102), False, memory, empty_statistics(8), None, None)
+    fresh(Share(0, 8, 0), batch, Options(102), False, memory, empty_statistics(8), None, None)
     (assembly,) = fresh.inspect_asm().values()
     blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
     hot = max(blocks, key=lambda block: len(re.findall(r"vfn?m(?:add|sub)\w+pd", block)))

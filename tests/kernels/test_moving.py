@@ -6,7 +6,7 @@ from numba import njit
 
 from vibrosweep.engine.landings import recorded
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.advance import Options, advance, memory_around
+from vibrosweep.kernels.advance import Options, Share, advance, memory_around
 from vibrosweep.kernels.bases import constants, fitted
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_speed
 from vibrosweep.kernels.record import Units
@@ -36,10 +36,10 @@ def streamed(base, scene, launch, budget=600_000):
     out, memory = empty_statistics(total), memory_around(scratch())
     batch = Batch(base, scene, launch)
     options = Options(budget)
-    lanes = advance((0, total, 0), batch, options, False, memory, out, None, None)
+    lanes = advance(Share(0, total, 0), batch, options, False, memory, out, None, None)
     while lanes:
-        span = (total, total, lanes)
-        lanes = advance(span, batch, options, False, memory, out, None, None)
+        share = Share(total, total, lanes)
+        lanes = advance(share, batch, options, False, memory, out, None, None)
     return out
 
 

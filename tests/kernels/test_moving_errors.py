@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels.advance import Options, advance, memory_around
+from vibrosweep.kernels.advance import Options, Share, advance, memory_around
 from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.cycles import empty_cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch_speed
@@ -247,7 +247,7 @@ def followed(problem_of):
         out, memory = empty_statistics(700), memory_around(scratch())
         cycles, rests = empty_cycles(700), empty_rests(out.kinds)
         given = batch, Options(600_000, 0.0, 1, jump), False, memory, out, cycles, rests
-        advance((700, 700, advance((0, 700, 0), *given)), *given)
+        advance(Share(700, 700, advance(Share(0, 700, 0), *given)), *given)
         found.append((out, cycles))
     orbits = empty_orbits(700)
     settle(0, 700, batch, found[0][0]._replace(kinds=()), found[0][1], 600_000, 1, orbits)

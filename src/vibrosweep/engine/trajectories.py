@@ -19,7 +19,7 @@ from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observable_values import kinds_of
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels._jit import Floats
-from vibrosweep.kernels.advance import Options, advance, advance_uncached, memory_around
+from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import Base, fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
@@ -162,8 +162,8 @@ def statistics(
 
         def task(first: int, last: int) -> None:
             nonlocal lanes
-            span = (first, last, lanes)
-            lanes = kernel(span, batch, options, windowed, memory, each, cycles, rests)
+            share = Share(first, last, lanes)
+            lanes = kernel(share, batch, options, windowed, memory, each, cycles, rests)
 
         return task
 

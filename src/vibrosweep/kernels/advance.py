@@ -86,6 +86,14 @@ class Options(NamedTuple):
     observer: Observer | Recorder | None = None
 
 
+class Share(NamedTuple):
+    """The trajectories of one call: those to start, and how many are in progress before it."""
+
+    first: int
+    last: int  # the one behind the last
+    in_progress: int
+
+
 class Memory(NamedTuple):
     """Memory of one caller: a block of lanes, and the places in it that are refilled."""
 
@@ -195,15 +203,14 @@ def _realization(base: Base, problem: Dimensionless, i: int) -> Realization:
 def _load(
     s: Floats,
     j: int,
-    who: tuple[int, int],
+    particle: int,
     start: Instant,
     realization: Realization,
     kinds: Kinds,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
-    """Load trajectory who[0], of particle who[1], which leaves at `start`, into lane j."""
-    lane, particle = who
+    """Load a trajectory that leaves the base at `start` into lane j, which knows its index."""
     n, x = start
     n_end, x_end = realization.end
     s[ROW.X + j] = x
@@ -216,12 +223,11 @@ def _load(
     s[ROW.N_BEGIN + j] = n_begin - n_end
     s[ROW.X_BEGIN + j] = x_begin
     s[ROW.AGE + j] = 0.0
-    s[ROW.LANE + j] = lane
     clear(kinds, s, j)
     if cycles is not None:
         s[ROW.X_ANCHOR + j] = np.nan
         s[ROW.NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
-        no_cycle(cycles, lane)
+        no_cycle(cycles, int(s[ROW.LANE + j]))
 
 
 @jit
@@ -258,7 +264,7 @@ def _write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> No
 
 @kernel
 def advance(
-    span: tuple[int, int, int],
+    share: Share,
     batch: Batch,
     options: Options,
     windowed: bool,
@@ -269,11 +275,9 @@ def advance(
 ) -> int:
     """Advance trajectories of a batch to the end of their window; return how many are in progress.
 
-    Trajectories span[0] ... span[1] - 1 are started, and only their entries of `out` are written.
     When too few new ones are left to fill the block, those in progress stay in it until the next
-    call, which must therefore take the same arguments, apart from the span: span[2] are in
-    progress, 0 or what the previous call returned.  With none to start, those in progress are
-    finished.
+    call, which must take the same arguments, apart from the share; 0, or what the previous call
+    returned, are in progress before it.  With none to start, those in progress are finished.
 
     `windowed` tells whether the window may begin after a launch; `memory` is from `memory_around`
     and, as `rests`, not shared between threads.  If `cycles` are given, with `rests`, simulation of
@@ -284,13 +288,12 @@ def advance(
     s, places = memory
     chosen = Chosen(base, out.kinds)
     budget = float(options.budget)
-    first, last, lanes = span
+    first, last, lanes = share
     particles = launches.whole.shape[1]
     i, p = first // particles, first % particles
     realization = _realization(base, problem, min(i, problem.kick.size - 1))
     patience = 0.0 if options.all_cycles == 1 else options.patience
-    following = first
-    done = min(LANES - lanes, last - first)
+    following, done = first, min(LANES - lanes, last - first)
     for q in range(done):
         places[q] = lanes + q
     lanes += done
@@ -300,8 +303,9 @@ def advance(
             lane = following + q
             if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
                 return 0
+            s[ROW.LANE + places[q]] = lane
             start = launch(launches, i, p, problem.phase[i])
-            _load(s, places[q], (lane, p), start, realization, out.kinds, cycles, patience)
+            _load(s, places[q], p, start, realization, out.kinds, cycles, patience)
             expect(out.kinds, out, lane)
             p += 1
             if p == particles:

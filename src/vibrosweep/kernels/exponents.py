@@ -6,6 +6,7 @@ The multipliers are the eigenvalues of the product of the Jacobians of the impac
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,29 @@ from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.tangent import carry, stretch
 from vibrosweep.kernels.trust import Box, Frame, landing_error, spread_of, turn_box
 
-State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
+
+class State(NamedTuple):
+    """A state at lift-off."""
+
+    whole: float  # whole periods and phase
+    phase: float
+    flight: float  # speed, as the duration of the flight that follows
+
+
+class Exponent(NamedTuple):
+    """An exponent per impact."""
+
+    value: float
+    error: float
+
+
+class CycleExponents(NamedTuple):
+    """Exponents of a cycle without rests: the largest, and the sum of both."""
+
+    multiplier: complex  # the leading one
+    largest: Exponent
+    total: Exponent
+
 
 TINY = 2.0**-500
 
@@ -97,10 +120,8 @@ def _state_error(fixed: Constants, state: State, impacts: int) -> Box:
 
 
 @jit
-def cycle_exponents(
-    fixed: Constants, state: State, impacts: int
-) -> tuple[complex, float, float, float, float]:
-    """Leading multiplier of a cycle without rests; both exponents with their errors."""
+def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExponents:
+    """Return the exponents of a cycle without rests through a state."""
     n, x, u = state
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
@@ -154,10 +175,8 @@ def cycle_exponents(
     relative += HALF_ULP * impacts * (abs(scale) + 2.0)  # of the sum of logarithms
     if not relative < np.inf:  # a state that is lost at a multiplier of 1
         relative = np.inf
-    return (
+    return CycleExponents(
         value * elementary.exp(scale),
-        largest,
-        relative / impacts,
-        area / impacts,
-        slack / impacts,
+        Exponent(largest, relative / impacts),
+        Exponent(area / impacts, slack / impacts),
     )

@@ -24,7 +24,7 @@ from vibrosweep.kernels.bases import (
     jacobian,
 )
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
-from vibrosweep.kernels.exponents import State, cycle_exponents
+from vibrosweep.kernels.exponents import Exponent, State, cycle_exponents
 from vibrosweep.kernels.impact import Batch, Instant, impact, launch, launch_speed
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.statistics import LANDINGS, RESTS, Statistics
@@ -38,6 +38,7 @@ from vibrosweep.model.status import Regime
 # several rounds.  Distinct points of a cycle are never this close, except right after a period
 # doubling.
 SAME_ORBIT = 2.0**-30
+NONE_LEFT = Exponent(-np.inf, 0.0)  # of deviations that a rest takes
 CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
 
 AT_REST = int(Regime.AT_REST)
@@ -121,7 +122,8 @@ def _follow(
     fixed: Constants,
     launched: State,
     particle: int,
-    window: tuple[Instant, Instant],
+    begin: Instant,
+    end: Instant,
     budget: int,
     g: Floats,
 ) -> tuple[State, Rests, float, float]:
@@ -132,7 +134,6 @@ def _follow(
     impacts in the window, the sum of the logarithms of areas, and the bound of its rounding error.
     """
     n, x, u = launched
-    begin, end = window
     c, d = 1.0, 0.0
     lifted, seen, first, since, impacts, periods = 0, 0, np.nan, 0, 0, 0
     anchor, x_first, u_first, closed = 0, np.nan, np.nan, 0
@@ -164,26 +165,26 @@ def _follow(
                 break
             if not same and lifted >= 2 * anchor:
                 anchor, first, since, x_first, u_first = lifted, n, age, x, u
-    return (n, x, u), Rests(closed, seen, first, impacts, periods), area, slack
+    return State(n, x, u), Rests(closed, seen, first, impacts, periods), area, slack
 
 
 @jit
 def _next(fixed: Constants, state: State) -> State:
     """State after the next impact."""
-    hit = impact(fixed, *state)
-    return hit.n_off, hit.x_off, hit.u
+    hit = impact(fixed, state.whole, state.phase, state.flight)
+    return State(hit.n_off, hit.x_off, hit.u)
 
 
 @jit
 def _periods_of(fixed: Constants, x: float, u: float, impacts: int, shorter: int) -> int:
     """Periods of a shorter cycle that equals this one up to rounding; 0 without one."""
-    state = ahead = (0.0, x, u)
+    state = ahead = State(0.0, x, u)
     for _ in range(shorter):
         ahead = _next(fixed, ahead)
-    periods = np.rint(ahead[0] + (ahead[1] - x))
+    periods = np.rint(ahead.whole + (ahead.phase - x))
     for _ in range(impacts):
-        apart = (ahead[0] - state[0] - periods) + (ahead[1] - state[1])
-        if abs(apart) > SAME_ORBIT or abs(ahead[2] - state[2]) > SAME_ORBIT:
+        apart = (ahead.whole - state.whole - periods) + (ahead.phase - state.phase)
+        if abs(apart) > SAME_ORBIT or abs(ahead.flight - state.flight) > SAME_ORBIT:
             return 0
         state, ahead = _next(fixed, state), _next(fixed, ahead)
     return int(periods)
@@ -207,27 +208,27 @@ def _shortest(fixed: Constants, x: float, u: float, impacts: int, periods: int) 
 @jit
 def _representative(fixed: Constants, state: State, impacts: int) -> State:
     """Member of the cycle with the smallest speed; of equal ones that with the first phase."""
-    n_best, x_best, u_best = state
+    best = state
     for _ in range(impacts):
         state = _next(fixed, state)
-        n, x, u = state
-        tie = abs(u - u_best) <= SAME_ORBIT
-        if u < u_best - SAME_ORBIT or (tie and x < x_best - SAME_ORBIT):
-            n_best, x_best, u_best = n, x, u
-    if x_best < SAME_ORBIT - 0.5:  # -1/2 and 1/2 are the same phase
-        return n_best - 1.0, x_best + 1.0, u_best
-    return n_best, x_best, u_best
+        tie = abs(state.flight - best.flight) <= SAME_ORBIT
+        first = tie and state.phase < best.phase - SAME_ORBIT
+        if state.flight < best.flight - SAME_ORBIT or first:
+            best = state
+    if best.phase < SAME_ORBIT - 0.5:  # -1/2 and 1/2 are the same phase
+        return State(best.whole - 1.0, best.phase + 1.0, best.flight)
+    return best
 
 
 @jit
 def _write_exponents(
-    t: int, fixed: Constants, largest: tuple[float, float], total: tuple[float, float], out: Orbits
+    t: int, fixed: Constants, largest: Exponent, total: Exponent, out: Orbits
 ) -> None:
     """Write both exponents of a trajectory, each with its error."""
     out.largest[t], out.largest_error[t] = largest
     out.total[t], out.total_error[t] = total
     # every impact loses one dimension; without any nothing is known
-    if contraction(fixed, 0.0) == 0.0 and not np.isnan(total[0]):
+    if contraction(fixed, 0.0) == 0.0 and not np.isnan(total.value):
         out.total[t], out.total_error[t] = -np.inf, 0.0
 
 
@@ -242,12 +243,12 @@ def _write_cycle(fixed: Constants, t: int, state: State, out: Orbits) -> None:
     out.whole[t], out.phase[t], out.flight[t] = state
     if out.rests[t] > 0:
         out.multiplier[t] = 0.0
-        _write_exponents(t, fixed, (-np.inf, 0.0), (-np.inf, 0.0), out)
+        _write_exponents(t, fixed, NONE_LEFT, NONE_LEFT, out)
     else:
         found = cycle_exponents(fixed, state, impacts)
-        out.multiplier[t] = found[0]
-        _write_exponents(t, fixed, (found[1], found[2]), (found[3], found[4]), out)
-        certain = is_certain(fixed, state[1], state[2], impacts, abs(found[0]))
+        out.multiplier[t] = found.multiplier
+        _write_exponents(t, fixed, found.largest, found.total, out)
+        certain = is_certain(fixed, state.phase, state.flight, impacts, abs(found.multiplier))
         out.uncertain[t] = 0 if certain else 1
     if out.uncertain[t] == 1:
         out.largest_error[t] = out.total_error[t] = np.inf
@@ -259,8 +260,10 @@ def _write_mean(
 ) -> None:
     """Write the exponents of an orbit that does not recur, and does not rest in the window."""
     impacts = growth.count(g)
-    total = (area / impacts, slack / impacts) if impacts > 0.0 else (np.nan, np.nan)
-    _write_exponents(t, fixed, (growth.mean(g), growth.error(g)), total, out)
+    total = Exponent(np.nan, np.nan)
+    if impacts > 0.0:
+        total = Exponent(area / impacts, slack / impacts)
+    _write_exponents(t, fixed, Exponent(growth.mean(g), growth.error(g)), total, out)
     positive = out.largest[t] > CERTAIN * out.largest_error[t]
     if impacts >= FIRST_ANCHOR and positive and out.regime[t] == UNSETTLED:
         out.regime[t] = APERIODIC
@@ -311,7 +314,7 @@ def settle(
             impacts, periods = int(cycles[CYCLE.IMPACTS, t]), int(cycles[CYCLE.PERIODS, t])
             out.impacts[t], out.periods[t] = _shortest(fixed, x, u, impacts, periods)
             out.regime[t], out.since[t] = LOCKED, n + (x - problem.phase[i])
-            _write_cycle(fixed, t, (n, x, u), out)
+            _write_cycle(fixed, t, State(n, x, u), out)
             continue
         out.regime[t] = AT_REST if at_rest else UNSETTLED
         n, x = launch(launches, i, t % particles, problem.phase[i])
@@ -322,9 +325,8 @@ def settle(
             rests_again = recurs or each.totals[RESTS, t] > 1.0 or begin[0] - n > x - begin[1]
             if at_rest or not (rests_again or each.totals[LANDINGS, t] >= FIRST_ANCHOR):
                 continue
-        launched = (n, x, launch_speed(fixed, problem, i, x))
-        particle, window = t % particles, (begin, end)
-        state, rests, area, slack = _follow(fixed, launched, particle, window, budget, g)
+        launched, particle = State(n, x, launch_speed(fixed, problem, i, x)), t % particles
+        state, rests, area, slack = _follow(fixed, launched, particle, begin, end, budget, g)
         if rests.cycle > 0:
             _, x, u = state
             if judged != i or x != x_judged:
@@ -333,10 +335,10 @@ def settle(
             out.regime[t], out.rests[t], out.uncertain[t] = RESTING, rests.cycle, doubtful
             out.impacts[t], out.periods[t] = rests.impacts, rests.periods
             out.since[t] = rests.first + (x - problem.phase[i])
-            _write_cycle(fixed, t, (rests.first, x, u), out)
+            _write_cycle(fixed, t, State(rests.first, x, u), out)
             continue
         out.whole[t], out.phase[t], out.flight[t] = state
         if at_rest:
-            _write_exponents(t, fixed, (-np.inf, 0.0), (-np.inf, 0.0), out)
+            _write_exponents(t, fixed, NONE_LEFT, NONE_LEFT, out)
         elif rests.seen == 0:
             _write_mean(t, fixed, area, slack, g, out)
