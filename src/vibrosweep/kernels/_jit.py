@@ -245,6 +245,16 @@ def implements(function: F, *kinds: type) -> Callable[[F], F]:
     return keep
 
 
+def uncompiled(function: F) -> F:
+    """Return a generic function for Python code, where to compile it would take longer than all."""
+
+    @functools.wraps(function)
+    def call(first: Any, *others: Any) -> Any:
+        return inspect.unwrap(_implementations[function][type(first)])(first, *others)
+
+    return call  # type: ignore[return-value]
+
+
 def _fma_exact(a: float, b: float, c: float) -> float:
     """A * b + c rounded once, in plain Python, for runs with the compiler switched off."""
     try:

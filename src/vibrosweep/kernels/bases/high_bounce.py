@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases, noise
-from vibrosweep.kernels._jit import Floats, fma, implements, jit
+from vibrosweep.kernels._jit import Floats, fma, implements, jit, uncompiled
 from vibrosweep.kernels.bases import Counted, Flight, Jacobian
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import Law, direction, speed_after
@@ -177,7 +177,7 @@ def lowest_high_bounce(base: HighBounce, problem: Dimensionless) -> Floats | Non
 @bases.lifts.register(HighBounce)
 def lifts_high_bounce(base: HighBounce, problem: Dimensionless) -> NDArray[np.bool_]:
     drive = None if problem.noise is None else problem.noise.drive
-    strongest_kick = problem.kick * peak_of(base.waveform)
+    strongest_kick = problem.kick * uncompiled(peak_of)(base.waveform)
     if drive is not None:
         strongest_kick = strongest_kick * (1.0 + noise.LARGEST * drive)
     return strongest_kick > problem.rest_flight
