@@ -24,6 +24,7 @@ from vibrosweep.figures.registry import save_formats
 from vibrosweep.figures.style import for_file
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
+from vibrosweep.lab.comparison import QUANTITIES, STUDY
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.fitting import View, fit_tracks
@@ -322,6 +323,7 @@ def cases(figures, duration):
         for method in ("fit", "sign_change"):
             how = Comparison(known, method=method, view=View(None, 1e-3, "level"))
             table = compare(recordings, how, workers)
+            table.attrs |= {f"study_{q}": STUDY[q] for q in QUANTITIES}
             print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
             if figures:
                 save_formats(

@@ -135,6 +135,12 @@ def plain_aliases(
     return (given and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", given)), out
 
 
+def as_written(app: Sphinx, thing: object, bound: bool) -> None:
+    """Show the signature of a function without each keyword, which notebooks complete."""
+    if isinstance(thing, FunctionType):
+        vars(thing).pop("__signature__", None)
+
+
 def mark_tables(app: Sphinx, document: Element, name: str) -> None:
     """Tell tables of sentences, which wrap on a phone, from others, and numbers, which never do."""
     from docutils import nodes
@@ -152,4 +158,5 @@ def setup(app: Sphinx) -> None:
     """Draw formulas as MathML, mark tables, and shorten signatures."""
     app.add_html_math_renderer("mathml", (inline, None), (display, None))
     app.connect("doctree-resolved", mark_tables)
+    app.connect("autodoc-before-process-signature", as_written)
     app.connect("autodoc-process-signature", plain_aliases)

@@ -68,3 +68,21 @@ regimes = {regimes}
             file = path if command == "info" else path.with_suffix(".toml")
             assert main([command, str(file), *options]) == 0
             assert ("may be called unsettled" in capsys.readouterr().out) == told
+
+
+@pytest.mark.parametrize(
+    ("forcing", "told"),
+    [
+        ("base_displacement = 0.5", "up to 1258 g"),
+        ("base_displacement = 0.0005", ""),
+        ("base_acceleration = [1.0, 101.0]", "up to 101 g"),
+    ],
+)
+def test_a_base_that_no_shaker_drives_is_told(compute, capsys, forcing, told):
+    place = '[sample]\ndesign = "grid"\n' if "[" in forcing else "[scene]\nfrequency = 25.0\n"
+    path = compute(f"{place}{forcing}\n")
+    notes = xr.load_dataset(path).attrs["notes"]
+    assert told in notes
+    assert bool(told) == ("shakers" in notes)
+    assert main(["plan", str(path.with_suffix(".toml"))]) == 0
+    assert ("shakers" in capsys.readouterr().out) == bool(told)

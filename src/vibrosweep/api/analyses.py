@@ -20,7 +20,12 @@ from vibrosweep.analysis.separations import (
     separation_distribution,
 )
 from vibrosweep.api.given_sweep import Spec, as_sweep, warned
-from vibrosweep.api.keyword_types import RealizationKeywords, SweepKeywords, WindowKeywords
+from vibrosweep.api.keyword_types import (
+    RealizationKeywords,
+    SweepKeywords,
+    WindowKeywords,
+    completed,
+)
 from vibrosweep.api.proved import windows_found
 from vibrosweep.api.sweeps import sweep
 from vibrosweep.errors import ParameterError
@@ -33,6 +38,7 @@ __all__ = ["basins", "bifurcation", "separations", "sobol", "windows"]
 SOBOL_SAMPLE = 1024
 
 
+@completed(by=WindowKeywords)
 def windows(
     spec: Spec | None = None, /, *, threads: int | None = None, **keywords: Unpack[WindowKeywords]
 ) -> xr.Dataset:
@@ -107,6 +113,7 @@ def windows(
     return warned(windows_found(checked, thread_count(threads)))
 
 
+@completed(by=SweepKeywords)
 def bifurcation(
     spec: Spec | None = None,
     /,
@@ -167,6 +174,7 @@ def bifurcation(
     return warned(follow_orbits(checked, observable, samples, thread_count(threads)))
 
 
+@completed(by=SweepKeywords)
 def basins(
     spec: Spec | None = None, /, *, threads: int | None = None, **keywords: Unpack[SweepKeywords]
 ) -> xr.Dataset:
@@ -215,6 +223,7 @@ def basins(
     return warned(find_basins(as_sweep(spec, keywords), thread_count(threads)))
 
 
+@completed(by=SweepKeywords)
 def sobol(
     spec: Spec | None = None,
     /,
@@ -278,6 +287,7 @@ def sobol(
     return warned(sobol_indices(checked, outputs, confidence, thread_count(threads)))
 
 
+@completed(by=RealizationKeywords)
 def separations(
     spec: Spec | xr.Dataset | None = None,
     /,

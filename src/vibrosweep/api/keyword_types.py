@@ -5,9 +5,10 @@ They are the keys of a sweep file.  What a value may be is judged when the funct
 
 from __future__ import annotations
 
+import inspect
 import os
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypedDict
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from vibrosweep.analysis.conditions import Condition
 
 __all__ = ["BatchKeywords", "RealizationKeywords", "SweepKeywords", "WindowKeywords"]
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 # A number; a tuple as a range, a list, an array, or start, stop and num as an axis
 Values = ArrayLike | Mapping[str, float] | None
@@ -108,3 +111,27 @@ class WindowKeywords(SweepKeywords, total=False):
     conditions: Sequence[str | Condition] | None
     continuation: bool | None
     prove: bool | None
+
+
+def completed(by: type[Any]) -> Callable[[F], F]:
+    """Give a function whose keywords are those of a type a signature that names each of them.
+
+    Type checkers know them without; notebooks complete what the signature names.
+    """
+
+    def with_signature(function: F) -> F:
+        plain = inspect.signature(function)
+        named = [one for one in plain.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        keywords = [
+            inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=None,
+                annotation=getattr(hint, "__forward_arg__", hint),
+            )
+            for name, hint in by.__annotations__.items()
+        ]
+        function.__signature__ = plain.replace(parameters=[*named, *keywords])  # type: ignore[attr-defined]
+        return function
+
+    return with_signature

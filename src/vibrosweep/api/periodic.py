@@ -12,12 +12,13 @@ import xarray as xr
 from vibrosweep.analysis.branches import boundaries_of_spec, branches_of_spec
 from vibrosweep.analysis.closed_orbits import orbits_of_spec
 from vibrosweep.api.given_sweep import Spec, as_sweep
-from vibrosweep.api.keyword_types import SweepKeywords
+from vibrosweep.api.keyword_types import SweepKeywords, completed
 from vibrosweep.runs.driver import count, thread_count
 
 __all__ = ["boundaries", "branches", "orbits"]
 
 
+@completed(by=SweepKeywords)
 def orbits(
     spec: Spec | None = None,
     /,
@@ -82,6 +83,7 @@ def orbits(
     return orbits_of_spec(checked, impacts, periods, count("seeds", seeds), thread_count(threads))
 
 
+@completed(by=SweepKeywords)
 def branches(
     spec: Spec | None = None,
     /,
@@ -151,6 +153,7 @@ def branches(
     return branches_of_spec(checked, wanted, depth, most, thread_count(threads))
 
 
+@completed(by=SweepKeywords)
 def boundaries(
     spec: Spec | None = None,
     /,

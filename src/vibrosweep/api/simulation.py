@@ -7,7 +7,7 @@ from typing import Any, Unpack
 import xarray as xr
 
 from vibrosweep.analysis.ragged import ragged_variables, wasted
-from vibrosweep.api.keyword_types import BatchKeywords
+from vibrosweep.api.keyword_types import BatchKeywords, completed
 from vibrosweep.api.replay import replayed
 from vibrosweep.engine.landings import launch_times, record_landings, require_room
 from vibrosweep.engine.workers import Workers
@@ -20,6 +20,7 @@ from vibrosweep.scene.keywords import batch
 __all__ = ["simulate"]
 
 
+@completed(by=BatchKeywords)
 def simulate(
     result: xr.Dataset | None = None,
     /,

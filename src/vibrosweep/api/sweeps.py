@@ -9,7 +9,7 @@ from typing import Unpack
 import xarray as xr
 
 from vibrosweep.api.given_sweep import Spec, as_sweep
-from vibrosweep.api.keyword_types import SweepKeywords
+from vibrosweep.api.keyword_types import SweepKeywords, completed
 from vibrosweep.api.results import open_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
 from vibrosweep.kernels.observer import compiled
@@ -25,6 +25,7 @@ from vibrosweep.store.rundir import replaces
 __all__ = ["run", "sweep"]
 
 
+@completed(by=SweepKeywords)
 def sweep(
     spec: Spec | None = None,
     /,

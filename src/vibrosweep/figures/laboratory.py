@@ -138,7 +138,7 @@ def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = No
 
     Takes the result of `vibrosweep.lab.compare_tracks`, and two axes or none; its attributes
     ``study_height`` and ``study_period``,
-    present if its cases are those of the study, hold the ranges.
+    which its caller may set, hold the ranges of the study.
     """
     panels = style.panels_on(ax, style.PAGE, 3.0, [[0, 1]])
     for axes, q in zip(panels, table["quantity"].values, strict=True):

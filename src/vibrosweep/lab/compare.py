@@ -15,7 +15,6 @@ from vibrosweep.lab.comparison import (
     CASES,
     QUANTITIES,
     READINGS,
-    STUDY,
     comparable,
     measured_means,
     prediction_errors,
@@ -134,7 +133,6 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
     counts = sorted(groups)
     rows = [groups[count] for count in counts]
     letters = {number: letter for letter, number in CASES.items()}
-    studied = set(counts) <= letters.keys()
     warnings = {one.warning for row in rows for one in row if one.warning}
     return xr.Dataset(
         {**_errors(rows), **_means(rows)},
@@ -150,8 +148,6 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
             "warning": "; ".join(sorted(warnings)),
             "base_motion": ", ".join(sorted({one.motion for row in rows for one in row})),
             "favoured_base": ", ".join(sorted({one.favoured for row in rows for one in row})),
-            # the ranges of the study hold for its own cases
-            **({f"study_{q}": STUDY[q] for q in QUANTITIES} if studied else {}),
         },
     )
 

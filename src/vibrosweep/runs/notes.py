@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from vibrosweep import theory
-from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.forcing import ACCELERATION, INPUTS, completed, inputs_of
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT
 from vibrosweep.model.times import Periods, Time, in_periods
 from vibrosweep.scene.realizations import Realizations
 from vibrosweep.scene.sweep import Sweep
 
+STRONGEST: Final = 100.0  # acceleration of a shaker in g
+
 
 def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
     """Remarks on a sweep, by subject; empty if there are none."""
-    found = {"defaults": _defaults(spec, design)}
+    found = {"defaults": _defaults(spec, design), "forcing": _strong_forcing(spec, design)}
     if spec.scene.measures.regimes:
         found |= {
             "observation": observation_of_orbits(spec, design),
@@ -37,6 +40,22 @@ def _defaults(spec: Sweep, design: Realizations) -> str:
     return ", ".join(
         f"{name} {value:g} {INPUTS[name].units}".removesuffix(" 1")
         for name, value in silent_defaults(spec, design).items()
+    )
+
+
+def _strong_forcing(spec: Sweep, design: Realizations) -> str:
+    """Return a remark if the base is driven more strongly than any shaker drives it; else empty."""
+    forcing = spec.scene.forcing(design.sampled)
+    lowest = {name: _ends(spec, design, name)[0] for name in ("restitution", "gravity")}
+    highest = {name: _ends(spec, design, name)[1] for name in (forcing, "frequency")}
+    given = {name: np.array([value]) for name, value in (lowest | highest).items()}
+    acceleration = float(completed(given, spec.scene.waveform)[ACCELERATION][0])
+    if acceleration <= STRONGEST:
+        return ""
+    units = "g" if forcing == ACCELERATION else INPUTS[forcing].units
+    return (
+        f"the base accelerates with up to {acceleration:.4g} g, and shakers with about "
+        f"{STRONGEST:g} g at most: check {forcing} ({units}) and frequency (Hz)"
     )
 
 
