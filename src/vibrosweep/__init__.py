@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from vibrosweep import analysis, errors, figures, lab, theory
     from vibrosweep.analysis.ragged import rectangle
     from vibrosweep.analysis.sampled_positions import positions
-    from vibrosweep.api.analyses import basins, bifurcation, separations, sobol, windows
+    from vibrosweep.api.analyses import basins, bifurcation, sobol, windows
+    from vibrosweep.api.closest import separations
     from vibrosweep.api.periodic import boundaries, branches, orbits
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
@@ -90,11 +91,10 @@ _HOMES: Final = {
     **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.kinds"),
     "save_result": "vibrosweep.store.saving",
     "register_design": "vibrosweep.scene.design",
+    "separations": "vibrosweep.api.closest",
     "simulate": "vibrosweep.api.simulation",
     "verify": "vibrosweep.proof.verifying",
-    **dict.fromkeys(
-        ("basins", "bifurcation", "separations", "sobol", "windows"), "vibrosweep.api.analyses"
-    ),
+    **dict.fromkeys(("basins", "bifurcation", "sobol", "windows"), "vibrosweep.api.analyses"),
 }
 __getattr__ = lazily(__name__, _HOMES)
 
