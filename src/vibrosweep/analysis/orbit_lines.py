@@ -32,6 +32,7 @@ from vibrosweep.kernels.extended import (
     REST,
     SADDLE_NODE,
     Range,
+    correct_phase,
     correct_point,
     directions,
     splitting,
@@ -40,14 +41,20 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.orbit_search import Wanted
 from vibrosweep.model.forcing import AMPLITUDE, refuse_extreme
 from vibrosweep.model.parameters import HIGH_BOUNCE, dimensionless, taken
+from vibrosweep.model.shapes import PARABOLIC_NAME
 from vibrosweep.scene.scene import Scene
 
+CORNER: Final = BORN + 1  # a landing where the velocity of the base has no derivative
+BEGUN, AT_CORNER = OUT_OF_POINTS + 1, OUT_OF_POINTS + 2
+CORNER_PHASE: Final = 0.25  # of the parabolic waveform, and its negative
+NEAR_CORNER: Final = 1e-3  # turns, from where a line is lost there
 EVENTS: Final = (
     (SADDLE_NODE, "saddle_node"),
     (DOUBLING, "period_doubling"),
     (GRAZE, "grazing"),
     (REST, "rest"),
     (BORN, "born_at_doubling"),
+    (CORNER, "corner"),
 )
 ENDS: Final = (
     (LEFT, "border"),
@@ -56,9 +63,9 @@ ENDS: Final = (
     (TOUCHED, "touches_base"),
     (LOST, "lost"),
     (OUT_OF_POINTS, "points_spent"),
-    (6, "begins_at_doubling"),
+    (BEGUN, "begins_at_doubling"),
+    (AT_CORNER, "corner"),
 )
-BEGUN: Final = 6
 LONGEST_STEP: Final = 0.02  # of phases in turns and parameters
 
 
@@ -112,6 +119,7 @@ class Plane:
         self.problem = dimensionless(scene.parameters(unit), scene.duration)
         self.scale = float(self.problem.kick[0])  # of the drive of a forcing of 1
         self.base: Any = base_of(*scene.mechanics)
+        self.waveform = scene.waveform.name
         self.balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
         self.restitution, self.drives = restitution, values * self.scale
 
@@ -173,6 +181,8 @@ class Plane:
         out = empty_line(self.points, span.p)
         follow_line(self.base, self.problem, span, z, along, out)
         count, events, end = (int(v) for v in out.ends)
+        corner = self._corner(out.z[count - 1].copy(), span) if end == LOST else []
+        end = AT_CORNER if corner else end
         return Line(
             p=span.p,
             q=span.q,
@@ -181,9 +191,22 @@ class Plane:
             determinant=out.determinant[:count].copy(),
             admissible=out.admissible[:count].copy(),
             speed=out.speed[:count].copy(),
-            events=[Event(int(out.kind[k]), out.at[k].copy()) for k in range(events)],
+            events=[Event(int(out.kind[k]), out.at[k].copy()) for k in range(events)] + corner,
             ends=(end, end),
         )
+
+    def _corner(self, z: Array, span: Range) -> list[Event]:
+        """Return the landing at a corner of the waveform at which a line was lost, if it was."""
+        if self.waveform != PARABOLIC_NAME:
+            return []
+        phase = z[: span.p] - np.rint(z[: span.p])
+        off = np.copysign(CORNER_PHASE, phase) - phase
+        landing = int(np.argmin(np.abs(off)))
+        z[landing] += off[landing]
+        near = abs(off[landing]) < NEAR_CORNER
+        if near and correct_phase(self.base, self.problem, span, z, landing):
+            return [Event(CORNER, z)]
+        return []
 
     def doubled(self, z: Array, p: int, q: int, condition: int) -> Line | None:
         """Follow the orbit twice as long that is born where one doubles."""

@@ -24,6 +24,7 @@ KINDS: Final = (
     ("^", "-.", "grazing"),
     ("v", ":", "rest"),
     ("o", "--", "period doubling"),
+    ("D", "-", "corner"),
 )
 
 

@@ -243,6 +243,14 @@ def correct_point(
 
 
 @kernel
+def correct_phase(base: Base, problem: Dimensionless, span: Range, z: Floats, landing: int) -> bool:
+    """Newton's method from a point, one of whose landings keeps its time; whether it converges."""
+    direction = np.zeros(span.p + 2)
+    direction[landing] = 1.0
+    return correct(base, problem, span, z, ALONG, z.copy(), direction, work_for(span.p))
+
+
+@kernel
 def directions(
     base: Base, problem: Dimensionless, span: Range, z: Floats, direction: Floats
 ) -> bool:
