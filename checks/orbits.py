@@ -20,6 +20,7 @@ ctx.prec = 220  # bits
 GRAVITY = 9.81
 TOLERANCE = 1e-12  # relative, of a parameter
 TURN = 2 * arb.pi()
+TURN_FLOAT = 2.0 * np.pi
 State = tuple[Any, Any]
 
 
@@ -110,6 +111,40 @@ def compare(base: str, e: str, q: int, judge: Callable[[str, float, Any], None])
                 judge(name, a, kick)
 
 
+def shapes(judge: Callable[[str, float, Any], None]) -> None:
+    """Compare folds and corners of orbits of one impact under other waveforms, k = 1.
+
+    Such an orbit is a root of a w(x) = 1 - e, over both bases, so that it has folds where w'(x) = 0
+    and is born at a corner of w.
+    """
+    tones = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
+    x = np.linspace(0.0, 1.0, 100_001)
+    w = np.sin(TURN_FLOAT * x) + 0.4 * np.sin(2.0 * TURN_FLOAT * x + 1.1)
+    near = x[1:-1][(np.diff(w[:-1]) > 0.0) != (np.diff(w[1:]) > 0.0)]
+    folds = []
+    for start in near:
+        y = arb(float(start))
+        for _ in range(9):  # Newton's method on w'
+            slope = (TURN * y).cos() + arb(0.8) * (2 * TURN * y + arb(1.1)).cos()
+            bend = -(TURN * y).sin() - arb(1.6) * (2 * TURN * y + arb(1.1)).sin()
+            y = (y - slope / (TURN * bend)).mid()
+        top = (TURN * y).sin() + arb(0.4) * (2 * TURN * y + arb(1.1)).sin()
+        if top > 0:
+            folds.append((1 - arb(0.85)) / top)
+    cases: list[tuple[Any, str, float, list[float], int, list[Any]]] = [
+        (tones, base, 0.85, [0.12, 0.25, 0.29, 0.9], 0, folds) for base in ("high-bounce", "moving")
+    ]
+    cases.append(("parabolic", "high-bounce", 0.7, [0.2, 0.5, 1.0], 5, [1 - arb(0.7)] * 2))
+    for waveform, base, e, kicks, kind, expected in cases:
+        values = [a * GRAVITY / 2.0 for a in kicks]
+        found = vs.branches(restitution=e, amplitude=values, waveform=waveform, base=base)
+        met = found.bifurcation_amplitude.values[found.bifurcation.values == kind]
+        name = "two tones" if waveform is tones else waveform
+        pairs = zip(sorted(met), sorted(expected, key=float), strict=True)
+        for at, exact in pairs:
+            judge(f"{base} e = {e} (1, 1) {name}", float(at) * 2.0 / GRAVITY, exact)
+
+
 def main() -> int:
     worst = 0.0
 
@@ -123,6 +158,7 @@ def main() -> int:
         for e in ("0.5", "0.8"):
             for q in (1, 3):
                 compare(base, e, q, judge)
+    shapes(judge)
     print(f"largest relative difference {worst:.1e}, allowed {TOLERANCE:.0e}")
     return 0 if worst <= TOLERANCE else 1
 

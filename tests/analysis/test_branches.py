@@ -145,35 +145,6 @@ def test_boundaries_are_the_closed_forms_at_every_point(base):
         assert (one.admissible == 1).all()
 
 
-def test_two_tones_have_two_windows_that_overlap_and_end_in_folds():
-    """On the map, e = 0.85, k = 1: 0.1688 < a < 0.2855 (fold), and 0.2852 < a < 0.6657."""
-    tones = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
-    values = [a * GRAVITY / 2.0 for a in (0.12, 0.25, 0.29, 0.5, 0.9)]
-    found = vs.branches(restitution=0.85, amplitude=values, waveform=tones)
-    assert found.sizes["branch"] == 1
-    folds, (doubles,) = (met(found, 0, kind) * 2.0 / GRAVITY for kind in (SADDLE_NODE, DOUBLING))
-    assert sorted(folds) == pytest.approx([0.1688, 0.2852, 0.2855], abs=5e-5)
-    assert doubles == pytest.approx(0.6657, abs=5e-5)
-    # a w(x) = (1 - e) k, and a fold where w'(x) = 0: the local maxima and minima of w
-    x = np.linspace(0.0, 1.0, 200_001)
-    w = np.sin(2.0 * np.pi * x) + 0.4 * np.sin(4.0 * np.pi * x + 1.1)
-    turns = (np.diff(w[:-1]) > 0.0) != (np.diff(w[1:]) > 0.0)
-    extremes = w[1:-1][turns]
-    expected = 0.15 / extremes[extremes > 0.0]
-    assert sorted(folds) == pytest.approx(sorted(expected), rel=1e-8)
-
-
-def test_a_parabolic_base_gives_birth_at_its_corner():
-    """On the map from a = k (1 - e), at the corner of the velocity, to a = (1 + e) / 2."""
-    values = [a * GRAVITY / 2.0 for a in (0.2, 0.5, 1.0)]
-    found = vs.branches(restitution=0.7, amplitude=values, waveform="parabolic")
-    corners = [a for i in range(found.sizes["branch"]) for a in met(found, i, 5)]
-    doubles = [a for i in range(found.sizes["branch"]) for a in met(found, i, DOUBLING)]
-    assert np.array(corners) * 2.0 / GRAVITY == pytest.approx([0.3, 0.3], abs=1e-12)
-    assert np.array(doubles) * 2.0 / GRAVITY == pytest.approx([0.85], abs=1e-12)
-    assert (found.ends.values == 7).sum() == 2
-
-
 def test_what_spends_its_points_says_so():
     found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], points=10)
     assert 5 in found.ends.values

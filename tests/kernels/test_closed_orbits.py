@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibrosweep.kernels.bases import constants
+from vibrosweep.kernels.bases import constants, fly
+from vibrosweep.kernels.bases.chords import chord
 from vibrosweep.kernels.closed import ADMISSIBLE, begin_shortest, primitive, same
 from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.orbit_search import Wanted, empty_closed, find_closed
 from vibrosweep.model.parameters import dimensionless
+from vibrosweep.model.shapes import HARMONICS_NAME, SINE, Waveform
 
 GRAVITY = 9.81
 ROOM = 300
@@ -134,6 +136,20 @@ def test_many_seeds_find_nothing_more():
         find_closed(0, 1, base, given_, wanted, found)
         counts.append(int(found.orbits[0]))
     assert counts[0] == counts[1] > 4
+
+
+TONES = Waveform(HARMONICS_NAME, ((1, 1.0, 0.0), (2, 0.4, 1.1)))
+
+
+@pytest.mark.parametrize(
+    ("base", "waveform"), [("high-bounce", SINE), ("moving", SINE), ("moving", TONES)]
+)
+def test_two_landings_tell_the_speeds_of_the_flight_between_them(base, waveform):
+    given_ = problem([0.8], [1.4])
+    fixed = constants(base_of(base, "rest", waveform), given_, 0)
+    for x, u in ((-0.3, 0.7), (0.1, 1.9), (0.45, 0.3)):
+        time, v = fly(fixed, x, u)
+        assert chord(fixed, x, time) == pytest.approx((u, v), abs=1e-13)
 
 
 def test_too_little_room_is_said():

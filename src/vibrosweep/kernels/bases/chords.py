@@ -6,10 +6,10 @@ import math
 
 from vibrosweep.kernels._jit import generic, implements
 from vibrosweep.kernels.bases import Constants as AnyConstants
-from vibrosweep.kernels.bases import Flight
+from vibrosweep.kernels.bases import Flight, landing_search, shaped_search
 from vibrosweep.kernels.bases.high_bounce import Constants
-from vibrosweep.kernels.bases.landing_search import clearance, start, turn
 from vibrosweep.kernels.bases.moving import MovingConstants
+from vibrosweep.kernels.bases.shaped import ShapedConstants, begin_at, search
 
 PIECES = 32  # of a period, between the ends of which one minimum of a height is looked for
 HALVINGS = 40  # the height at a minimum is off by the square of what is left
@@ -28,12 +28,32 @@ def chord_high_bounce(fixed: Constants, x: float, s: float) -> tuple[float, floa
     return s, s
 
 
-@implements(chord, MovingConstants)
-def chord_moving(fixed: MovingConstants, x: float, s: float) -> tuple[float, float]:
-    # the clearance is linear in the speed of lift-off: s y / 2 is added to that of y = 0
-    clear = clearance(start(fixed.alpha, fixed.x_lift, x, 0.0), s, *turn(s))
-    y = -2.0 * clear.f / s
-    return y, -2.0 * clear.f1 - y
+@generic
+def height(fixed: AnyConstants, x: float, y: float, s: float) -> tuple[float, float]:
+    """Height above a base that moves, and its derivative, s periods after leaving it."""
+
+
+@implements(height, MovingConstants)
+def height_moving(fixed: MovingConstants, x: float, y: float, s: float) -> tuple[float, float]:
+    clear = landing_search.clearance(
+        landing_search.start(fixed.alpha, fixed.x_lift, x, y), s, *landing_search.turn(s)
+    )
+    return clear.f, clear.f1
+
+
+@implements(height, ShapedConstants)
+def height_shaped(fixed: ShapedConstants, x: float, y: float, s: float) -> tuple[float, float]:
+    begin = begin_at(x, y)
+    clear = shaped_search.clearance(search(fixed), begin, s, *shaped_search.turn(s))
+    return clear.f, clear.f1
+
+
+@implements(chord, MovingConstants, ShapedConstants)
+def chord_moving(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]:
+    # the height is linear in the speed of lift-off: s y / 2 is added to that of y = 0
+    f, f1 = height(fixed, x, 0.0, s)
+    y = -2.0 * f / s
+    return y, -2.0 * f1 - y
 
 
 @generic
@@ -46,26 +66,21 @@ def clearing_high_bounce(fixed: Constants, one: Flight) -> float:
     return math.inf
 
 
-@implements(clearing, MovingConstants)
-def clearing_moving(fixed: MovingConstants, one: Flight) -> float:
-    # without a phase at which the base falls faster than gravity the height is concave
-    if math.isnan(fixed.x_lift):
-        return math.inf
-    begin = start(fixed.alpha, fixed.x_lift, one.x, one.u)
+@implements(clearing, MovingConstants, ShapedConstants)
+def clearing_moving(fixed: AnyConstants, one: Flight) -> float:
     pieces = math.ceil(PIECES * one.time)
     least, before, falls = math.inf, 0.0, False
     for k in range(1, pieces):
         time = one.time * k / pieces
-        rises = clearance(begin, time, *turn(time)).f1 > 0.0
+        rises = height(fixed, one.x, one.u, time)[1] > 0.0
         if rises and falls:
             low, high = before, time
             for _ in range(HALVINGS):
-                time = 0.5 * (low + high)
-                if clearance(begin, time, *turn(time)).f1 > 0.0:
-                    high = time
+                middle = 0.5 * (low + high)
+                if height(fixed, one.x, one.u, middle)[1] > 0.0:
+                    high = middle
                 else:
-                    low = time
-            least = min(least, clearance(begin, low, *turn(low)).f)
-            time = high
+                    low = middle
+            least = min(least, height(fixed, one.x, one.u, low)[0])
         before, falls = time, not rises
     return least
