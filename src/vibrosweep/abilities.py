@@ -100,7 +100,7 @@ UNDER_NOISE: Final = frozenset({"separation", "per_particle", "separations", "re
 
 # Analyses of a constant restitution alone
 OF_CONSTANT: Final = (
-    *("windows", "orbits", "branches", "boundaries"),
+    *("windows", "branches", "boundaries"),
     *("energy_balance", "heights_against_restitution", "slot_decay", "explore", "laboratory"),
 )
 # Bases over which the restitution may depend on the speed
