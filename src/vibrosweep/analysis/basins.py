@@ -53,7 +53,7 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     launches share one index, and so do all unsettled ones, which are no attractor: ``regime``
     tells.  Raises a SpecError unless the design is a grid of launch velocities.
     """
-    require_ability("basins", sweep.scene)
+    require_ability("basins", sweep.scene, sweep.design.sampled)
     speeds = grid_axes(sweep, "basins", "launch_velocity")["launch_velocity"]
     scene = settling(sweep, sweep.scene.inputs["restitution"])
     times = np.unique(launch_times(scene.launch, scene.particles, scene.inputs["frequency"]))

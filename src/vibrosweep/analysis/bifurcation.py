@@ -84,7 +84,7 @@ def bifurcation(
     unsettled may be on their way to an attractor.  Raises a SpecError unless the design is a grid
     with an axis of the forcing, in any form.
     """
-    require_ability("bifurcation", sweep.scene)
+    require_ability("bifurcation", sweep.scene, sweep.design.sampled)
     forcing = forcing_of(sweep.design.sampled)
     a = grid_axes(sweep, "bifurcation diagrams", forcing)[forcing]
     scene = settling(sweep, sweep.scene.inputs["restitution"])

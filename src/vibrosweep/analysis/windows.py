@@ -78,7 +78,7 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     says so.  Raises a SpecError where the sweep asks for no windows, a condition is not known, or
     parameters other than restitution and a forcing vary.
     """
-    require_ability("windows", sweep.scene)
+    require_ability("windows", sweep.scene, sweep.design.sampled)
     conditions = _conditions(sweep)
     forcing = forcing_of(sweep.design.sampled)
     points = {"restitution": RESTITUTIONS, forcing: POINTS}

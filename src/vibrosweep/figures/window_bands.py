@@ -46,7 +46,7 @@ def stability_windows(
     Parameters
     ----------
     windows
-        Result of `vibrosweep.windows` or `vibrosweep.analysis.find_windows`.
+        Result of `vibrosweep.windows`.
     ax
         Axes to draw on, one for each panel; by default those of a new figure of pyplot.
 
