@@ -103,8 +103,6 @@ OF_CONSTANT: Final = (
     *("windows", "branches", "boundaries"),
     *("energy_balance", "heights_against_restitution", "slot_decay", "explore", "laboratory"),
 )
-# Bases over which the restitution may depend on the speed
-OF_SPEED: Final = (HIGH_BOUNCE, MOVING)
 
 
 def refusal(
@@ -128,17 +126,11 @@ def refusal(
         return f'base = "{base}": must be {_quoted(BASES)}'
     if law and law not in LAWS_OF[base]:
         return _refused_law(base, law)
-    if restitution not in ("", CONSTANT):
-        if base not in OF_SPEED:
-            return (
-                f'restitution_law = "{restitution}" is not implemented with base = "{base}": take '
-                f'restitution_law = "{CONSTANT}", or base = {_quoted(OF_SPEED)}'
-            )
-        if analysis in OF_CONSTANT:
-            return (
-                f'cannot be had with restitution_law = "{restitution}" yet: take restitution_law = '
-                f'"{CONSTANT}"'
-            )
+    if restitution not in ("", CONSTANT) and analysis in OF_CONSTANT:
+        return (
+            f'cannot be had with restitution_law = "{restitution}" yet: take restitution_law = '
+            f'"{CONSTANT}"'
+        )
     if waveform and base not in SHAPED[waveform]:
         return (
             f'waveform = "{waveform}" is not implemented with base = "{base}": take waveform = '

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -16,7 +16,8 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.coupled import BaseTrack, base_track, count_coupled
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError
-from vibrosweep.model.parameters import MOUNT, PARAMETERS, SPRUNG, STAGGERED
+from vibrosweep.model.parameters import MOUNT, OF_RESTITUTION, PARAMETERS, SPRUNG, STAGGERED
+from vibrosweep.model.restitution_laws import law_in
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
@@ -76,7 +77,8 @@ def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
 
 def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
     """Follow the particles of a record again, now with the base."""
-    parameters = {name: np.array([float(one[name])]) for name in (*PARAMETERS, *MOUNT)}
+    names = (*PARAMETERS, *(name for name in OF_RESTITUTION if name in one.variables), *MOUNT)
+    parameters = {name: np.array([float(one[name])]) for name in names}
     times = np.broadcast_to(one["launch_time"].values, one["impact_count"].shape)
     listed = one.attrs.get("launch") != STAGGERED
     periods = one.attrs.get("duration_periods")
@@ -89,6 +91,7 @@ def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
         Measures.impact_budget if followed else max(int(landings.max()), 1),
         SPRUNG,
     )
+    scene = replace(scene, restitution_law=law_in(one.attrs))
     with Workers(1) as workers:
         if not np.array_equal(count_coupled(parameters, scene, workers).landings, landings):
             raise DataError(

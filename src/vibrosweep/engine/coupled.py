@@ -35,10 +35,12 @@ from vibrosweep.kernels.coupled.follow import (
 from vibrosweep.kernels.coupled.motion_record import MotionRecord, Track, empty_track, trace
 from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
+from vibrosweep.kernels.falling import restitution_of
 from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.record import Record, Scale, Units, empty_record
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.parameters import dimensionless, launches, mounts
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene
@@ -118,7 +120,10 @@ def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     """Return the batch in dimensionless form."""
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
-    return Coupled(problem, mounts(parameters), launch)
+    law = None
+    if scene.restitution_law != CONSTANT:
+        law = restitution_of(scene.restitution_law)
+    return Coupled(problem, mounts(parameters)._replace(restitution=law), launch)
 
 
 def _order(whole: PerRealization, frequency: Array) -> Measured:

@@ -91,8 +91,7 @@ def base_of(
             f'base = "{base}": couples particles, which cannot be followed one by one; take '
             f"one of {', '.join(BASE_OF)}"
         )
-    wrong = refusal(base, law=rebound) or refusal(base, restitution=restitution)
-    if wrong := wrong or refusal(base, waveform=waveform.name):
+    if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
     made: Base
     if waveform == SINE:

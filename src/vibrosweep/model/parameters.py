@@ -190,6 +190,7 @@ class Mounts(NamedTuple):
     mass_ratio: Array  # mu, mass of one particle in units of that of the base
     natural: Array  # nu = f0 / f, natural frequency of the mount in units of that of the forcing
     damping: Array  # zeta, damping ratio of the mount
+    restitution: Any = None  # law of restitution of the kernels; None for the constant one
 
 
 class Launches(NamedTuple):

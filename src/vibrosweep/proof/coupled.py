@@ -144,6 +144,7 @@ def _followed(realization: Realization, max_landings: int, bits: int) -> Coupled
         realization.parameters,
         realization.launch_times,
         realization.duration,
+        laws=realization.laws,
         max_landings=max_landings,
         max_bits=MAX_BITS,
         bits=bits,

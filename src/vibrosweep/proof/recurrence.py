@@ -164,7 +164,8 @@ class Orbit:
 
         With it comes its largest error by the errors that the dataset admits.
         """
-        error, speeds = self._bounds.speed_error(self._realization), self.speeds[first:last]
+        error = self._bounds.speed_error(self._realization)
+        speeds = [impact.arrival for impact in self.trajectory.impacts[first:last]]
         with ctx.workprec(self.trajectory.precision_bits):
             return self.map().contraction(speeds, error)
 

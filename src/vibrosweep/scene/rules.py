@@ -73,7 +73,6 @@ def settings(name: str, table: Table, shared: Table, mistakes: Mistakes) -> dict
         )
     for key, wrong in (
         ("rebound", refusal(own["base"], law=own["rebound"])),
-        ("restitution_law", refusal(own["base"], restitution=own["restitution_law"])),
         ("waveform", refusal(own["base"], waveform=own["waveform"].name)),
     ):
         if wrong and not {"base", key}.isdisjoint(table):

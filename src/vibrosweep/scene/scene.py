@@ -36,7 +36,7 @@ class Scene:
     Raises
     ------
     ParameterError
-        The base does not implement the law of rebound, that of restitution, or the waveform.
+        The base does not implement the law of rebound, or the waveform.
     """
 
     particles: int = 1  # number of particles per realization
@@ -60,7 +60,6 @@ class Scene:
 
     def __post_init__(self) -> None:
         wrong = refusal(self.base, law=self.rebound)
-        wrong = wrong or refusal(self.base, restitution=self.restitution_law)
         wrong = wrong or refusal(self.base, waveform=self.waveform.name)
         if wrong:
             raise ParameterError(wrong)

@@ -15,6 +15,7 @@ from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.coupled import bodies_of, coupled
 from vibrosweep.proof.reference.events import LANDING, LAUNCH, LIFTOFF, Bodies, Launch
+from vibrosweep.proof.reference.laws import Constant
 from vibrosweep.proof.reference.mount import Mount
 from vibrosweep.proof.reference.sprung import System
 
@@ -170,7 +171,7 @@ def test_locked_orbit_without_damping(mass_ratio, k, nu):
         half = w0 * k / 2
         deviation = -recoil / 2 / (w0 * half.sin()) * half.cos()
         mount = Mount(gamma / arb.pi(), w0, arb(0), mu)
-        bodies = Bodies(mount, e, arb(1e-4), arb(k))
+        bodies = Bodies(mount, Constant(e), arb(1e-4), arb(k))
         system = System(bodies, [Launch(x, (0,))], x + 9 * k, deviation, -recoil / 2)
         while system.landings < 6:
             assert system.advance()

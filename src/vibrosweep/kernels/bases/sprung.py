@@ -26,6 +26,7 @@ from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases.exponential import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
+from vibrosweep.kernels.restitution import Constant, Restitution, ratio, scale_of, slope
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
 TWO_PI = 2.0 * math.pi
@@ -42,6 +43,9 @@ class Mount(NamedTuple):
     e: float
     alpha: float
     r: float
+    # Law of restitution, and its scale of speeds
+    law: Restitution
+    scale: float
     # mu, w, zeta: mass of a particle in units of that of the base, natural frequency in radians per
     # forcing period, and damping ratio of the mount
     mu: float
@@ -108,9 +112,17 @@ class Bounds(NamedTuple):
 
 
 @jit
+def _law(given: Restitution | None) -> Restitution:
+    """Return the law of restitution of mounts."""
+    if given is None:
+        return Constant()
+    return given
+
+
+@jit
 def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
     """Return the numbers that decide the motion of realization i."""
-    e = problem.restitution[i]
+    e, law = problem.restitution[i], _law(mounts.restitution)
     alpha = problem.kick[i] / (1.0 + e)
     if math.pi * alpha > LARGEST_GAMMA:
         alpha = np.nan
@@ -118,6 +130,8 @@ def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
         e,
         alpha,
         problem.rest_flight[i],
+        law,
+        scale_of(law, e, problem.restitution_speed[i]),
         mounts.mass_ratio[i],
         TWO_PI * mounts.natural[i],
         mounts.damping[i],
@@ -283,7 +297,16 @@ def recoil(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
     """Speed that an impact with the approach speed c takes from the base.
 
     Momentum is conserved, with `riders` particles as one body with the base; one that sticks has
-    then the velocity of the base, one that bounces leaves it with the relative speed e c.
+    then the velocity of the base, one that bounces leaves it with the relative speed E(c).
     """
+    share = ratio(fixed.law, fixed.e, fixed.scale, c)
     mass = fixed.mu / (1.0 + riders * fixed.mu)
-    return mass / (1.0 + mass) * (c if sticks else (1.0 + fixed.e) * c)
+    return mass / (1.0 + mass) * (c if sticks else (1.0 + share) * c)
+
+
+@jit
+def recoil_slope(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
+    """Derivative of `recoil` by the approach speed."""
+    q = slope(fixed.law, fixed.e, fixed.scale, c)
+    mass = fixed.mu / (1.0 + riders * fixed.mu)
+    return mass / (1.0 + mass) * (1.0 if sticks else 1.0 + q)

@@ -35,6 +35,7 @@ from vibrosweep.kernels.coupled.state import (
     let_pass,
     under,
 )
+from vibrosweep.kernels.restitution import ratio
 
 TRIES = 20000  # looks at particles after which the next event is given up
 SLACK = 1.25  # of the height that bounds the base, so that it is seldom exceeded
@@ -173,7 +174,7 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
     t = max(particle[PARTICLE.SAFE, who], 0.0)
     motion = let_pass(state, load, t)
     c = max(-particle[PARTICLE.SPEED, who], 0.0)
-    w = fixed.e * c
+    w = ratio(fixed.law, fixed.e, fixed.scale, c) * c
     scale = max(particle[PARTICLE.SCALE, who], fixed.r)
     if abs(w - fixed.r) <= ROUNDING * scale or c <= math.sqrt(ROUNDING) * scale:
         state.now[NOW.UNDECIDED] += 1.0

@@ -27,11 +27,13 @@ from vibrosweep.proof.reference.decisions import (
     nearest_integer,
 )
 from vibrosweep.proof.reference.events import LANDING, Bodies, Event, Launch
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.mount import Mount
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.reference.sprung import System
 
 GUARD_BITS: Final = 64
+CONSTANT_LAWS: Final = Laws()
 PATIENCE: Final = 1  # periods after the end up to which a lift-off counts
 ZERO: Final = arb(0)
 
@@ -58,6 +60,7 @@ class _Problem:
     parameters: Mapping[str, float]
     launch_times: tuple[Fraction, ...]
     duration: Fraction
+    laws: Laws
     max_landings: int
     digits: int
 
@@ -110,7 +113,7 @@ class _Problem:
                 raise UncertainError("a result to the digits asked for", number)
 
 
-def bodies_of(parameters: Mapping[str, float]) -> Bodies:
+def bodies_of(parameters: Mapping[str, float], laws: Laws = CONSTANT_LAWS) -> Bodies:
     """Base and particles of physical parameters, at the current precision."""
     p = {name: arb(value) for name, value in parameters.items()}
     rate = 2 * p["frequency"] / p["gravity"]
@@ -121,7 +124,7 @@ def bodies_of(parameters: Mapping[str, float]) -> Bodies:
         mass_ratio=p["mass_ratio"],
     )
     rest = p["frequency"] * p["contact_time"]
-    return Bodies(mount, p["restitution"], rest, rate * p["launch_velocity"])
+    return Bodies(mount, laws.in_periods(p), rest, rate * p["launch_velocity"])
 
 
 def coupled(
@@ -129,6 +132,7 @@ def coupled(
     launch_times: Sequence[float | Fraction],
     duration: float | Fraction,
     *,
+    laws: Laws = CONSTANT_LAWS,
     max_landings: int = 10_000,
     digits: int = 20,
     max_bits: int = 1 << 14,
@@ -150,7 +154,8 @@ def coupled(
     for name, number in (("max_landings", max_landings), ("digits", digits)):
         if number < 1:
             raise ParameterError(f"{name} = {number!r}: must be at least 1")
-    problem = _Problem(values, launched, _exact("duration", duration), max_landings, digits)
+    until = _exact("duration", duration)
+    problem = _Problem(values, launched, until, laws, max_landings, digits)
     first = max(bits, GUARD_BITS * (2 + problem.bits // GUARD_BITS))
     return decided(partial(_attempt, problem), first, max_bits)
 
@@ -236,7 +241,7 @@ def _rests(event: Event) -> bool:
 def _attempt(problem: _Problem, bits: int) -> Coupled:
     """Return the motion at one precision, or raise `UncertainError`."""
     with ctx.workprec(bits):
-        bodies, end = bodies_of(problem.parameters), problem.turns(problem.duration)
+        bodies, end = bodies_of(problem.parameters, problem.laws), problem.turns(problem.duration)
         system, counted, seen = System(bodies, problem.launches, end + PATIENCE), 0, 0
         courses = [_Course() for _ in problem.launch_times]
         stay = rest = late = False

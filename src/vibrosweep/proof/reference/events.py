@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.landing import END, Course, narrowed
+from vibrosweep.proof.reference.laws import Impact
 from vibrosweep.proof.reference.mount import Mount
 
 LAUNCH, LANDING, LIFTOFF = "launch", "landing", "lift-off"
@@ -20,7 +21,7 @@ class Bodies(NamedTuple):
     """The moving bodies: the base on its mount, and identical particles."""
 
     mount: Mount
-    e: arb  # restitution
+    restitution: Impact
     r: arb  # relative speed at and below which a particle sticks where the base presses it
     u0: arb  # velocity of a launch
 

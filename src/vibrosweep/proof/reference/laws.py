@@ -15,6 +15,7 @@ from typing import Final, NamedTuple, Protocol
 
 from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.outside_laws import Law as OutsideLaw
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.proof.reference._flint import arb
 
 TURNS_BACK: Final[Mapping[str, bool]] = {"rest": False, "reflect": True}
@@ -39,7 +40,7 @@ class Laws(NamedTuple):
 
     def impact(self, e: arb, speed: arb | None) -> Impact:
         """Return the law of restitution e, where it has one of that speed."""
-        if speed is None:
+        if self.restitution == CONSTANT or speed is None:
             return Constant(e)
         if self.restitution in OF_SPEED:
             return OF_SPEED[self.restitution](e, speed)
@@ -48,6 +49,9 @@ class Laws(NamedTuple):
 
 class Impact(Protocol):
     """What an impact leaves of a relative speed."""
+
+    def share(self, v: arb) -> arb:
+        """Share of v that is left."""
 
     def kept(self, v: arb) -> arb:
         """Speed that is left of v."""
@@ -60,6 +64,10 @@ class Constant(NamedTuple):
     """The same share of any speed."""
 
     e: arb
+
+    def share(self, v: arb) -> arb:
+        """Share of v that is left."""
+        return self.e
 
     def kept(self, v: arb) -> arb:
         """Speed that is left of v."""
@@ -81,10 +89,13 @@ class Plastic(NamedTuple):
             return below
         return above() if v > self.speed else below.union(above())
 
+    def share(self, v: arb) -> arb:
+        """Share of v that is left."""
+        return self._chosen(v, self.e, lambda: self.e * (self.speed / v).sqrt().sqrt())
+
     def kept(self, v: arb) -> arb:
         """Speed that is left of v."""
-        below = self.e * v
-        return self._chosen(v, below, lambda: below * (self.speed / v).sqrt().sqrt())
+        return self.share(v) * v
 
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
@@ -105,10 +116,14 @@ class Viscoelastic:
         highest = arb(t.abs_upper())
         return self._root * (highest.root(10).union(arb(0)) if highest > 0 else arb(0))
 
+    def share(self, v: arb) -> arb:
+        """Share of v that is left."""
+        top, higher, _, _ = _terms(self._scaled(v))
+        return top / (top + higher)
+
     def kept(self, v: arb) -> arb:
         """Speed that is left of v."""
-        top, higher, _, _ = _terms(self._scaled(v))
-        return top / (top + higher) * v
+        return self.share(v) * v
 
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
@@ -152,9 +167,13 @@ class Outside:
         self._ratio, self._slope = law.ball_ratio or law.ratio, law.ball_slope or law.slope
         self._e, self._speed = e, speed
 
+    def share(self, v: arb) -> arb:
+        """Share of v that is left."""
+        return self._ratio(self._e, v / self._speed)
+
     def kept(self, v: arb) -> arb:
         """Speed that is left of v."""
-        return self._ratio(self._e, v / self._speed) * v
+        return self.share(v) * v
 
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""

@@ -129,7 +129,7 @@ class PeriodMap(Protocol):
         """
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
-        """Mean logarithm of the contraction of areas by impacts after flights of these speeds.
+        """Mean logarithm of the contraction of areas by impacts with these speeds of arrival.
 
-        With it comes a bound of its change where all speeds change by `error`.
+        With it comes a bound of its change where all speeds of lift-off change by `error`.
         """

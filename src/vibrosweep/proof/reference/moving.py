@@ -148,12 +148,14 @@ class MovingMap(NamedTuple):
         return Carried(_floats(along), _floats(across), wrong, False)
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
-        """Mean logarithm of the determinant, in coordinates in which it does not depend on speeds.
+        """Mean logarithm of the determinant in coordinates in which only the arrival enters.
 
-        It is q y / z = q (y' / z) (y / y') in (x, y), and q y' / z in (x, y^2).
+        It is q y / z = q (y' / z) (y / y') in (x, y), and q y' / z in (x, y^2).  An arrival is off
+        by the error of y' = E(z) over the slope q.
         """
         law = self.restitution
-        return mean_logarithm(law, lambda z: law.slope(z) * law.kept(z) / z, speeds, error)
+        off = max((error / float(law.slope(z)) for z in speeds if law.slope(z) > 0), default=0.0)
+        return mean_logarithm(law, lambda z: law.slope(z) * law.share(z), speeds, 2.0 * off)
 
 
 def liftoff_error(parameters: Mapping[str, float]) -> float:

@@ -244,9 +244,10 @@ class System:
 
     def _impact(self, particles: Sequence[int], speed: arb) -> None:
         """Exchange momentum between the base and particles that land with a relative speed."""
-        mount, e, r, _ = self._bodies
+        mount, restitution, r, _ = self._bodies
         base = self._velocity
         v, c, riding, mu = base + speed, -speed, len(self._riders), mount.mass_ratio
+        e = restitution.share(c)
         self.landings += len(particles)
         if self._sticks(c):
             self._recoil(mu * c / (1 + (riding + 1) * mu))
@@ -266,8 +267,8 @@ class System:
 
     def _sticks(self, c: arb) -> bool:
         """Decide whether a particle that approaches the base with this speed sticks."""
-        (mount, e, r, _), riding = self._bodies, len(self._riders)
-        if certain_above(e * c, r, "e c > r", self.landings):
+        (mount, restitution, r, _), riding = self._bodies, len(self._riders)
+        if certain_above(restitution.kept(c), r, "e c > r", self.landings):
             return False
         if riding:  # the base presses them, and more after the impact
             return True
