@@ -128,6 +128,22 @@ def test_lift_offs_from_a_moving_base_are_those_of_the_definition():
     assert seen > 100
 
 
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+def test_exponents_along_the_path(base):
+    """About a locked orbit they are those of its multipliers; their sum is ln e, or 2 ln e."""
+    scene = {"restitution": 0.9, "amplitude": 1.2, "launch_velocity": 4.905, "duration": 4000.0}
+    scene |= {"launch": [0.4329824], "base": base, "lyapunov": True}
+    noise = {"kick_noise": 1e-3, "restitution_noise": 1e-4}
+    still, found = vs.sweep(**scene), vs.sweep(**scene, **noise)
+    assert found.regime.item() == -1
+    assert found.cycle_periods.item() == 0
+    assert found.unsettled_count == 0
+    for name in ("lyapunov_largest", "lyapunov_sum"):
+        assert found[name].item() == pytest.approx(still[name].item(), abs=2e-3)
+    known = math.log(0.9) * (1 if base == "high-bounce" else 2)
+    assert found.lyapunov_sum.item() == pytest.approx(known, abs=1e-4)
+
+
 def test_no_noise_is_no_noise():
     still = vs.sweep(amplitude=(0.2, 3.5), realizations=20, regimes=True, kick_noise=0.0)
     assert "noise_seed" not in still.attrs
@@ -224,7 +240,7 @@ def test_how_far_apart_two_particles_in_one_slot_stay():
         ({"kick_noise": -0.1}, "kick_noise = -0.1.*at least 0"),
         ({"restitution_noise": math.nan}, "restitution_noise = nan.*not a finite number"),
         ({"drive_noise": 0.1, "base": "moving"}, "drive_noise: needs base = .*would jump"),
-        ({"kick_noise": 0.1, "lyapunov": True}, "lyapunov.*leave out kick_noise"),
+        ({"kick_noise": 0.1, "trust": True}, "trust.*leave out kick_noise"),
         ({"kick_noise": 0.1, "particles": 2**26 + 1}, "particles.*at most 67108864"),
         ({"kick_noise": 0.1, "realizations": 2**36 + 1}, "realizations.*at most 68719476736"),
         ({"noise_seed": -1}, "noise_seed = -1.*at least 0"),

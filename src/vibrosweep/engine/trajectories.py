@@ -21,7 +21,7 @@ from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import Base, fitted
-from vibrosweep.kernels.cycles import Cycles, empty_rests
+from vibrosweep.kernels.cycles import Cycles, empty_rests, no_cycles
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer, observer_scratch
@@ -112,8 +112,9 @@ def _follow(
         whole,
     )
     orbits = separations = bounds = None
-    if measures.regimes and cycles is not None:
-        orbits = _orbits(problem, launch, each, cycles, scene, workers)
+    if measures.regimes:
+        found = no_cycles(size * particles) if cycles is None else cycles
+        orbits = _orbits(problem, launch, each, found, scene, workers)
     if measures.separation:
         separations = _separations(problem, launch, scene, whole, cycles, workers)
     if measures.trust:

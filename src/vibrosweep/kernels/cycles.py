@@ -74,6 +74,11 @@ def empty_cycles(trajectories: int) -> Cycles:
     return unwritten((len(CYCLE), trajectories))
 
 
+def no_cycles(trajectories: int) -> Cycles:
+    """Return cycles of which none was found."""
+    return np.zeros((len(CYCLE), trajectories))
+
+
 @jit
 def no_cycle(cycles: Cycles, lane: int) -> None:
     """Record that no recurrence of trajectory `lane` was found."""

@@ -274,6 +274,18 @@ def thrown(noise: Noise | None, w: float, push: float) -> float:
 
 
 @jit
+def slope_of(noise: Noise | None, share: float, q: float, draw: Draw, v: float) -> float:
+    """Derivative of the speed above such a base after an impact by the speed v of arrival.
+
+    Without noise the impact leaves a share of v, with the derivative q.
+    """
+    if noise is None:
+        return q
+    moved = slipped(noise, q, draw.slip)
+    return -moved if slipped(noise, share, draw.slip) * v + draw.push < 0.0 else moved
+
+
+@jit
 def driven(noise: Noise | None, a: float, drive: float) -> float:
     """Amplitude of the kick in a forcing period."""
     if noise is None:

@@ -41,6 +41,7 @@ SAME_ORBIT = 2.0**-30
 NONE_LEFT = Exponent(-np.inf, 0.0)  # of deviations that a rest takes
 CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
 
+UNDETERMINED = -1  # as flags that could not be decided
 AT_REST = int(Regime.AT_REST)
 RESTING = int(Regime.RESTING)
 LOCKED = int(Regime.LOCKED)
@@ -157,7 +158,7 @@ def _follow(
             n, x, u = hit.n, hit.x, 0.0
             break
         n, x, u = hit.n_off, hit.x_off, hit.u
-        if not hit.leaves:
+        if not hit.leaves and fixed.base.noise is None:  # what is random never repeats
             lifted += 1
             same = x == x_first and u == u_first
             if same and n > first:  # not where it makes no headway
@@ -317,6 +318,10 @@ def settle(
             _write_cycle(fixed, t, State(n, x, u), out)
             continue
         out.regime[t] = AT_REST if at_rest else UNSETTLED
+        if base.noise is not None:
+            out.regime[t] = AT_REST if at_rest else UNDETERMINED
+            if exponents == 0:
+                continue
         n, x = launch(launches, i, t % particles, problem.phase[i])
         begin = problem.begin_count[i], problem.begin_phase[i]
         end = problem.end_count[i], problem.end_phase[i]

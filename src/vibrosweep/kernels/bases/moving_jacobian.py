@@ -20,7 +20,8 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import fma, implements, jit
 from vibrosweep.kernels.bases import Flight, Jacobian
 from vibrosweep.kernels.bases.moving import MovingConstants
-from vibrosweep.kernels.restitution import slack, slope
+from vibrosweep.kernels.noise import slope_of
+from vibrosweep.kernels.restitution import ratio, slack, slope
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
 from vibrosweep.kernels.sine import (
     COSINE_ERROR,
@@ -82,9 +83,10 @@ def along(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
 def jacobian_moving(fixed: MovingConstants, flight: Flight) -> Jacobian:
     law, alpha, gamma = fixed.base.restitution, fixed.alpha, math.pi * fixed.alpha
     s, z = flight.time, flight.v
-    q = slope(law, fixed.e, fixed.scale, z)
+    share, q = ratio(law, fixed.e, fixed.scale, z), slope(law, fixed.e, fixed.scale, z)
+    q = slope_of(fixed.base.noise, share, q, fixed.draw, z)
     if s == 0.0:  # it lands at once
-        return 1.0, 0.0, 0.0, -q, 1.0 + slack(law) * q
+        return 1.0, 0.0, 0.0, -q, 1.0 + slack(law) * abs(q)
     at = along(fixed, flight.x, flight.u, s)
     by_x = alpha * fma(at.cosine, at.lag, at.sine * at.c) / z
     by_y = s / z
@@ -95,5 +97,5 @@ def jacobian_moving(fixed: MovingConstants, flight: Flight) -> Jacobian:
     turns = at.c + abs(at.turned)
     parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * alpha * turns) / z
     size = 1.0 + parts * (alpha * (at.lag + at.c) + s) / z
-    size += slack(law) * q * ((abs(pull) + 2.0 * gamma + 2.0) * size + 4.0 * gamma * turns)
+    size += slack(law) * abs(q) * ((abs(pull) + 2.0 * gamma + 2.0) * size + 4.0 * gamma * turns)
     return 1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size
