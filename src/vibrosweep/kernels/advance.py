@@ -94,6 +94,14 @@ class Share(NamedTuple):
     in_progress: int
 
 
+class Start(NamedTuple):
+    """A trajectory that is to be followed: its index, its particle, and its launch."""
+
+    lane: int
+    particle: int
+    at: Instant
+
+
 class Memory(NamedTuple):
     """Memory of one caller: a block of lanes, and the places in it that are refilled."""
 
@@ -203,31 +211,31 @@ def _realization(base: Base, problem: Dimensionless, i: int) -> Realization:
 def _load(
     s: Floats,
     j: int,
-    particle: int,
-    start: Instant,
+    start: Start,
     realization: Realization,
     kinds: Kinds,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
-    """Load a trajectory that leaves the base at `start` into lane j, which knows its index."""
-    n, x = start
+    """Load a trajectory into lane j."""
+    n, x = start.at
     n_end, x_end = realization.end
     s[ROW.X + j] = x
     s[ROW.N + j] = n - n_end
     s[ROW.U + j] = leave(realization.fixed, x, realization.speed)
     put(realization.fixed, s, j)
-    load_noise(realization.fixed.base.noise, realization.fixed.source, s, j, particle, n_end)
+    load_noise(realization.fixed.base.noise, realization.fixed.source, s, j, start.particle, n_end)
     s[ROW.X_END + j] = x_end
     n_begin, x_begin = realization.begin
     s[ROW.N_BEGIN + j] = n_begin - n_end
     s[ROW.X_BEGIN + j] = x_begin
     s[ROW.AGE + j] = 0.0
+    s[ROW.LANE + j] = start.lane
     clear(kinds, s, j)
     if cycles is not None:
         s[ROW.X_ANCHOR + j] = np.nan
         s[ROW.NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
-        no_cycle(cycles, int(s[ROW.LANE + j]))
+        no_cycle(cycles, start.lane)
 
 
 @jit
@@ -303,9 +311,8 @@ def advance(
             lane = following + q
             if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
                 return 0
-            s[ROW.LANE + places[q]] = lane
-            start = launch(launches, i, p, problem.phase[i])
-            _load(s, places[q], p, start, realization, out.kinds, cycles, patience)
+            start = Start(lane, p, launch(launches, i, p, problem.phase[i]))
+            _load(s, places[q], start, realization, out.kinds, cycles, patience)
             expect(out.kinds, out, lane)
             p += 1
             if p == particles:
