@@ -12,6 +12,7 @@ from methods.sweeps import paper_parameters
 from test_kernels import THREADS
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.restitution import Constant
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
@@ -37,7 +38,7 @@ def engine(given, particles, workers):
 
 def scalar(given, particles, workers):
     """The result of the scalar loop."""
-    problem, mount = dimensionless(given, DURATION), mounts(given)
+    problem, mount = dimensionless(given, DURATION), mounts(given, Constant())
     start = launches("staggered", particles, given["frequency"])
     size = given["frequency"].size
 

@@ -27,7 +27,7 @@ def test_without_mass_particles_move_as_over_the_moving_base(name):
 def test_momentum_is_conserved_and_the_slope_is_the_derivative(parameters, name):
     given = {"restitution": 0.8, "restitution_speed": 1.0, "mass_ratio": 0.2}
     batch = parameters(mount_frequency=0.4, mount_damping=0.1, gravity=2.0, **given)
-    known = mounts(batch)._replace(restitution=restitution_of(name))
+    known = mounts(batch, restitution_of(name))
     fixed = mount(dimensionless(batch, 1.0), known, 0)
     for c in (0.3, 2.0, 7.0):
         lost = recoil(fixed, 0, c, False)

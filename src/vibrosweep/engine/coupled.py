@@ -120,10 +120,8 @@ def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     """Return the batch in dimensionless form."""
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
-    law = None
-    if scene.restitution_law != CONSTANT:
-        law = restitution_of(scene.restitution_law)
-    return Coupled(problem, mounts(parameters)._replace(restitution=law), launch)
+    law = restitution_of(scene.restitution_law)
+    return Coupled(problem, mounts(parameters, law), launch)
 
 
 def _order(whole: PerRealization, frequency: Array) -> Measured:
@@ -218,7 +216,8 @@ def carry_on(parameters: Mapping[str, Array], begin: Neighbours, periods: float)
     state.now[NOW.X] = begin.phase
     state.now[NOW.D], state.now[NOW.B] = begin.deviation
     rode = np.zeros_like(state.mode)
-    landings = carry(state, problem, mounts(parameters), 0, periods, rode, matrix)
+    law = restitution_of(CONSTANT)
+    landings = carry(state, problem, mounts(parameters, law), 0, periods, rode, matrix)
     if landings < 0:
         raise ParameterError("the next landing could not be found: the parameters are too extreme")
     return Neighbours(

@@ -190,7 +190,7 @@ class Mounts(NamedTuple):
     mass_ratio: Array  # mu, mass of one particle in units of that of the base
     natural: Array  # nu = f0 / f, natural frequency of the mount in units of that of the forcing
     damping: Array  # zeta, damping ratio of the mount
-    restitution: Any = None  # law of restitution of the kernels; None for the constant one
+    restitution: Any  # law of restitution, as kernels take it
 
 
 class Launches(NamedTuple):
@@ -268,10 +268,10 @@ def taken(problem: Dimensionless, which: Any) -> Dimensionless:
     return Dimensionless(*map(of, problem))
 
 
-def mounts(parameters: Mapping[str, Array]) -> Mounts:
+def mounts(parameters: Mapping[str, Array], restitution: Any) -> Mounts:
     """Change the mounts of realizations to the dimensionless form, from frequency and `MOUNT`."""
     ratio, frequency, damping = (parameters[name] for name in MOUNT)
-    return Mounts(ratio, frequency / parameters["frequency"], damping)
+    return Mounts(ratio, frequency / parameters["frequency"], damping, restitution)
 
 
 def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Array, Array]:

@@ -26,7 +26,7 @@ from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases.exponential import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
-from vibrosweep.kernels.restitution import Constant, Restitution, ratio, scale_of, slope
+from vibrosweep.kernels.restitution import Restitution, ratio, scale_of, slope
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
 TWO_PI = 2.0 * math.pi
@@ -112,17 +112,9 @@ class Bounds(NamedTuple):
 
 
 @jit
-def _law(given: Restitution | None) -> Restitution:
-    """Return the law of restitution of mounts."""
-    if given is None:
-        return Constant()
-    return given
-
-
-@jit
 def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
     """Return the numbers that decide the motion of realization i."""
-    e, law = problem.restitution[i], _law(mounts.restitution)
+    e, law = problem.restitution[i], mounts.restitution
     alpha = problem.kick[i] / (1.0 + e)
     if math.pi * alpha > LARGEST_GAMMA:
         alpha = np.nan
