@@ -58,7 +58,7 @@ def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     >>> from vibrosweep.figures import orbit_branches
     >>> found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], doublings=3)
     >>> orbit_branches(found).get_xlabel()
-    'amplitude $A$ (m s$^{-1}$)'
+    'amplitude of the kick $A$ (m s$^{-1}$)'
     """
     NEEDS.check("orbit_branches", branches)
     along = str(branches.attrs["along"])
