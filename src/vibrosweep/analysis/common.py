@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from vibrosweep import theory
 from vibrosweep.abilities import refusal
@@ -15,7 +14,6 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import ABSENT, Mistake, Word
 from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
-from vibrosweep.model.parameters import refuse_masked
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.times import Periods, in_seconds
 from vibrosweep.runs.notes import short_observation
@@ -98,21 +96,6 @@ def require_ability(analysis: str, scene: Scene, varied: Collection[str] = ()) -
     )
     if wrong:
         raise ParameterError(f"{analysis}: {wrong}")
-
-
-def axis(name: str, values: ArrayLike) -> Array:
-    """Values of a physical parameter as a 1-D array; a ParameterError unless all are in range."""
-    parameter = INPUTS[name]
-    refuse_masked(name, values)
-    try:
-        array = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    except (TypeError, ValueError) as error:
-        raise ParameterError(f"{name} = {values!r}: must be {parameter.allowed}") from error
-    bad = array[~parameter.accepts(array)]
-    if bad.size or array.ndim != 1 or not array.size:
-        shown = float(bad.flat[0]) if bad.size else values
-        raise ParameterError(f"{name} = {shown!r}: must be {parameter.allowed}")
-    return array
 
 
 def grid_axes(
