@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.abilities import ANALYSES, BASES, OF_CONSTANT, cells, refusal, table
+from vibrosweep.abilities import ANALYSES, BASES, OF_CONSTANT, SHAPED, cells, refusal, table
 from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
 from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.explore.points import open_points
@@ -127,13 +127,21 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
 
 
 @pytest.mark.parametrize(
-    ("analysis", "waveform"),
-    [(a, w) for a in ANALYSES for w in WAVEFORMS if refusal("high-bounce", analysis=a, waveform=w)],
+    ("base", "analysis", "waveform"),
+    [
+        (base, analysis, shape)
+        for base in BASES
+        for analysis in ANALYSES
+        for shape in WAVEFORMS
+        if base in SHAPED[shape]
+        and refusal(base, analysis=analysis, waveform=shape)
+        and not refusal(base, analysis=analysis)
+    ],
 )
-def test_what_a_waveform_cannot_have_is_refused_with_its_sentence(analysis, waveform):
+def test_what_a_waveform_cannot_have_is_refused_with_its_sentence(base, analysis, waveform):
     with pytest.raises(VibrosweepError) as caught:
-        perform("high-bounce", analysis, waveform=SHAPES[waveform])
-    sentence = refusal("high-bounce", analysis=analysis, waveform=waveform)
+        perform(base, analysis, waveform=SHAPES[waveform])
+    sentence = refusal(base, analysis=analysis, waveform=waveform)
     assert str(caught.value).endswith(sentence)
 
 

@@ -24,8 +24,8 @@ SHAPED: Final[Mapping[str, tuple[str, ...]]] = {
     PARABOLIC_NAME: (HIGH_BOUNCE,),
     HARMONICS_NAME: APART,
 }
-# Measures that the moving base has with the sine only
-OF_SINE: Final = ("regimes", "lyapunov", "trust")
+# Measures and analyses that the moving base has with the sine only
+OF_SINE: Final = ("regimes", "lyapunov", "trust", "bifurcation", "basins")
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ _OF_PARTICLES: Final[Mapping[bool | None, Ability]] = {
 }
 ANALYSES: Final[Mapping[str, Ability]] = {
     "windows": Ability(APART, _FOLLOWED, (SINE_NAME,)),
-    "bifurcation": Ability(APART, _FOLLOWED, (SINE_NAME,)),
-    "basins": Ability(APART, _FOLLOWED, (SINE_NAME,)),
+    "bifurcation": Ability(APART, _FOLLOWED),
+    "basins": Ability(APART, _FOLLOWED),
     "orbits": Ability(APART, _FOLLOWED),
     "branches": Ability(APART, _FOLLOWED),
     "boundaries": Ability(APART, _FOLLOWED),
@@ -72,7 +72,8 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "observables": _ANYWHERE,
     "heights_against_restitution": Ability(APART, _INDEPENDENT),
     **dict.fromkeys(("energy_balance", "slot_decay"), Ability(APART, _INDEPENDENT, (SINE_NAME,))),
-    **dict.fromkeys(("verify", "explore", "laboratory"), Ability(BASES, "", (SINE_NAME,))),
+    **dict.fromkeys(("verify", "laboratory"), Ability(BASES, "", (SINE_NAME,))),
+    "explore": _ANYWHERE,
     # imperfections of an experiment in the laboratory
     "frequency_jitter": Ability(
         (HIGH_BOUNCE,), "cannot be computed with base = {base}; leave it out"
@@ -136,7 +137,7 @@ def refusal(
             f'waveform = "{waveform}" is not implemented with base = "{base}": take waveform = '
             f'"{SINE_NAME}", or base = {_quoted(SHAPED[waveform])}'
         )
-    if waveform not in ("", SINE_NAME) and base == MOVING and measure in OF_SINE:
+    if waveform not in ("", SINE_NAME) and base == MOVING and (measure or analysis) in OF_SINE:
         return (
             f'cannot be had with waveform = "{waveform}" over base = "{base}" yet: leave it out, '
             f'or take waveform = "{SINE_NAME}"'
@@ -195,9 +196,9 @@ def _kept(base: str, one: dict[str, Any]) -> str:
     if refusal(base, **one):
         return "no"
     (name,) = one.values()
-    waveforms = ANALYSES[name].waveforms if "analysis" in one else WAVEFORMS
-    waveforms = _RANDOM[name[0]].waveforms if "noise" in one else waveforms
-    limits = [] if waveforms == WAVEFORMS else [*waveforms]
+    shapes = [shape for shape in WAVEFORMS if base in SHAPED[shape]]
+    kept = [shape for shape in shapes if not refusal(base, **{"waveform": shape, **one})]
+    limits = [] if kept == shapes or "waveform" in one else kept
     limits += ["constant restitution"] if "analysis" in one and name in OF_CONSTANT else []
     return ", ".join(limits) or "yes"
 

@@ -108,3 +108,20 @@ def test_a_file_gives_the_same_points_as_its_dataset(compute, results):
 def test_a_result_without_a_plane_is_refused():
     with pytest.raises(DataError, match="no plane of realizations; give a result of"):
         of_result(xr.Dataset(), HERE, "impacts")
+
+
+def test_a_point_of_another_waveform_is_simulated_with_it(tmp_path):
+    shape = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
+    path = tmp_path / "tones.h5"
+    scene = {"waveform": shape, "amplitude": (0.3, 3.0), "realizations": 3, "duration": 2.0}
+    vs.run(scene, path).close()
+    choice = open_points(path).choice(1)
+    with vs.open_sweep(path) as found:
+        given = float(found["amplitude"][1])
+        waveform = found.waveform
+    shown = choice.simulate()
+    assert shown.waveform == waveform
+    expected = vs.simulate(waveform=shape, amplitude=given, duration=2.0)
+    np.testing.assert_array_equal(shown["landing_time"], expected["landing_time"])
+    assert choice.over("moving").scene.waveform == choice.scene.waveform
+    assert choice.over("sprung").scene.waveform.name == "sine"

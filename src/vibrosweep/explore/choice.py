@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 import vibrosweep as vs
+from vibrosweep.abilities import refusal
 from vibrosweep.model.forcing import inputs_of
 from vibrosweep.model.parameters import LAWS, SPRUNG, STAGGERED
+from vibrosweep.model.shapes import SINE
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.scene.scene import Scene
 
@@ -80,10 +82,15 @@ class Choice:
         return replace(self._changed(inputs=used, given=frozenset(used)), mount=every)
 
     def over(self, base: str) -> Choice:
-        """Return the choice over another base, with the law of rebound that every base has."""
+        """Return the choice over another base, with the law of rebound that every base has.
+
+        The waveform is kept where that base has it too, and else a sine.
+        """
         if base == self.scene.base:
             return self
-        return self._changed(base=base, rebound=LAWS[0]).with_inputs()
+        waveform = self.scene.waveform
+        waveform = SINE if refusal(base, waveform=waveform.name) else waveform
+        return self._changed(base=base, rebound=LAWS[0], waveform=waveform).with_inputs()
 
     def with_particles(self, particles: int) -> Choice:
         """Return the choice with another number of particles; listed launches become staggered."""
@@ -113,6 +120,7 @@ class Choice:
             **_timed("duration", scene.duration),
             "base": scene.base,
             "rebound": scene.rebound,
+            **({} if scene.waveform == SINE else {"waveform": scene.waveform.value}),
         }
 
     def simulate(self) -> xr.Dataset:

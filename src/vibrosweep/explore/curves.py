@@ -12,6 +12,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.explore.points import Points
 from vibrosweep.figures.window_curves import per_amplitude
 from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.model.shapes import SINE
 from vibrosweep.model.window_begin import lower_end
 from vibrosweep.theory import FIXED
 
@@ -39,6 +40,8 @@ def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd],
     base = points.base_choice.scene.base
     if base not in FIXED:
         return [], "closed forms hold for a base that particles do not act on"
+    if points.base_choice.scene.waveform != SINE:
+        return [], "closed forms of windows hold for a base that moves as a sine"
     if forcing is None:
         return [], "closed forms are drawn where an axis is the forcing"
     other = axes[1 - axes.index(forcing)]

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from vibrosweep.abilities import refusal
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.labels import SYMBOLS, units_text
@@ -53,7 +54,9 @@ def facts(
 def facts_html(choice: Choice) -> str:
     """`facts` of a realization as a table, or the reason why they cannot be computed."""
     try:
-        settled = None if choice.scene.base == SPRUNG else choice.settle()
+        scene = choice.scene
+        unsettled = refusal(scene.base, measure="regimes", waveform=scene.waveform.name)
+        settled = None if unsettled else choice.settle()
         found = list(facts(choice, choice.observe(), settled))
     except VibrosweepError as error:
         return html.escape(str(error))

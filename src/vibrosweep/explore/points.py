@@ -25,6 +25,7 @@ from vibrosweep.model.shapes import name_in
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import Launch, Scene
+from vibrosweep.scene.waveform import stored
 from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
 if TYPE_CHECKING:
@@ -314,6 +315,7 @@ def _shared(dataset: xr.Dataset, forcing: str) -> Choice:
         duration=end,
         rebound=str(dataset.attrs["rebound"]),
         base=str(dataset.attrs["base"]),
+        waveform=stored(dataset.attrs),
         inputs=inputs,
         given=frozenset(inputs),
     )
