@@ -73,6 +73,30 @@ def test_streaming_kernel_against_the_obvious_scalar_loop(race, realizations, pe
     assert ratio >= target
 
 
+@pytest.mark.parametrize("kind", ["restitution_noise", "kick_noise"])
+def test_cost_of_noise(race, kind):
+    """An impact takes at most 3.3 times as long where the same impacts are followed with noise."""
+    parameters = paper_parameters(4000)
+    strength = np.full(4000, 1e-3)
+    noisy = parameters | {kind: strength, "noise_stream": np.arange(4000)}
+    start = launches("staggered", 5, parameters["frequency"])
+    _, _, still = scene(1, 5, 400.0)
+    problems = [dimensionless(given, 400.0, 0.0) for given in (noisy, parameters)]
+    with Workers(1) as workers:
+
+        def followed(problem):
+            return statistics(problem, start, still, workers)
+
+        impacts = [int(followed(problem).landings.sum()) for problem in problems]
+        ratio = race(
+            lambda: followed(problems[0]),
+            lambda: followed(problems[1]),
+            work_subject=impacts[0],
+            work_reference=impacts[1],
+        )
+    assert ratio >= 1.0 / 3.3
+
+
 def test_speed_does_not_depend_on_the_place_in_memory():
     """Rows that meet in the cache would make the kernel slow at some places of its memory."""
     trajectories, places, page = 10_000, 200, 4096 // 8

@@ -132,6 +132,8 @@ def refusal(
             f'cannot be had with restitution_law = "{restitution}" yet: take restitution_law = '
             f'"{CONSTANT}"'
         )
+    if waveform and waveform not in SHAPED:
+        return f'waveform = "{waveform}": must be {_quoted(SHAPED)}'
     if waveform and base not in SHAPED[waveform]:
         return (
             f'waveform = "{waveform}" is not implemented with base = "{base}": take waveform = '
