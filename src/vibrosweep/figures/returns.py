@@ -93,10 +93,10 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
     # over a moving base a particle may still be rising when it lands
     lowest = min(float(np.min(before, initial=0.0)), float(np.min(after, initial=0.0)))
-    if not recoils(one) and waveform_name(one) == SINE_NAME:
+    plain = waveform_name(one) == SINE_NAME and restitution_law(one) == CONSTANT
+    if plain and not recoils(one):
         _draw_strip(axes, one, lowest, top)
-        if restitution_law(one) == CONSTANT:  # of which there are closed forms
-            _draw_locked(axes, one, top)
+        _draw_locked(axes, one, top)
     _draw_points(axes, before, after, late, data.pick(one, "duration") / 2.0)
     view = (1.06 * lowest - 0.03 * top, top)
     axes.set(xlim=view, ylim=view, aspect="equal")
