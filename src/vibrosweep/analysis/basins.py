@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.analysis.basin_shape import basin_measures
 from vibrosweep.analysis.common import (
     attributes,
     grid_axes,
@@ -81,6 +82,7 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
         ),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
         **_attractors(orbits, landed, speed, first, count / labels.size),
+        **basin_measures(index.reshape(shape), orbits.regime[first], count, speeds),
         **shared(scene, ["launch_velocity"]),
     }
     words = attributes(scene, "Basins of attraction") | {"notes": note_of(scene)}
@@ -98,10 +100,18 @@ def name_of(attractor: xr.Dataset) -> str:
 
 
 def summary(found: xr.Dataset) -> Iterator[str]:
-    """Say in a line for each attractor which fraction of the launches leads to it."""
+    """Say which fraction of the launches leads to each attractor, and how basins interlace."""
     for i in range(found.sizes["attractor"]):
         one = found.isel(attractor=i)
-        yield f"{name_of(one):32}{float(one['fraction']):.2%}"
+        low, high = float(one["fraction_low"]), float(one["fraction_high"])
+        interval = f" ({low:.2%} to {high:.2%})" if np.isfinite(low) else ", on no attractor"
+        yield f"{name_of(one):32}{float(one['fraction']):.2%}{interval}"
+    entropy, exponent = float(found["basin_entropy"]), float(found["uncertainty_exponent"])
+    if np.isfinite(entropy):
+        yield f"{'basin entropy':32}{entropy:.3g} nats"
+    if np.isfinite(exponent):
+        error = float(found["uncertainty_exponent_error"])
+        yield f"{'uncertainty exponent':32}{exponent:.3g} +- {error:.1g}"
 
 
 def _labels(orbits: Orbits) -> Codes:

@@ -190,7 +190,9 @@ def basins(
         ``slot``, which of its time-shifted copies.  Dim attractor, the most frequent first:
         ``fraction`` of the launches, ``regime``, ``cycle_impacts``, ``cycle_periods``,
         ``cycle_rests``, ``lyapunov_largest``; and of the impact before the shortest flight of the
-        cycle ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1).
+        cycle ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1),
+        ``fraction_low`` and ``fraction_high``, its 95 % interval.  Scalars: ``unsettled_fraction``,
+        ``basin_entropy``, ``boundary_entropy``, ``uncertainty_exponent`` and its error.
 
     Raises
     ------

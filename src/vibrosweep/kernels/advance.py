@@ -46,7 +46,7 @@ from vibrosweep.kernels.cycles import (
     saves_work,
     stop_search,
 )
-from vibrosweep.kernels.impact import Batch, Instant, land, launch
+from vibrosweep.kernels.impact import Batch, Instant, Start, land, launch
 from vibrosweep.kernels.lanes import (
     ENDED,
     GOES_ON,
@@ -92,14 +92,6 @@ class Share(NamedTuple):
     first: int
     last: int  # the one behind the last
     in_progress: int
-
-
-class Start(NamedTuple):
-    """A trajectory that is to be followed: its index, its particle, and its launch."""
-
-    lane: int
-    particle: int
-    at: Instant
 
 
 class Memory(NamedTuple):
