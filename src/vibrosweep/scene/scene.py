@@ -43,14 +43,14 @@ class Scene:
     launch: Launch = STAGGERED  # ``"staggered"`` or the launch times of all particles in s
     duration: Time = 12.0  # end of the observation: a number in s, or `Periods`
     rebound: str = LAWS[0]  # one of `vibrosweep.model.parameters.LAWS`
-    # One of `vibrosweep.model.restitution_laws.RESTITUTION_LAWS`
-    restitution_law: str = CONSTANT
     measures: Measures = field(default_factory=Measures)
     # True to count repetitions of a cycle instead of following them; False where every landing is
     # kept, and for comparison
     skip: bool = True
     base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`
     waveform: Waveform = SINE
+    # One of `vibrosweep.model.restitution_laws.RESTITUTION_LAWS`
+    restitution_law: str = CONSTANT
     # Physical parameters by the names of `vibrosweep.model.forcing.INPUTS`, in their units: those
     # that do not vary, defaults included; of the forcings no more than one, and those of a mount
     # for a sprung base only.  The engine takes arrays of all parameters instead.
