@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -65,14 +64,14 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     require(record, "return_map", *NEEDS, "rested")
     one = record.isel(realization=realization)
     before, after, known = return_points(one)
-    law, speed = restitution_law(record), math.nan
+    law: dict[str, Any] = {"law": restitution_law(record)}
     restitution = float(per_realization(record, "restitution")[realization])
-    if law != CONSTANT:
-        speed = float(per_realization(record, "restitution_speed")[realization])
+    if law["law"] != CONSTANT:
+        law["restitution_speed"] = float(per_realization(record, "restitution_speed")[realization])
     time, leaving = one["landing_time"].values, one["rebound_velocity"].values
     with np.errstate(invalid="ignore"):
         known = known & (time >= since)
-    kept = restitution_at(before[known], restitution, law, speed) * before[known]
+    kept = restitution_at(before[known], restitution, **law) * before[known]
     particle = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
     dims = ("point",)
     return xr.Dataset(
