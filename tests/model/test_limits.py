@@ -23,7 +23,7 @@ def test_no_word_is_a_key():
     [
         ("noise", "restitution_noise, kick_noise or drive_noise"),
         ("sigma", "restitution_noise, kick_noise or drive_noise"),
-        ("law", "rebound is the law"),
+        ("law", "rebound says what"),
         ("drag", "air has no drag"),
         ("tilt", "nothing is tilted"),
         ("spin", "do not rotate"),

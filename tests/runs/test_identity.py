@@ -58,6 +58,8 @@ def changed(value):
     if is_dataclass(value):
         for field in fields(value):
             for name, other in changed(getattr(value, field.name)):
+                if field.name == "waveform" and other is None:  # there is always one
+                    continue
                 with suppress(ParameterError):  # a law that there is not
                     yield f".{field.name}{name}", replace(value, **{field.name: other})
         yield "", None

@@ -16,8 +16,8 @@ _SHAPE: Final = (
     "number, weight and phase, as in [[1, 1.0, 0.0], [2, 0.4, 1.1]]"
 )
 _LAW: Final = (
-    'rebound is the law of what follows a kick, "rest" or "reflect", and vibrosweep.register_law '
-    "adds others"
+    'rebound says what follows a kick that points down, "rest" or "reflect"; restitution_law is '
+    "how much of its speed an impact leaves, and vibrosweep.register_law adds others"
 )
 _AIR: Final = f"flights are parabolas: air has no drag and no buoyancy{_PAGE}"
 _TURNS: Final = f"balls do not rotate and have no friction; kick_noise may stand for it{_PAGE}"
