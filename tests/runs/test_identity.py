@@ -17,6 +17,7 @@ import vibrosweep
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.observables import Observable
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.runs.identity import EXEMPT, differences, identity, sources
 from vibrosweep.scene.design import Design
 from vibrosweep.scene.scene import Scene
@@ -62,7 +63,8 @@ def changed(value):
                     continue
                 with suppress(ParameterError):  # a law that there is not
                     yield f".{field.name}{name}", replace(value, **{field.name: other})
-        yield "", None
+        if not isinstance(value, Waveform):  # a base always moves with one
+            yield "", None
     elif isinstance(value, Mapping):
         for key, member in value.items():
             for name, other in changed(member):
