@@ -58,7 +58,8 @@ def batch_of(scenes: Sequence[Mapping[str, float]], law: str, base: str = "high-
         given = arrays_of(scene)
         parts.append(dimensionless(given, scene["duration"], scene.get("transient", -np.inf)))
         starts.append(launches((scene["launch_time"],), 1, given["frequency"]))
-    problem = Dimensionless(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+    numbers = (one._replace(noise=None)[:-1] for one in parts)  # nothing is random here
+    problem = Dimensionless(*(np.concatenate(field) for field in zip(*numbers, strict=True)))
     start = Launches(*(np.concatenate(field) for field in zip(*starts, strict=True)))
     return Batch(base_of(base, law), problem, start)
 

@@ -121,7 +121,7 @@ def kernel_jobs(
     problem, start = batch.problem, batch.launches
     size, asked = len(scenes), TOLERANCES.size
     repeated = batch._replace(
-        problem=Dimensionless._make(np.repeat(values, asked) for values in problem),
+        problem=Dimensionless._make([*(np.repeat(v, asked) for v in problem[:-1]), None]),
         launches=Launches._make(np.repeat(values, asked, axis=0) for values in start),
     )
     out = empty_trust(size * asked)

@@ -28,7 +28,8 @@ def test_dims_types_and_attributes_of_a_record():
         assert found[name].dtype == variable.dtype
         for key, value in variable.attributes.items():
             assert np.array_equal(found[name].attrs[key], value)
-    assert found.attrs == {"base": "high-bounce", "rebound": "rest", "forcing": "amplitude"}
+    scene = {"base": "high-bounce", "rebound": "rest", "waveform": "sine"}
+    assert found.attrs == {**scene, "restitution_law": "constant", "forcing": "amplitude"}
 
 
 def test_parameters_that_differ_are_coordinates():

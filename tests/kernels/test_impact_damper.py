@@ -6,6 +6,7 @@ import pytest
 from scipy.optimize import brentq
 
 from vibrosweep.kernels.bases.sprung import Mount, loaded, move, recoil
+from vibrosweep.kernels.restitution import Constant
 from vibrosweep.model.coupled_theory import impact_damper
 
 TWO_PI = 2.0 * math.pi
@@ -18,7 +19,7 @@ GAP = 1.0
 )
 def test_a_particle_between_two_walls_repeats_the_impact_damper(amplitude, e, mu, natural):
     """No gravity and a wall on either side; an impact at the wall ahead is mirrored."""
-    of = Mount(e, TWO_PI * amplitude, 0.0, mu, TWO_PI * natural, 0.0)
+    of = Mount(e, TWO_PI * amplitude, 0.0, Constant(), 0.0, mu, TWO_PI * natural, 0.0)
     load = loaded(of, 0)
     for speed, phase in impact_damper(GAP, amplitude, e, mu, natural):
         # just before the impact at the wall ahead

@@ -131,6 +131,8 @@ RECORDED = ("height_time", "height_time_all", "return_map")
 SAMPLED = {
     "moving": ("height_against_restitution", "parameter_plane"),
     "paper": ("height_against_restitution", "parameter_plane"),
+    "steel_ball": ("height_against_restitution", "parameter_plane"),
+    "two_tones": ("height_against_restitution", "parameter_plane"),
     "population": ("height_against_restitution", "parameter_plane"),
     "sensitivity": ("height_against_restitution",),
     "separations": ("height_against_restitution", "parameter_plane"),

@@ -72,7 +72,7 @@ def test_the_digest_is_that_of_names_and_values():
         ({"restitution": [0.5]}, 'column "amplitude" is missing .* write amplitude as a number'),
         ({"restitution": [0.5, 0.6], "amplitude": [1.0]}, "its columns differ in length"),
         ({"restitution": 0.5, "amplitude": 1.0}, "2 mistakes"),
-        ({"restitution": [0.5], "amplitude": [[2.0]]}, "must have the same single one"),
+        ({"restitution": [0.5], "amplitude": [[2.0]]}, "must share a single dimension"),
         ({"restitution": [0.5], "amplitude": [2.0], "dt_min": [1]}, "the name of something that"),
         ({"e": [0.5], "A": [2.0]}, 'did you mean "restitution"'),
         ({"restitution": [], "amplitude": []}, "has no rows"),

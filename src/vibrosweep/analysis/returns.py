@@ -71,7 +71,8 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     time, leaving = one["landing_time"].values, one["rebound_velocity"].values
     with np.errstate(invalid="ignore"):
         known = known & (time >= since)
-    kept = restitution_at(before[known], restitution, **law) * before[known]
+    # over a moving base a particle may still be rising when it lands
+    kept = restitution_at(np.abs(before[known]), restitution, **law) * before[known]
     particle = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
     dims = ("point",)
     return xr.Dataset(

@@ -77,6 +77,10 @@ def sweep(
             How the restitution depends on the speed of an impact: ``"constant"``, not at all;
             ``"plastic"``, above the speed (m/s) at which yielding begins; ``"viscoelastic"``, the
             restitution being that at the speed; or a law of `vibrosweep.register_law`.
+        restitution_noise, kick_noise, drive_noise, noise_seed
+            Standard deviations of what is random, as physical parameters: of the restitution at
+            each impact (1), of the velocity of the base that kicks (m s-1), of the amplitude in
+            each forcing period (1); and the seed of the random numbers.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
             Of a sprung base, as physical parameters: the mass of one particle in units of that of
             the base, or both masses (kg); natural frequency (Hz) and damping ratio of its mount.

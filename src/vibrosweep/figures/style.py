@@ -204,7 +204,9 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
 
 def beside(axes: Axes, remark: str) -> None:
     """Put a remark and the legend to the right of the axes."""
-    axes.legend(title=remark, loc="upper left", bbox_to_anchor=(1.0, 1.0), alignment="left")
+    handles, labels = axes.get_legend_handles_labels()
+    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+    axes.legend(handles, labels, title=remark, alignment="left", **place)
 
 
 def _room(axes: Axes) -> float:

@@ -117,10 +117,8 @@ NOISE: Final[Mapping[str, Parameter]] = {
         Parameter(
             "restitution_noise", "sigma_e", "1", "noise of the restitution", 0.0, 0.0, LARGEST
         ),
-        Parameter(
-            "kick_noise", "sigma_V", "m s-1", "noise of the base velocity", 0.0, 0.0, LARGEST / 4
-        ),
-        Parameter("drive_noise", "sigma_A", "1", "relative noise of the amplitude", 0.0, 0.0, 1e6),
+        Parameter("kick_noise", "sigma_V", "m s-1", "noise of the kick", 0.0, 0.0, LARGEST / 4),
+        Parameter("drive_noise", "sigma_A", "1", "noise of the amplitude", 0.0, 0.0, 1e6),
     )
 }
 STREAM: Final = "noise_stream"  # the number of each realization's stream of random numbers
@@ -137,7 +135,7 @@ OF_RESTITUTION: Final[Mapping[str, Parameter]] = {
             "restitution_speed",
             "v_r",
             "m s-1",
-            "reference speed of the law of restitution",
+            "speed of the law",
             math.nan,
             SMALLEST,
             LARGEST,

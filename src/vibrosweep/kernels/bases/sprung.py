@@ -26,7 +26,7 @@ from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases.exponential import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
-from vibrosweep.kernels.restitution import Restitution, ratio, scale_of, slope
+from vibrosweep.kernels.restitution import Restitution, ratio, scale_of
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
 TWO_PI = 2.0 * math.pi
@@ -297,8 +297,7 @@ def recoil(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
 
 
 @jit
-def recoil_slope(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
-    """Derivative of `recoil` by the approach speed."""
-    q = slope(fixed.law, fixed.e, fixed.scale, c)
+def recoil_share(fixed: Mount, riders: int, share: float, sticks: bool) -> float:
+    """Speed that the base loses for each unit of the approach speed, of which `share` is kept."""
     mass = fixed.mu / (1.0 + riders * fixed.mu)
-    return mass / (1.0 + mass) * (1.0 if sticks else 1.0 + q)
+    return mass / (1.0 + mass) * (1.0 if sticks else 1.0 + share)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part
-from vibrosweep.kernels.bases.sprung import Load, Mount, free_motion, loaded, recoil, recoil_slope
+from vibrosweep.kernels.bases.sprung import Load, Mount, free_motion, loaded, recoil_share
 from vibrosweep.kernels.coupled.events import next_event
 from vibrosweep.kernels.coupled.state import (
     EVENT,
@@ -82,9 +82,10 @@ def _impact(
     (pulls, _), sticks = acceleration(state, after), event.kind == EVENT.STICK
     taking = 0 if event.dropped else count
     q = slope(fixed.law, fixed.e, fixed.scale, c)
-    share = recoil_slope(fixed, taking, c, sticks)  # of changes of c, lost by the base
+    kept = ratio(fixed.law, fixed.e, fixed.scale, c)
+    share = recoil_share(fixed, taking, q, sticks)  # of changes of c, lost by the base
     gain = 1.0 - share if sticks else 1.0 + q - share  # the same, gained by the particle
-    kick = recoil(fixed, taking, c, sticks)
+    kick = recoil_share(fixed, taking, kept, sticks) * c
     was = speed + kick  # the base, before the impact; the particle had c less
     pulled = _pull(state, fixed, count, was)
     for column in range(deviations.shape[1]):
@@ -98,7 +99,7 @@ def _impact(
         for i in range(particles):
             if event.dropped and rode[i] == MODE.RIDING:  # it goes on as the base did
                 one[particles + i] = w + 2.0 * early
-        leaves = speed if sticks else speed + ratio(fixed.law, fixed.e, fixed.scale, c) * c
+        leaves = speed if sticks else speed + kept * c
         one[j] = y - leaves * early
         one[particles + j] = v + gain * approach + 2.0 * early
         one[2 * particles] = y - speed * early
