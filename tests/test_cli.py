@@ -351,7 +351,7 @@ def test_an_interrupted_run_leaves_nothing(start, spec, tmp_path, ending):
     for _ in range(3):  # an impatient user
         process.send_signal(ending)
         time.sleep(0.01)
-    messages = process.communicate(timeout=90)[1]
+    messages = process.communicate(timeout=20)[1]
     expected = "vibrosweep: interrupted; an unfinished result is not kept\n"
     assert (process.returncode, messages) == (130, expected)
     assert old.read_bytes() == b"old"
@@ -365,7 +365,7 @@ def test_an_interrupted_run_keeps_what_is_finished(start, spec, vibrosweep, tmp_
     process = start(*words, "--chunk", 200)
     wait_for(process, tmp_path, PARTS, 3)
     process.send_signal(ending)
-    messages = process.communicate(timeout=90)[1]
+    messages = process.communicate(timeout=20)[1]
     finished = len(list(tmp_path.glob(PARTS)))
     assert 3 <= finished < 500
     assert process.returncode == 130
