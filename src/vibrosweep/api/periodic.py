@@ -143,7 +143,7 @@ def branches(
     >>> found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0])
     >>> met = found.isel(branch=0)
     >>> doubles = met.bifurcation_amplitude.where(met.bifurcation == 1).max().item()
-    >>> abs(doubles - vs.theory.amplitude_max(1, 0.5)) < 1e-12
+    >>> bool(abs(doubles - vs.theory.amplitude_max(1, 0.5)) < 1e-12)
     True
     """
     wanted = count("impacts", impacts), count("periods", periods)
