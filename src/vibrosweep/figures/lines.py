@@ -63,8 +63,8 @@ def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     NEEDS.check("orbit_branches", branches)
     along = str(branches.attrs["along"])
     axes = style.axes_on(ax, style.PAGE, 3.6)
-    for number, (kind, rows) in enumerate(_by_kind(branches, "branch").items()):
-        colour = style.OKABE_ITO[number % len(style.OKABE_ITO)]
+    kinds = _by_kind(branches, "branch")
+    for colour, (kind, rows) in zip(style.colours(len(kinds)), kinds.items(), strict=True):
         for i in rows:
             one = branches.isel(branch=i)
             at, speed = one[along].values, one["rebound_velocity"].values[:, : kind[0]]
@@ -165,9 +165,11 @@ def orbit_boundaries(
         data.Needs((forcing,)).check("orbit_boundaries", boundaries)
         axes = parameter_plane(sweep, variable, ax=ax)
     view = axes.axis() if sweep is not None else None
-    colours = ["white", *style.OKABE_ITO] if sweep is not None else [*style.OKABE_ITO]
-    seen = set()
-    for number, (kind, rows) in enumerate(_by_kind(boundaries, "curve").items()):
+    kinds, seen = _by_kind(boundaries, "curve"), set()
+    colours = style.colours(len(kinds))
+    if sweep is not None:  # white is seen on every colour of a plane
+        colours = ["white", *colours[:-1]]
+    for colour, (kind, rows) in zip(colours, kinds.items(), strict=True):
         for i in rows:
             one = boundaries.isel(curve=i)
             code = int(one["bifurcation"])
@@ -177,7 +179,7 @@ def orbit_boundaries(
                 axes.plot(
                     one["restitution"].values,
                     np.where(chosen, one[forcing].values, np.nan),
-                    color=colours[number % len(colours)],
+                    color=colour,
                     linestyle=KINDS[code][1],
                     linewidth=width,
                     label=name if width > 1.0 and name not in seen else "",

@@ -127,10 +127,10 @@ def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
     stable, speed = orbits["stable"].values == 1, orbits["rebound_velocity"].values
     p, q = orbits["cycle_impacts"].values, orbits["cycle_periods"].values
     kinds = sorted({(int(a), int(b)) for a, b in zip(p[taken], q[taken], strict=True)})
-    colours = [*style.OKABE_ITO, *(str(grey) for grey in np.linspace(0.3, 0.8, len(kinds)))]
+    colours = style.colours(len(kinds))
     many = int(taken.sum()) > style.MANY // 10
     size = 1.2 if many else 4.5
-    for kind, colour in zip(kinds, colours, strict=False):
+    for kind, colour in zip(kinds, colours, strict=True):
         own = taken & (p == kind[0]) & (q == kind[1])
         name = f"{kind[0]} in {kind[1]} period{'s' if kind[1] > 1 else ''}"
         for chosen, filled in ((own & ~stable, False), (own & stable, True)):
