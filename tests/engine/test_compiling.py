@@ -1,5 +1,6 @@
 """The line that says that a kernel is compiled: on terminals alone, where it takes long."""
 
+import gc
 import io
 import sys
 import time
@@ -54,3 +55,21 @@ def test_nothing_is_said_elsewhere_or_of_others_or_of_what_is_fast(told, monkeyp
     assert told(Terminal(), 0.0) == ""
     monkeypatch.setenv("TQDM_DISABLE", "1")
     assert told(Terminal(), 0.1) == ""
+
+
+@pytest.mark.parametrize("often", [700, 10**6, 0])
+def test_cycles_of_objects_are_looked_for_less_often_meanwhile_if_at_all(often):
+    before = gc.get_threshold()
+    gc.set_threshold(often, 10, 10)
+    try:
+        notice = Notice()
+        notice.on_start(event("advance"))
+        notice.on_start(event("fly"))
+        notice.on_end(event("fly"))
+        meanwhile = gc.get_threshold()
+        notice.on_end(event("advance"))
+        after = gc.get_threshold()
+    finally:
+        gc.set_threshold(*before)
+    assert meanwhile == (max(often, compiling.COLLECT_AFTER) if often else 0, 10, 10)
+    assert after == (often, 10, 10)

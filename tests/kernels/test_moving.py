@@ -36,10 +36,10 @@ def streamed(base, scene, launch, budget=600_000):
     out, memory = empty_statistics(total), memory_around(scratch())
     batch = Batch(base, scene, launch)
     options = Options(budget)
-    lanes = advance(Share(0, total, 0), batch, options, False, memory, out, None, None)
+    lanes = advance(Share(0, total, 0), batch, options, None, memory, out, None, None)
     while lanes:
         share = Share(total, total, lanes)
-        lanes = advance(share, batch, options, False, memory, out, None, None)
+        lanes = advance(share, batch, options, None, memory, out, None, None)
     return out
 
 

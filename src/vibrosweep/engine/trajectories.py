@@ -145,7 +145,7 @@ def statistics(
     elif observer is not None:
         kernel, kinds, block = advance_uncached, KINDS, observer_scratch
     each = workers.statistics(total, kinds)
-    windowed = scene.windowed  # loops over all launches
+    window = 1 if scene.windowed else None  # another code for each
     base = fitted(base_in(scene, problem), problem)
     batch = Batch(base, problem, launch)
     options = Options(
@@ -164,7 +164,7 @@ def statistics(
         def task(first: int, last: int) -> None:
             nonlocal lanes
             share = Share(first, last, lanes)
-            lanes = kernel(share, batch, options, windowed, memory, each, cycles, rests)
+            lanes = kernel(share, batch, options, window, memory, each, cycles, rests)
 
         return task
 

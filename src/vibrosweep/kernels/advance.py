@@ -231,7 +231,7 @@ def _load(
 
 
 @jit
-def _write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> None:
+def _write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
     """Write the statistics of the trajectory in place j to its own slot."""
     # arrays are used last where no branch is: else numba counts references at every call
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
@@ -254,7 +254,7 @@ def _write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> No
         out.totals[k, lane] = totals[k]
     sleeps = s[ROW.AGE + j] == np.inf  # without an end that was found
     for_good = np.isnan(s[ROW.X + j]) and not sleeps
-    if not windowed:  # it may have come after the end, but not where it was counted
+    if window is None:  # it may have come after the end, but not where it was counted
         for_good = for_good and totals[RESTS] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
     out.status[lane] = BUDGET_EXCEEDED if over or sleeps else COMPLETED
@@ -267,7 +267,7 @@ def advance(
     share: Share,
     batch: Batch,
     options: Options,
-    windowed: bool,
+    window: int | None,
     memory: Memory,
     out: Statistics,
     cycles: Cycles | None,
@@ -279,9 +279,10 @@ def advance(
     call, which must take the same arguments, apart from the share; 0, or what the previous call
     returned, are in progress before it.  With none to start, those in progress are finished.
 
-    `windowed` tells whether the window may begin after a launch; `memory` is from `memory_around`
-    and, as `rests`, not shared between threads.  If `cycles` are given, with `rests`, simulation of
-    a trajectory stops when its state recurs bit for bit, and the rest is counted from one cycle.
+    `window` is 1 where the window may begin after a launch, and None elsewhere; `memory` is from
+    `memory_around` and, as `rests`, not shared between threads.  If `cycles` are given, with
+    `rests`, simulation of a trajectory stops when its state recurs bit for bit, and the rest is
+    counted from one cycle.
     Sums then differ from those of a full simulation by rounding only.
     """
     base, problem, launches = batch
@@ -317,10 +318,7 @@ def advance(
         # whole vectors only: lanes behind the last one hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for since in range(LOOK_AFTER):
-            if windowed:
-                _step(s, padded, chosen, budget, 1, options.observer, lanes, since)
-            else:
-                _step(s, padded, chosen, budget, None, options.observer, lanes, since)
+            _step(s, padded, chosen, budget, window, options.observer, lanes, since)
         _mark(s, padded, chosen, options.budget, cycles)
         done = find_done(s, lanes, places)
         if cycles is not None and rests is not None:
@@ -332,7 +330,7 @@ def advance(
                     later = recurs(s, j)
                     if later and (options.all_cycles == 1 or saves_work(s, j, options.jump)):
                         where = int(s[ROW.LANE + j]) // particles
-                        close_cycle(s, j, where, chosen, windowed, options.jump, cycles, rests)
+                        close_cycle(s, j, where, chosen, window, options.jump, cycles, rests)
                     elif later:
                         stop_search(s, j)
                     if s[ROW.AGE + j] < options.budget:
@@ -341,7 +339,7 @@ def advance(
                 places[done] = j
                 done += 1
         for q in range(done):
-            _write(s, places[q], base, windowed, out)
+            _write(s, places[q], base, window, out)
     return 0
 
 

@@ -152,13 +152,13 @@ def _count_cycle(
 
 
 @jit
-def _jump(kinds: Kinds, s: Floats, j: int, periods: float, windowed: bool) -> bool:
+def _jump(kinds: Kinds, s: Floats, j: int, periods: float, window: int | None) -> bool:
     """Skip whole cycles of lane j; return whether they were the last ones.
 
     The skipped landings are either all inside the window or all before it.
     """
     n, x = s[ROW.N + j], s[ROW.X + j]
-    if windowed:
+    if window is not None:
         begin = s[ROW.N_BEGIN + j] - n + (s[ROW.X_BEGIN + j] - x)
         if begin > -MARGIN:
             times = np.floor((begin - MARGIN) / periods)
@@ -198,7 +198,7 @@ def close_cycle(
     j: int,
     realization: int,
     chosen: Chosen,
-    windowed: bool,
+    window: int | None,
     jump: int,
     cycles: Cycles,
     rests: Rests,
@@ -212,7 +212,7 @@ def close_cycle(
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
     rested = s[OF_RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
-    if lifts_alike(chosen.base) and not windowed and rested > 0.0 and not jumps:
+    if lifts_alike(chosen.base) and window is None and rested > 0.0 and not jumps:
         # the orbit from rest to rest is unique, and was passed `rested` times since the anchor
         impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
         found = since / rested, impacts / rested, 1.0
@@ -222,7 +222,7 @@ def close_cycle(
             _count_cycle(kinds, s, j, realization, take(chosen.base, s, j), rests)
             found = cycle_of(kinds, s, j)
         if jumps:
-            last = _jump(kinds, s, j, found[0], windowed)
+            last = _jump(kinds, s, j, found[0], window)
             if last:
                 s[ROW.AGE + j] = -np.inf  # less than a cycle is left
     lane = int(s[ROW.LANE + j])
