@@ -10,7 +10,7 @@ from vibrosweep.scene.keys import SECTIONS
 
 KEYS = {"title", *SECTIONS["scene"], *SECTIONS["sample"], *SECTIONS["measure"]}
 EXPECTED = {
-    "BatchKeywords": {*SECTIONS["scene"], "launch_time", "noise_stream", "impact_budget"},
+    "BatchKeywords": {*SECTIONS["scene"], "launch_time", "noise_stream", *SECTIONS["measure"]},
     "RealizationKeywords": KEYS,
     "SweepKeywords": KEYS | {*SECTIONS},
     "WindowKeywords": KEYS | {*SECTIONS} | {*SECTIONS["windows"]},

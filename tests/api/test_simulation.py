@@ -13,7 +13,7 @@ from vibrosweep import simulate
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.mistakes import PYTHON
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.measures import RECORD
+from vibrosweep.model.measures import IMPACTS, RECORD
 from vibrosweep.model.parameters import PARAMETERS
 
 
@@ -22,8 +22,8 @@ def test_dims_types_and_attributes_of_a_record():
     assert dict(found.sizes)["realization"] == 2
     assert dict(found.sizes)["particle"] == 3
     assert found.sizes["impact"] == found.impact_count.max()
-    assert set(found.data_vars) - set(INPUTS) - {"duration"} == set(RECORD)
-    for name, variable in RECORD.items():
+    assert set(found.data_vars) - set(INPUTS) - {"duration"} == {*RECORD, *IMPACTS}
+    for name, variable in {**RECORD, **IMPACTS}.items():
         assert found[name].dims == variable.dims
         assert found[name].dtype == variable.dtype
         for key, value in variable.attributes.items():
@@ -67,6 +67,33 @@ def test_realizations_and_particles_do_not_depend_on_their_company():
                 if one.ndim:
                     one = one[:count]
                 assert np.array_equal(one, alone[name].values[0, 0], equal_nan=True)
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+def test_phase_and_speed_of_arrival_give_the_rebound(base):
+    """The law w = e v + A sin(2 pi x), which w - V = e (v + V) is with A = (1 + e) V0."""
+    found = simulate(amplitude=[1.2, 2.0], launch_time=[0.0, 0.4], base=base)
+    kick = found.amplitude * np.sin(2.0 * np.pi * found.impact_phase)
+    bounced = (found.rested == 0) & np.isfinite(found.rebound_velocity)
+    off = (found.rebound_velocity - 0.9 * found.arrival_speed - kick).where(bounced)
+    assert float(abs(off).max()) < 1e-12
+    first = found.arrival_speed.isel(impact=0)
+    if base == "high-bounce":
+        assert np.array_equal(first, np.full((2, 2), 5.0))
+    assert np.array_equal(np.isnan(found.arrival_speed), np.isnan(found.landing_time))
+
+
+def test_measures_are_those_of_a_sweep():
+    scene = {"amplitude": [1.2, 2.0], "particles": 2, "duration_periods": 500, "lyapunov": True}
+    swept, found = vibrosweep.sweep(**scene), simulate(**scene)
+    again = simulate(swept, regimes=True, lyapunov=True)
+    for name in ("regime", "cycle_periods", "lyapunov_largest", "lyapunov_max", "orbit_count"):
+        assert np.array_equal(found[name], swept[name], equal_nan=True)
+        assert np.array_equal(again[name], swept[name], equal_nan=True)
+    assert found.cycle_periods.values[0, 0] == 1
+    assert vibrosweep.rectangle(simulate(**scene, ragged=True)).identical(found)
+    with pytest.raises(SpecError, match="regimes = True: "):
+        simulate(regimes=True, base="sprung", mass_ratio=0.1, mount_frequency=3.0)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, np.int64(2)])
@@ -130,7 +157,7 @@ ARRAY = "a finite number or a 1-D array of finite numbers"
         ("impact_budget", 0, "at least 1"),
         ("impact_budget", 1e3, "at least 1"),
         ("impact_budget", True, "at least 1"),
-        ("separation", True, "is not a known keyword"),
+        ("design", "sobol", "is not a known keyword"),
     ],
 )
 def test_a_mistake_is_named_with_its_value_and_what_is_allowed(name, value, allowed):

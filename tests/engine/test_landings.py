@@ -326,7 +326,7 @@ def test_a_hundred_thousand_particles():
 
 
 def test_a_record_that_would_not_fit_into_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(landings, "BYTES_PER_LANDING", 1 << 40)
+    monkeypatch.setattr(landings, "BYTES_IN_MEMORY", 1 << 40)
     with pytest.raises(ParameterError, match=r"1 trajectories with \d+ or more .* shorten"):
         simulate()
 

@@ -10,29 +10,36 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.requirements import require
-from vibrosweep.model.measures import RECORD
+from vibrosweep.model.measures import RECORD, Variable
 
 __all__ = ["rectangle"]
 
 LANDING: Final = "landing"
+SAMPLES: Final = "sample_dimension"
+# Dims of a rectangle, and the one dim of a ragged record in their place
+RAGGED_DIM: Final[Mapping[tuple[str, ...], str]] = {
+    RECORD["landing_time"].dims: LANDING,
+    RECORD["impact_count"].dims: "trajectory",
+}
 OF_TRAJECTORIES: Final = ("realization_index", "particle_index")
 MOST_WASTED: Final = 2.0  # places for each landing
 
 
 def ragged_variables(
-    found: Mapping[str, NDArray[Any]], realizations: int, particles: int
+    found: Mapping[str, NDArray[Any]],
+    variables: Mapping[str, Variable],
+    realizations: int,
+    particles: int,
 ) -> dict[str, xr.Variable]:
     """Return the variables of a ragged record, whose landings stand one after the other."""
     places = np.divmod(np.arange(realizations * particles), particles)
-    variables = {
-        name: xr.Variable(
-            LANDING if "impact" in v.dims else "trajectory", found[name].ravel(), v.attributes
-        )
-        for name, v in RECORD.items()
+    given = {
+        name: xr.Variable(RAGGED_DIM.get(v.dims, v.dims), found[name].ravel(), v.attributes)
+        for name, v in variables.items()
     }
-    variables["impact_count"].attrs["sample_dimension"] = LANDING
+    given["impact_count"].attrs[SAMPLES] = LANDING
     words = ("position of the realization", "number of the particle")
-    return variables | {
+    return given | {
         name: xr.Variable("trajectory", place, {"long_name": text, "units": "1"})
         for name, place, text in zip(OF_TRAJECTORIES, places, words, strict=True)
     }
@@ -80,13 +87,15 @@ def rectangle(record: xr.Dataset) -> xr.Dataset:
     count = record["impact_count"].values
     there = np.arange(count.max(initial=0)) < count[:, np.newaxis]
     own: dict[str, Any] = {}
-    for name, variable in RECORD.items():
-        values = record[name].values
-        if "impact" in variable.dims:
-            empty = np.nan if values.dtype.kind == "f" else 0
-            full = np.full(there.shape, empty, values.dtype)
-            full[there] = values
-            values = full
-        own[name] = (variable.dims, values.reshape(*shape, *values.shape[1:]), variable.attributes)
-    kept = record.drop_vars([*RECORD, *OF_TRAJECTORIES])
-    return kept.assign(own)
+    for dims, ragged_dim in RAGGED_DIM.items():
+        names = [n for n, one in record.data_vars.items() if one.dims == (ragged_dim,)]
+        for name in (str(n) for n in names if n not in OF_TRAJECTORIES):
+            values = record[name].values
+            if ragged_dim == LANDING:
+                empty = np.nan if values.dtype.kind == "f" else 0
+                full = np.full(there.shape, empty, values.dtype)
+                full[there] = values
+                values = full
+            attributes = {k: v for k, v in record[name].attrs.items() if k != SAMPLES}
+            own[name] = (dims, values.reshape(*shape, *values.shape[1:]), attributes)
+    return record.drop_vars([*own, *OF_TRAJECTORIES]).assign(own)

@@ -66,22 +66,9 @@ class MotionKeywords(TypedDict, total=False):
     restitution_law: RestitutionLaw
 
 
-class BatchKeywords(MotionKeywords, total=False):
-    """A scene, and what is known of it before it is followed."""
+class MeasureKeywords(TypedDict, total=False):
+    """What is measured, and from when on."""
 
-    launch_time: ArrayLike | None
-    noise_stream: ArrayLike | None
-    impact_budget: int | None
-
-
-class RealizationKeywords(MotionKeywords, total=False):
-    """A scene, its realizations, and what is measured of them."""
-
-    title: str | None
-    design: Design | os.PathLike[str] | Mapping[str, ArrayLike] | xr.Dataset | pd.DataFrame | None
-    realizations: int | None
-    seed: int | None
-    columns: Sequence[str] | None
     transient: float | None
     transient_periods: float | None
     separation: bool | None
@@ -93,6 +80,23 @@ class RealizationKeywords(MotionKeywords, total=False):
     joint: bool | None
     tolerance: float | None
     impact_budget: int | None
+
+
+class BatchKeywords(MotionKeywords, MeasureKeywords, total=False):
+    """A scene, its launches, and what is measured of it beside its landings."""
+
+    launch_time: ArrayLike | None
+    noise_stream: ArrayLike | None
+
+
+class RealizationKeywords(MotionKeywords, MeasureKeywords, total=False):
+    """A scene, its realizations, and what is measured of them."""
+
+    title: str | None
+    design: Design | os.PathLike[str] | Mapping[str, ArrayLike] | xr.Dataset | pd.DataFrame | None
+    realizations: int | None
+    seed: int | None
+    columns: Sequence[str] | None
 
 
 class SweepKeywords(RealizationKeywords, total=False):

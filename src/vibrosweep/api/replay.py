@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 import warnings
-from collections.abc import Collection
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,32 +13,38 @@ import xarray as xr
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, OtherKernelsWarning, ParameterError
 from vibrosweep.kernels._jit import sources_digest
+from vibrosweep.mistakes import PYTHON, Mistakes
 from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.mount import MASSES
 from vibrosweep.model.parameters import NOISE, STREAM
 from vibrosweep.runs.result import KERNELS
 from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.sweep import parse_spec
+from vibrosweep.scene.sweep import checked
 from vibrosweep.store.kinds import KIND, SWEEP
 
 
-def replayed(result: xr.Dataset, keywords: Collection[str]) -> tuple[Scene, dict[str, Array]]:
+def replayed(result: xr.Dataset, keywords: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
     """Return the scene of a sweep, and the parameters that vary, as `batch` does of keywords.
 
-    Raises a ParameterError where there are keywords too, a DataError where the dataset is no sweep
-    or lacks some of it, and gives an `OtherKernelsWarning` where other code has computed it.
+    Raises a ParameterError where there are keywords other than measures, a SpecError for measures
+    that cannot be had, a DataError where the dataset is no sweep or lacks some of it, and gives an
+    `OtherKernelsWarning` where other code has computed it.
     """
-    if keywords:
+    keywords = {name: value for name, value in keywords.items() if value is not None}
+    if others := keywords.keys() - MEASURES.keys():
         raise ParameterError(
-            f"{', '.join(keywords)}: not beside a result, whose realizations are followed as its "
-            f"sweep followed them; give keywords alone for other scenes"
+            f"{', '.join(sorted(others))}: not beside a result, whose realizations are followed as "
+            f"its sweep followed them; give keywords alone for other scenes"
         )
     if result.attrs.get(KIND) != SWEEP.name or "sweep_file" not in result.attrs:
         raise DataError(
             "the dataset is no result of vibrosweep.sweep, run or open_sweep, or has lost its "
             "attributes: give one, or realizations of one, such as found.isel(realization=7)"
         )
-    scene = parse_spec(str(result.attrs["sweep_file"])).scene
+    data = tomllib.loads(str(result.attrs["sweep_file"]))
+    data["measure"] = {**data.get("measure", {}), **keywords}
+    scene = checked(data, "", None, Mistakes(dialect=PYTHON, given=keywords)).scene
     masses = [name for name in MASSES if name in result.variables]
     noise = [name for name in NOISE if name in result.variables]
     names = inputs_of([str(result.attrs["forcing"]), *masses, *noise], scene.base)

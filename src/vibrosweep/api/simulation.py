@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Unpack
 
 import xarray as xr
@@ -9,13 +10,17 @@ import xarray as xr
 from vibrosweep.analysis.ragged import ragged_variables, wasted
 from vibrosweep.api.keyword_types import BatchKeywords, completed
 from vibrosweep.api.replay import replayed
+from vibrosweep.engine.arrivals import impacts
 from vibrosweep.engine.landings import launch_times, record_landings, require_room
+from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.forcing import only_parameters, refuse_extreme
-from vibrosweep.model.measures import RECORD
+from vibrosweep.model.measures import IMPACTS, MEASURES, RECORD, Variable
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given, seed_of
+from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.keywords import batch
+from vibrosweep.scene.scene import Scene
 
 __all__ = ["simulate"]
 
@@ -36,7 +41,8 @@ def simulate(
     result
         Instead of a scene realizations of a sweep, as `vibrosweep.sweep` or `open_sweep` gives
         them: ``simulate(found.isel(realization=7))`` follows exactly what the sweep followed, bit
-        for bit on one model of processor.
+        for bit on one model of processor; of the keywords there are then those that ask for
+        measures.
     ragged
         Whether landings stand one after the other in a single dim, a contiguous ragged array of the
         CF conventions, which leaves no places empty; `vibrosweep.rectangle` goes back.
@@ -88,16 +94,23 @@ def simulate(
         impact_budget
             Landings after which a particle is given up, rounded up to a multiple of 6; its status
             says so.
+        regimes, lyapunov, trust, separation, per_particle, ordering, joint
+            True to measure as `vibrosweep.sweep` does, from ``transient`` or ``transient_periods``
+            on: ``regimes=True`` for the regime of each particle and the period of its cycle,
+            ``lyapunov=True`` for exponents as well.
 
     Returns
     -------
     xarray.Dataset
         Dims (realization, particle, impact): ``landing_time`` and ``liftoff_time`` (s),
-        ``rebound_velocity`` (m s-1), ``rested``; dims (realization, particle): ``impact_count``,
-        ``status``.  NaN past the last landing, and for the lift-off of a particle that rests for
-        good, or for a forcing period past the end.  The attribute ``notes`` says where more than
-        half of the places are empty.  If `ragged`, the dim landing in place of the first three, and
-        trajectory in place of two, with ``realization_index`` and ``particle_index``.
+        ``rebound_velocity`` (m s-1), ``rested``, ``impact_phase`` (turns), ``arrival_speed``
+        (m s-1); dims (realization, particle): ``impact_count``, ``status``, and what was asked
+        for: ``regime``, ``cycle_periods`` and ``cycle_impacts``, ``lyapunov_largest``, and all
+        others of the measures, as in a sweep.  NaN past the last landing, and for the lift-off of a
+        particle that rests for good, or for a forcing period past the end.  The attribute ``notes``
+        says where more than half of the places are empty.  If `ragged`, the dim landing in place of
+        the first three, and trajectory in place of two, with ``realization_index`` and
+        ``particle_index``.
         Parameters that differ between realizations are coordinates, the others variables without
         dims.
 
@@ -123,15 +136,27 @@ def simulate(
     >>> found = vs.simulate(restitution=0.9, amplitude=1.2, launch_time=[0.0, 0.125])
     >>> found.landing_time.sel(particle=1).values[0, :2].round(6)
     array([1.144368, 2.254512])
+    >>> orbit = vs.simulate(amplitude=1.2, duration_periods=2000, regimes=True)
+    >>> orbit.cycle_periods.item(), orbit.impact_phase.values[0, 0, -1].round(6)
+    (1, -0.03287)
     """
-    scene, arrays = batch(keywords) if result is None else replayed(result, keywords)
-    scene = scene.recorded()
+    if result is None:
+        scene, arrays = batch(keywords, *SECTIONS["measure"])
+    else:
+        scene, arrays = replayed(result, keywords)
+    asked = {key: bool(keywords.get(key)) for key in MEASURES}
+    measured, scene = scene.with_measures(**asked, observables=()), scene.recorded()
+    own = {**RECORD, **IMPACTS, **_variables_of(measured)}
     require_room(max((v.size for v in arrays.values()), default=1), scene.particles)
     quantities = scene.timed(arrays)
     forcing, frequency = scene.forcing(), quantities["frequency"]
     refuse_extreme(quantities, forcing, scene.restitution_law)
+    parameters = only_parameters(quantities)
     with Workers(thread_count(threads)) as workers:
-        found = record_landings(only_parameters(quantities), scene, workers, ragged=ragged)
+        found = record_landings(parameters, scene, workers, ragged=ragged)
+        found |= impacts(found, parameters, scene)
+        if any(asked.values()):
+            found = measure_all(parameters, measured, workers) | found
     varied = scene.varying(arrays)
     fixed = {n: ((), v[0], attributes_of(n)) for n, v in quantities.items() if n not in varied}
     along: dict[str, Any] = {
@@ -141,9 +166,9 @@ def simulate(
         times = launch_times(scene.launch, scene.particles, float(frequency[0]))
         along["launch_time"] = ("particle", times, LAUNCH_TIME)
     if ragged:
-        variables: dict[str, Any] = ragged_variables(found, frequency.size, scene.particles)
+        variables: dict[str, Any] = ragged_variables(found, own, frequency.size, scene.particles)
     else:
-        variables = {name: (v.dims, found[name], v.attributes) for name, v in RECORD.items()}
+        variables = {name: (v.dims, found[name], v.attributes) for name, v in own.items()}
     note = "" if ragged else wasted(found["impact_count"])
     return xr.Dataset(
         variables | fixed,
@@ -159,3 +184,9 @@ def simulate(
             **periods_given(scene.duration),
         },
     )
+
+
+def _variables_of(scene: Scene) -> Mapping[str, Variable]:
+    """Return the variables of the measures that a scene asks for."""
+    asked = (one for key, one in MEASURES.items() if getattr(scene.measures, key))
+    return {variable.name: variable for one in asked for variable in one.variables}

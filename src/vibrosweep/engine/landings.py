@@ -32,6 +32,8 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
+# The same in memory, with phase and speed of arrival and what computing them needs
+BYTES_IN_MEMORY: Final = BYTES_PER_LANDING + 4 * 8
 # Bytes per trajectory apart from its landings, measured: launch, statistics, copies.
 BYTES_PER_TRAJECTORY: Final = 120
 BYTES_PER_REALIZATION: Final = 160
@@ -132,7 +134,7 @@ def require_room(realizations: int, particles: int, landings: int = 0) -> None:
 
 def _needed(realizations: int, particles: int, landings: int) -> int:
     """Bytes of memory for a record with this many landings of each trajectory."""
-    each = BYTES_PER_TRAJECTORY + BYTES_PER_LANDING * landings
+    each = BYTES_PER_TRAJECTORY + BYTES_IN_MEMORY * landings
     return realizations * (BYTES_PER_REALIZATION + particles * each)
 
 
@@ -142,7 +144,7 @@ def _counted(
     """Landings of each particle, and its status; raise if a record does not fit into memory."""
     realizations, particles = parameters["frequency"].size, scene.particles
     require_room(realizations, particles)
-    most = physical_memory() // (2 * BYTES_PER_LANDING * realizations * particles)
+    most = physical_memory() // (2 * BYTES_IN_MEMORY * realizations * particles)
     # a trajectory with more than `most` is followed no further: the record is refused anyway
     budget = min(scene.measures.impact_budget, most + LOOK_AFTER)
     enough = replace(scene.with_measures(impact_budget=budget), skip=False)

@@ -637,6 +637,29 @@ RECORD: Final[Mapping[str, Variable]] = {
     )
 }
 
+# What `simulate` tells of each landing beside its record
+IMPACTS: Final[Mapping[str, Variable]] = {
+    v.name: v
+    for v in (
+        _real(
+            "impact_phase",
+            _RPI,
+            "1",
+            "phase of the forcing at landing, turns",
+            "-1/2 to 1/2, 0 where the velocity of the base rises through zero; from the time of "
+            "landing, whose rounding it has",
+        ),
+        _real(
+            "arrival_speed",
+            _RPI,
+            "m s-1",
+            "speed of arrival, downwards",
+            "absolute, also where the base moves; negative where the base catches up with a "
+            "particle that rises",
+        ),
+    )
+}
+
 # Names of a result that no label of a table may take
 RESERVED: Final = frozenset(
     {*VARIABLES}
