@@ -24,8 +24,6 @@ SHAPED: Final[Mapping[str, tuple[str, ...]]] = {
     PARABOLIC_NAME: (HIGH_BOUNCE,),
     HARMONICS_NAME: APART,
 }
-# Measures and analyses that the moving base has with the sine only
-OF_SINE: Final = ("regimes", "lyapunov", "trust", "bifurcation", "basins")
 
 
 @dataclass(frozen=True)
@@ -138,11 +136,6 @@ def refusal(
         return (
             f'waveform = "{waveform}" is not implemented with base = "{base}": take waveform = '
             f'"{SINE_NAME}", or base = {_quoted(SHAPED[waveform])}'
-        )
-    if waveform not in ("", SINE_NAME) and base == MOVING and (measure or analysis) in OF_SINE:
-        return (
-            f'cannot be had with waveform = "{waveform}" over base = "{base}" yet: leave it out, '
-            f'or take waveform = "{SINE_NAME}"'
         )
     wanted = [_OF_PARTICLES[MEASURES[measure].coupled]] if measure else []
     wanted += [ANALYSES[analysis]] if analysis else []

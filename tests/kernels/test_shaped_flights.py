@@ -1,14 +1,23 @@
 """Landings on a base of harmonics against a search that cannot miss one."""
 
+import flint
 import numpy as np
 import pytest
 
 import vibrosweep as vs
+from accuracy import bare_problem
 from shaped_roots import drawn, judge
+from vibrosweep.kernels import bases
+from vibrosweep.kernels.bases.moving_jacobian import along
+from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.shapes import Waveform
 
 TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
 NAMES = ("landing_time", "liftoff_time", "rebound_velocity")
+
+
+def tones_of(given):
+    return Waveform("harmonics", tuple(tuple(tone) for tone in given["harmonics"]))
 
 
 def test_no_first_landing_is_missed():
@@ -44,14 +53,65 @@ def test_one_tone_is_the_sine():
 def test_lanes_and_records_agree_whatever_the_threads():
     """Statistics of the vector kernel are those of the landings, which are followed one by one."""
     scene = {"waveform": TWO_TONES, "base": "moving", "restitution": 0.6, "duration": 20.0}
-    swept = vs.sweep(scene | {"amplitude": [0.5, 2.0, 5.0], "particles": 3, "separation": True})
-    again = vs.sweep(
-        scene | {"amplitude": [0.5, 2.0, 5.0], "particles": 3, "separation": True}, threads=1
-    )
-    each = vs.simulate(**scene, amplitude=[0.5, 2.0, 5.0], particles=3)
+    scene |= {"amplitude": [0.5, 2.0, 5.0], "particles": 3}
+    measures = dict.fromkeys(("separation", "regimes", "lyapunov", "trust"), True)
+    swept, again = (vs.sweep(scene | measures, threads=threads) for threads in (2, 1))
+    each = vs.simulate(**scene)
     np.testing.assert_array_equal(each.impact_count.sum("particle"), swept.impact_count)
     for name in swept.data_vars:
         np.testing.assert_array_equal(swept[name].values, again[name].values)
+    assert (swept.landing_time_error < 1e-9).all()
+    bounces = np.isfinite(swept.lyapunov_sum.values)
+    off = np.abs(swept.lyapunov_sum.values - 2.0 * np.log(0.6))[bounces]
+    assert off.size
+    assert (off <= swept.lyapunov_sum_error.values[bounces]).all()
+
+
+def test_a_locked_orbit_has_the_multipliers_of_its_closed_form():
+    """z^2 - (1 + e^2 + (1 + e)^2 G) z + e^2 at a w(x) = (1 - e) k."""
+    e, one = 0.6, tones_of(TWO_TONES)
+    x = np.linspace(0.2, 0.5, 7)[2:5]
+    a = (1.0 - e) / one.velocity(x)
+    problem = bare_problem(np.full(x.size, e), a)
+    base = base_of("moving", "rest", one)
+    for i in range(x.size):
+        fixed = bases.constants(base, problem, i)
+        y = 2.0 * e / (1.0 + e)
+        time, v = bases.fly(fixed, float(x[i]), y)
+        assert time == pytest.approx(1.0, abs=1e-14)
+        xx, xu, ux, uu, _ = bases.jacobian(fixed, bases.Flight(float(x[i]), y, time, x[i], v))
+        g = 0.5 * a[i] / (1.0 + e) * one.slope(x[i])
+        assert xx + uu == pytest.approx(1.0 + e * e + (1.0 + e) ** 2 * g, abs=1e-12)
+        assert xx * uu - xu * ux == pytest.approx(e * e, abs=1e-13)
+
+
+def test_clearance_and_speed_are_within_their_bounds():
+    """Against ball arithmetic, at times from chatter to many periods."""
+    random, one = np.random.default_rng(3), drawn(3, np.random.default_rng(5))
+    fixed = bases.constants(
+        base_of("moving", "rest", one), bare_problem(np.zeros(1), np.ones(1)), 0
+    )
+    for power in np.repeat([-6.0, -2.0, -0.5, 0.5, 1.5], 20):
+        x, y, t = random.uniform(-0.5, 0.5), random.uniform(0.0, 3.0), 10.0**power
+        at = along(fixed, float(x), float(y), float(t))
+        f, z = exact_course(one, fixed.alpha, x, y, t)
+        assert float(abs(f - at.f).abs_upper()) <= at.f_error
+        assert float(abs(z - at.z).abs_upper()) <= at.z_error
+        assert at.f_error <= 1e-13 * t * (y + t + 1.0)
+
+
+def exact_course(one, alpha, x, y, t):
+    """Clearance and relative speed from their definition."""
+    x, y, t, alpha = (flint.arb(float(value)) for value in (x, y, t, alpha))
+    with flint.ctx.workprec(200):
+        turn, rise, fast, slow = 2 * flint.arb.pi(), flint.arb(0), flint.arb(0), flint.arb(0)
+        for h, c, psi in one.tones:
+            begin, end = (turn * h * at + flint.arb(psi) for at in (x, x + t))
+            rise += flint.arb(c) * (begin.cos() - end.cos()) / (turn * h)
+            fast += flint.arb(c) * end.sin()
+            slow += flint.arb(c) * begin.sin()
+        f = t * (y + alpha * slow - t) / 2 - alpha * rise / 2
+        return f, 2 * t - y + alpha * (fast - slow)
 
 
 def test_a_resting_particle_leaves_where_the_base_falls_faster_than_gravity():
@@ -67,7 +127,7 @@ def test_a_resting_particle_leaves_where_the_base_falls_faster_than_gravity():
     phases = one.liftoff_time.values[0, 0][rested]
     phases = phases[np.isfinite(phases)]
     assert phases.size
-    of_base = Waveform("harmonics", tuple(tuple(tone) for tone in TWO_TONES["harmonics"]))
+    of_base = tones_of(TWO_TONES)
     acceleration = 1.5 * of_base.slope(phases) / of_base.fall
     assert acceleration == pytest.approx(np.full(phases.size, -1.0), abs=1e-9)
     assert (of_base.slope(phases + 1e-6) < of_base.slope(phases)).all()
@@ -81,8 +141,3 @@ def test_positions_show_the_base_as_it_moves():
     above = (film.height - film.base_height).values[0, 0]
     assert np.abs(above[:4]).max() < 1e-12
     assert above.min() > -1e-12
-
-
-def test_measures_that_are_not_there_yet_are_refused():
-    with pytest.raises(vs.errors.SpecError, match="trust"):
-        vs.sweep({"waveform": TWO_TONES, "base": "moving", "trust": True})

@@ -67,9 +67,10 @@ class Harmonics(NamedTuple):
     before: tuple[float, ...]
     after: tuple[float, ...]
     highest: float  # of w
-    # fastest, fall, top, bottom: of |w|, of -w', and of W
+    # fastest, fall, steepest, top, bottom: of |w|, of -w', of |w'|, and of W
     fastest: float
     fall: float
+    steepest: float
     top: float
     bottom: float
     # rounding, slope_rounding: bounds of the errors of w and of w'
@@ -129,6 +130,12 @@ def peak_of_harmonics(shape: Harmonics) -> float:
 
 
 @jit
+def kick_curvature(shape: Harmonics, a: float, x: float) -> float:
+    """Second derivative of a w(x) by the phase."""
+    return TWO_PI * TWO_PI * a * _clenshaw(shape, x, 2)
+
+
+@jit
 def falls_through(shape: Harmonics, alpha: float, x: float, other: float) -> float:
     """Phase between two others at which 1 + alpha w' / 2 is 0; NaN where it has one sign at both.
 
@@ -146,8 +153,7 @@ def falls_through(shape: Harmonics, alpha: float, x: float, other: float) -> flo
         there = x - np.rint(x)
         off = 1.0 + kick_slope(shape, half, there)
         low, high = (x, high) if off < 0.0 else (low, x)
-        slope = TWO_PI * TWO_PI * half * _clenshaw(shape, there, 2)
-        tried = x - off / slope
+        tried = x - off / kick_curvature(shape, half, there)
         halves = step % 3 == 2 or not min(low, high) < tried < max(low, high)
         tried = 0.5 * (low + high) if halves else tried
         if abs(tried - x) <= 0.25 * HALF_ULP:
@@ -297,6 +303,7 @@ def shape_of(waveform: Waveform) -> Shape:
         waveform.highest,
         float(np.abs(waveform.velocity(turns)).max()),
         waveform.fall,
+        float(np.abs(waveform.slope(bends)).max()),
         float(levels.max()),
         float(levels.min()),
         rounding,

@@ -23,9 +23,11 @@ from vibrosweep.kernels.bases import (
     leave,
     lift_off,
     moving_errors,  # noqa: F401 -- implementations for the moving base
+    moving_fixed,  # noqa: F401
     moving_lanes,  # noqa: F401
     random,
     rebound,
+    shaped_errors,  # noqa: F401
     shaped_lanes,  # noqa: F401
     wake,
 )

@@ -4,10 +4,6 @@ Speeds are relative to it: a particle arrives with z and leaves with E(z), as th
 says.  It comes to rest where that is at most r and the base presses it, 1 + Gamma cos(2 pi x) > 0
 with Gamma = pi alpha, and is lifted, with speed 0, where the base begins to fall faster than
 gravity; never if Gamma <= 1.
-
-An orbit that lands every k periods meets the base with c, where c + E(c) = 2 k, at a phase at which
-the base rises with c - k.  With the slope q of E at c, e = E(c) / c and G = Gamma cos(2 pi x), its
-multipliers are the roots of z^2 - (1 + q e + (1 + q)(1 + e) G) z + q e.
 """
 
 from __future__ import annotations
@@ -37,20 +33,16 @@ from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
 from vibrosweep.kernels.restitution import (
     Constant,
     Restitution,
-    arrival_to_repeat,
-    leaving_to_repeat,
     ratio,
-    rise_to_repeat,
     scale_of,
     slope,
 )
-from vibrosweep.kernels.sine import cos_turns, sin_turns
+from vibrosweep.kernels.sine import sin_turns
+from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.arcsine import arcsin_turns
 from vibrosweep.model.parameters import Dimensionless
 
-TWO_PI = 2.0 * math.pi
 _arcsin_turns = jit(arcsin_turns)
-AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
 TRIES = 20000.0  # passes after which the search for a landing is given up
 LARGEST_GAMMA = 1e9  # beyond it a slow particle meets the base more often than can be searched
 TINY = 1e-300  # of a speed: pushed into the base, if ever so little
@@ -64,6 +56,7 @@ class Moving(NamedTuple):
     # None where Gamma <= 1 in all realizations, so that no particle is ever lifted
     arcs: int | None = 1
     noise: Noise | None = None
+    waveform: Sine = Sine()
 
 
 class MovingConstants(NamedTuple):
@@ -215,29 +208,3 @@ def contraction_moving(fixed: MovingConstants, v: float) -> float:
 @implements(bases.density, MovingConstants)
 def density_moving(fixed: MovingConstants, u: float) -> float:
     return u
-
-
-@implements(bases.fixed_residual, MovingConstants)
-def fixed_residual_moving(
-    fixed: MovingConstants, x: float, k: float, sign: float
-) -> tuple[float, float, float]:
-    a = fixed.alpha * (1.0 + fixed.e)
-    need = rise_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
-    return a * sin_turns(x) - need, TWO_PI * a * cos_turns(x), a
-
-
-@implements(bases.fixed_attracts, MovingConstants)
-def fixed_attracts_moving(fixed: MovingConstants, x: float, k: float) -> bool:
-    # both multipliers are inside the unit circle
-    law = fixed.base.restitution
-    c = arrival_to_repeat(law, fixed.e, fixed.scale, k)
-    q, e = slope(law, fixed.e, fixed.scale, c), ratio(law, fixed.e, fixed.scale, c)
-    s = -math.pi * fixed.alpha * cos_turns(x)
-    return q * e < 1.0 and 0.0 < s < 2.0 * (1.0 + q * e) / ((1.0 + q) * (1.0 + e))
-
-
-@implements(bases.fixed_holds, MovingConstants)
-def fixed_holds_moving(fixed: MovingConstants, x: float, k: float) -> bool:
-    y = leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
-    time, _ = bases.fly(fixed, x, y)
-    return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y)[3]

@@ -1,12 +1,14 @@
 """Bounds of the errors that an impact on the moving base adds.
 
-In the notation of `vibrosweep.kernels.bases.moving_jacobian` they are those of
+In the notation of `vibrosweep.kernels.bases.moving_jacobian`, with the bound Gamma of |G|, they are
+those of
 
 - s: wherever it came from, F is evaluated there, with a bound of its rounding.  |F''| <= 1 + Gamma,
   so that F falls through zero within |F| / |F'| of s where |F| is small against F'^2: Kantorovich's
   condition for Newton's iteration.  A graze fails it.
 - alpha: a few roundings of the kick, which count as an error of F and of z.
-- the remainder of the mean value theorem: how much the Jacobian changes within the error.
+- the remainder of the mean value theorem: how much the Jacobian changes within the error.  By
+  Bernstein's inequality |G'| <= 2 pi N Gamma, and so on, of N harmonics.
 - the choice of the root: a march that meets no root of these states ends where F falls for good.
 
 The bound is infinite where a proof fails.
@@ -20,11 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import fma, implements, jit
-from vibrosweep.kernels.bases import Flight, error_bounds
+from vibrosweep.kernels._jit import implements, jit
+from vibrosweep.kernels.bases import Constants, Flight, error_bounds
 from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.moving_jacobian import ALPHA_ERROR, GAMMA_ERROR, Along, along
+from vibrosweep.kernels.bases.moving_limits import below_top, first_stretch, limits
+from vibrosweep.kernels.bases.shaped import ShapedConstants
 from vibrosweep.kernels.restitution import (
     ratio,
     ratio_error,
@@ -34,11 +38,9 @@ from vibrosweep.kernels.restitution import (
 )
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, LAUNCH_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.sine import (
-    COSINE_ERROR,
     SINE_ERROR,
-    cos_turns,
-    sin_turns,
 )
+from vibrosweep.kernels.waveforms import kick_slope, velocity
 
 __all__: list[str] = []
 
@@ -67,9 +69,9 @@ class Change(NamedTuple):
 
 
 @jit
-def _landed(fixed: MovingConstants, flight: Flight, at: Along) -> Landed:
+def _landed(fixed: Constants, flight: Flight, at: Along) -> Landed:
     """Errors of a landing, of which `at` is where the flight is said to end."""
-    gamma = math.pi * fixed.alpha
+    gamma = limits(fixed, 1.0).steep
     off, z = abs(at.f) + at.f_error, at.z - at.z_error
     kappa = 8.0 * (1.0 + gamma) * SURE * off / (z * z)
     if not (z > 0.0 and kappa <= 0.25):
@@ -80,7 +82,7 @@ def _landed(fixed: MovingConstants, flight: Flight, at: Along) -> Landed:
 
 @jit
 def _change(
-    fixed: MovingConstants, flight: Flight, landed: Landed, spread: Spread
+    fixed: Constants, flight: Flight, landed: Landed, spread: Spread
 ) -> tuple[Change, float, float]:
     """How much the derivatives change over a spread of states.
 
@@ -89,30 +91,30 @@ def _change(
     Within twice the linear changes of s and z, the derivatives are bounded; if by these bounds s
     and z change by less than that, they never leave it.
     """
-    gamma, (dx, dy) = math.pi * fixed.alpha, spread
+    limit, (dx, dy) = limits(fixed, 1.0), spread
+    gamma, angle = limit.steep, limit.angle
     s, z = flight.time, flight.v
     at = along(fixed, flight.x, flight.u, s)
-    dropped = at.cosine * at.c + at.sine * at.turned
-    pull = 2.0 * abs(1.0 + gamma * (at.cosine - dropped))
-    s_x = abs(fixed.alpha * fma(at.cosine, at.lag, at.sine * at.c)) / z
+    pull = 2.0 * abs(1.0 + at.acceleration)
+    s_x = abs(at.by_x) / z
     s_y = s / z
-    z_x = pull * s_x + 2.0 * gamma * abs(dropped)
+    z_x = pull * s_x + 2.0 * abs(at.lost)
     z_y = pull * s_y + 1.0
     few = 2.0**-20  # for derivatives that are zero by chance
     ds = 2.0 * ((s_x + few) * dx + (s_y + few) * dy)
     dz = 2.0 * ((z_x + few) * dx + (z_y + few) * dy)
     off, z_off = ds + landed.time, dz + landed.v
     least = z - z_off
-    q = TWO_PI * (s + off)
+    q = angle * (s + off)
     turns = min(2.0, q)
     of_p = 2.0 * gamma * (turns * off + min(q + turns, 0.5 * q * q) * dx)
     by_x = (of_p + s_x * z_off) / least
     by_y = (off + s_y * z_off) / least
-    of_pull = 2.0 * TWO_PI * gamma * (dx + off)
+    of_pull = 2.0 * angle * gamma * (dx + off)
     change = Change(
         by_x,
         by_y,
-        pull * by_x + of_pull * (s_x + by_x) + 2.0 * TWO_PI * gamma * (off + turns * dx),
+        pull * by_x + of_pull * (s_x + by_x) + 2.0 * angle * gamma * (off + turns * dx),
         pull * by_y + of_pull * (s_y + by_y),
     )
     stays = (s_x + by_x) * dx + (s_y + by_y) * dy <= ds
@@ -123,15 +125,15 @@ def _change(
 
 
 @jit
-def _start(fixed: MovingConstants, flight: Flight, spread: Spread, last: float) -> float:
+def _start(fixed: Constants, flight: Flight, spread: Spread, last: float) -> float:
     """Time until which no state in a spread has landed, at the beginning of a flight; or NaN."""
-    x, y, x_lift = flight.x, max(0.0, flight.u - spread[1]), fixed.x_lift
-    least = 0.5 * y / (1.0 + math.pi * fixed.alpha)
+    y = max(0.0, flight.u - spread[1])
+    least = 0.5 * y / (1.0 + limits(fixed, 1.0).steep)
     edge = spread[0] + error_bounds.liftoff_error(fixed)[0] + 2.0 * HALF_ULP
-    if abs(x) >= x_lift:  # F is convex, and increases, until the base presses again
-        to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
-        return max(least, to_press - edge)
-    until = min(x_lift - x - edge, last)
+    falls, ahead = first_stretch(fixed, flight.x)
+    if falls:  # F is convex, and increases, until the base presses again
+        return max(least, ahead - edge)
+    until = min(ahead - edge, last)
     if not until > least:
         return least
     # F is concave until then
@@ -139,41 +141,49 @@ def _start(fixed: MovingConstants, flight: Flight, spread: Spread, last: float) 
 
 
 @jit
-def _lowest(
-    fixed: MovingConstants, flight: Flight, spread: Spread, t: float
-) -> tuple[float, float]:
+def _lowest(fixed: Constants, flight: Flight, spread: Spread, t: float) -> tuple[float, float]:
     """Lower bounds of F and F' after t periods, of all states in a spread."""
-    at, alpha, (dx, dy) = along(fixed, flight.x, flight.u, t), fixed.alpha, spread
-    f = at.f - SURE * (at.f_error + 0.5 * (t * dy + alpha * (at.lag + at.c) * dx))
-    return f, -0.5 * (at.z + SURE * (at.z_error + dy + 4.0 * math.pi * alpha * dx))
+    at, (dx, dy) = along(fixed, flight.x, flight.u, t), spread
+    f = at.f - SURE * (at.f_error + 0.5 * (t * dy + at.of_x * dx))
+    return f, -0.5 * (at.z + SURE * (at.z_error + dy + 4.0 * limits(fixed, 1.0).steep * dx))
 
 
 @jit
-def _above(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[bool, float, float]:
+def _above(fixed: Constants, flight: Flight, spread: Spread) -> tuple[bool, float, float]:
     """Return whether all states land faster than the base moves, and when all are above it."""
-    alpha, (dx, dy) = fixed.alpha * SURE, spread
-    gamma, sine = math.pi * alpha, sin_turns(flight.x)
-    u = flight.u + fixed.alpha * sine
-    u_off = dy + 2.0 * gamma * dx + 8.0 * HALF_ULP * (abs(flight.u) + alpha)
+    alpha, most, (dx, dy) = fixed.alpha * SURE, limits(fixed, SURE), spread
+    u = flight.u + fixed.alpha * velocity(fixed.base.waveform, flight.x)
+    u_off = dy + 2.0 * most.steep * dx + 8.0 * HALF_ULP * (abs(flight.u) + alpha)
+    u_off += most.rounding
     u_low = u - u_off
-    rise = 2.0 * gamma * (1.0 + cos_turns(flight.x) + TWO_PI * dx + COSINE_ERROR) * SURE
+    rise = below_top(fixed, flight.x, dx, SURE) * SURE
     square = math.pi * math.pi * u_low * u_low - rise
     if not (u_low > 0.0 and square > 0.0):
         return False, np.inf, -np.inf
     root = math.sqrt(square) / (math.pi * SURE)
-    return square >= gamma * gamma * SURE, 0.5 * (u + u_off - root) * SURE, 0.5 * (u_low + root)
+    return (
+        square >= most.speed * most.speed * SURE,
+        0.5 * (u + u_off - root) * SURE,
+        0.5 * (u_low + root),
+    )
 
 
 @jit
-def _is_first(fixed: MovingConstants, flight: Flight, spread: Spread, last: float) -> bool:
+def _never_falls(fixed: Constants, error: float) -> bool:
+    """Return whether the base never falls faster than gravity, its acceleration off by an error."""
+    limit = limits(fixed, 1.0)
+    return limit.fall * (1.0 + error) + limit.slope_rounding <= 1.0
+
+
+@jit
+def _is_first(fixed: Constants, flight: Flight, spread: Spread, last: float) -> bool:
     """Return whether no state in a spread has landed before the time `last`."""
-    gamma = math.pi * fixed.alpha
-    if gamma * (1.0 + GAMMA_ERROR) <= 1.0:  # F is concave
+    if _never_falls(fixed, GAMMA_ERROR):  # F is concave
         return flight.u > spread[1]
     fast, begin, end = _above(fixed, flight, spread)
     if fast:
         return True
-    curvature = (1.0 + gamma) * SURE
+    curvature = (1.0 + limits(fixed, 1.0).steep) * SURE
     t = _start(fixed, flight, spread, last)
     for _ in range(MARCH):
         t = end / SURE if begin <= t < end / SURE else t
@@ -188,30 +198,30 @@ def _is_first(fixed: MovingConstants, flight: Flight, spread: Spread, last: floa
 
 
 @jit
-def _pressed(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, float]:
+def _pressed(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
     """Value of `landing_added` for a particle that lands at once, or may fly for a moment."""
     dx, dy = spread
     if flight.u < -dy:
         return 0.0, 0.0
-    gamma, most = math.pi * fixed.alpha, abs(flight.u) + dy
-    pull = 1.0 + gamma * cos_turns(flight.x) - 8.0 * HALF_ULP * (1.0 + gamma)
+    most, limit = abs(flight.u) + dy, limits(fixed, 1.0)
+    gamma = limit.steep
+    pull = 1.0 + kick_slope(fixed.base.waveform, 0.5 * fixed.alpha, flight.x)
+    pull -= 8.0 * HALF_ULP * (1.0 + gamma) + limit.slope_rounding
     time = 2.0 * most / pull
-    if not (pull > 0.0 and 2.0 * TWO_PI * gamma * SURE * (time + dx) <= pull):
+    if not (pull > 0.0 and 2.0 * limit.angle * gamma * SURE * (time + dx) <= pull):
         return np.inf, np.inf
     return time, 2.0 * most + 2.0 * (1.0 + gamma) * time
 
 
-@implements(error_bounds.landing_added, MovingConstants)
-def landing_added_moving(
-    fixed: MovingConstants, flight: Flight, spread: Spread
-) -> tuple[float, float]:
+@implements(error_bounds.landing_added, MovingConstants, ShapedConstants)
+def landing_added_moving(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
     at = along(fixed, flight.x, flight.u, flight.time)
     landed = _landed(fixed, flight, at)
     change, off, least = _change(fixed, flight, landed, spread)
     # z changes by 2 (1 + Gamma) in a period at most: since `last`, F has been falling
-    last = flight.time - off - 0.4 * least / (1.0 + math.pi * fixed.alpha)
+    last = flight.time - off - 0.4 * least / (1.0 + limits(fixed, 1.0).steep)
     if not (off < np.inf and _is_first(fixed, flight, spread, last)):
         return np.inf, np.inf
     moved: float = flight.x + (flight.time - np.rint(flight.time))
@@ -221,9 +231,9 @@ def landing_added_moving(
     return rounding + by_phase, landed.v + by_speed
 
 
-@implements(error_bounds.rebound_error, MovingConstants)
+@implements(error_bounds.rebound_error, MovingConstants, ShapedConstants)
 def rebound_error_moving(
-    fixed: MovingConstants, flight: Flight, added: tuple[float, float], error: float, spread: Spread
+    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, spread: Spread
 ) -> float:
     law, e, scale, z = fixed.base.restitution, fixed.e, fixed.scale, flight.v
     share = ratio(law, e, scale, z)
@@ -237,9 +247,9 @@ def rebound_error_moving(
     return (q + change) * added[1] + change * linear + rounding + SMALLEST
 
 
-@implements(error_bounds.jacobian_error, MovingConstants)
+@implements(error_bounds.jacobian_error, MovingConstants, ShapedConstants)
 def jacobian_error_moving(
-    fixed: MovingConstants, flight: Flight, error: float, spread: Spread
+    fixed: Constants, flight: Flight, error: float, spread: Spread
 ) -> tuple[float, float, float]:
     if flight.time == 0.0:
         return 0.0, 0.0, 0.0
@@ -255,21 +265,22 @@ def jacobian_error_moving(
     return max(derivatives.s_x, u_x), max(derivatives.s_y, u_y), 0.0
 
 
-@implements(error_bounds.launch_error, MovingConstants)
-def launch_error_moving(fixed: MovingConstants, x: float, u: float) -> float:
-    gamma, base = math.pi * fixed.alpha, fixed.alpha * abs(sin_turns(x))
+@implements(error_bounds.launch_error, MovingConstants, ShapedConstants)
+def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
+    base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
-    error += HALF_ULP * abs(u) + 2.0 * gamma * LAUNCH_ERROR + SMALLEST
+    error += HALF_ULP * abs(u) + 2.0 * limit.steep * LAUNCH_ERROR + SMALLEST + limit.rounding
     # in doubt it flies, or lands at once; where the base presses, that is nearly the same
-    presses = 1.0 + gamma * cos_turns(x) > 0.0
+    presses = 1.0 + kick_slope(fixed.base.waveform, 0.5 * fixed.alpha, x) > limit.slope_rounding
     return error if abs(u) > error or presses else np.inf
 
 
-@implements(error_bounds.absolute_error, MovingConstants)
-def absolute_error_moving(fixed: MovingConstants, x: float, u: float, spread: Spread) -> float:
-    base = fixed.alpha * abs(sin_turns(x))
+@implements(error_bounds.absolute_error, MovingConstants, ShapedConstants)
+def absolute_error_moving(fixed: Constants, x: float, u: float, spread: Spread) -> float:
+    base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
-    return spread[1] + TWO_PI * fixed.alpha * SURE * spread[0] + rounding
+    error: float = spread[1] + 2.0 * limit.steep * SURE * spread[0] + rounding + limit.rounding
+    return error
 
 
 @implements(error_bounds.rest_is_doubtful, MovingConstants)

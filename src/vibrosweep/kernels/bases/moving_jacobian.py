@@ -1,12 +1,13 @@
 """The Jacobian of an impact on the moving base.
 
-The flight from phase x with relative speed y lasts s and arrives with the speed z; F is the
-clearance (`landing_search`), with the angles t = 2 pi x, t' = 2 pi (x + s), q = 2 pi s.  Then
+The flight from phase x with relative speed y lasts s and arrives with the speed z.  With the
+velocity w of the base in units of alpha and its acceleration G = alpha w' / 2 in units of gravity
 
-    ds = (P dx + s dy) / z,     P = alpha (cos t (q - sin q) + sin t (1 - cos q))
-    dz = 2 (1 + Gamma cos t') ds + 2 Gamma (cos t' - cos t) dx - dy
+    ds = (P dx + s dy) / z,     P = alpha (w(x) + s w'(x) - w(x + s))
+    dz = 2 (1 + G(x + s)) ds + 2 (G(x + s) - G(x)) dx - dy
 
-with the determinant y / z of (dx + ds, dz).
+with the determinant y / z of (dx + ds, dz).  Of a sine, with q = 2 pi s, P is alpha (cos(2 pi x) (q
+- sin q) + sin(2 pi x) (1 - cos q)), in which nothing cancels; of harmonics it is the sum of such.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import fma, implements, jit
-from vibrosweep.kernels.bases import Flight, Jacobian
+from vibrosweep.kernels._jit import fma, generic, implements
+from vibrosweep.kernels.bases import Constants, Flight, Jacobian
 from vibrosweep.kernels.bases.moving import MovingConstants
+from vibrosweep.kernels.bases.moving_limits import limits
+from vibrosweep.kernels.bases.shaped import ShapedConstants
 from vibrosweep.kernels.noise import slope_of
 from vibrosweep.kernels.restitution import ratio, slack, slope
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
@@ -32,6 +35,7 @@ from vibrosweep.kernels.sine import (
     sin_near,
     sin_turns,
 )
+from vibrosweep.model.shapes import TWO_PI
 
 # alpha = a / (1 + e), relative; Gamma = pi alpha takes two roundings more.
 ALPHA_ERROR = KICK_ERROR + 2.0 * HALF_ULP
@@ -39,29 +43,39 @@ GAMMA_ERROR = ALPHA_ERROR + 2.0 * HALF_ULP
 # Of sin t (q - sin q), sin t (1 - cos q) and so on, where the cosine is exact, relative: the
 # functions, 1 - cos q = 2 sin^2(q / 2), the products, their sum, and alpha.
 TERM_ERROR = SINE_ERROR + LAG_ERROR + ALPHA_ERROR + 6.0 * HALF_ULP
+# The same of harmonics, relative to |p| + |q| of each: both functions, nine roundings of p and q,
+# five of the phase, with what they make of 2 pi h s - sin and of 1 - cos; one more for each term.
+SUM_ERROR = SINE_ERROR + COSINE_ERROR + LAG_ERROR + ALPHA_ERROR + 32.0 * HALF_ULP
 
 
 class Along(NamedTuple):
-    """A flight after t periods: clearance F, speed z = -2 F' towards the base, and their errors.
+    """A flight after t periods."""
 
-    With them the sine and cosine of the lift-off, sin q, q - sin q and 1 - cos q.
-    """
-
+    # f, f_error, z, z_error: clearance F, speed z = -2 F' towards the base, and their errors
     f: float
     f_error: float
     z: float
     z_error: float
-    sine: float
-    cosine: float
-    turned: float
-    lag: float
-    c: float
+    # by_x, acceleration, lost: P; G then, and how much less that is than at the lift-off
+    by_x: float
+    acceleration: float
+    lost: float
+    # of_x, of_z, of_lost: bounds of the moduli of the terms that P, the part of the base in z, and
+    # `lost` are sums of, at any phase of the lift-off
+    of_x: float
+    of_z: float
+    of_lost: float
 
 
-@jit
-def along(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
-    """Where a flight is after t periods."""
+@generic
+def along(fixed: Constants, x: float, y: float, t: float) -> Along:
+    """Where a flight from phase x with relative speed y is after t periods."""
+
+
+@implements(along, MovingConstants)
+def along_moving(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
     alpha, sine, cosine = fixed.alpha, sin_turns(x), cos_turns(x)
+    gamma = math.pi * alpha
     part = t - np.rint(t)
     turned, lag = sin_and_lag(t, part)
     half = sin_near(0.5 * part)
@@ -76,26 +90,60 @@ def along(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
     z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * (
         TERM_ERROR * (abs(sine) * c + abs(cosine * turned)) + COSINE_ERROR * abs(turned)
     )
-    return Along(f, f_error, z, z_error, sine, cosine, turned, lag, c)
+    by_x = alpha * fma(cosine, lag, sine * c)
+    dropped, turns = cosine * c + sine * turned, c + abs(turned)
+    then, lost = gamma * (cosine - dropped), gamma * dropped
+    of_x, of_z, of_lost = alpha * (lag + c), alpha * turns, gamma * turns
+    return Along(f, f_error, z, z_error, by_x, then, lost, of_x, of_z, of_lost)
 
 
-@implements(bases.jacobian, MovingConstants)
-def jacobian_moving(fixed: MovingConstants, flight: Flight) -> Jacobian:
-    law, alpha, gamma = fixed.base.restitution, fixed.alpha, math.pi * fixed.alpha
-    s, z = flight.time, flight.v
+@implements(along, ShapedConstants)
+def along_shaped(fixed: ShapedConstants, x: float, y: float, t: float) -> Along:
+    shape, alpha, half = fixed.base.waveform, fixed.alpha, 0.5 * fixed.alpha
+    sunk, slowed, by_x, at_first, dropped = 0.0, 0.0, 0.0, 0.0, 0.0
+    of_f, of_z, of_x, of_lost = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(shape.p)):
+        h, angle = k + 1.0, TWO_PI * (k + 1)
+        p, q = shape.p[k], shape.q[k]
+        size, begin = abs(p) + abs(q), fma(h, x, -np.rint(h * x))
+        part = fma(h, t, -np.rint(h * t))
+        sine, cosine = sin_turns(begin), cos_turns(begin)
+        turned, lag = sin_and_lag(h * t, part)
+        over = sin_near(0.5 * part)
+        c = 2.0 * over * over
+        u, v = fma(p, sine, q * cosine), fma(p, cosine, -q * sine)
+        sunk += fma(u, lag, -v * c) / angle
+        slowed += fma(u, c, -v * turned)
+        by_x += fma(v, lag, u * c)
+        at_first = fma(angle, v, at_first)
+        dropped = fma(angle, fma(v, c, u * turned), dropped)
+        of_f += size * (lag + c) / angle
+        of_z += size * (c + abs(turned))
+        of_x += size * (lag + c)
+        of_lost += angle * size * (c + abs(turned))
+    relative = SUM_ERROR + HALF_ULP * len(shape.p)
+    f = fma(0.5 * t, y - t, half * sunk)
+    f_error = HALF_ULP * (0.5 * t * abs(y - t) + abs(f)) + half * relative * of_f
+    z = fma(-alpha, slowed, 2.0 * t - y)
+    z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * relative * of_z
+    then, lost = half * (at_first - dropped), half * dropped
+    of_x, of_z, of_lost = alpha * of_x, alpha * of_z, half * of_lost
+    return Along(f, f_error, z, z_error, alpha * by_x, then, lost, of_x, of_z, of_lost)
+
+
+@implements(bases.jacobian, MovingConstants, ShapedConstants)
+def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
+    law, s, z = fixed.base.restitution, flight.time, flight.v
     share, q = ratio(law, fixed.e, fixed.scale, z), slope(law, fixed.e, fixed.scale, z)
     q = slope_of(fixed.base.noise, share, q, fixed.draw, z)
     if s == 0.0:  # it lands at once
         return 1.0, 0.0, 0.0, -q, 1.0 + slack(law) * abs(q)
     at = along(fixed, flight.x, flight.u, s)
-    by_x = alpha * fma(at.cosine, at.lag, at.sine * at.c) / z
-    by_y = s / z
-    dropped = at.cosine * at.c + at.sine * at.turned  # cos t - cos t'
-    pull = 2.0 * (1.0 + gamma * (at.cosine - dropped))
-    lost = 2.0 * gamma * dropped
+    by_x, by_y = at.by_x / z, s / z
+    pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
     # of all terms, of which a rounding error of z makes a part of those it is made of
-    turns = at.c + abs(at.turned)
-    parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * alpha * turns) / z
-    size = 1.0 + parts * (alpha * (at.lag + at.c) + s) / z
-    size += slack(law) * abs(q) * ((abs(pull) + 2.0 * gamma + 2.0) * size + 4.0 * gamma * turns)
+    parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * at.of_z) / z
+    size = 1.0 + parts * (at.of_x + s) / z
+    largest = abs(pull) + 2.0 * limits(fixed, 1.0).steep + 2.0
+    size += slack(law) * abs(q) * (largest * size + 4.0 * at.of_lost)
     return 1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, fma, implements, jit
-from vibrosweep.kernels.bases import Counted, Flight, Jacobian
+from vibrosweep.kernels.bases import Counted, Flight
 from vibrosweep.kernels.bases.moving import (
     LARGEST_GAMMA,
     TINY,
@@ -41,11 +41,10 @@ from vibrosweep.kernels.bases.shaped_search import (
 from vibrosweep.kernels.harmonics import Harmonics, for_each
 from vibrosweep.kernels.laws import Law
 from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
-from vibrosweep.kernels.restitution import Constant, Restitution, scale_of, slack, slope
+from vibrosweep.kernels.restitution import Constant, Restitution, scale_of
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.waveforms import velocity
 from vibrosweep.model.parameters import Dimensionless
-from vibrosweep.model.shapes import TWO_PI
 
 __all__ = ["Shaped", "ShapedConstants"]
 
@@ -197,46 +196,6 @@ def fitted_shaped(base: Shaped, problem: Dimensionless) -> Shaped:
 @bases.lowest.register(Shaped)
 def lowest_shaped(base: Shaped, problem: Dimensionless) -> Floats | None:
     return -4.0 * base.waveform.bottom * (problem.kick / (1.0 + problem.restitution))
-
-
-@implements(bases.jacobian, ShapedConstants)
-def jacobian_shaped(fixed: ShapedConstants, flight: Flight) -> Jacobian:
-    shape, half, law = fixed.base.waveform, 0.5 * fixed.alpha, fixed.base.restitution
-    s, z = flight.time, flight.v
-    e = slope(law, fixed.e, fixed.scale, z)
-    if s == 0.0:  # it lands at once
-        return 1.0, 0.0, 0.0, -e, 1.0 + slack(law) * e
-    begin, whole = begin_at(flight.x, flight.u), np.rint(s)
-    turned, lag, c = turn(s)
-    clear = clearance(search(fixed), begin, s, turned, lag, c)
-    change, dropped, terms, swings = 0.0, 0.0, 0.0, 0.0
-    sine, cosine = begin.sine, begin.cosine
-    s_h, d_h, c_h, d_more, c_more = turned, lag, c, lag, c
-    for k in range(len(shape.p)):
-        angle = TWO_PI * (k + 1)
-        u = fma(shape.p[k], sine, shape.q[k] * cosine)
-        v = fma(shape.p[k], cosine, -shape.q[k] * sine)
-        lagged = fma(angle, whole, d_h)
-        change += fma(u, c_h, v * lagged)
-        dropped += angle * fma(v, c_h, u * s_h)
-        terms += abs(u) * c_h + abs(v * lagged)
-        swings += angle * (abs(u) + abs(v))
-        sine, cosine = (
-            fma(sine, begin.cosine, cosine * begin.sine),
-            fma(cosine, begin.cosine, -sine * begin.sine),
-        )
-        ahead = 1.0 - c_h
-        d_more, c_more = fma(2.0 * c, s_h, d_more), fma(2.0 * c, ahead, c_more)
-        s_h = fma(s_h, 1.0 - c, ahead * turned)
-        d_h += d_more
-        c_h += c_more
-    by_x, by_y = fixed.alpha * change / z, s / z
-    pull, lost = -2.0 * clear.f2, 2.0 * half * dropped
-    swings *= half
-    parts = 1.0 + (2.0 * s + abs(flight.u) + 4.0 * swings) / z
-    size = 1.0 + parts * (fixed.alpha * terms + s) / z
-    size += slack(law) * e * ((abs(pull) + 2.0 * swings + 2.0) * size + 8.0 * swings)
-    return 1.0 + by_x, by_y, e * (pull * by_x - lost), e * (pull * by_y - 1.0), size
 
 
 implements(bases.rebound, ShapedConstants)(rebound_moving)

@@ -1,0 +1,97 @@
+"""Bounds of the motion of a base."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from vibrosweep.kernels._jit import generic, implements
+from vibrosweep.kernels.bases import Constants
+from vibrosweep.kernels.bases.moving import MovingConstants
+from vibrosweep.kernels.bases.shaped import ShapedConstants, search
+from vibrosweep.kernels.bases.shaped_search import at_phase, stretch
+from vibrosweep.kernels.sine import COSINE_ERROR, cos_turns, sin_turns
+from vibrosweep.model.shapes import TWO_PI
+
+AT_LIFT_OFF = 2.0**-48  # turns; so near to it, what leaves is as good as lifted
+UPWARDS = 1.0 + 2.0**-30  # extremes of a shape are themselves rounded
+
+
+class Limits(NamedTuple):
+    """Bounds of the acceleration G of a base, in units of gravity, and of its velocity."""
+
+    # steep, fall: of |G|, and of -G
+    steep: float
+    fall: float
+    speed: float  # of the velocity, times pi
+    angle: float  # of |G'| relative to that of |G|, and of each further derivative
+    # rounding, slope_rounding: of velocity and G, apart from some roundings of their values
+    rounding: float
+    slope_rounding: float
+
+
+@generic
+def limits(fixed: Constants, slack: float) -> Limits:
+    """Bounds for an alpha that is larger by a factor."""
+
+
+@generic
+def below_top(fixed: Constants, x: float, dx: float, slack: float) -> float:
+    """Bound of how far phases within dx of x are below the top of the base.
+
+    As pi^2 times the square of the speed that a particle needs from there to reach it; alpha is
+    larger by a factor.
+    """
+
+
+@generic
+def first_stretch(fixed: Constants, x: float) -> tuple[bool, float]:
+    """Return whether the base falls faster than gravity at phase x, and how long that is so yet."""
+
+
+@implements(limits, MovingConstants)
+def limits_moving(fixed: MovingConstants, slack: float) -> Limits:
+    gamma = math.pi * (fixed.alpha * slack)
+    return Limits(gamma, gamma, gamma, TWO_PI, 0.0, 0.0)
+
+
+@implements(limits, ShapedConstants)
+def limits_shaped(fixed: ShapedConstants, slack: float) -> Limits:
+    shape, alpha = fixed.base.waveform, fixed.alpha * slack * UPWARDS
+    half = 0.5 * alpha
+    return Limits(
+        half * shape.steepest,
+        half * shape.fall,
+        math.pi * alpha * shape.fastest,
+        TWO_PI * len(shape.p),
+        alpha * shape.rounding,
+        half * shape.slope_rounding,
+    )
+
+
+@implements(below_top, MovingConstants)
+def below_top_moving(fixed: MovingConstants, x: float, dx: float, slack: float) -> float:
+    gamma = math.pi * (fixed.alpha * slack)
+    return 2.0 * gamma * (1.0 + cos_turns(x) + TWO_PI * dx + COSINE_ERROR)
+
+
+@implements(below_top, ShapedConstants)
+def below_top_shaped(fixed: ShapedConstants, x: float, dx: float, slack: float) -> float:
+    shape = fixed.base.waveform
+    _, _, level = at_phase(shape, sin_turns(x), cos_turns(x))
+    below = (shape.top - level) + shape.fastest * UPWARDS * dx + 2.0 * shape.rounding
+    return 4.0 * math.pi * math.pi * (fixed.alpha * slack) * below
+
+
+@implements(first_stretch, MovingConstants)
+def first_stretch_moving(fixed: MovingConstants, x: float) -> tuple[bool, float]:
+    falls = abs(x) >= fixed.x_lift
+    to_press = (1.0 if x > 0.0 else 0.0) - fixed.x_lift - x
+    return falls, to_press if falls else fixed.x_lift - x
+
+
+@implements(first_stretch, ShapedConstants)
+def first_stretch_shaped(fixed: ShapedConstants, x: float) -> tuple[bool, float]:
+    _, to_fall, to_press = stretch(search(fixed), x)
+    falls = to_press < to_fall or to_fall <= AT_LIFT_OFF
+    return falls, to_press if falls else to_fall
