@@ -99,7 +99,7 @@ UNDER_NOISE: Final = frozenset(
 
 # Analyses of a constant restitution alone
 OF_CONSTANT: Final = (
-    *("windows", "branches", "boundaries"),
+    *("branches", "boundaries"),
     *("energy_balance", "heights_against_restitution", "slot_decay", "explore", "laboratory"),
 )
 

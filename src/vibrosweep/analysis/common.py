@@ -36,11 +36,15 @@ def settling(spec: Sweep, restitution: float) -> Scene:
 
     That is `SETTLING` times as many forcing periods as an orbit locked to one period takes to
     return bit for bit at this restitution, and `LONGEST` at most: they grow without bound towards
-    a restitution of 1.
+    a restitution of 1.  Another law of restitution counts as at the speed of that orbit, g / 2 f.
     """
     scene = spec.scene
     if spec.states_duration:
         return scene
+    if scene.restitution_law != CONSTANT:
+        speed = scene.inputs["gravity"] / (2.0 * scene.inputs["frequency"])
+        law = scene.restitution_law, scene.inputs["restitution_speed"]
+        restitution = float(theory.restitution_at(speed, restitution, *law))
     periods = SETTLING * float(theory.recognition_periods(restitution, base=scene.base))
     return replace(scene, duration=Periods(float(np.ceil(min(periods, LONGEST)))))
 

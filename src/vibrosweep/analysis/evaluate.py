@@ -20,6 +20,7 @@ from vibrosweep.kernels.fixed import (
     ATTRACTS,
     REPELS,
     empty_fixed,
+    end_errors,
     find_fixed,
     may_push_back,
 )
@@ -34,6 +35,7 @@ from vibrosweep.model.parameters import (
     launches,
     taken,
 )
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.scene.scene import Scene
 
 Codes = NDArray[np.int64]
@@ -85,6 +87,16 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
 
     straight = state(1.0)
     return straight + STATES * state(-1.0) if may_push_back(scene.rebound) else straight
+
+
+def law_errors(scene: Scene, condition: Locked, points: Points) -> Array:
+    """Relative errors that a law of restitution adds to ends of windows there; shape (point,)."""
+    found = np.zeros(points["restitution"].size)
+    if scene.restitution_law == CONSTANT or not found.size:
+        return found
+    problem = dimensionless(scene.parameters(points), scene.duration)
+    end_errors(base_of(*scene.mechanics), problem, condition.k, found)
+    return np.asarray(found / problem.kick)
 
 
 def launched(scene: Scene, condition: Condition, points: Points, workers: Workers) -> Codes:

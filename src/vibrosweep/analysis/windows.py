@@ -44,6 +44,7 @@ from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
 
@@ -171,11 +172,16 @@ def _windows(
     upward = direction != DIRECTIONS[1]
     first = {"restitution": e, forcing: np.full(e.size, a[0 if upward else -1])}
     start = None if fresh else evaluate.launch_states(scene, scene.parameters(first))
-    error = END_ERROR + (FORCING_ERROR if forcing != AMPLITUDE else 0.0)
-    error = error if isinstance(condition, Locked) else 0.0
-    width = tolerance - 2.0 * error  # so that the brackets keep to the tolerance with the error
+    width = tolerance
+    if isinstance(condition, Locked):  # so that the brackets keep to the tolerance with the error
+        error = END_ERROR + (FORCING_ERROR if forcing != AMPLITUDE else 0.0)
+        constant = scene.restitution_law == CONSTANT
+        width = tolerance - 2.0 * error if constant else 0.5 * tolerance
     codes, edges = find_edges(judge, e.size, a, width, start=start, upward=upward)
-    edges = edges._replace(low=edges.low * (1.0 - error), high=edges.high * (1.0 + error))
+    if isinstance(condition, Locked):
+        points = {"restitution": e[edges.row], forcing: edges.high}
+        off = error + evaluate.law_errors(scene, condition, points)
+        edges = edges._replace(low=edges.low * (1.0 - off), high=edges.high * (1.0 + off))
     held = np.where(np.isin(codes, list(evaluate.HOLDING)), HOLDS, np.minimum(codes, FAILS))
     return [
         Row(held[row], windows_of_row(codes, edges, row, evaluate.HOLDING)) for row in range(e.size)

@@ -33,7 +33,6 @@ from vibrosweep.kernels.bases import (
     put,
     rebound,
     take,
-    wake_lanes,
 )
 from vibrosweep.kernels.cycles import (
     FIRST_ANCHOR,
@@ -161,7 +160,6 @@ def _step(
         s[ROW.N + j] = n_off if landed else n_from
         s[ROW.X + j] = x_off if landed else x_from
         s[ROW.U + j] = u if landed else u_from
-    wake_lanes(chosen.base, s, live)
     if observer is not None:
         observe(observer, s, live, chosen.base)
 

@@ -21,6 +21,7 @@ from vibrosweep.kernels.bases import (
     fixed_residual,
 )
 from vibrosweep.kernels.laws import LAW_OF, speed_after
+from vibrosweep.kernels.restitution import arrival_to_repeat, ratio_error, slope_change
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless
@@ -32,7 +33,8 @@ RESIDUAL = 16.0 * HALF_ULP  # of a solution, relative to the kick
 # Relative error of the kick at which the state is seen to change.  The phase that is found is exact
 # for a need that is off by the residual and its rounding, 16 + 5 half ulps of the kick, and neither
 # |need| nor sqrt(need^2 + ((1 + sign e) / pi)^2), where the state changes, is off by more.  The
-# slope adds 4, and the kick that is made of an amplitude 2.
+# slope adds 4, and the kick that is made of an amplitude 2.  That is of a constant restitution:
+# `end_errors` gives what another law adds.
 END_ERROR = 32.0 * HALF_ULP
 
 
@@ -51,6 +53,31 @@ def empty_fixed(problems: int) -> FixedOrbits:
 def may_push_back(rebound: str) -> bool:
     """Return whether a law of rebound turns a particle back that is pushed into the base."""
     return speed_after(LAW_OF[rebound], 0.0, 0.0, -1.0) > 0.0
+
+
+@jit
+def _end_error(fixed: Constants, v: float) -> float:
+    """Bound of the error, as a kick, of the ends of an orbit that arrives with speed v.
+
+    The need is off by no more than what is left of v, and so is a kick with its square.  The other
+    square is that of a quotient of 1 + q and the like, of which the terms below are bounds.
+    """
+    law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
+    rounding = ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
+    change = slope_change(law, e, scale, v, rounding * v)[1]
+    return 2.0 * rounding * v + 3.0 * change + 6.0 * rounding
+
+
+@kernel
+def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
+    """Bounds of the errors, as kicks, that a law of restitution adds to the ends of windows.
+
+    Of the orbit of k periods of each problem, over the high-bounce base or one that moves.
+    """
+    for t in range(out.size):
+        fixed = constants(base, problem, t)
+        c = arrival_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, float(k))
+        out[t] = max(_end_error(fixed, float(k)), _end_error(fixed, c))
 
 
 @jit

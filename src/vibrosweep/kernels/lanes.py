@@ -52,7 +52,7 @@ class LaneRows(NamedTuple):
     PUSH: int
     PUSH_NEXT: int
     DRIVE: int
-    ASLEEP: int  # whether it rests until a forcing period that lifts it
+    ASLEEP: int  # in a rest until a forcing period that lifts it, the number of the next; -1 then
     TRIES: int  # of a search for the landing: passes so far, and the age at the last look
     AGE_SEEN: int
     COUNTS: int  # whether the flight is counted when it ends

@@ -1,133 +1,30 @@
-"""Normal deviates that depend on nothing but their place: seed, stream, particle, number, purpose.
+"""Noise of a realization: what is random in an impact, what becomes of it, and how it rounds.
 
-The generator is Philox 4x32-10 (Salmon, Moraes, Dror & Shaw, SC'11): ten rounds that turn a counter
-of four 32-bit words, with the seed as its key, into four others.  No state is kept, so that no
-deviate depends on threads, chunks, the order of computation, or what was computed before.
-
-    word 0, 1    low and high half of a number of 64 bits, half of that of the impact of the
-                 particle, counted from 0, or of the forcing period: each counter gives two deviates
-    word 2, 3    stream + 2^36 particle + 2^62 purpose, low and high half
-
-The four words are two fractions of 52 bits, p and q in [0, 1), and with the radius
-sqrt(-2 ln(1 - p)) the two deviates are its products with the cosine and the sine of 2 pi (q - 1/2)
-(Box & Muller 1958): `LARGEST` at most.  The arithmetic is that of every kernel: the same bits
-come from plain Python and from vectors of any width.
+The deviates are those of `vibrosweep.kernels.deviates`.  Each function does nothing where its first
+argument, the field `noise` of a base, or the kind of noise that it needs, is None: numba compiles
+nothing for that.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, fma, jit
-from vibrosweep.kernels.elementary import (
-    ERRORS,
-    SHIFT,
-    SHIFT_BITS,
-    log_near_one,
-    mantissa_and_exponent,
+from vibrosweep.kernels.deviates import (
+    LARGEST,
+    OF_DRIVE,
+    OF_KICK,
+    OF_RESTITUTION,
+    Key,
+    Word,
+    deviate,
+    key_of,
 )
 from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.kernels.sine import SINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.parameters import Strengths
-
-LARGEST: Final = 8.4908  # sqrt(2 * 52 ln 2), rounded up: the modulus of no deviate is larger
-# Relative error of a deviate against Box and Muller's formula for its two fractions: half of that
-# of the logarithm, the root, the sine (the phase of the cosine is exact here) and the product.
-DEVIATE_ERROR: Final = 0.5 * ERRORS["log"] + SINE_ERROR + 2.1 * HALF_ULP
-
-# Purposes
-OF_RESTITUTION = np.uint64(0)
-OF_KICK = np.uint64(1)
-OF_DRIVE = np.uint64(2)
-
-FIRST_FACTOR, SECOND_FACTOR = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
-FIRST_STEP, SECOND_STEP = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
-LOW = np.uint64(0xFFFFFFFF)
-HALF = np.uint64(32)
-FRACTION = np.uint64(12)  # bits of 64 that a fraction leaves
-ONE = np.uint64(0x3FF0000000000000)  # bits of 1.0
-
-Word = np.uint64  # below 2^32
-Words = tuple[Word, Word, Word, Word]
-
-
-class Key(NamedTuple):
-    """The seed, as the generator takes it."""
-
-    low: Word
-    high: Word
-
-
-def key_of(seed: int) -> Key:
-    """Return the key of a seed, from 0 to 2^64 - 1."""
-    return Key(np.uint64(seed & 0xFFFFFFFF), np.uint64(seed >> 32))
-
-
-@jit
-def _round(a: Word, b: Word, c: Word, d: Word, low: Word, high: Word) -> Words:
-    first, second = FIRST_FACTOR * a, SECOND_FACTOR * c
-    return (second >> HALF) ^ b ^ low, second & LOW, (first >> HALF) ^ d ^ high, first & LOW
-
-
-@jit
-def philox(a: Word, b: Word, c: Word, d: Word, low: Word, high: Word) -> Words:
-    """Four words of Philox 4x32-10, of a counter (a, b, c, d) and a key (low, high)."""
-    for _ in range(10):
-        a, b, c, d = _round(a, b, c, d, low, high)
-        low, high = (low + FIRST_STEP) & LOW, (high + SECOND_STEP) & LOW
-    return a, b, c, d
-
-
-@jit
-def _near_one(low: Word, high: Word) -> float:
-    """1 + p of the fraction p of two words."""
-    return np.uint64((((high << HALF) | low) >> FRACTION) | ONE).view(np.float64)
-
-
-@jit
-def two_deviates(words: Words) -> tuple[float, float]:
-    """Two normal deviates, independent of each other, of four words."""
-    f, k = mantissa_and_exponent(2.0 - _near_one(words[0], words[1]))
-    radius = math.sqrt(-2.0 * log_near_one(f, k))
-    turns = _near_one(words[2], words[3]) - 1.5
-    return radius * cos_turns(turns), radius * sin_turns(turns)
-
-
-@jit
-def _integer(value: float) -> int:
-    """A float below 2^51 that is an integer, as one; by no instruction that vectors may lack."""
-    return np.float64(value + SHIFT).view(np.int64) - SHIFT_BITS  # type: ignore[return-value]
-
-
-@jit
-def deviates(
-    key: Key, stream: float, particle: float, number: float, purpose: Word
-) -> tuple[float, float]:
-    """The two deviates of a number, and of a stream and a particle within their limits."""
-    count, place = _integer(number), _integer(stream)
-    above = np.uint64((place >> 32) & 0xF) | (np.uint64(_integer(particle)) << np.uint64(4))
-    return two_deviates(
-        philox(
-            np.uint64(count & 0xFFFFFFFF),
-            np.uint64((count >> 32) & 0xFFFFFFFF),
-            np.uint64(place & 0xFFFFFFFF),
-            above | (purpose << np.uint64(30)),
-            key.low,
-            key.high,
-        )
-    )
-
-
-@jit
-def deviate(key: Key, stream: float, particle: float, number: float, purpose: Word) -> float:
-    """The deviate of an impact, counted from 0, or of a forcing period."""
-    pair = np.floor(0.5 * number)
-    even, odd = deviates(key, stream, particle, pair, purpose)
-    return odd if number != 2.0 * pair else even
 
 
 class Noise(NamedTuple):
@@ -229,6 +126,47 @@ def _scaled(
 
 
 @jit
+def together(noise: Noise | None) -> float:
+    """Return 1 where each lane has an impact in every pass, 0 where some may wait in a rest."""
+    if noise is None:
+        return 1.0
+    return _unless(noise.drive)
+
+
+@jit
+def _unless(on: int | None) -> float:
+    return 1.0 if on is None else 0.0
+
+
+@jit
+def lands(noise: Noise | None, s: Floats, j: int) -> bool:
+    """Return whether lane j lands in this pass, and does not rest until a period that lifts it."""
+    if noise is None:
+        return True
+    return _lands(noise.drive, s, j)
+
+
+@jit
+def _lands(on: int | None, s: Floats, j: int) -> bool:
+    if on is None:
+        return True
+    return s[ROW.ASLEEP + j] == 0.0  # type: ignore[no-any-return]
+
+
+@jit
+def count_impact(noise: Noise | None, s: Floats, j: int, landed: bool) -> None:
+    """Count an impact of lane j, where not every pass is one."""
+    if noise is not None:
+        _count(noise.drive, s, j, landed)
+
+
+@jit
+def _count(on: int | None, s: Floats, j: int, landed: bool) -> None:
+    if on is not None:
+        s[ROW.AGE + j] += 1.0 if landed else 0.0
+
+
+@jit
 def drawn_in(noise: Noise | None, s: Floats, j: int) -> Draw:
     """What is random in the next impact of lane j."""
     if noise is None:
@@ -258,6 +196,16 @@ def slipped(noise: Noise | None, e: float, slip: float) -> float:
 
 
 @jit
+def slipped_slope(noise: Noise | None, share: float, q: float, slip: float) -> float:
+    """Derivative of what an impact leaves of a speed, of which the law leaves a share."""
+    if noise is None:
+        return q
+    moved = share + slip
+    within = q + slip if moved > 0.0 else 0.0
+    return within if moved < 1.0 else 1.0
+
+
+@jit
 def pushed(noise: Noise | None, kick: float, push: float) -> float:
     """Kick of an impact."""
     if noise is None:
@@ -281,7 +229,7 @@ def slope_of(noise: Noise | None, share: float, q: float, draw: Draw, v: float) 
     """
     if noise is None:
         return q
-    moved = slipped(noise, q, draw.slip)
+    moved = slipped_slope(noise, share, q, draw.slip)
     return -moved if slipped(noise, share, draw.slip) * v + draw.push < 0.0 else moved
 
 
@@ -291,6 +239,62 @@ def driven(noise: Noise | None, a: float, drive: float) -> float:
     if noise is None:
         return a
     return fma(a, drive, a)
+
+
+@jit
+def swing(noise: Noise | None, a: float, drive: float) -> float:
+    """How far the noise of the drive has moved an amplitude, which is a now; its modulus."""
+    if noise is None:
+        return 0.0
+    return _swing(noise.drive, a, drive)
+
+
+@jit
+def _swing(on: int | None, a: float, drive: float) -> float:
+    return 0.0 if on is None else abs(a * (drive / (1.0 + drive)))
+
+
+@jit
+def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: float = 0.0) -> float:
+    """Bound of the rounding that noise adds to the speed after an impact, but for the amplitude's.
+
+    The restitution and the kick that are drawn are products, and so is the strength of the latter,
+    of five roundings; each is added to what it changes.
+    """
+    if noise is None:
+        return 0.0
+    of_share = 3.0 * abs(draw.slip) + 2.0 * share
+    return HALF_ULP * (of_share * abs(v) + 8.0 * abs(draw.push) + abs(kick))
+
+
+@jit
+def clip_is_doubtful(noise: Noise | None, share: float, slip: float, error: float) -> bool:
+    """Return whether the relative error of a speed decides if its restitution is 0, 1 or between.
+
+    A law's share of a speed changes by no more than the speed itself, relative.
+    """
+    if noise is None:
+        return False
+    moved = share + slip
+    return _clips(noise.restitution, min(abs(moved), abs(moved - 1.0)), 4.0 * error)
+
+
+@jit
+def _clips(on: int | None, distance: float, error: float) -> bool:
+    return on is not None and not distance > error
+
+
+@jit
+def period_is_doubtful(noise: Noise | None, x: float, error: float) -> bool:
+    """Return whether an error of a phase decides in which forcing period it lies."""
+    if noise is None:
+        return False
+    return _parts(noise.drive, x, error)
+
+
+@jit
+def _parts(on: int | None, x: float, error: float) -> bool:
+    return on is not None and abs(x) <= error
 
 
 @jit

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from typing import Final, NamedTuple
+
 from vibrosweep.kernels._jit import Floats, jit, wide_vectors
-from vibrosweep.kernels.impact import land
-from vibrosweep.kernels.lanes import ROW
-from vibrosweep.kernels.noise import (
+from vibrosweep.kernels.deviates import (
     OF_DRIVE,
     OF_KICK,
     OF_RESTITUTION,
     Key,
-    Noise,
-    Source,
     Word,
     deviate,
     deviates,
-    period_of,
 )
+from vibrosweep.kernels.impact import land
+from vibrosweep.kernels.lanes import ROW
+from vibrosweep.kernels.noise import Noise, Source, period_of
+
+
+class Rows(NamedTuple):
+    """A kind of noise of each impact: the rows of its strength, and of what two impacts draw."""
+
+    purpose: Word
+    size: int
+    drawn: int
+    following: int
+
+
+SLIPS: Final = Rows(OF_RESTITUTION, ROW.SLIP_SIZE, ROW.SLIP, ROW.SLIP_NEXT)
+PUSHES: Final = Rows(OF_KICK, ROW.PUSH_SIZE, ROW.PUSH, ROW.PUSH_NEXT)
 
 
 @jit
@@ -39,82 +52,67 @@ def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int, together: f
     an even number of them at the last look.  Else, 0, each lane counts its own.
     """
     if noise is not None:
+        wide_vectors()
         if together == 0.0:
-            _draw_slips_apart(noise.restitution, noise.key, s, lanes)
-            _draw_pushes_apart(noise.kick, noise.key, s, lanes)
-        else:
-            _draw_slips(noise.restitution, noise.key, s, lanes, since)
-            _draw_pushes(noise.kick, noise.key, s, lanes, since)
-            _draw_drives(noise.drive, noise.key, s, lanes)
-
-
-@jit
-def _draw_slips(on: int | None, key: Key, s: Floats, lanes: int, since: int) -> None:
-    if on is not None:
-        wide_vectors()
-        if since % 2 == 0:
             for j in range(lanes):
-                first, second = _pair(key, s, j, since, OF_RESTITUTION)
-                s[ROW.SLIP + j] = s[ROW.SLIP_SIZE + j] * first
-                s[ROW.SLIP_NEXT + j] = s[ROW.SLIP_SIZE + j] * second
+                _draw_one(noise.restitution, noise.key, s, j, SLIPS)
+                _draw_one(noise.kick, noise.key, s, j, PUSHES)
+        elif since % 2 == 0:
+            for j in range(lanes):
+                _draw_two(noise.restitution, noise.key, s, j, since, SLIPS)
+                _draw_two(noise.kick, noise.key, s, j, since, PUSHES)
         else:
             for j in range(lanes):
-                s[ROW.SLIP + j] = s[ROW.SLIP_NEXT + j]
+                _take_second(noise.restitution, s, j, SLIPS)
+                _take_second(noise.kick, s, j, PUSHES)
+        _draw_drives(noise.drive, noise.key, s, lanes)
 
 
 @jit
-def _draw_pushes(on: int | None, key: Key, s: Floats, lanes: int, since: int) -> None:
+def _draw_one(on: int | None, key: Key, s: Floats, j: int, of: Rows) -> None:
     if on is not None:
-        wide_vectors()
-        if since % 2 == 0:
-            for j in range(lanes):
-                first, second = _pair(key, s, j, since, OF_KICK)
-                s[ROW.PUSH + j] = s[ROW.PUSH_SIZE + j] * first
-                s[ROW.PUSH_NEXT + j] = s[ROW.PUSH_SIZE + j] * second
-        else:
-            for j in range(lanes):
-                s[ROW.PUSH + j] = s[ROW.PUSH_NEXT + j]
+        stream, particle, age = s[ROW.STREAM + j], s[ROW.PARTICLE + j], s[ROW.AGE + j]
+        s[of.drawn + j] = s[of.size + j] * deviate(key, stream, particle, age, of.purpose)
 
 
 @jit
-def _pair(key: Key, s: Floats, j: int, since: int, purpose: Word) -> tuple[float, float]:
-    pair = 0.5 * (s[ROW.AGE + j] + since)
-    return deviates(key, s[ROW.STREAM + j], s[ROW.PARTICLE + j], pair, purpose)
-
-
-@jit
-def _draw_slips_apart(on: int | None, key: Key, s: Floats, lanes: int) -> None:
+def _draw_two(on: int | None, key: Key, s: Floats, j: int, since: int, of: Rows) -> None:
     if on is not None:
-        wide_vectors()
-        for j in range(lanes):
-            stream, particle = s[ROW.STREAM + j], s[ROW.PARTICLE + j]
-            xi = deviate(key, stream, particle, s[ROW.AGE + j], OF_RESTITUTION)
-            s[ROW.SLIP + j] = s[ROW.SLIP_SIZE + j] * xi
+        stream, particle = s[ROW.STREAM + j], s[ROW.PARTICLE + j]
+        pair = 0.5 * (s[ROW.AGE + j] + since)
+        first, second = deviates(key, stream, particle, pair, of.purpose)
+        s[of.drawn + j] = s[of.size + j] * first
+        s[of.following + j] = s[of.size + j] * second
 
 
 @jit
-def _draw_pushes_apart(on: int | None, key: Key, s: Floats, lanes: int) -> None:
+def _take_second(on: int | None, s: Floats, j: int, of: Rows) -> None:
     if on is not None:
-        wide_vectors()
-        for j in range(lanes):
-            stream, particle = s[ROW.STREAM + j], s[ROW.PARTICLE + j]
-            xi = deviate(key, stream, particle, s[ROW.AGE + j], OF_KICK)
-            s[ROW.PUSH + j] = s[ROW.PUSH_SIZE + j] * xi
+        s[of.drawn + j] = s[of.following + j]
 
 
 @jit
 def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
+    """Draw for the forcing period of the next landing, or for that which may end a rest."""
     if on is not None:
         wide_vectors()
         for j in range(lanes):
-            x, passed = land(s[ROW.X + j], s[ROW.U + j])
+            flown = s[ROW.U + j] if s[ROW.ASLEEP + j] == 0.0 else 0.0
+            x, passed = land(s[ROW.X + j], flown)
             period = period_of(s[ROW.N + j] + passed + s[ROW.ORIGIN + j], x)
             drawn = deviate(key, s[ROW.STREAM + j], 0.0, period, OF_DRIVE)
             s[ROW.DRIVE + j] = s[ROW.DRIVE_SIZE + j] * drawn
 
 
 @jit
-def note_sleep(noise: Noise | None, s: Floats, j: int, asleep: bool) -> None:
-    """Note whether lane j has come to rest, and is to be woken."""
+def note_sleep(noise: Noise | None, s: Floats, j: int, rests: bool) -> None:
+    """Note whether lane j has come to rest, until a period that lifts it."""
     if noise is not None:
-        s[ROW.ASLEEP + j] = 1.0 if asleep else 0.0
+        _note(noise.drive, s, j, rests)
+
+
+@jit
+def _note(on: int | None, s: Floats, j: int, rests: bool) -> None:
+    if on is not None:
+        waits = s[ROW.ASLEEP + j]
+        s[ROW.ASLEEP + j] = 1.0 if rests else waits if waits > 0.0 else 0.0

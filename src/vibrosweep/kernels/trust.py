@@ -27,7 +27,9 @@ from vibrosweep.kernels.bases import (
     fly,
     jacobian,
     lift_off,
+    random,
     rebound,
+    wake,
 )
 from vibrosweep.kernels.bases.error_bounds import (
     Spread,
@@ -35,10 +37,12 @@ from vibrosweep.kernels.bases.error_bounds import (
     landing_added,
     launch_error,
     liftoff_error,
+    random_liftoff_error,
     rebound_error,
     rest_is_doubtful,
 )
-from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
+from vibrosweep.kernels.impact import Batch, Instant, land, launch, launch_speed
+from vibrosweep.kernels.noise import Noise
 from vibrosweep.kernels.rounding import LAUNCH_ERROR, ROUNDING
 from vibrosweep.kernels.tangent import carry
 from vibrosweep.kernels.unwritten import unwritten
@@ -114,6 +118,9 @@ def turn_box(frame: Frame, box: Box, derivative: Jacobian) -> tuple[Frame, Box]:
     return (c, s), box
 
 
+State = tuple[float, float, float]  # whole periods from time 0, phase, and speed of a lift-off
+
+
 class Bounded(NamedTuple):
     """An impact with the bounds of its errors."""
 
@@ -128,17 +135,29 @@ class Bounded(NamedTuple):
     # frame, box: of the error of (x, w)
     frame: Frame
     box: Box
+    fixed: Constants  # with what is random in it
 
 
 @jit
-def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box, cycles: float) -> Bounded:
-    """An impact of a particle that leaves phase x with speed u, its error in frame and box.
+def _impact(
+    fixed: Constants,
+    at: State,
+    frame: Frame,
+    box: Box,
+    cycles: float,
+    particle: float = 0.0,
+    number: float = 0.0,
+) -> Bounded:
+    """An impact of a particle that leaves a state, its error in frame and box.
 
-    That of all cycles is `cycles` times as large.
+    That of all cycles is `cycles` times as large.  What is random in the impact depends on the
+    particle and the number of its impacts until then.
     """
+    n, x, u = at
     time, v = fly(fixed, x, u)
     x_land, passed = land(x, time)
     flight = Flight(x, u, time, x_land, v)
+    fixed = random(fixed, particle, number, n + passed, x_land)
     derivative = jacobian(fixed, flight)
     off, faster = spread_of(frame, box)
     off, faster = cycles * off, cycles * faster
@@ -153,7 +172,7 @@ def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box, cycles
         box[1] + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
     )
     w = rebound(fixed, x_land, v)
-    return Bounded(x_land, passed, v, w, error, spread_of(frame, box), frame, box)
+    return Bounded(x_land, passed, v, w, error, spread_of(frame, box), frame, box, fixed)
 
 
 @jit
@@ -172,7 +191,7 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
         x_error = box[0]
     all_cycles = 1.0 / (1.0 - modulus)
     for _ in range(impacts):
-        hit = _impact(fixed, x, u, frame, box, all_cycles)
+        hit = _impact(fixed, (0.0, x, u), frame, box, all_cycles)
         if not all_cycles * hit.error < LOST:
             return False
         off, faster = hit.spread
@@ -188,6 +207,19 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
 
 
 @jit
+def _lifted(noise: Noise | None, fixed: Constants, hit: Bounded, n: float, later: Instant) -> Box:
+    """Bounds of the errors of the lift-off after a rest that begins in period n; or infinite.
+
+    They are where it is in doubt whether the rest begins before the instant of the lift-off.
+    """
+    if noise is not None:
+        return random_liftoff_error(fixed, n, hit.x, hit.error, later)
+    box = liftoff_error(fixed)
+    doubtful = later[0] < np.inf and abs(hit.x - later[1]) <= hit.error + box[0]
+    return (np.inf, np.inf) if doubtful else box
+
+
+@jit
 def _follow(
     batch: Batch, i: int, p: int, tolerance: float, budget: int
 ) -> tuple[float, float, float]:
@@ -195,14 +227,14 @@ def _follow(
     problem = batch.problem
     fixed = constants(batch.base, problem, i)
     x_end = problem.end_phase[i]
-    n, x = launch(batch.launches, i, p, problem.phase[i])
-    n -= problem.end_count[i]
+    n_end, (n, x) = problem.end_count[i], launch(batch.launches, i, p, problem.phase[i])
+    n -= n_end
     u = launch_speed(fixed, problem, i, x)
     frame, box = (1.0, 0.0), (LAUNCH_ERROR, launch_error(fixed, x, u))
     until, worst, flight_error = np.nan, 0.0, 0.0
     known = True
-    for _ in range(budget):
-        hit = _impact(fixed, x, u, frame, box, 1.0)
+    for number in range(budget):
+        hit = _impact(fixed, (n + n_end, x, u), frame, box, 1.0, p, number)
         n += hit.passed
         remaining = (x_end - hit.x) - n
         if remaining < -hit.error - LAUNCH_ERROR:
@@ -212,21 +244,21 @@ def _follow(
         worst = max(worst, hit.error)
         known = known and hit.error <= tolerance
         if known:
-            until = (n + problem.end_count[i]) + (hit.x - problem.phase[i])
+            until = (n + n_end) + (hit.x - problem.phase[i])
         if rest_is_doubtful(fixed, hit.x, hit.w, hit.spread):
             break
-        n, x, u, leaves = lift_off(fixed, n, hit.x, hit.w)
+        n_hit = n
+        n, x, u, leaves = lift_off(hit.fixed, n, hit.x, hit.w)
         if leaves:
             flight_error = max(flight_error, absolute_error(fixed, x, u, hit.spread))
             frame, box = hit.frame, hit.box
             continue
-        frame, box = (1.0, 0.0), liftoff_error(fixed)
+        frame, box = (1.0, 0.0), _lifted(fixed.base.noise, fixed, hit, n_hit + n_end, (n, x))
         if box[0] == np.inf:
             break
+        n, x = wake(fixed, n, x, n_end)
         if n == np.inf:
             return (np.inf if known else until), worst, flight_error
-        if abs(hit.x - x) <= hit.error + box[0]:
-            break
         flight_error = max(flight_error, absolute_error(fixed, x, u, box))
     else:
         return until, np.nan, np.nan

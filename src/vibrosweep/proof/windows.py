@@ -18,6 +18,8 @@ from vibrosweep.kernels.continuation import BORN
 from vibrosweep.kernels.extended import DOUBLING, FIX_E, GRAZE, REST, SADDLE_NODE
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.measures import Variable
+from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.closed import (
     BITS,
@@ -113,7 +115,8 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
     k = _mode(one)
     if not k:
         return _Proof(NO_ORBIT, NO_ORBIT, UNBOUNDED)
-    if scene.rebound != "rest" or scene.waveform.name != "sine":
+    laws = scene.rebound, scene.waveform.name, scene.restitution_law
+    if laws != ("rest", SINE_NAME, CONSTANT):
         return _Proof(LAW, LAW, UNBOUNDED)
     forcing, e = str(one.attrs["forcing"]), float(one["restitution"])
     symbol = FORCINGS[forcing].symbol

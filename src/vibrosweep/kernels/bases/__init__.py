@@ -63,7 +63,6 @@ __all__ = [
     "speed",
     "take",
     "wake",
-    "wake_lanes",
 ]
 
 Base = Any  # an empty named tuple: its type is what numba compiles for
@@ -213,14 +212,6 @@ def wake(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, fl
     """Return when a particle is lifted that rests from (n, x) on, where `lift_off` has not.
 
     Whole periods count from `origin`; they are NaN where no lift-off is found.
-    """
-
-
-@generic
-def wake_lanes(base: Base, s: Floats, lanes: int) -> None:
-    """Wake those of the first lanes that have come to rest in this pass, as `wake` does.
-
-    Where it finds no lift-off, the age becomes infinite.
     """
 
 

@@ -12,6 +12,7 @@ __all__ = [
     "landing_added",
     "launch_error",
     "liftoff_error",
+    "random_liftoff_error",
     "rebound_error",
     "rest_is_doubtful",
 ]
@@ -70,4 +71,15 @@ def liftoff_error(fixed: Constants) -> tuple[float, float]:
     """Bounds of the errors of phase and speed of the lift-off from a rest.
 
     The first is infinite where it is in doubt whether a resting particle is ever lifted.
+    """
+
+
+@generic
+def random_liftoff_error(
+    fixed: Constants, n: float, x: float, error: float, later: tuple[float, float]
+) -> tuple[float, float]:
+    """Bounds as `liftoff_error` gives, where something is random.
+
+    The rest begins at (n, x), counted from time 0, whose phase has an error, and ends `later`, as
+    `lift_off` says.  The first is infinite too where it is in doubt when it ends.
     """

@@ -15,6 +15,7 @@ if and only if |f| < 1 and 0 < -g s < 2 (1 + f).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, fma, implements, jit, uncompiled
 from vibrosweep.kernels.bases import Counted, Flight, Jacobian
+from vibrosweep.kernels.deviates import LARGEST
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import Law, direction, speed_after
 from vibrosweep.kernels.noise import SILENT, STILL, Draw, Noise, Source
@@ -50,6 +52,8 @@ from vibrosweep.kernels.waveforms import (
     velocity,
 )
 from vibrosweep.model.parameters import Dimensionless
+
+TWO_PI = 2.0 * math.pi
 
 
 class HighBounce(NamedTuple):
@@ -114,26 +118,22 @@ def fly_high_bounce(fixed: Constants, x: float, u: float) -> tuple[float, float]
     return u, u
 
 
-@implements(bases.prepare, HighBounce)
-def prepare_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
-    pass
-
-
 @implements(bases.approach, Constants)
 def approach_high_bounce(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     u = s[ROW.U + j]
-    return u, u, True
+    return u, u, noise.lands(fixed.base.noise, s, j)
 
 
 @implements(bases.may_land, Constants)
 def may_land_high_bounce(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
-    return True
+    return noise.together(fixed.base.noise) == 1.0 or bool(s[ROW.AGE + j] < budget)
 
 
 @implements(bases.keep, Constants)
 def keep_high_bounce(
     fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool
 ) -> bool:
+    noise.count_impact(fixed.base.noise, s, j, landed)
     return seen
 
 
@@ -149,7 +149,7 @@ def pending_high_bounce(base: HighBounce, s: Floats, j: int) -> bool:
 
 @implements(bases.common_age, HighBounce)
 def common_age_high_bounce(base: HighBounce) -> float:
-    return 1.0
+    return noise.together(base.noise)
 
 
 @implements(bases.counted, Constants)
@@ -179,7 +179,7 @@ def lifts_high_bounce(base: HighBounce, problem: Dimensionless) -> NDArray[np.bo
     drive = None if problem.noise is None else problem.noise.drive
     strongest_kick = problem.kick * uncompiled(peak_of)(base.waveform)
     if drive is not None:
-        strongest_kick = strongest_kick * (1.0 + noise.LARGEST * drive)
+        strongest_kick = strongest_kick * (1.0 + LARGEST * drive)
     return strongest_kick > problem.rest_flight
 
 
@@ -236,8 +236,9 @@ def _restitution(fixed: Constants, v: float) -> float:
 @jit
 def _slope(fixed: Constants, v: float) -> float:
     """Derivative by v of the speed that an impact leaves, without the kick."""
-    q = slope(fixed.base.restitution, fixed.e, fixed.scale, v)
-    return noise.slipped(fixed.base.noise, q, fixed.draw.slip)
+    law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
+    share, q = ratio(law, e, scale, v), slope(law, e, scale, v)
+    return noise.slipped_slope(fixed.base.noise, share, q, fixed.draw.slip)
 
 
 @jit
@@ -259,6 +260,7 @@ def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
     by_speed, by_kick = _slopes(fixed, flight.landing, flight.v)
     k = by_kick * kick_slope(fixed.base.waveform, fixed.a, flight.landing)
     size = 2.0 + slack(fixed.base.restitution) * abs(by_speed) + 2.0 * abs(k)
+    size += TWO_PI * noise.swing(fixed.base.noise, fixed.a, fixed.draw.drive)
     return 1.0, 1.0, k, by_speed + k, size
 
 

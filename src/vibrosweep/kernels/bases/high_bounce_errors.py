@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.kernels._jit import fma, implements
+from vibrosweep.kernels import noise
+from vibrosweep.kernels._jit import fma, implements, jit
 from vibrosweep.kernels.bases import Flight, error_bounds
 from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.bases.high_bounce import Constants
+from vibrosweep.kernels.bases.high_bounce_noise import first_lift_error
 from vibrosweep.kernels.restitution import (
     ratio,
     ratio_error,
     slope_change,
+    straight,
 )
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.waveforms import (
@@ -26,13 +29,14 @@ from vibrosweep.kernels.waveforms import (
 
 # A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
 LANDING_ERROR = 0.5 * HALF_ULP
+Instant = tuple[float, float]  # whole periods and phase
 
 
 @implements(error_bounds.jacobian_error, Constants)
 def jacobian_error_high_bounce(
     fixed: Constants, flight: Flight, error: float, spread: Spread
 ) -> tuple[float, float, float]:
-    by_phase = kick_bend(fixed.base.waveform, fixed.a, flight.landing, error)
+    by_phase = kick_bend(fixed.base.waveform, abs(fixed.a), flight.landing, error)
     change = slope_change(fixed.base.restitution, fixed.e, fixed.scale, flight.v, spread[1])[1]
     return 0.0, change, by_phase
 
@@ -58,12 +62,18 @@ def rebound_error_high_bounce(
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
     a, shape = fixed.a, fixed.base.waveform
     share, of_base = ratio(law, e, scale, v), velocity(shape, x)
-    w = fma(share, v, a * of_base)
+    random, draw = fixed.base.noise, fixed.draw
+    kick = a * of_base
+    w = fma(noise.slipped(random, share, draw.slip), v, noise.pushed(random, kick, draw.push))
     kicked = abs(kick_slope(shape, a, x)) * added[0] + (HALF_ULP * abs(w) + SMALLEST)
     kicked += ratio_error(law, e, scale, v) * (share * v)
-    kicked += kick_rounding(shape, a, of_base)
-    kicked += left_out(shape, a, x, error)
-    return kicked + slope_change(law, e, scale, v, spread[1])[1] * spread[1]
+    kicked += kick_rounding(shape, abs(a), of_base)
+    kicked += left_out(shape, abs(a), x, error)
+    kicked += slope_change(law, e, scale, v, spread[1])[1] * spread[1]
+    kicked += noise.rounding(random, share, v, draw, kick)
+    kicked += 2.0 * HALF_ULP * noise.swing(random, a, draw.drive) * abs(of_base)
+    clips = not straight(law) and noise.clip_is_doubtful(random, share, draw.slip, spread[1] / v)
+    return np.inf if clips or noise.period_is_doubtful(random, x, error) else kicked
 
 
 @implements(error_bounds.absolute_error, Constants)
@@ -86,3 +96,47 @@ def liftoff_error_high_bounce(fixed: Constants) -> tuple[float, float]:
         return 0.0, 0.0
     error = lift_off_error(shape, a, r, fixed.x_lift)
     return error, REST_ERROR * r if error < np.inf else np.inf
+
+
+@implements(error_bounds.random_liftoff_error, Constants)
+def random_liftoff_error_high_bounce(
+    fixed: Constants, n: float, x: float, error: float, later: tuple[float, float]
+) -> tuple[float, float]:
+    return _random_liftoff(fixed.base.noise, fixed, (n, x), error, later)
+
+
+@jit
+def _random_liftoff(
+    random: noise.Noise | None, fixed: Constants, begin: Instant, error: float, later: Instant
+) -> tuple[float, float]:
+    if random is None:
+        return error_bounds.liftoff_error(fixed)
+    return _liftoff(random.drive, random, fixed, begin, error, later)
+
+
+@jit
+def _liftoff(
+    on: int | None,
+    random: noise.Noise,
+    fixed: Constants,
+    begin: Instant,
+    error: float,
+    later: Instant,
+) -> tuple[float, float]:
+    n, x = begin
+    shape, a, r = fixed.base.waveform, fixed.a, fixed.r
+    if on is not None:
+        most = noise.strongest(random, a, fixed.source)
+        if abs(most - r) <= 2.0 * KICK_ERROR * most + REST_ERROR * r:
+            return np.inf, np.inf
+        return (0.0, 0.0) if most < r else first_lift_error(random, fixed, n, x, error)
+    of_base = velocity(shape, x)
+    off = abs(kick_slope(shape, a, x)) * error + left_out(shape, a, x, error)
+    off += kick_rounding(shape, a, of_base) + REST_ERROR * r
+    if not abs(a * of_base - r) > 2.0 * off:
+        return np.inf, np.inf
+    if a * of_base > r:  # the noise has pushed it down
+        return error, REST_ERROR * r
+    found = error_bounds.liftoff_error(fixed)
+    doubtful = later[0] < np.inf and abs(x - later[1]) <= error + found[0]
+    return (np.inf, np.inf) if doubtful else found

@@ -11,22 +11,19 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, implements, jit
+from vibrosweep.kernels._jit import Floats, implements, jit, wide_vectors
 from vibrosweep.kernels.bases.high_bounce import Constants, HighBounce
+from vibrosweep.kernels.deviates import OF_DRIVE, deviate
 from vibrosweep.kernels.lanes import ROW, STRIDE
-from vibrosweep.kernels.noise import (
-    OF_DRIVE,
-    Noise,
-    deviate,
-    draw_of,
-    driven,
-    period_of,
-)
+from vibrosweep.kernels.noise import Noise, draw_of, driven, period_of
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
+from vibrosweep.kernels.waveforms import lift_off_error
 from vibrosweep.model.arcsine import arcsin_turns
 
 __all__: list[str] = []
 
 _arcsin_turns = jit(arcsin_turns)
+USELESS: Final = 2.0**-20  # turns; a bound of a lift-off that is larger is none
 LONGEST: Final = 2**24  # forcing periods that a particle rests, where none of them lifts it
 
 
@@ -50,6 +47,16 @@ def random_high_bounce(
 
 
 @jit
+def _lift_in(kick: float, r: float, after: float) -> tuple[bool, float]:
+    """Whether the kick exceeds r from some turns into a period on, with the turns until then."""
+    rises = _arcsin_turns(r / abs(kick))
+    falls = 0.5 - rises
+    # where it is negative the kick is upward in the second half of the period
+    rises, falls = (0.5 + rises, 0.5 + falls) if kick < 0.0 else (rises, falls)
+    return (abs(kick) > r) & (after < falls), max(after, rises)
+
+
+@jit
 def _first_lift(
     noise: Noise, stream: float, size: float, a: float, r: float, n: float, x: float
 ) -> tuple[float, float]:
@@ -61,17 +68,44 @@ def _first_lift(
     after = x + (n - period)  # turns from the beginning of the period, in [0, 1]
     for _ in range(LONGEST):
         kick = driven(noise, a, size * deviate(noise.key, stream, 0.0, period, OF_DRIVE))
-        if abs(kick) > r:
-            rises = _arcsin_turns(r / abs(kick))
-            falls = 0.5 - rises
-            if kick < 0.0:  # the kick is upward in the second half of the period
-                rises, falls = 0.5 + rises, 0.5 + falls
-            if after < falls:
-                after = max(after, rises)
-                whole = np.rint(after)
-                return period + whole, after - whole
+        lifts, after = _lift_in(kick, r, after)
+        if lifts:
+            whole = np.rint(after)
+            return period + whole, after - whole
         period, after = period + 1.0, 0.0
     return np.nan, 0.0
+
+
+@jit
+def first_lift_error(
+    noise: Noise, fixed: Constants, n: float, x: float, error: float
+) -> tuple[float, float]:
+    """Bounds of the errors of `_first_lift`, where that of the phase x of the rest is known.
+
+    The first is infinite where it is in doubt which forcing period lifts the particle.  The kick of
+    a period takes two roundings, and its noise two, more than that without noise.
+    """
+    a, r, size = fixed.a, fixed.r, fixed.source.drive
+    period = period_of(n, x)
+    after, edge = x + (n - period), error
+    for _ in range(LONGEST):
+        drive = size * deviate(noise.key, fixed.source.stream, 0.0, period, OF_DRIVE)
+        kick = abs(driven(noise, a, drive))
+        off = 2.0 * KICK_ERROR * (kick + a * abs(drive)) + REST_ERROR * r
+        if not abs(kick - r) > 2.0 * off:
+            return np.inf, np.inf
+        if kick > r:
+            rises = _arcsin_turns(r / kick)
+            factor = 3.0 + a * abs(drive) / kick
+            edge += factor * lift_off_error(fixed.base.waveform, kick, r, rises) + 4.0 * HALF_ULP
+            turned = 0.5 if 1.0 + drive < 0.0 else 0.0
+            rises, falls = turned + rises, turned + 0.5 - rises
+            if not min(abs(after - rises), abs(after - falls)) > edge or edge > USELESS:
+                return np.inf, np.inf
+            if after < falls:
+                return error if after > rises else edge, REST_ERROR * r
+        period, after, edge = period + 1.0, 0.0, 0.0
+    return np.inf, np.inf
 
 
 @implements(bases.wake, Constants)
@@ -99,8 +133,8 @@ def _wake_in(
     return whole - origin, phase
 
 
-@implements(bases.wake_lanes, HighBounce)
-def wake_lanes_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
+@implements(bases.prepare, HighBounce)
+def prepare_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
     _wake_all(base.noise, s, lanes)
 
 
@@ -112,13 +146,21 @@ def _wake_all(noise: Noise | None, s: Floats, lanes: int) -> None:
 
 @jit
 def _wake_lanes(on: int | None, noise: Noise, s: Floats, lanes: int) -> None:
+    """Ask whether the forcing period that was drawn ends the rest of a lane, as `_first_lift`."""
     if on is not None:
+        wide_vectors()
         for j in range(lanes):
-            if s[ROW.ASLEEP + j] != 0.0:
-                a, r = s[ROW.CONSTANTS + STRIDE + j], s[ROW.CONSTANTS + 2 * STRIDE + j]
-                n, x, origin = s[ROW.N + j], s[ROW.X + j], s[ROW.ORIGIN + j]
-                stream, size = s[ROW.STREAM + j], s[ROW.DRIVE_SIZE + j]
-                n, x = _first_lift(noise, stream, size, a, r, n + origin, x)
-                if n != n:
-                    s[ROW.AGE + j], x = np.inf, np.nan
-                s[ROW.N + j], s[ROW.X + j] = n - origin, x
+            a, r = s[ROW.CONSTANTS + STRIDE + j], s[ROW.CONSTANTS + 2 * STRIDE + j]
+            n, x, origin = s[ROW.N + j], s[ROW.X + j], s[ROW.ORIGIN + j]
+            asked = s[ROW.ASLEEP + j]
+            period = period_of(n + origin, x)
+            kick = driven(noise, a, s[ROW.DRIVE + j])
+            lifts, after = _lift_in(kick, r, x + (n + origin - period))
+            rests = asked > 0.0
+            given_up = rests & (asked >= LONGEST) & (not lifts)
+            whole = np.rint(after) if lifts else 1.0
+            x_off = after - whole if lifts else 0.0
+            s[ROW.N + j] = period + whole - origin if rests else n
+            s[ROW.X + j] = (np.nan if given_up else x_off) if rests else x
+            s[ROW.AGE + j] = np.inf if given_up else s[ROW.AGE + j]
+            s[ROW.ASLEEP + j] = (-1.0 if lifts else asked + 1.0) if rests else asked

@@ -140,11 +140,6 @@ def wake_moving(fixed: MovingConstants, n: float, x: float, origin: float) -> tu
     return n, x
 
 
-@implements(bases.wake_lanes, Moving)
-def wake_lanes_moving(base: Moving, s: Floats, lanes: int) -> None:
-    pass
-
-
 @implements(bases.after_rest, MovingConstants)
 def after_rest_moving(fixed: MovingConstants) -> tuple[float, float]:
     return fixed.x_lift, 0.0

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels import bases
+from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import implements, jit
 from vibrosweep.kernels.bases import Constants, Flight, error_bounds
 from vibrosweep.kernels.bases.error_bounds import Spread
@@ -236,15 +236,38 @@ def rebound_error_moving(
     fixed: Constants, flight: Flight, added: tuple[float, float], error: float, spread: Spread
 ) -> float:
     law, e, scale, z = fixed.base.restitution, fixed.e, fixed.scale, flight.v
-    share = ratio(law, e, scale, z)
+    share, (random, draw) = ratio(law, e, scale, z), (fixed.base.noise, fixed.draw)
+    left, of_noise = noise.slipped(random, share, draw.slip), noise.rounding(random, share, z, draw)
     if straight(law) or share == 0.0:
-        return share * (added[1] + HALF_ULP * abs(z)) + SMALLEST
-    q = slope(law, e, scale, z)
+        error = left * (added[1] + HALF_ULP * abs(z)) + SMALLEST + of_noise
+        return _unless_turned(random, fixed, flight, spread, error)
+    q = noise.slipped_slope(random, share, slope(law, e, scale, z), draw.slip)
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
-    linear = SURE * (abs(by_x) * spread[0] + abs(by_y) * spread[1]) / q
+    linear = SURE * (abs(by_x) * spread[0] + abs(by_y) * spread[1]) / abs(q)
     _, change = slope_change(law, e, scale, z, linear + added[1])
     rounding = (HALF_ULP + ratio_error(law, e, scale, z)) * share * abs(z)
-    return (q + change) * added[1] + change * linear + rounding + SMALLEST
+    error = (abs(q) + change) * added[1] + change * linear + rounding + SMALLEST + of_noise
+    if noise.clip_is_doubtful(random, share, draw.slip, (linear + added[1]) / abs(z)):
+        return np.inf
+    return _unless_turned(random, fixed, flight, spread, error)
+
+
+@jit
+def _unless_turned(
+    random: noise.Noise | None,
+    fixed: Constants,
+    flight: Flight,
+    spread: Spread,
+    error: float,
+) -> float:
+    """An error, infinite where all of that of a lift-off decides if noise turns the speed back."""
+    if random is None:
+        return error
+    _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
+    every = error + SURE * (abs(by_x) * spread[0] + abs(by_y) * spread[1])
+    share = ratio(fixed.base.restitution, fixed.e, fixed.scale, flight.v)
+    w = noise.slipped(random, share, fixed.draw.slip) * flight.v + fixed.draw.push
+    return error if abs(w) > 2.0 * every else np.inf
 
 
 @implements(error_bounds.jacobian_error, MovingConstants, ShapedConstants)
@@ -304,3 +327,12 @@ def liftoff_error_moving(fixed: MovingConstants) -> tuple[float, float]:
         return np.inf, np.inf
     slope = TWO_PI * math.sqrt((gamma - 1.0) * (gamma + 1.0))  # of Gamma by x_L, over Gamma
     return 2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0
+
+
+@implements(error_bounds.random_liftoff_error, MovingConstants, ShapedConstants)
+def random_liftoff_error_moving(
+    fixed: Constants, n: float, x: float, error: float, later: tuple[float, float]
+) -> tuple[float, float]:
+    found = error_bounds.liftoff_error(fixed)
+    doubtful = later[0] < np.inf and abs(x - later[1]) <= error + found[0]
+    return (np.inf, np.inf) if doubtful else found

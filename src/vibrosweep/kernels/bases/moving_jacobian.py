@@ -145,5 +145,5 @@ def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
     parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * at.of_z) / z
     size = 1.0 + parts * (at.of_x + s) / z
     largest = abs(pull) + 2.0 * limits(fixed, 1.0).steep + 2.0
-    size += slack(law) * abs(q) * (largest * size + 4.0 * at.of_lost)
+    size += slack(law) * (abs(q) + abs(fixed.draw.slip)) * (largest * size + 4.0 * at.of_lost)
     return 1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size

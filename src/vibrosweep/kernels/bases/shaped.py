@@ -24,7 +24,6 @@ from vibrosweep.kernels.bases.moving import (
     density_moving,
     rebound_moving,
     reverses_moving,
-    wake_lanes_moving,
     wake_moving,
 )
 from vibrosweep.kernels.bases.shaped_search import (
@@ -204,4 +203,3 @@ implements(bases.contraction, ShapedConstants)(contraction_moving)
 implements(bases.density, ShapedConstants)(density_moving)
 implements(bases.reverses, ShapedConstants)(reverses_moving)
 implements(bases.wake, ShapedConstants)(wake_moving)
-implements(bases.wake_lanes, Shaped)(wake_lanes_moving)
