@@ -170,7 +170,7 @@ def test_a_diagram_and_its_picture_are_written(
             ["sample.restitution", "axis of amplitude"],
         ),
         ("bifurcation", "amplitude = [1.0, 2.0]", ["--observable", "height"], ["rebound_height"]),
-        ("basins", "amplitude = [1.0, 2.0]", [], ["sample.amplitude", "axis of launch_velocity"]),
+        ("basins", "amplitude = [1.0, 2.0]", [], ["sample.design", "axis of launch_velocity"]),
         (
             "windows",
             'frequency = [0.5, 1.0]\n[windows]\nconditions = ["locked(1)"]',

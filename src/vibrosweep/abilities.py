@@ -99,8 +99,8 @@ UNDER_NOISE: Final = frozenset(
 
 # Analyses of a constant restitution alone
 OF_CONSTANT: Final = (
-    *("branches", "boundaries"),
-    *("energy_balance", "heights_against_restitution", "slot_decay", "explore", "laboratory"),
+    "energy_balance",
+    *("heights_against_restitution", "slot_decay", "explore", "laboratory"),
 )
 
 

@@ -6,27 +6,20 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.analysis.basin_shape import basin_measures
-from vibrosweep.model.status import Regime
+from vibrosweep.analysis.basin_shape import basin_measures, share_interval
 
 SPEEDS = np.linspace(0.0, 10.0, 200)
-LOCKED = np.array([Regime.LOCKED, Regime.LOCKED])
 
 
-def measures(index, regime=LOCKED, speeds=SPEEDS):
-    index = np.asarray(index)
-    count = np.bincount(index.ravel(), minlength=regime.size)
-    found = basin_measures(index, regime, count, speeds)
-    return {name: value[1] for name, value in found.items()}
+def measures(index, speeds=SPEEDS):
+    return {name: value[1] for name, value in basin_measures(np.asarray(index), speeds).items()}
 
 
 def test_one_basin_has_no_entropy_and_no_boundary():
-    found = measures(np.zeros((200, 50), int), LOCKED[:1])
+    found = measures(np.zeros((200, 50), int))
     assert found["basin_entropy"] == 0.0
     assert math.isnan(found["boundary_entropy"])
     assert math.isnan(found["uncertainty_exponent"])
-    assert found["fraction_high"][0] == 1.0
-    assert found["fraction_low"][0] < 1.0
 
 
 def test_a_smooth_boundary_has_the_exponent_one():
@@ -46,11 +39,18 @@ def test_basins_mixed_at_random_have_the_exponent_zero_and_the_entropy_of_a_coin
 
 
 def test_unsettled_launches_are_no_attractor():
-    index = np.random.default_rng(2).integers(0, 2, (200, 50))
-    found = measures(index, np.array([Regime.LOCKED, Regime.UNSETTLED]))
+    index = -np.random.default_rng(2).integers(0, 2, (200, 50))
+    found = measures(index)
     assert found["basin_entropy"] == 0.0
-    assert found["unsettled_fraction"] == pytest.approx((index == 1).mean())
-    assert np.isnan(found["fraction_low"]).tolist() == [False, True]
+    assert found["unsettled_fraction"] == pytest.approx((index == -1).mean())
+
+
+def test_intervals_hold_the_share_and_stay_within_0_and_1():
+    ends = share_interval(np.array([0, 3, 10]), 10)
+    assert (ends["low"] <= [0.0, 0.3, 1.0]).all()
+    assert (ends["high"] >= [0.0, 0.3, 1.0]).all()
+    assert ends["low"][0] == 0.0 < ends["high"][0]
+    assert ends["high"][2] == 1.0 > ends["low"][2]
 
 
 def test_uneven_or_few_speeds_have_no_exponent():

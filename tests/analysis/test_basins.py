@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import vibrosweep as vs
 from tests.scans import basins
 from vibrosweep import simulate
+from vibrosweep.analysis.basins import summary
 from vibrosweep.engine.measure import measure
-from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.figures import basin_shares, basins_of_attraction
 from vibrosweep.model.status import Regime
 from vibrosweep.scene.keywords import keyword_spec
 
@@ -33,10 +36,11 @@ def test_every_launch_is_on_the_attractor_that_a_sweep_finds(workers):
     observation = launch.only(regimes=True)
     observation = type(observation)(**{**vars(observation), "duration": 4000.0})
     measured = measure(launch.parameters({"launch_velocity": speeds}), observation, workers)
-    at = found["basin"].values
-    for name in ("cycle_impacts", "cycle_periods", "cycle_rests"):
-        assert np.array_equal(found[name].values[at], measured[name]), name
-    assert np.array_equal(found["regime"].values[at], measured["regime"])
+    settled = found["basin"].values >= 0
+    at = found["basin"].values[settled]
+    for name in ("cycle_impacts", "cycle_periods", "cycle_rests", "regime"):
+        assert np.array_equal(found[name].values[at], measured[name][settled]), name
+    assert (measured["regime"][~settled] == Regime.UNSETTLED).all()
 
 
 CYCLES = [
@@ -74,9 +78,10 @@ def test_the_impact_of_an_attractor_is_the_one_before_its_shortest_flight(scene)
 
 def test_fractions_count_the_launches():
     found = basins(SCENE, TIMES, np.linspace(0.0, 9.0, 10))
-    count = np.bincount(found["basin"].values.ravel())
-    assert found["fraction"].values == pytest.approx(count / 160.0)
-    assert found["fraction"].values.sum() == pytest.approx(1.0)
+    basin = found["basin"].values
+    assert found["fraction"].values == pytest.approx(np.bincount(basin[basin >= 0]) / 160.0)
+    rest = float(found["unsettled_fraction"])
+    assert found["fraction"].values.sum() == pytest.approx(1.0 - rest)
     assert (np.diff(found["fraction"]) <= 0.0).all()
 
 
@@ -118,7 +123,12 @@ def test_mistakes_are_named():
     for given, key in (
         ({"launch": [np.nan], "launch_velocity": [1.0]}, "scene.launch"),
         ({"launch_velocity": [-1.0]}, "sample.launch_velocity"),
-        ({"amplitude": [1.0, 2.0]}, "sample.amplitude"),
+        ({"amplitude": [1.0, 2.0]}, "sample.design"),
+        ({"frequency": [1.0, 2.0], "launch_velocity": [1.0]}, "sample.frequency"),
+        (
+            {"restitution": [0.9], "amplitude": [1.0], "launch_velocity": [1.0]},
+            "sample.amplitude",
+        ),
     ):
         with pytest.raises(SpecError) as caught:
             vs.basins(**given)
@@ -133,3 +143,61 @@ def test_basins_say_how_the_forcing_was_given():
     np.testing.assert_allclose(found["amplitude"], amplitude, rtol=1e-15)
     np.testing.assert_allclose(found["base_acceleration"], 0.4 * np.pi**2 / 9.81, rtol=1e-15)
     assert found.attrs["forcing"] == "base_displacement"
+
+
+@pytest.fixture(scope="module")
+def along():
+    """Basins where mode 1 exists, twice, and where nothing is locked."""
+    launched = {"launch_velocity": np.linspace(0.0, 9.0, 10), "particles": 16, "duration": 4000.0}
+    values = [1.2, 1.0, 0.3]
+    one = [vs.basins(amplitude=a, **launched) for a in values]
+    return vs.basins(amplitude=values, **launched), dict(zip(values, one, strict=True))
+
+
+def test_along_a_parameter_each_value_has_the_basins_that_it_has_alone(along):
+    found, alone = along
+    assert found["basin"].dims == ("amplitude", "launch_velocity", "launch_time")
+    assert found["amplitude"].values.tolist() == [0.3, 1.0, 1.2]
+    for a, one in alone.items():
+        here = found.sel(amplitude=a)
+        held = np.flatnonzero(here["fraction"].values)
+        assert sorted(here["fraction"].values[held]) == sorted(one["fraction"].values)
+        assert float(here["basin_entropy"]) == float(one["basin_entropy"])
+        for i in np.unique(one["basin"].values):
+            (now,) = np.unique(here["basin"].values[one["basin"].values == i])
+            for name in ("regime", "cycle_periods", "cycle_impacts", "fraction_high"):
+                assert here[name].values[now] == one[name].values[i], name
+    share = found["fraction"].sum("attractor") + found["unsettled_fraction"]
+    assert share.values == pytest.approx(1.0)
+    assert (np.diff(found["fraction"].sum("amplitude")) <= 0.0).all()
+
+
+def test_an_attractor_keeps_its_index_along_a_parameter(along):
+    found, _ = along
+    kinds = list(zip(found["regime"].values, found["cycle_periods"].values, strict=True))
+    locked = [i for i, (regime, _) in enumerate(kinds) if regime == Regime.LOCKED]
+    mode = next(i for i in locked if found["cycle_periods"][i] == 1)
+    assert (found["fraction"][:, mode] > 0.0).values.tolist() == [False, True, True]
+    assert found["rebound_velocity"][1:, mode].values == pytest.approx(4.905, abs=1e-9)
+    text = "".join(summary(found))
+    assert "at 2 values of amplitude, the first 1, the last 1.2" in text
+
+
+def test_launches_that_have_not_settled_are_no_attractor():
+    found = basins(keyword_spec({"duration": 20.0}).scene, TIMES, [3.0, 5.0])
+    assert Regime.UNSETTLED not in found["regime"].values
+    share = float((found["basin"] == -1).mean())
+    assert share == float(found["unsettled_fraction"]) > 0.1
+    assert float(found["fraction"].sum()) == pytest.approx(1.0 - share)
+    assert "unsettled, on no attractor" in "".join(summary(found))
+    names = [text.get_text() for text in basins_of_attraction(found).get_legend().get_texts()]
+    assert any(name.startswith("unsettled, ") for name in names)
+
+
+def test_the_figures_of_one_value_and_along_a_parameter_refuse_each_other(along):
+    found, alone = along
+    assert len(basin_shares(found, ax=Figure().add_subplot()).collections)
+    with pytest.raises(DataError, match="draws one value of amplitude"):
+        basins_of_attraction(found)
+    with pytest.raises(DataError, match="a list of amplitudes"):
+        basin_shares(alone[1.2])

@@ -12,7 +12,7 @@ from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.figures import orbit_boundaries, orbit_branches, parameter_plane
 from vibrosweep.figures.style import for_file
 
-SADDLE_NODE, DOUBLING, GRAZING = 0, 1, 2
+SADDLE_NODE, DOUBLING, GRAZING, YIELDING = 0, 1, 2, 6
 GRAVITY, FREQUENCY = 9.81, 1.0
 BASES = ("high-bounce", "moving")
 
@@ -81,6 +81,40 @@ def test_two_impacts_are_born_at_saddle_nodes(base, e):
             ]
             number = [int(((o.cycle_impacts == 2) & (o.cycle_periods == q)).sum()) for o in count]
             assert number[1] - number[0] == 2
+
+
+TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
+
+
+def test_a_mode_under_two_tones_ends_in_a_fold_and_begins_again_before_it():
+    """Orbits of one impact are roots of a w(x) = 1 - e: 0.1688 to 0.2855, and 0.2852 to 0.6657."""
+    kicks = np.array([0.12, 0.25, 0.29, 0.9])
+    found = vs.branches(restitution=0.85, amplitude=kicks * GRAVITY / 2.0, waveform=TWO_TONES)
+    assert found.sizes["branch"] == 1  # round both folds
+    folds, (last,) = (
+        [a * 2.0 / GRAVITY for a in met(found, 0, k)] for k in (SADDLE_NODE, DOUBLING)
+    )
+    assert sorted(folds) == pytest.approx([0.1688, 0.2852, 0.2855], abs=5e-5)
+    assert last == pytest.approx(0.6657, abs=5e-5)
+    for a in folds:  # at a fold the velocity of the base is stationary, so that it is a w = 1 - e
+        x = np.linspace(0.0, 1.0, 200_001)
+        w = np.sin(2 * np.pi * x) + 0.4 * np.sin(4 * np.pi * x + 1.1)
+        tops = w[1:-1][(np.diff(w)[:-1] > 0) != (np.diff(w)[1:] > 0)]
+        assert np.abs(tops - 0.15 / a).min() < 1e-8
+
+
+def test_orbits_are_followed_under_a_law_of_restitution_and_marked_where_they_yield():
+    """On the map 1 - e(v) = a sin, and q = dE/dv takes the place of e in the multipliers."""
+    law = {"restitution_law": "plastic", "restitution_speed": 4.0}
+    found = vs.branches(restitution=0.9, amplitude=[0.5, 1.5, 8.0], doublings=1, **law)
+    v = GRAVITY / 2.0
+    left = float(vs.theory.restitution_at(v, 0.9, "plastic", 4.0)) * v
+    assert met(found, 0, SADDLE_NODE) == pytest.approx([v - left], abs=1e-12)
+    last = math.hypot(v - left, (v + 0.75 * left) / math.pi)
+    assert met(found, 0, DOUBLING) == pytest.approx([last], abs=1e-12)
+    (at,) = met(found, 1, YIELDING)
+    near = vs.orbits(restitution=0.9, amplitude=at, impacts=2, periods=2, **law)
+    assert np.nanmin(np.abs(near.arrival_velocity - 4.0)) < 1e-9
 
 
 def test_a_branch_goes_round_its_fold_and_knows_why_it_ends():
@@ -184,5 +218,7 @@ def test_figures_show_branches_and_curves_alone_and_over_a_sweep():
     before = len(parameter_plane(plane, ax=Figure().add_subplot()).lines)
     drawn = orbit_boundaries(curves, sweep=plane, ax=Figure().add_subplot())
     assert len(drawn.lines) == before + 2 * curves.sizes["curve"]
+    named = [text.get_text() for text in drawn.get_legend().get_texts()]
+    assert sorted(named) == ["1 in 1 period, period doubling", "1 in 1 period, saddle-node"]
     alone = orbit_boundaries(curves, ax=Figure().add_subplot())
     assert len(alone.lines) == 2 * curves.sizes["curve"]

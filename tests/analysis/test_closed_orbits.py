@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
-from vibrosweep.analysis.closed_orbits import closed_orbits, summary
+from vibrosweep.analysis.closed_orbits import summary
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.figures import periodic_orbits
 
@@ -107,16 +107,8 @@ def test_the_summary_counts_and_judges(plane):
     lines = list(summary(plane))
     assert lines[0].startswith("1 in 1 period")
     assert "0 of 24 counts do not balance" in lines[-1]
-    nothing = closed_orbits(  # too weak a kick for any orbit
-        vs_scene(), {"amplitude": np.array([1e-6])}, impacts=1, periods=1, threads=1
-    )
+    nothing = vs.orbits(amplitude=[1e-6], impacts=1, periods=1)  # too weak a kick for any orbit
     assert len(list(summary(nothing))) == 1
-
-
-def vs_scene():
-    from vibrosweep.scene.keywords import keyword_spec
-
-    return keyword_spec({}).scene
 
 
 def test_figures_show_one_point_a_line_and_a_plane(plane):

@@ -7,6 +7,7 @@ import xarray as xr
 
 from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
+from vibrosweep.errors import DataError
 from vibrosweep.model.status import Regime
 
 __all__ = ["capacity"]
@@ -35,7 +36,7 @@ def capacity(basins: xr.Dataset) -> xr.Dataset:
     Raises
     ------
     DataError
-        The dataset lacks a variable.
+        The dataset lacks a variable, or holds basins along a parameter.
 
     Examples
     --------
@@ -45,8 +46,12 @@ def capacity(basins: xr.Dataset) -> xr.Dataset:
     >>> int(capacity(plane).capacity)
     2
     """
-    needed = ("regime", "cycle_periods", "cycle_rests", "fraction")
+    needed = ("regime", "cycle_periods", "cycle_rests", "fraction", "unsettled_fraction")
     require(basins, "capacity", *needed, source="basins")
+    if basins["fraction"].dims != ("attractor",):
+        raise DataError(
+            f"capacity takes basins at one value of {basins.attrs['along']}: compute them there"
+        )
     orbit = np.isin(basins["regime"].values, (Regime.LOCKED, Regime.RESTING))
     slots = np.where(orbit, basins["cycle_periods"].values, 0).astype(np.int64)
     without = basins["regime"].values == Regime.LOCKED
@@ -58,7 +63,7 @@ def capacity(basins: xr.Dataset) -> xr.Dataset:
             ),
             "unsettled_fraction": variable(
                 (),
-                float(basins["fraction"].values[~orbit].sum()),
+                float(basins["fraction"].values[~orbit].sum() + basins["unsettled_fraction"]),
                 "fraction of launches that found no recurrent orbit",
             ),
             "slots": variable(("attractor",), slots, "slots of the attractor"),

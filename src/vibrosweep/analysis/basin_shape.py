@@ -8,57 +8,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.model.status import Regime
 
 BOX: Final = 5  # launches along each side of a box
 CONFIDENCE: Final = 0.95
 STEPS: Final = (1, 2, 4, 8, 16)  # of the axis, to launches that are compared
 FEWEST: Final = 64  # values of an axis along which they are
 EVEN: Final = 1e-6  # relative difference of the steps of an axis
+SHAPE: Final = {
+    "unsettled_fraction": "fraction of unsettled launches",
+    "basin_entropy": f"mean entropy in boxes of {BOX} x {BOX} launches, nats",
+    "boundary_entropy": "the same over boxes with several basins",
+    "uncertainty_exponent": (
+        "slope of the logarithm of the share of launches with a neighbour of another basin"
+    ),
+    "uncertainty_exponent_error": "standard error of the slope",
+}
 
 
-def basin_measures(
-    index: NDArray[np.int64], regime: NDArray[Any], count: NDArray[np.int64], speeds: Array
-) -> dict[str, Any]:
-    """Variables that tell how wide basins are and how they interlace.
+def basin_measures(index: NDArray[np.int64], speeds: Array) -> dict[str, Any]:
+    """Variables that tell how basins interlace.
 
-    `index` of launches, shape (launch_velocity, launch_time), is into regimes and counts of shape
-    (attractor,).  Unsettled launches have reached no attractor: they are left out of the entropies
-    and of the exponent.  Basin entropy: Daza et al. (2016), Scientific Reports 6, 31416; the
-    uncertainty exponent: McDonald et al. (1985), Physica D 17, 125.
+    `index` of launches has the shape (launch_velocity, launch_time); it is negative where a launch
+    is unsettled and has reached no attractor: such ones are left out of the entropies and of the
+    exponent.  Basin entropy: Daza et al. (2016), Scientific Reports 6, 31416; the uncertainty
+    exponent: McDonald et al. (1985), Physica D 17, 125.
     """
+    values: tuple[float, ...] = (
+        float(np.mean(index < 0)),
+        *_entropies(index),
+        *_exponent(index, speeds),
+    )
+    return {
+        name: ((), value, {"units": "1", "long_name": words})
+        for (name, words), value in zip(SHAPE.items(), values, strict=True)
+    }
+
+
+def share_interval(counts: NDArray[np.int64], total: int) -> dict[str, Array]:
+    """Return the ends ``low`` and ``high`` of the 95 % intervals of shares of a total."""
     from scipy.stats import binomtest
 
-    settled = regime != Regime.UNSETTLED
-    total = int(count.sum())
     ends = [
-        binomtest(int(one), total).proportion_ci(CONFIDENCE, method="wilson") if known else None
-        for one, known in zip(count, settled, strict=True)
+        binomtest(int(one), total).proportion_ci(CONFIDENCE, method="wilson")
+        for one in counts.ravel()
     ]
-    found: dict[str, Any] = {}
-    for side in ("low", "high"):
-        values = np.array([np.nan if one is None else getattr(one, side) for one in ends])
-        words = f"{side} end of the Wilson 95 % interval of the fraction of launches"
-        told = {"units": "1", "long_name": words, "comment": "NaN of unsettled launches"}
-        found[f"fraction_{side}"] = ("attractor", values, told)
-    whole, border = _entropies(np.where(settled[index], index, -1))
-    exponent, error = _exponent(np.where(settled[index], index, -1), speeds)
-    scalars = {
-        "unsettled_fraction": (count[~settled].sum() / total, "fraction of unsettled launches"),
-        "basin_entropy": (
-            whole,
-            f"mean entropy in boxes of {BOX} x {BOX} launches, nats",
-        ),
-        "boundary_entropy": (border, "the same over boxes with several basins"),
-        "uncertainty_exponent": (
-            exponent,
-            "slope of the logarithm of the share of launches with a neighbour of another basin",
-        ),
-        "uncertainty_exponent_error": (error, "standard error of the slope"),
+    return {
+        side: np.array([getattr(one, side) for one in ends]).reshape(counts.shape)
+        for side in ("low", "high")
     }
-    for name, (value, words) in scalars.items():
-        found[name] = ((), float(value), {"units": "1", "long_name": words})
-    return found
 
 
 def _entropies(index: NDArray[np.int64]) -> tuple[float, float]:
@@ -69,7 +66,8 @@ def _entropies(index: NDArray[np.int64]) -> tuple[float, float]:
     kinds = [np.unique(box[box >= 0], return_counts=True)[1] for box in boxes]
     own = np.array([-np.sum(k / k.sum() * np.log(k / k.sum())) for k in kinds if k.size])
     mixed = own[[k.size > 1 for k in kinds if k.size]]
-    return (float(v.mean()) if v.size else np.nan for v in (own, mixed))  # type: ignore[return-value]
+    whole, border = (float(v.mean()) if v.size else np.nan for v in (own, mixed))
+    return whole, border
 
 
 def _exponent(index: NDArray[np.int64], speeds: Array) -> tuple[float, float]:

@@ -1,8 +1,8 @@
-"""Basins of attraction: the attractor of each launch."""
+"""Basins of attraction: the attractor of each launch, and shares along a parameter."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.basin_shape import basin_measures
+from vibrosweep.analysis.basin_shape import basin_measures, share_interval
 from vibrosweep.analysis.common import (
     attributes,
     grid_axes,
@@ -28,6 +28,8 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.kernels.shortest import empty_shortest, shortest_flights
+from vibrosweep.mistakes import Mistake
+from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
 from vibrosweep.model.status import Regime
@@ -38,80 +40,204 @@ from vibrosweep.scene.scene import Scene
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["basins", "name_of", "summary"]
+__all__ = ["UNSETTLED", "basins", "name_of", "summary"]
 
 Codes = NDArray[np.int64]
 
 BYTES_PER_LAUNCH: Final = 300
+BYTES_KEPT: Final = 16
 PLANE: Final = ("launch_velocity", "launch_time")
+ALONG: Final = ("restitution", *FORCINGS)
+SHAPES: Final = {  # words and form of a line
+    "unsettled_fraction": ("unsettled, on no attractor", "{:.2%}"),
+    "basin_entropy": ("basin entropy", "{:.3g} nats"),
+    "uncertainty_exponent": ("uncertainty exponent", "{:.3g}"),
+}
+UNSETTLED: Final = -1  # instead of the index of an attractor
+OF_KIND: Final = ("regime", "cycle_periods", "cycle_rests")  # the same all along a parameter
 
 
 def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     """Launch a particle at every point of a plane and find its attractor: `vibrosweep.basins`.
 
     The launch times are those of the sweep's particles, the speeds those of its grid; the result
-    holds each once, ascending.  All launches at rest for good are one attractor.  All aperiodic
-    launches share one index, and so do all unsettled ones, which are no attractor: ``regime``
-    tells.  Raises a SpecError unless the design is a grid of launch velocities.
+    holds each once, ascending.  All launches at rest for good are one attractor, and all aperiodic
+    ones; unsettled launches have none.  Raises a SpecError unless the design is a grid of launch
+    velocities, and of one of `ALONG` if need be.
     """
     require_ability("basins", sweep.scene, sweep.design.sampled)
-    speeds = grid_axes(sweep, "basins", "launch_velocity")["launch_velocity"]
-    scene = settling(sweep, sweep.scene.inputs["restitution"])
+    axes = grid_axes(sweep, "basins", "launch_velocity", ALONG)
+    speeds = axes.pop("launch_velocity")
+    if len(axes) > 1:
+        other = [*axes][-1]
+        raise sweep.refusal(Mistake(f"sample.{other}", f"basins take one axis beside {PLANE[0]}"))
+    fixed = sweep.scene.inputs.get("restitution")
+    highest = float(axes["restitution"][-1]) if fixed is None else fixed
+    scene = settling(sweep, highest)
     times = np.unique(launch_times(scene.launch, scene.particles, scene.inputs["frequency"]))
-    require_memory("launches", speeds.size * times.size, BYTES_PER_LAUNCH)
+    steps = max((values.size for values in axes.values()), default=1)
+    each = BYTES_PER_LAUNCH + steps * BYTES_KEPT
+    require_memory("launches", speeds.size * times.size, each)
+    coordinates = _coordinates(times, speeds)
+    with Workers(threads) as workers:
+        every = [
+            _basins_at(scene, {n: v[k] for n, v in axes.items()}, coordinates, workers)
+            for k in range(steps)
+        ]
+    (found,) = every if not axes else (_along(every, axes),)
+    total = speeds.size * times.size
+    counted = found["launches"]
+    shares = {"fraction": ("fraction of launches in the basin", counted.values / total)}
+    for side, values in share_interval(counted.values, total).items():
+        words = f"{side} end of the Wilson 95 % interval of the fraction of launches"
+        shares[f"fraction_{side}"] = words, values
+    told = attributes(scene, "Basins of attraction") | {"notes": note_of(scene, highest)}
+    told |= {"title": sweep.title, "sweep_file": sweep.text}
+    told |= dict(zip(("along",), axes, strict=False))
+    return (
+        found.drop_vars("launches")
+        .assign({n: (counted.dims, v, _words(w)) for n, (w, v) in shares.items()})
+        .assign(shared(scene, ["launch_velocity", *axes]))
+        .assign_attrs(told)
+    )
+
+
+def _words(long_name: str) -> dict[str, str]:
+    return {"units": "1", "long_name": long_name}
+
+
+def _basins_at(
+    scene: Scene, varied: Mapping[str, float], coordinates: dict[str, Any], workers: Workers
+) -> xr.Dataset:
+    """Basins at one value of a parameter, or at the values of the scene."""
+    speeds, times = (coordinates[name][1] for name in PLANE)
     shape = (speeds.size, times.size)
-    parameters = scene.parameters({"launch_velocity": np.repeat(speeds, times.size)})
+    inputs = {name: np.full(speeds.size * times.size, value) for name, value in varied.items()}
+    parameters = scene.parameters({"launch_velocity": np.repeat(speeds, times.size), **inputs})
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     whole, phase = reduced_turns(scene.inputs["frequency"], np.tile(times, speeds.size), 0.0)
     launch = Launches(whole[:, np.newaxis], phase[:, np.newaxis])
-    with Workers(threads) as workers:
-        alone = replace(scene.only(), particles=1, launch=tuple(times))
-        orbits = find_orbits(problem, launch, alone, workers)
-        labels = _labels(orbits)
-        first, index, count = _by_frequency(labels)
-        landed, speed = _shortest(scene, problem, orbits, first, workers)
+    alone = replace(scene.only(), particles=1, launch=tuple(times))
+    orbits = find_orbits(problem, launch, alone, workers)
+    first, index, count = _by_frequency(_labels(orbits), orbits.regime != Regime.UNSETTLED)
+    landed, speed = _shortest(scene, problem, orbits, first, workers)
+    plane = index.reshape(shape)
+    words = "index of the attractor that the launch leads to"
+    told = {"units": "1", "long_name": words, "comment": f"{UNSETTLED} of an unsettled launch"}
     data: dict[str, Any] = {
-        "basin": (
-            PLANE,
-            index.reshape(shape),
-            {
-                "units": "1",
-                "long_name": "index of the attractor that the launch leads to",
-                "comment": "launches that are unsettled by regime share one, and reached none",
-            },
-        ),
+        "basin": (PLANE, plane, told),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
-        **_attractors(orbits, landed, speed, first, count / labels.size),
-        **basin_measures(index.reshape(shape), orbits.regime[first], count, speeds),
-        **shared(scene, ["launch_velocity"]),
+        **_attractors(orbits, landed, speed, first, count),
+        **basin_measures(plane, speeds),
     }
-    words = attributes(scene, "Basins of attraction") | {"notes": note_of(scene)}
-    words |= {"title": sweep.title, "sweep_file": sweep.text}
-    return xr.Dataset(data, _coordinates(times, speeds), words)
+    return xr.Dataset(data, coordinates)
+
+
+def _along(every: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
+    """Join basins along a parameter, where an attractor keeps its index as long as it goes on."""
+    tracks = _tracks(every)
+    count = max((int(track.max(initial=-1)) for track in tracks), default=-1) + 1
+    total = np.zeros(count)
+    for one, track in zip(every, tracks, strict=True):
+        total[track] += one["launches"].values
+    rank = np.empty(count, np.int64)
+    rank[np.argsort(-total, kind="stable")] = np.arange(count)
+    placed = []
+    for one, track in zip(every, tracks, strict=True):
+        own = np.append(rank[track], UNSETTLED)  # the last one is that of the index -1
+        basin = one["basin"].copy(data=own[one["basin"].values])
+        placed.append(one.assign(basin=basin).assign_coords(attractor=own[:-1]))
+    ((name, values),) = axes.items()
+    axis = xr.DataArray(values, dims=name, name=name, attrs=coordinate_attributes(INPUTS[name]))
+    joined = xr.concat(
+        placed,
+        axis,
+        data_vars="all",
+        coords="minimal",
+        compat="override",
+        join="outer",
+        combine_attrs="override",
+        fill_value={**dict.fromkeys(OF_KIND, -1), "cycle_impacts": 0, "launches": 0},
+    )
+    same = {kind: joined[kind].max(name, keep_attrs=True) for kind in OF_KIND}
+    return joined.assign(same).drop_vars("attractor")
+
+
+def _tracks(every: list[xr.Dataset]) -> list[Codes]:
+    """Give each attractor, value by value, a number that it keeps along a parameter.
+
+    Attractors are the same where they are of one kind, and of several those that are nearest to
+    each other in the impact before their shortest flight.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    known: list[tuple[tuple[int, ...], Array]] = []
+    tracks = []
+    speeds = np.concatenate([one["rebound_velocity"].values for one in every])
+    fastest = np.nanmax(speeds, initial=0.0) or 1.0
+    for one in every:
+        impacts = np.where(one["regime"] == Regime.LOCKED, one["cycle_impacts"], 0)
+        kinds = list(zip(impacts, *(one[name].values for name in OF_KIND), strict=True))
+        turn = np.exp(2j * np.pi * one["impact_phase"].values)
+        speed = one["rebound_velocity"].values / fastest
+        places = np.nan_to_num(np.stack([turn.real, turn.imag, speed], axis=1))
+        track = np.full(len(kinds), -1)
+        for kind in dict.fromkeys(kinds):
+            own = [i for i, other in enumerate(kinds) if other == kind]
+            old = [k for k, (other, _) in enumerate(known) if other == kind]
+            there = np.array([known[k][1] for k in old]).reshape(len(old), 3)
+            apart = np.abs(places[own][:, np.newaxis] - there).sum(axis=-1)
+            for row, column in zip(*linear_sum_assignment(apart), strict=True):
+                track[own[row]] = old[column]
+        for i in np.flatnonzero(track < 0).tolist():
+            track[i] = len(known)
+            known.append((kinds[i], places[i]))
+        for i, number in enumerate(track.tolist()):
+            known[number] = kinds[i], places[i]
+        tracks.append(track)
+    return tracks
 
 
 def name_of(attractor: xr.Dataset) -> str:
-    """Name of one attractor: its regime, and for a cycle its impacts and periods."""
+    """Name of one attractor: its regime, and for a cycle its impacts and periods.
+
+    The impacts of one that rests may change along a parameter, and are left out then.
+    """
     regime = Regime(int(attractor["regime"]))
     if regime not in (Regime.RESTING, Regime.LOCKED):
         return regime.meaning.replace("_", " ")
-    impacts, periods = int(attractor["cycle_impacts"]), int(attractor["cycle_periods"])
-    return f"{regime.meaning}, {impacts} in {periods} period{'s' if periods > 1 else ''}"
+    impacts, periods = np.unique(attractor["cycle_impacts"]), int(attractor["cycle_periods"])
+    number = f"{impacts[-1]} " if (impacts > 0).sum() == 1 else ""
+    return f"{regime.meaning}, {number}in {periods} period{'s' if periods > 1 else ''}"
 
 
 def summary(found: xr.Dataset) -> Iterator[str]:
     """Say which fraction of the launches leads to each attractor, and how basins interlace."""
+    along = str(found.attrs.get("along", ""))
     for i in range(found.sizes["attractor"]):
         one = found.isel(attractor=i)
-        low, high = float(one["fraction_low"]), float(one["fraction_high"])
-        interval = f" ({low:.2%} to {high:.2%})" if np.isfinite(low) else ", on no attractor"
-        yield f"{name_of(one):32}{float(one['fraction']):.2%}{interval}"
-    entropy, exponent = float(found["basin_entropy"]), float(found["uncertainty_exponent"])
-    if np.isfinite(entropy):
-        yield f"{'basin entropy':32}{entropy:.3g} nats"
-    if np.isfinite(exponent):
-        error = float(found["uncertainty_exponent_error"])
-        yield f"{'uncertainty exponent':32}{exponent:.3g} +- {error:.1g}"
+        if along:
+            held = one["fraction"] > 0.0
+            at = found[along].values[held.values]
+            yield (
+                f"{name_of(one):32}{float(one['fraction'].min()):.2%} to "
+                f"{float(one['fraction'].max()):.2%} at {at.size} values of {along}, the first "
+                f"{at[0]:.6g}, the last {at[-1]:.6g}"
+            )
+        else:
+            low, high = float(one["fraction_low"]), float(one["fraction_high"])
+            yield f"{name_of(one):32}{float(one['fraction']):.2%} ({low:.2%} to {high:.2%})"
+    for name, (words, form) in SHAPES.items():
+        values = np.atleast_1d(found[name].values)
+        values = values[np.isfinite(values)]
+        if values.any() or (values.size and name == "basin_entropy"):
+            ends = dict.fromkeys((values.min(), values.max()))
+            error = f"{name}_error"
+            known = error in found and not along
+            yield (
+                f"{words:32}{' to '.join(form.format(end) for end in ends)}"
+                f"{f' +- {float(found[error]):.1g}' if known else ''}"
+            )
 
 
 def _labels(orbits: Orbits) -> Codes:
@@ -120,15 +246,21 @@ def _labels(orbits: Orbits) -> Codes:
     return np.where(labels == NO_ORBIT, -1 - orbits.regime.astype(np.int64), labels)
 
 
-def _by_frequency(labels: Codes) -> tuple[Codes, Codes, Codes]:
-    """First launch, index and number of launches of each label, the most frequent label first."""
+def _by_frequency(labels: Codes, settled: NDArray[np.bool_]) -> tuple[Codes, Codes, Codes]:
+    """First launch and number of launches of each label, the most frequent first; and indices.
+
+    The index of launches that have not settled is `UNSETTLED`.
+    """
+    launches = np.flatnonzero(settled)
     _, first, inverse, count = np.unique(
-        labels, return_index=True, return_inverse=True, return_counts=True
+        labels[launches], return_index=True, return_inverse=True, return_counts=True
     )
     order = np.lexsort((first, -count))
     rank = np.empty_like(order)
     rank[order] = np.arange(order.size)
-    return first[order], rank[inverse], count[order]
+    index = np.full(labels.size, UNSETTLED)
+    index[launches] = rank[inverse]
+    return launches[first[order]], index, count[order]
 
 
 def _shortest(
@@ -156,7 +288,7 @@ def _shortest(
 
 
 def _attractors(
-    orbits: Orbits, landed: Array, speed: Array, first: Codes, fraction: Array
+    orbits: Orbits, landed: Array, speed: Array, first: Codes, count: Codes
 ) -> dict[str, Any]:
     """Variables along the dim attractor, from the first launch that leads to each."""
     recurs = orbits.impacts[first] > 0
@@ -167,7 +299,7 @@ def _attractors(
         "cycle_impacts": (orbits.impacts[first], VARIABLES["cycle_impacts"].attributes),
         "cycle_periods": (orbits.periods[first], VARIABLES["cycle_periods"].attributes),
         "cycle_rests": (orbits.rests[first], VARIABLES["cycle_rests"].attributes),
-        "fraction": (fraction, {"units": "1", "long_name": "fraction of launches in the basin"}),
+        "launches": (count, {}),
         "lyapunov_largest": (
             exponent,
             VARIABLES["lyapunov_largest"].attributes

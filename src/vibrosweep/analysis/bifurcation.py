@@ -29,6 +29,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.settle import Orbits
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
@@ -93,7 +94,7 @@ def bifurcation(
     shape = (len(DIRECTIONS), a.size, scene.particles)
     each = BYTES_PER_ORBIT + BYTES_PER_IMPACT * samples
     require_memory(f"orbits with {samples} samples each", math.prod(shape), each)
-    values = np.empty((*shape, samples))
+    values = unwritten((*shape, samples))
     measured: dict[str, NDArray[Any]] = {}
     states = launch_states(scene, scene.parameters({forcing: order[:, 0]}))
     with Workers(threads) as workers:
@@ -106,7 +107,7 @@ def bifurcation(
             values[at] = function(impacts, scene.inputs["gravity"])
             found = orbit_variables(orbits, parameters["frequency"])
             for kept in KEPT:
-                array = measured.setdefault(kept, np.empty(shape, found[kept].dtype))
+                array = measured.setdefault(kept, unwritten(shape, found[kept].dtype))
                 array[at] = found[kept]
     data = {n: (VARIABLES[n].attributes, v) for n, v in measured.items()}
     data[name] = ({"units": units, "long_name": words}, values)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
+from vibrosweep.kernels.unwritten import unwritten
 
 Codes = NDArray[np.int64]
 
@@ -98,8 +99,8 @@ def _scan(
         nothing = np.empty((rows * axis.size, 0))
         codes, _ = evaluate(np.repeat(every, axis.size), np.tile(axis, rows), nothing)
         return codes.reshape(rows, axis.size), nothing.reshape(rows, axis.size, 0)
-    codes = np.empty((rows, axis.size), np.int64)
-    states = np.empty((rows, axis.size, *start.shape[1:]))
+    codes = unwritten((rows, axis.size), np.int64)
+    states = unwritten((rows, axis.size, *start.shape[1:]))
     for i in range(axis.size) if upward else range(axis.size - 1, -1, -1):
         codes[:, i], start = evaluate(every, np.full(rows, axis[i]), start)
         states[:, i] = start

@@ -22,6 +22,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.closed import MEETS_BASE, RESTS
+from vibrosweep.kernels.continuation import BORN
 from vibrosweep.kernels.extended import FIX_DRIVE, FIX_E
 from vibrosweep.model.forcing import INPUTS, forcing_of
 from vibrosweep.model.measures import VARIABLES, Variable
@@ -30,17 +31,17 @@ from vibrosweep.runs.result import coordinate_attributes
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["POINTS", "boundaries_of_spec", "branches_of_spec", "summary"]
+__all__ = ["boundaries", "branches", "summary"]
 
-POINTS: Final = 1000
+MET: Final = tuple(event for event in EVENTS if event[0] != BORN)  # of curves
 FEWEST_POINTS: Final = 10
 NONE: Final = -2
 MOST_DOUBLINGS: Final = 6
 LONGEST: Final = 64  # impacts of an orbit that doubles
 
 
-def branches_of_spec(
-    spec: Sweep, wanted: tuple[int, int], doublings: int, points: int, threads: int
+def branches(
+    spec: Sweep, threads: int, *, wanted: tuple[int, int], doublings: int, points: int
 ) -> xr.Dataset:
     """Orbits along the axis of a sweep, as `vibrosweep.branches`.
 
@@ -69,8 +70,8 @@ def branches_of_spec(
     return xr.Dataset(data, attrs=told | _source(spec))
 
 
-def boundaries_of_spec(
-    spec: Sweep, wanted: tuple[int, int], doublings: int, points: int, threads: int
+def boundaries(
+    spec: Sweep, threads: int, *, wanted: tuple[int, int], doublings: int, points: int
 ) -> xr.Dataset:
     """Curves of bifurcations over the plane of a sweep, as `vibrosweep.boundaries`.
 
@@ -102,7 +103,7 @@ def boundaries_of_spec(
     curves = curves_of(plane, lines, e)
     data = _lines(curves, plane, "curve", ["restitution", forcing], spec)
     kinds = np.array([curve.kind for curve in curves], np.int8)
-    kind = Variable("bifurcation", ("curve",), "int8", "1", "what happens there", flags=EVENTS[:4])
+    kind = Variable("bifurcation", ("curve",), "int8", "1", "what happens there", flags=MET)
     data["bifurcation"] = (kind.dims, kinds, kind.attributes)
     data |= shared(spec.scene, ["restitution", forcing])
     told = attributes(spec.scene, "Curves of bifurcations") | {"forcing": forcing}

@@ -7,7 +7,6 @@ time-shifted copies (slots) they have.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -20,17 +19,17 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.orbit_search import Closed, Wanted, empty_closed, find_closed
+from vibrosweep.kernels.orbit_search import NO_ORBIT, Closed, Wanted, empty_closed, find_closed
+from vibrosweep.kernels.unwritten import require_written
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless, taken
 from vibrosweep.runs.result import attributes_of
 from vibrosweep.scene.realizations import open_design
-from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["SEEDS", "closed_orbits", "orbits_of_spec", "summary"]
+__all__ = ["SEEDS", "orbits", "summary"]
 
 MOST_IMPACTS: Final = 12
 MOST_PERIODS: Final = 64
@@ -41,7 +40,6 @@ ROOM: Final = 64  # orbits of a point, at first
 PROBLEMS_PER_TASK: Final = 4
 BYTES_PER_IMPACT: Final = 40
 OF_ORBITS: Final = Closed._fields[1 : Closed._fields.index("seeds")]
-NO_ORBIT: Final = -2
 ABSENT: Final = -1
 FLAGS: Final = {
     "admissible": (
@@ -62,20 +60,10 @@ FLAGS: Final = {
 }
 
 
-def closed_orbits(
-    scene: Scene,
-    varied: dict[str, Array],
-    *,
-    impacts: int,
-    periods: int,
-    seeds: int = SEEDS,
-    threads: int,
-) -> xr.Dataset:
-    """Closed orbits of realizations, as `vibrosweep.orbits`, along the dim ``realization``.
-
-    Some inputs of the scene vary, each of shape (realization,).
-    """
-    require_ability("orbits", scene, varied)
+def orbits(sweep: Sweep, threads: int, *, impacts: int, periods: int, seeds: int) -> xr.Dataset:
+    """Closed orbits of all realizations of a sweep, as `vibrosweep.orbits`."""
+    scene, design = sweep.scene, open_design(sweep)
+    require_ability("orbits", scene, design.sampled)
     for name, value, most in (
         ("impacts", impacts, MOST_IMPACTS),
         ("periods", periods, MOST_PERIODS),
@@ -85,6 +73,7 @@ def closed_orbits(
                 f"{name} = {value}: must be at most {most}, since the number of orbits grows "
                 f"exponentially with it"
             )
+    varied = design.take(0, design.realizations)
     quantities = scene.quantities(varied)
     problem = dimensionless(scene.parameters(varied), scene.duration)
     balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
@@ -98,24 +87,14 @@ def closed_orbits(
     data |= shared(scene, [*varied])
     names = {n: ("realization", quantities[n], attributes_of(n)) for n in scene.varying(varied)}
     words = attributes(scene, "Closed orbits") | {"notes": "", "seeds_of_each_phase": seeds}
+    words |= {"title": sweep.title, "sweep_file": sweep.text}
     coordinates = {
         **names,
         "impacts": ("impacts", np.arange(1, impacts + 1), {"long_name": "impacts of an orbit"}),
         "periods": ("periods", np.arange(1, periods + 1), {"long_name": "its forcing periods"}),
     }
-    return xr.Dataset(data, coordinates, words)
-
-
-def orbits_of_spec(spec: Sweep, impacts: int, periods: int, seeds: int, threads: int) -> xr.Dataset:
-    """Closed orbits of all realizations of a sweep, as `vibrosweep.orbits`."""
-    design = open_design(spec)
-    require_ability("orbits", spec.scene, design.sampled)
-    varied = design.take(0, design.realizations)
-    found = closed_orbits(
-        spec.scene, varied, impacts=impacts, periods=periods, seeds=seeds, threads=threads
-    )
-    found = _on_axes(found, spec) if design.sampled else found.isel(realization=0)
-    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+    found_all = xr.Dataset(data, coordinates, words)
+    return _on_axes(found_all, sweep) if design.sampled else found_all.isel(realization=0)
 
 
 def _on_axes(found: xr.Dataset, spec: Sweep) -> xr.Dataset:
@@ -147,14 +126,11 @@ def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers
     pieces = []
     for start in range(0, problem.kick.size, PIECE):
         own = taken(problem, slice(start, start + PIECE))
-        room, found = ROOM, empty_closed(own.kick.size, ROOM, wanted)
-        found.orbits[:] = -1
+        found, room = _searched_all(base, own, wanted, ROOM, workers), ROOM
         while (found.orbits < 0).any():
-            require_memory("orbits", own.kick.size * room, 2 * BYTES_PER_IMPACT * wanted.impacts)
-            found = empty_closed(own.kick.size, room, wanted)
-            task = partial(_search, base=base, problem=own, wanted=wanted, out=found)
-            workers.each(task, own.kick.size, PROBLEMS_PER_TASK)
             room *= 2
+            found = _searched_all(base, own, wanted, room, workers)
+        require_written(found)
         pieces.append(_ordered(found))
     most = max(piece.impacts.shape[1] for piece in pieces)
     return Closed(
@@ -165,8 +141,19 @@ def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers
     )
 
 
-def _search(first: int, last: int, **what: Any) -> None:
-    find_closed(first, last, what["base"], what["problem"], what["wanted"], what["out"])
+def _searched_all(
+    base: Any, problem: Dimensionless, wanted: Wanted, room: int, workers: Workers
+) -> Closed:
+    """Search orbits of a piece with so much room for those of each point."""
+    size = problem.kick.size
+    require_memory("orbits", size * room, 2 * BYTES_PER_IMPACT * wanted.impacts)
+    out = empty_closed(size, room, wanted)
+    workers.each(
+        lambda first, last: find_closed(first, last, base, problem, wanted, out),
+        size,
+        PROBLEMS_PER_TASK,
+    )
+    return out
 
 
 def _ordered(found: Closed) -> Closed:
@@ -182,7 +169,7 @@ def _padded(values: NDArray[Any], most: int, name: str) -> NDArray[Any]:
     """Return the values with room for so many orbits, where they are of orbits."""
     if name not in OF_ORBITS:
         return values
-    blank = np.nan if values.dtype.kind == "f" else 0
+    blank = NO_ORBIT if name == "admissible" else np.nan if values.dtype.kind == "f" else 0
     shape = ((0, 0), (0, most - values.shape[1]), *[(0, 0)] * (values.ndim - 2))
     return np.pad(values, shape, constant_values=blank)
 
@@ -212,7 +199,7 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
     return {
         "cycle_impacts": (each, found.impacts, VARIABLES["cycle_impacts"].attributes),
         "cycle_periods": (each, found.periods, VARIABLES["cycle_periods"].attributes),
-        "admissible": _flagged("admissible", each, np.where(present, found.admissible, NO_ORBIT)),
+        "admissible": _flagged("admissible", each, found.admissible),
         "stable": _flagged("stable", each, np.where(present, modulus < 1.0, ABSENT)),
         "multiplier_real": (
             (*each, "multiplier"),

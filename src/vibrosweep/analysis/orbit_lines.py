@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
@@ -21,18 +22,20 @@ from vibrosweep.kernels.continuation import (
     TOUCHED,
     empty_line,
     follow_line,
+    written,
 )
 from vibrosweep.kernels.continuation import DOUBLED as AT_DOUBLING
 from vibrosweep.kernels.continuation import SPENT as OUT_OF_POINTS
 from vibrosweep.kernels.extended import (
+    CORNER,
     DOUBLING,
     FIX_DRIVE,
     FIX_E,
     GRAZE,
     REST,
     SADDLE_NODE,
+    YIELD,
     Range,
-    correct_phase,
     correct_point,
     directions,
     splitting,
@@ -41,13 +44,13 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.orbit_search import Wanted
 from vibrosweep.model.forcing import AMPLITUDE, refuse_extreme
 from vibrosweep.model.parameters import HIGH_BOUNCE, dimensionless, taken
+from vibrosweep.model.restitution_laws import PLASTIC
 from vibrosweep.model.shapes import PARABOLIC_NAME
 from vibrosweep.scene.scene import Scene
 
-CORNER: Final = BORN + 1  # a landing where the velocity of the base has no derivative
-BEGUN, AT_CORNER = OUT_OF_POINTS + 1, OUT_OF_POINTS + 2
+BEGUN, AT_CORNER, AT_YIELDING = range(OUT_OF_POINTS + 1, OUT_OF_POINTS + 4)
 CORNER_PHASE: Final = 0.25  # of the parabolic waveform, and its negative
-NEAR_CORNER: Final = 1e-3  # turns, from where a line is lost there
+NEAR_SWITCH: Final = 1e-3  # from where a line is lost at a corner or a kink
 EVENTS: Final = (
     (SADDLE_NODE, "saddle_node"),
     (DOUBLING, "period_doubling"),
@@ -55,6 +58,7 @@ EVENTS: Final = (
     (REST, "rest"),
     (BORN, "born_at_doubling"),
     (CORNER, "corner"),
+    (YIELD, "yielding"),
 )
 ENDS: Final = (
     (LEFT, "border"),
@@ -65,6 +69,7 @@ ENDS: Final = (
     (OUT_OF_POINTS, "points_spent"),
     (BEGUN, "begins_at_doubling"),
     (AT_CORNER, "corner"),
+    (AT_YIELDING, "yielding"),
 )
 LONGEST_STEP: Final = 0.02  # of phases in turns and parameters
 
@@ -119,7 +124,9 @@ class Plane:
         self.problem = dimensionless(scene.parameters(unit), scene.duration)
         self.scale = float(self.problem.kick[0])  # of the drive of a forcing of 1
         self.base: Any = base_of(*scene.mechanics)
-        self.waveform = scene.waveform.name
+        self.corner = CORNER_PHASE if scene.waveform.name == PARABOLIC_NAME else math.inf
+        plastic = scene.restitution_law == PLASTIC
+        self.kink = float(self.problem.restitution_speed[0]) if plastic else math.inf
         self.balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
         self.restitution, self.drives = restitution, values * self.scale
 
@@ -128,7 +135,7 @@ class Plane:
         e, drive = self.restitution, self.drives
         longest = LONGEST_STEP * float(np.sqrt(p))
         borders = (float(e[0]), float(e[-1]), float(drive[0]), float(drive[-1]))
-        return Range(p, q, condition, self.relative, *borders, longest)
+        return Range(p, q, condition, self.relative, *borders, longest, self.corner, self.kink)
 
     def orbits(
         self, e: Array, drive: Array, wanted: tuple[int, int], workers: Workers
@@ -180,33 +187,21 @@ class Plane:
     def _one_side(self, z: Array, span: Range, along: Array) -> Line:
         out = empty_line(self.points, span.p)
         follow_line(self.base, self.problem, span, z, along, out)
-        count, events, end = (int(v) for v in out.ends)
-        corner = self._corner(out.z[count - 1].copy(), span) if end == LOST else []
-        end = AT_CORNER if corner else end
-        return Line(
-            p=span.p,
-            q=span.q,
-            z=out.z[:count].copy(),
-            trace=out.trace[:count].copy(),
-            determinant=out.determinant[:count].copy(),
-            admissible=out.admissible[:count].copy(),
-            speed=out.speed[:count].copy(),
-            events=[Event(int(out.kind[k]), out.at[k].copy()) for k in range(events)] + corner,
-            ends=(end, end),
-        )
+        out, end = written(out), int(out.ends[2])
+        events = [Event(int(kind), at) for kind, at in zip(out.kind, out.at, strict=True)]
+        if end == LOST and (switch := self._switch(out.z[-1], span)):
+            events.append(switch)
+            end = AT_CORNER if switch.kind == CORNER else AT_YIELDING
+        points = (out.z, out.trace, out.determinant, out.admissible, out.speed)
+        return Line(span.p, span.q, *points, events, (end, end))
 
-    def _corner(self, z: Array, span: Range) -> list[Event]:
-        """Return the landing at a corner of the waveform at which a line was lost, if it was."""
-        if self.waveform != PARABOLIC_NAME:
-            return []
-        phase = z[: span.p] - np.rint(z[: span.p])
-        off = np.copysign(CORNER_PHASE, phase) - phase
-        landing = int(np.argmin(np.abs(off)))
-        z[landing] += off[landing]
-        near = abs(off[landing]) < NEAR_CORNER
-        if near and correct_phase(self.base, self.problem, span, z, landing):
-            return [Event(CORNER, z)]
-        return []
+    def _switch(self, z: Array, span: Range) -> Event | None:
+        """Return the corner of the waveform, or kink of the law, where a line was lost, if any."""
+        for kind in (CORNER, YIELD):
+            at = z.copy()
+            if self.corrected(at, span, kind) and np.abs(at - z).max() < NEAR_SWITCH:
+                return Event(kind, at)
+        return None
 
     def doubled(self, z: Array, p: int, q: int, condition: int) -> Line | None:
         """Follow the orbit twice as long that is born where one doubles."""
@@ -329,7 +324,7 @@ def curves_of(plane: Plane, lines: list[Line], values: Array) -> list[Line]:
         (event.kind, line.p, line.q, event.z)
         for line in lines
         for event in line.events
-        if event.kind < BORN
+        if event.kind != BORN
     ]
     curves: list[Line] = []
     while waiting:

@@ -181,18 +181,21 @@ def basins(
     **keywords
         Those of `vibrosweep.sweep`; ``launch_velocity`` is a list (m s-1), and the launch times are
         those of ``launch`` (s), or of ``particles`` staggered ones.  Without a duration orbits are
-        followed until they settle.
+        followed until they settle.  Beside it ``restitution`` or a forcing may be a list.
 
     Returns
     -------
     xarray.Dataset
-        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, and
-        ``slot``, which of its time-shifted copies.  Dim attractor, the most frequent first:
-        ``fraction`` of the launches, ``regime``, ``cycle_impacts``, ``cycle_periods``,
-        ``cycle_rests``, ``lyapunov_largest``; and of the impact before the shortest flight of the
-        cycle ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1),
-        ``fraction_low`` and ``fraction_high``, its 95 % interval.  Scalars: ``unsettled_fraction``,
-        ``basin_entropy``, ``boundary_entropy``, ``uncertainty_exponent`` and its error.
+        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, -1 of
+        launches that are unsettled and have reached none; and ``slot``, which of its time-shifted
+        copies.  Dim attractor, the most frequent first:
+        ``fraction`` of the launches with its 95 % interval, ``fraction_low`` and ``fraction_high``;
+        ``regime``, ``cycle_impacts``, ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest``; and
+        of the impact before the shortest flight of the cycle ``impact_phase`` (turns) and
+        ``rebound_velocity`` (m s-1).  Scalars: ``unsettled_fraction``, ``basin_entropy``,
+        ``boundary_entropy``, ``uncertainty_exponent`` and its error.  Along a parameter all but
+        ``regime``, ``cycle_periods`` and ``cycle_rests``, which an attractor keeps, have its dim
+        first; the same attractor at the next value is the nearest one of its kind.
 
     Raises
     ------

@@ -9,8 +9,9 @@ from typing import Unpack
 
 import xarray as xr
 
-from vibrosweep.analysis.branches import boundaries_of_spec, branches_of_spec
-from vibrosweep.analysis.closed_orbits import orbits_of_spec
+from vibrosweep.analysis.branches import boundaries as trace_boundaries
+from vibrosweep.analysis.branches import branches as follow_branches
+from vibrosweep.analysis.closed_orbits import orbits as find_orbits
 from vibrosweep.api.given_sweep import Spec, as_sweep
 from vibrosweep.api.keyword_types import SweepKeywords, completed
 from vibrosweep.runs.driver import count, thread_count
@@ -78,9 +79,13 @@ def orbits(
     >>> stable.values.tolist(), bool((found.balanced == 1).all())
     ([1.0, 2.0], True)
     """
-    impacts, periods = count("impacts", impacts), count("periods", periods)
-    checked = as_sweep(spec, keywords)
-    return orbits_of_spec(checked, impacts, periods, count("seeds", seeds), thread_count(threads))
+    return find_orbits(
+        as_sweep(spec, keywords),
+        thread_count(threads),
+        impacts=count("impacts", impacts),
+        periods=count("periods", periods),
+        seeds=count("seeds", seeds),
+    )
 
 
 @completed(by=SweepKeywords)
@@ -146,11 +151,13 @@ def branches(
     >>> bool(abs(doubles - vs.theory.amplitude_max(1, 0.5)) < 1e-12)
     True
     """
-    wanted = count("impacts", impacts), count("periods", periods)
-    checked = as_sweep(spec, keywords)
-    depth = _not_negative("doublings", doublings)
-    most = count("points", points)
-    return branches_of_spec(checked, wanted, depth, most, thread_count(threads))
+    return follow_branches(
+        as_sweep(spec, keywords),
+        thread_count(threads),
+        wanted=(count("impacts", impacts), count("periods", periods)),
+        doublings=_not_negative("doublings", doublings),
+        points=count("points", points),
+    )
 
 
 @completed(by=SweepKeywords)
@@ -205,11 +212,13 @@ def boundaries(
     >>> found.bifurcation.values.tolist()  # a doubling and a saddle-node
     [1, 0]
     """
-    wanted = count("impacts", impacts), count("periods", periods)
-    checked = as_sweep(spec, keywords)
-    depth = _not_negative("doublings", doublings)
-    most = count("points", points)
-    return boundaries_of_spec(checked, wanted, depth, most, thread_count(threads))
+    return trace_boundaries(
+        as_sweep(spec, keywords),
+        thread_count(threads),
+        wanted=(count("impacts", impacts), count("periods", periods)),
+        doublings=_not_negative("doublings", doublings),
+        points=count("points", points),
+    )
 
 
 def _not_negative(name: str, value: int) -> int:

@@ -51,9 +51,9 @@ def _basin_lines(basins: xr.Dataset) -> Iterable[str]:
 
 
 def _basin_figure(basins: xr.Dataset) -> Axes:
-    from vibrosweep.figures import basins_of_attraction
+    from vibrosweep.figures import basin_shares, basins_of_attraction
 
-    return basins_of_attraction(basins)
+    return (basin_shares if "along" in basins.attrs else basins_of_attraction)(basins)
 
 
 def _orbit_lines(orbits: xr.Dataset) -> Iterable[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 
 def positive(text: str) -> int:
@@ -30,6 +31,12 @@ def add_lines(parser: argparse.ArgumentParser) -> None:
         kind = whole if default == 0 else positive
         told = f"{words}; default: {default}"
         parser.add_argument(f"--{name}", metavar="N", type=kind, default=default, help=told)
+
+
+def lines_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what `add_lines` adds, as the analyses of lines take it."""
+    wanted = options.impacts, options.periods
+    return {"wanted": wanted, "doublings": options.doublings, "points": options.points}
 
 
 def some(number: int, thing: str) -> str:

@@ -12,7 +12,11 @@ HELP: Final = "tell which attractor each launch leads to"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_common(parser, "a grid over launch_velocity; its particles give the launch times")
+    add_common(
+        parser,
+        "a grid over launch_velocity, and over a forcing or restitution if need be; its particles "
+        "give the launch times",
+    )
 
 
 def perform(options: argparse.Namespace) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from typing import Final
 
-from vibrosweep.commands.arguments import add_lines
+from vibrosweep.commands.arguments import add_lines, lines_of
 from vibrosweep.commands.picture import add_common, produce
 
 NAME: Final = "branches"
@@ -18,14 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.analysis.branches import branches_of_spec
+    from vibrosweep.analysis.branches import branches
     from vibrosweep.api.result_kinds import BRANCHES
 
-    wanted = options.impacts, options.periods
-    produce(
-        options,
-        BRANCHES,
-        lambda spec, threads: branches_of_spec(
-            spec, wanted, options.doublings, options.points, threads
-        ),
-    )
+    produce(options, BRANCHES, partial(branches, **lines_of(options)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from typing import Final
 
 from vibrosweep.commands.arguments import positive
@@ -25,13 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.analysis.closed_orbits import SEEDS, orbits_of_spec
+    from vibrosweep.analysis.closed_orbits import SEEDS, orbits
     from vibrosweep.api.result_kinds import ORBITS
 
-    produce(
-        options,
-        ORBITS,
-        lambda spec, threads: orbits_of_spec(
-            spec, options.impacts, options.periods, SEEDS, threads
-        ),
-    )
+    wanted = {"impacts": options.impacts, "periods": options.periods, "seeds": SEEDS}
+    produce(options, ORBITS, partial(orbits, **wanted))

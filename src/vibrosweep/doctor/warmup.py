@@ -11,7 +11,7 @@ import numpy as np
 
 from vibrosweep.abilities import refusal
 from vibrosweep.analysis.basins import basins
-from vibrosweep.analysis.closed_orbits import closed_orbits
+from vibrosweep.analysis.closed_orbits import orbits
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
 from vibrosweep.analysis.orbit_lines import Plane, branches_along
@@ -104,8 +104,9 @@ def warm_up() -> Compiled:
             one, _ = batch({"base": base, "rebound": rebound, "duration": 2000.0})
             locked(one, Locked(1), point, workers)
             launched = {"launch": [0.0], "launch_velocity": [5.0], "duration": 2000.0}
-            basins(keyword_spec({"base": base, "rebound": rebound, **launched}), 1)
-            closed_orbits(one, point, impacts=1, periods=1, threads=1)
+            launches = keyword_spec({"base": base, "rebound": rebound, **launched})
+            basins(launches, 1)
+            orbits(launches, 1, impacts=1, periods=1, seeds=1)
             plane = Plane(one, AMPLITUDE, np.array([0.5]), np.array([1.0, 5.0]), 100)
             branches_along(plane, FIX_E, (1, 1), 1, workers)
         mount = {"mass_ratio": 0.01, "mount_frequency": 0.5, "mount_damping": 0.05}

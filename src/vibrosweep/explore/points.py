@@ -22,6 +22,7 @@ from vibrosweep.model.mount import MASSES
 from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, STAGGERED
 from vibrosweep.model.restitution_laws import law_in
 from vibrosweep.model.shapes import name_in
+from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import Launch, Scene
@@ -241,16 +242,22 @@ def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
 
 def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
     """Make a point of every launch."""
-    from vibrosweep.analysis.basins import name_of
+    from vibrosweep.analysis.basins import UNSETTLED, name_of
 
+    if "along" in basins.attrs:
+        raise DataError(
+            f"basins along {basins.attrs['along']} have no page: compute them at one value of it"
+        )
     found = basins["basin"].transpose("launch_velocity", "launch_time")
     row, column = (index.ravel() for index in np.indices(found.shape))
     names = [name_of(basins.isel(attractor=i)) for i in range(basins.sizes["attractor"])]
-    meanings = [f"{i + 1}: {name}" for i, name in enumerate(names)]
+    meanings = {i: f"{i + 1}: {name}" for i, name in enumerate(names)}
+    if (found == UNSETTLED).any():
+        meanings[UNSETTLED] = Regime.UNSETTLED.meaning
     columns = {
         LAUNCHED: Column("time of launch (s)", basins["launch_time"].values[column]),
         "launch_velocity": _column("launch_velocity", basins["launch_velocity"], row),
-        "basin": _named("attractor", meanings, found.values[row, column]),
+        "basin": Column("attractor", found.values[row, column].astype(np.float64), meanings),
         "slot": _column("slot", _numbers("slot", basins).transpose(*found.dims), (row, column)),
     }
     forcing = str(basins.attrs.get("forcing", "amplitude"))

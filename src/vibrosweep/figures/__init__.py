@@ -24,7 +24,7 @@ if "MPLBACKEND" in os.environ:
 
 if TYPE_CHECKING:
     from vibrosweep.figures import style
-    from vibrosweep.figures.basins import basins_of_attraction
+    from vibrosweep.figures.basins import basin_shares, basins_of_attraction
     from vibrosweep.figures.bifurcation import bifurcation_diagram
     from vibrosweep.figures.height_curves import height_time
     from vibrosweep.figures.lines import orbit_boundaries, orbit_branches
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "available",
+    "basin_shares",
     "basins_of_attraction",
     "bifurcation_diagram",
     "decay_in_a_slot",
@@ -58,7 +59,7 @@ __all__ = [
 
 _HOMES: Final = {
     "style": "vibrosweep.figures.style",
-    "basins_of_attraction": "vibrosweep.figures.basins",
+    **dict.fromkeys(("basin_shares", "basins_of_attraction"), "vibrosweep.figures.basins"),
     "bifurcation_diagram": "vibrosweep.figures.bifurcation",
     "height_time": "vibrosweep.figures.height_curves",
     "parameter_plane": "vibrosweep.figures.plane",

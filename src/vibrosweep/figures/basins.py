@@ -8,16 +8,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 
-from vibrosweep.analysis.basins import name_of
+from vibrosweep.analysis.basins import UNSETTLED, name_of
+from vibrosweep.arrays import Array
+from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "basins_of_attraction"]
+__all__ = ["NEEDS", "basin_shares", "basins_of_attraction"]
 
 NEEDS: Final = data.Needs(("basin", "fraction", "regime", "cycle_impacts", "cycle_periods"))
-NAMED: Final = len(style.OKABE_ITO) + 1  # attractors that the legend names one by one
+COLOURS: Final = (*style.OKABE_ITO, "0.75")
+NAMED: Final = len(COLOURS)  # attractors that the legend names one by one
 
 
 @style.styled
@@ -39,7 +42,7 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     Raises
     ------
     DataError
-        The dataset lacks a variable.
+        The dataset lacks a variable, or holds basins along a parameter.
 
     Examples
     --------
@@ -50,26 +53,94 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     'time of launch (s)'
     """
     NEEDS.check("basins_of_attraction", basins)
+    if "along" in basins.attrs:
+        along = basins.attrs["along"]
+        raise DataError(
+            f"figure basins_of_attraction draws one value of {along}: compute basins there, or "
+            f"draw basin_shares"
+        )
     axes = style.axes_on(ax, style.PAGE, 3.6)
-    count = basins.sizes["attractor"]
-    shown = min(count, NAMED)
-    colours = [*style.OKABE_ITO, "0.75"][:shown]
+    names, shares = _named(basins)
+    reached = basins["basin"].values
+    unsettled = float((reached == UNSETTLED).mean())
     axes.pcolormesh(
         basins["launch_time"].values,
         basins["launch_velocity"].values,
-        np.minimum(basins["basin"].values, NAMED - 1),
-        cmap=ListedColormap(colours),
-        vmin=-0.5,
-        vmax=shown - 0.5,
+        np.minimum(reached, NAMED - 1),
+        cmap=ListedColormap(["white", *COLOURS]),
+        vmin=UNSETTLED - 0.5,
+        vmax=NAMED - 0.5,
         rasterized=True,
     )
-    for i in range(shown):
-        rest = i == NAMED - 1 and count > NAMED
-        fraction = basins["fraction"].values[i:].sum() if rest else basins["fraction"].values[i]
-        name = f"{count - i} others" if rest else name_of(basins.isel(attractor=i))
-        label = f"{name}, {100.0 * float(fraction):.3g} %"
-        axes.plot([], [], "s", color=colours[i], label=label, markersize=5.0)
+    for name, share, colour in zip(names, shares, COLOURS, strict=False):
+        label = f"{name}, {100.0 * float(share):.3g} %"
+        axes.plot([], [], "s", color=colour, label=label, markersize=5.0)
+    if unsettled > 0.0:
+        label = f"unsettled, {100.0 * unsettled:.3g} %"
+        axes.plot([], [], "s", color="white", markeredgecolor="0.5", label=label, markersize=5.0)
     axes.set_xlabel(data.label(basins, "launch_time"))
     axes.set_ylabel(data.label(basins, "launch_velocity"))
     style.beside(axes, data.conditions(basins))
     return axes
+
+
+@style.styled
+def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
+    """Draw which share of the launches leads to each attractor, along a parameter.
+
+    Shares are stacked, so that all of them add up to 1; unsettled launches, which have reached no
+    attractor, are white.
+
+    Parameters
+    ----------
+    basins
+        Result of `vibrosweep.basins` along a parameter.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable, or holds basins at one value only.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import basin_shares
+    >>> found = vs.basins(amplitude=[0.6, 1.2], launch_velocity=[3.0, 5.0], duration=2000.0)
+    >>> basin_shares(found).get_xlabel()
+    'amplitude of the kick $A$ (m s$^{-1}$)'
+    """
+    NEEDS.check("basin_shares", basins)
+    if "along" not in basins.attrs:
+        raise DataError(
+            "figure basin_shares draws basins along a parameter: compute them with a list of "
+            "amplitudes or restitutions beside launch_velocity"
+        )
+    along = str(basins.attrs["along"])
+    axes = style.axes_on(ax, style.PAGE, 3.6)
+    names, shares = _named(basins)
+    values = basins[along].values
+    axes.stackplot(values, shares, colors=COLOURS[: len(names)], labels=names, linewidth=0.0)
+    if (basins["basin"].values == UNSETTLED).any():
+        axes.plot([], [], "s", color="white", markeredgecolor="0.5", label="unsettled")
+    axes.set(xlim=(values[0], values[-1]), ylim=(0.0, 1.0), ylabel="share of the launches")
+    axes.set_xlabel(data.label(basins, along))
+    style.beside(axes, data.conditions(basins))
+    return axes
+
+
+def _named(basins: xr.Dataset) -> tuple[list[str], Array]:
+    """Names of attractors and their fractions, shape (name, ...); rare ones are one."""
+    fraction = basins["fraction"].transpose("attractor", ...).values
+    names = [name_of(basins.isel(attractor=i)) for i in range(fraction.shape[0])]
+    if len(names) <= NAMED:
+        return names, fraction
+    own = NAMED - 1
+    shares = np.concatenate([fraction[:own], fraction[own:].sum(axis=0, keepdims=True)])
+    return [*names[:own], f"{len(names) - own} others"], shares

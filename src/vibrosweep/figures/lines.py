@@ -25,6 +25,7 @@ KINDS: Final = (
     ("v", ":", "rest"),
     ("o", "--", "period doubling"),
     ("D", "-", "corner"),
+    ("P", ":", "yielding"),
 )
 
 
@@ -164,7 +165,7 @@ def orbit_boundaries(
         forcing = data.drawn_forcing(sweep) or forcing
         data.Needs((forcing,)).check("orbit_boundaries", boundaries)
         axes = parameter_plane(sweep, variable, ax=ax)
-    view = axes.axis() if sweep is not None else None
+    view, before = axes.axis(), len(axes.lines)
     kinds, seen = _by_kind(boundaries, "curve"), set()
     colours = style.colours(len(kinds))
     if sweep is not None:  # white is seen on every colour of a plane
@@ -186,10 +187,16 @@ def orbit_boundaries(
                     zorder=3.0,
                 )
             seen.add(name)
-    if view is not None:
-        axes.axis(view)
-    else:
+    if sweep is None:
         _explain(axes, boundaries)
+        return axes
+    axes.axis(view)
+    named = [line for line in axes.lines[before:] if not str(line.get_label()).startswith("_")]
+    above = axes.get_legend()  # that of the plane
+    if named:
+        axes.legend(handles=named, loc="upper right", frameon=True, facecolor="0.6")
+    if named and above is not None:
+        axes.add_artist(above)
     return axes
 
 

@@ -15,6 +15,7 @@ from vibrosweep.kernels.bases import Base, speed
 from vibrosweep.kernels.closed import ADMISSIBLE, SAME, admits, flight, linearize
 from vibrosweep.kernels.extended import (
     ALONG,
+    CORNER,
     DOUBLING,
     FIX_DRIVE,
     FIX_E,
@@ -31,16 +32,18 @@ from vibrosweep.kernels.extended import (
     value_of,
     work_for,
 )
+from vibrosweep.kernels.unwritten import require_written, unwritten
 from vibrosweep.model.parameters import Dimensionless
 
-BORN = 4  # an event beside the bifurcations: the orbit becomes one of half its length, run twice
+BORN = 4  # an event beside the conditions: the orbit becomes one of half its length, run twice
+CONDITIONS = 6  # SADDLE_NODE ... REST, CORNER, YIELD
 # Why a line ends: at a border of the range, at its beginning, at a doubling where it is born,
 # where it touches the base or rests, because no next point was found, or too many were
 LEFT, RETURNED, DOUBLED, TOUCHED, LOST, SPENT = range(6)
 SHORTEST, SHRINKS, GROWS = 1e-7, 0.5, 1.3  # of steps along a line
 STRAIGHT = 0.9  # cosine of the angle between the directions of neighbours
 TRIES = 30  # to find a bifurcation between two points
-AT_ONCE = 4  # most points, and most events, that one step adds
+AT_ONCE = CONDITIONS  # most points, and most events, that one step adds
 
 
 class Line(NamedTuple):
@@ -59,15 +62,32 @@ class Line(NamedTuple):
 def empty_line(points: int, p: int) -> Line:
     """Allocate room for so many points and events."""
     return Line(
-        ends=np.zeros(3, np.int64),
-        z=np.empty((points, p + 2)),
-        trace=np.empty(points),
-        determinant=np.empty(points),
-        admissible=np.empty(points, np.int8),
-        speed=np.empty((points, p)),
-        kind=np.empty(points, np.int64),
-        at=np.empty((points, p + 2)),
+        ends=unwritten(3, np.int64),
+        z=unwritten((points, p + 2)),
+        trace=unwritten(points),
+        determinant=unwritten(points),
+        admissible=unwritten(points, np.int8),
+        speed=unwritten((points, p)),
+        kind=unwritten(points, np.int64),
+        at=unwritten((points, p + 2)),
     )
+
+
+def written(out: Line) -> Line:
+    """Return the points and events of a line that there are; a RunError where one was forgotten."""
+    count, events = int(out.ends[0]), int(out.ends[1])
+    kept = Line(
+        ends=out.ends,
+        z=out.z[:count].copy(),
+        trace=out.trace[:count].copy(),
+        determinant=out.determinant[:count].copy(),
+        admissible=out.admissible[:count].copy(),
+        speed=out.speed[:count].copy(),
+        kind=out.kind[:events].copy(),
+        at=out.at[:events].copy(),
+    )
+    require_written(kept)
+    return kept
 
 
 @part
@@ -143,7 +163,8 @@ def _locate_birth(
     for i in range(short):
         z[i] = 0.5 * (middle[i] + middle[i + short] - 0.5 * q)
     z[short], z[short + 1] = middle[p], middle[p + 1]
-    own = Range(short, q // 2, span.condition, span.relative, 0.0, 0.0, 0.0, 0.0, 0.0)
+    far = math.inf
+    own = Range(short, q // 2, span.condition, span.relative, 0.0, 0.0, 0.0, 0.0, 0.0, far, far)
     if not correct(base, problem, own, z, DOUBLING, z.copy(), z, work_for(short)):
         return False
     for i in range(short):
@@ -251,24 +272,26 @@ def _meet_events(
     `values` are those of the conditions at the old point, if that is not the first one, and become
     those at the new one.
     """
-    at, before = np.empty(z.size), np.empty(4)
-    for kind in range(4):
-        before[kind] = values[kind]
+    at, before = np.empty(z.size), np.empty(CONDITIONS)
+    for k in range(CONDITIONS):
+        kind = k if k < BORN else k - BORN + CORNER
+        before[k] = values[k]
         if out.ends[0] == 1:  # a line may begin at a bifurcation, whose value is rounding
             value = value_of(base, problem, span, old, kind, work)
-            before[kind] = value if abs(value) > SAME else 0.0
-        values[kind] = value_of(base, problem, span, z, kind, work)
+            before[k] = value if abs(value) > SAME else 0.0
+        values[k] = value_of(base, problem, span, z, kind, work)
     # a multiplier may pass -1 and 1 in one step
     node, double = before[SADDLE_NODE], before[DOUBLING]
     swapped = double * (node - values[SADDLE_NODE]) < node * (double - values[DOUBLING])
-    for turn in range(4):
-        kind = 1 - turn if swapped and turn < GRAZE else turn
+    for turn in range(CONDITIONS):
+        k = 1 - turn if swapped and turn < GRAZE else turn
+        kind = k if k < BORN else k - BORN + CORNER
         put_ahead(at, z, 0.0, z)
-        changes = before[kind] * values[kind] < 0.0
+        changes = before[k] * values[k] < 0.0
         if changes and _locate(base, problem, span, old, at, kind, work):
             _meet(out, kind, at)
             _record(base, problem, span, at, out, work)
-            if kind >= GRAZE:
+            if GRAZE <= kind < BORN:
                 return True
     return False
 
@@ -285,7 +308,7 @@ def follow_line(
     p, q, work, step = span.p, span.q, work_for(span.p), 0.1 * span.longest
     events = span.condition < ALONG
     z, old, at, along = start.copy(), start.copy(), start.copy(), direction.copy()
-    values = np.empty(4)
+    values = np.empty(CONDITIONS)
     out.ends[0], out.ends[1], out.ends[2] = 0, 0, SPENT
     _record(base, problem, span, z, out, work)
     while out.ends[0] < out.trace.size - AT_ONCE and out.ends[1] < out.kind.size - AT_ONCE:

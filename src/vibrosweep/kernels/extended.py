@@ -22,9 +22,11 @@ from vibrosweep.kernels.bases.chords import clearing
 from vibrosweep.kernels.closed import ascends, flight, linearize, solve
 from vibrosweep.model.parameters import Dimensionless
 
-# Conditions: a multiplier is 1, or -1; a flight touches the base; an impact just rests.  FIX_E and
-# FIX_DRIVE hold a parameter, ALONG the distance from a point in a direction.
+# Conditions: a multiplier is 1, or -1; a flight touches the base; an impact just rests; a landing
+# falls on a corner of the velocity of the base, or has the speed at which the law of restitution
+# has a kink.  FIX_E and FIX_DRIVE hold a parameter, ALONG the distance from a point in a direction.
 SADDLE_NODE, DOUBLING, GRAZE, REST = range(4)
+CORNER, YIELD = 5, 6
 FIX_E, FIX_DRIVE, ALONG = -3, -2, -1
 DIFFERENCE = 1e-6
 STEPS = 8  # of Newton's method, from a point so near that 4 suffice
@@ -45,6 +47,9 @@ class Range(NamedTuple):
     low_drive: float
     high_drive: float
     longest: float  # step
+    # phase of the corners of the waveform, and its negative; speed of the kink; infinite without
+    corner: float
+    kink: float
 
 
 class Work(NamedTuple):
@@ -113,16 +118,20 @@ def value_of(
         tangent = linearize(fixed, z, p, q, work.plus, work.inner)
         sign = -1.0 if condition == SADDLE_NODE else 1.0
         return 1.0 + sign * tangent.trace + tangent.determinant
-    least = math.inf
+    least, product = math.inf, 1.0
     for i in range(p):
         one = flight(fixed, z, p, q, i)
-        if condition == GRAZE:
+        if condition == CORNER:
+            product *= abs(one.x) - span.corner
+        elif condition == YIELD:
+            product *= one.v - span.kink
+        elif condition == GRAZE:
             least = min(least, clearing(fixed, one))
         else:
             w = rebound(fixed, one.landing, one.v)
             if w > fixed.r or not lift_off(fixed, 0.0, one.landing, w)[3]:
                 least = min(least, w - fixed.r)
-    return least
+    return product if condition >= CORNER else least
 
 
 @part
@@ -240,14 +249,6 @@ def correct_point(
 ) -> bool:
     """Newton's method from a point, whose fixed parameters it has; whether it converges."""
     return correct(base, problem, span, z, condition, z.copy(), z, work_for(span.p))
-
-
-@kernel
-def correct_phase(base: Base, problem: Dimensionless, span: Range, z: Floats, landing: int) -> bool:
-    """Newton's method from a point, one of whose landings keeps its time; whether it converges."""
-    direction = np.zeros(span.p + 2)
-    direction[landing] = 1.0
-    return correct(base, problem, span, z, ALONG, z.copy(), direction, work_for(span.p))
 
 
 @kernel

@@ -30,10 +30,12 @@ from vibrosweep.kernels.closed import (
     primitive,
     same,
 )
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless
 
 WORTH = 2.5  # kicks by which the speeds of a seed may be off; orbits start from better ones
 LEAST = 8  # impacts from which on the number of seeds grows no more
+NO_ORBIT = -2  # beside the codes of `vibrosweep.kernels.closed.admits`
 PATIENCE = 32  # times the least number of seeds are tried, where orbits go on to be found
 
 
@@ -50,9 +52,9 @@ class Closed(NamedTuple):
     """Orbits; the first dimension of every array is (problem,), the second (orbit,) or (p, q)."""
 
     orbits: Integers  # (problem,): their number, -1 where they find no room
-    impacts: Integers
+    impacts: Integers  # 0 past the last orbit, as the periods
     periods: Integers
-    admissible: Flags
+    admissible: Flags  # `NO_ORBIT` past the last one
     trace: Floats  # of the Jacobian of phase and speed over the orbit
     determinant: Floats
     # times, speed, arrival: (problem, orbit, impact): of the landing in periods from that at which
@@ -70,24 +72,24 @@ class Closed(NamedTuple):
 
 
 def empty_closed(problems: int, room: int, wanted: Wanted) -> Closed:
-    """Allocate room for so many orbits of each problem."""
+    """Allocate room for so many orbits of each problem, all of which `find_closed` writes."""
     each, pairs = (problems, room), (problems, wanted.impacts, wanted.periods)
     landings = (*each, wanted.impacts)
     return Closed(
-        orbits=np.zeros(problems, np.int64),
-        impacts=np.zeros(each, np.int64),
-        periods=np.zeros(each, np.int64),
-        admissible=np.zeros(each, np.int8),
-        trace=np.full(each, np.nan),
-        determinant=np.full(each, np.nan),
-        times=np.full(landings, np.nan),
-        speed=np.full(landings, np.nan),
-        arrival=np.full(landings, np.nan),
-        born=np.zeros(each, np.int64),
-        seeds=np.zeros(pairs, np.int64),
-        late=np.zeros(pairs, np.int64),
-        saddles=np.zeros(pairs, np.int64),
-        others=np.zeros(pairs, np.int64),
+        orbits=unwritten(problems, np.int64),
+        impacts=unwritten(each, np.int64),
+        periods=unwritten(each, np.int64),
+        admissible=unwritten(each, np.int8),
+        trace=unwritten(each),
+        determinant=unwritten(each),
+        times=unwritten(landings),
+        speed=unwritten(landings),
+        arrival=unwritten(landings),
+        born=unwritten(each, np.int64),
+        seeds=unwritten(pairs, np.int64),
+        late=unwritten(pairs, np.int64),
+        saddles=unwritten(pairs, np.int64),
+        others=unwritten(pairs, np.int64),
     )
 
 
@@ -183,6 +185,7 @@ def _keep(
     """Keep a new orbit, with what is known of it from its times."""
     k = out.orbits[i]
     out.orbits[i] += 1
+    _blank(i, k, out)
     out.impacts[i, k], out.periods[i, k], out.born[i, k] = p, q, number
     out.times[i, k, :p] = times[:p]
     tangent = linearize(fixed, times, p, q, np.empty(p), np.empty((p, p)))
@@ -194,11 +197,24 @@ def _keep(
         out.arrival[i, k, j] = one.v
 
 
+@jit
+def _blank(i: int, k: int, out: Closed) -> None:
+    """Write that there is no orbit at a place."""
+    out.impacts[i, k] = out.periods[i, k] = out.born[i, k] = 0
+    out.admissible[i, k] = NO_ORBIT
+    out.trace[i, k] = out.determinant[i, k] = np.nan
+    for j in range(out.times.shape[2]):
+        out.times[i, k, j] = out.speed[i, k, j] = out.arrival[i, k, j] = np.nan
+
+
 @kernel
 def find_closed(
     first: int, last: int, base: Base, problem: Dimensionless, wanted: Wanted, out: Closed
 ) -> None:
-    """Find the closed orbits of problems first ... last - 1."""
+    """Find the closed orbits of problems first ... last - 1.
+
+    Where they find no room not all of a problem is written.
+    """
     for i in range(first, last):
         out.orbits[i] = 0
         fixed = constants(base, problem, i)
@@ -209,5 +225,7 @@ def find_closed(
         for p in range(1, wanted.impacts + 1):
             for q in range(1, wanted.periods + 1):
                 _balance(out, i, p, q)
+        for k in range(out.orbits[i], out.impacts.shape[1]):
+            _blank(i, k, out)
         if not roomy:
             out.orbits[i] = -1
