@@ -20,9 +20,7 @@ from vibrosweep.kernels.continuation import (
     LOST,
     RETURNED,
     TOUCHED,
-    empty_line,
     follow_line,
-    written,
 )
 from vibrosweep.kernels.continuation import DOUBLED as AT_DOUBLING
 from vibrosweep.kernels.continuation import SPENT as OUT_OF_POINTS
@@ -41,6 +39,7 @@ from vibrosweep.kernels.extended import (
     splitting,
 )
 from vibrosweep.kernels.impact import base_of
+from vibrosweep.kernels.orbit_points import empty_line, written
 from vibrosweep.kernels.orbit_search import Wanted
 from vibrosweep.model.forcing import AMPLITUDE, refuse_extreme
 from vibrosweep.model.parameters import HIGH_BOUNCE, dimensionless, taken

@@ -6,11 +6,10 @@ The method is that of pseudo-arclength, on the equations of `vibrosweep.kernels.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel, part
+from vibrosweep.kernels._jit import Floats, jit, kernel, part
 from vibrosweep.kernels.bases import Base, speed
 from vibrosweep.kernels.closed import ADMISSIBLE, SAME, admits, flight, linearize
 from vibrosweep.kernels.extended import (
@@ -32,7 +31,7 @@ from vibrosweep.kernels.extended import (
     value_of,
     work_for,
 )
-from vibrosweep.kernels.unwritten import require_written, unwritten
+from vibrosweep.kernels.orbit_points import Line
 from vibrosweep.model.parameters import Dimensionless
 
 BORN = 4  # an event beside the conditions: the orbit becomes one of half its length, run twice
@@ -44,50 +43,6 @@ SHORTEST, SHRINKS, GROWS = 1e-7, 0.5, 1.3  # of steps along a line
 STRAIGHT = 0.9  # cosine of the angle between the directions of neighbours
 TRIES = 30  # to find a bifurcation between two points
 AT_ONCE = CONDITIONS  # most points, and most events, that one step adds
-
-
-class Line(NamedTuple):
-    """Points of one line in their order, and what is met on the way."""
-
-    ends: Integers  # number of points, of events, and why the line ends
-    z: Floats  # (point, p + 2)
-    trace: Floats
-    determinant: Floats
-    admissible: Flags
-    speed: Floats  # (point, p), absolute, at each lift-off
-    kind: Integers  # (event,)
-    at: Floats  # (event, p + 2)
-
-
-def empty_line(points: int, p: int) -> Line:
-    """Allocate room for so many points and events."""
-    return Line(
-        ends=unwritten(3, np.int64),
-        z=unwritten((points, p + 2)),
-        trace=unwritten(points),
-        determinant=unwritten(points),
-        admissible=unwritten(points, np.int8),
-        speed=unwritten((points, p)),
-        kind=unwritten(points, np.int64),
-        at=unwritten((points, p + 2)),
-    )
-
-
-def written(out: Line) -> Line:
-    """Return the points and events of a line that there are; a RunError where one was forgotten."""
-    count, events = int(out.ends[0]), int(out.ends[1])
-    kept = Line(
-        ends=out.ends,
-        z=out.z[:count].copy(),
-        trace=out.trace[:count].copy(),
-        determinant=out.determinant[:count].copy(),
-        admissible=out.admissible[:count].copy(),
-        speed=out.speed[:count].copy(),
-        kind=out.kind[:events].copy(),
-        at=out.at[:events].copy(),
-    )
-    require_written(kept)
-    return kept
 
 
 @part
