@@ -99,8 +99,7 @@ UNDER_NOISE: Final = frozenset(
 
 # Analyses of a constant restitution alone
 OF_CONSTANT: Final = (
-    "energy_balance",
-    *("heights_against_restitution", "slot_decay", "explore", "laboratory"),
+    *("energy_balance", "heights_against_restitution", "slot_decay", "explore", "laboratory"),
 )
 
 
