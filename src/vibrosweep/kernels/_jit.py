@@ -26,6 +26,7 @@ from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._cache import KernelCache
+from vibrosweep.kernels._pieces import PieceCompiler
 from vibrosweep.kernels.vectors import vector_bits
 from vibrosweep.model.functions import is_own, outside, plain
 
@@ -38,7 +39,7 @@ Flags = NDArray[np.int8]
 # Nobody calls compiled code through a C pointer.
 OPTIONS = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 # Python never calls a piece of a kernel either: wrappers for that would be a quarter of all code.
-OF_A_PART = OPTIONS | {"no_cpython_wrapper": True}
+OF_A_PART = OPTIONS | {"no_cpython_wrapper": True, "pipeline_class": PieceCompiler}
 OF_A_PIECE = OF_A_PART | {"forceinline": True}
 # Pieces inherit this from the kernel that they are compiled for.
 UNCOUNTED = OPTIONS | {"_nrt": False}

@@ -1,0 +1,62 @@
+"""Compile a piece of a kernel to intermediate code only, which its kernel takes over.
+
+Numba by itself optimises each function together with all that it calls, down to machine code.  For
+pieces within pieces this is done again at every level, and none of it is used: a kernel holds a
+copy of all its pieces, and is optimised as a whole.  A quarter of the time to compile is saved.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import _dynfunc
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.typed_passes import NativeLowering
+
+
+class PieceLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """The intermediate code of a piece, with that of the pieces that it calls."""
+
+    def _optimize_final_module(self) -> None:
+        """Simplify loops and expressions; all else is left to the kernel."""
+        passes, builder = self._codegen._module_pass_manager(opt=0, cost="cheap")
+        passes.run(self._final_module, builder)
+
+    def _finalize_final_module(self) -> None:
+        """Make no machine code."""
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class DeclarePiece(LoweringPass):  # type: ignore[misc]
+    """Let other pieces and kernels call a piece, as numba does for what has machine code."""
+
+    _name = "declare_piece"
+
+    def __init__(self) -> None:
+        LoweringPass.__init__(self)
+
+    def run_pass(self, state: Any) -> bool:
+        """Declare it under a function object that leads to no code, and that nobody calls."""
+        lowered, nowhere = state["cr"], 0
+        module, name = lowered.fndesc.lookup_module(), lowered.fndesc.qualname
+        key = _dynfunc.make_function(module, name, "", nowhere, lowered.env, ())
+        state.targetctx.insert_user_function(key, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=key)
+        return True
+
+
+class PieceCompiler(CompilerBase):  # type: ignore[misc]
+    """Numba's compiler without machine code."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return numba's passes, and the declaration behind them."""
+        state = self.state
+        state.flags.no_compile = True
+        state.library = PieceLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        passes = DefaultPassBuilder.define_nopython_pipeline(state)
+        passes.add_pass_after(DeclarePiece, NativeLowering)
+        passes.finalize()
+        return [passes]
