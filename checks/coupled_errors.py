@@ -9,7 +9,6 @@ with changed parameters and launches (`vibrosweep.proof.coupled`), which gives t
 from __future__ import annotations
 
 import time
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +18,8 @@ from vibrosweep import simulate
 from vibrosweep.proof.coupled import prove
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
 from vibrosweep.proof.reference.coupled import TooManyLandingsError
-from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.sample import Realization
+from vibrosweep.scene.scene import Scene
 
 PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
 STATES = ("compared", "not claimed", "undecided", "too many landings", "different")
@@ -52,16 +51,8 @@ def compare(parameters, launches, duration, most=MOST):
     """
     found = simulate(base="sprung", launch_time=list(launches), duration=duration, **parameters)
     landings = int(found.impact_count.sum())
-    realization = Realization(
-        parameters=parameters,
-        launch_times=tuple(map(Fraction, launches)),
-        transient=0.0,
-        duration=duration,
-        windowed=False,
-        launch_rounding=0.0,
-        laws=Laws(),
-        base="sprung",
-    )
+    scene = Scene(particles=len(launches), launch=tuple(launches), duration=duration, base="sprung")
+    realization = Realization(scene, parameters)
     try:
         proved, estimate = prove(realization, most)
     except TooManyLandingsError:

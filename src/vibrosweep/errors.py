@@ -69,7 +69,7 @@ class ExistingOutputError(OutputError):
     path
         The output.
     what
-        What it is, in words, where that is known.
+        Description in words, where it is known.
     """
 
     def __init__(self, path: Path, what: str = "") -> None:

@@ -53,7 +53,7 @@ class Mistake:
 
     # Path in a sweep file, which ends with a point for a rule between keys of a table; or a cell
     key: str | Cell
-    rule: Text  # what is allowed, or what it contradicts
+    rule: Text  # the allowed values, or the contradiction
     value: object = ABSENT
     remedy: Text = ()
 

@@ -81,7 +81,7 @@ def test_results_do_not_depend_on_threads_nor_on_the_other_points(plane):
 def test_more_orbits_than_at_first_have_room(monkeypatch):
     module = "vibrosweep.analysis.closed_orbits"
     whole = vs.orbits(amplitude=[1.2, 3.1], **FEW)
-    monkeypatch.setattr(f"{module}.ROOM", 1)
+    monkeypatch.setattr(f"{module}.CAPACITY", 1)
     monkeypatch.setattr(f"{module}.PIECE", 1)
     assert whole.equals(vs.orbits(amplitude=[1.2, 3.1], **FEW))
 

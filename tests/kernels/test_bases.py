@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import error_bounds
+from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
@@ -73,11 +74,12 @@ def test_the_jacobian_changes_by_no_more_than_its_error(constants_of, law, e, a,
     assume(e > 0.0)  # else that does not tell whether the particle is turned back at both
     flights = [bases.Flight(0.0, v, v, phase, v) for phase in (x, x + off)]
     here, there = (bases.jacobian(fixed, flight) for flight in flights)
-    _, _, by_landing = error_bounds.jacobian_error(fixed, flights[0], abs(off), (abs(off), 0.0))
+    spread = StateError(abs(off), 0.0)
+    _, _, by_landing = error_bounds.jacobian_error(fixed, flights[0], abs(off), spread)
     allowed = by_landing + TURN * a * 2.0 * COSINE_ERROR
     assert here[:2] == there[:2]
     for one, other in zip(here[2:4], there[2:4], strict=True):
-        assert abs(one - other) <= allowed + ROUNDING * here[4]
+        assert abs(one - other) <= allowed + ROUNDING * here.size
 
 
 @given(
@@ -117,6 +119,7 @@ import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import error_bounds
+from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.noise import noise_of
@@ -140,6 +143,7 @@ def ask_all(base, problem, i, x, u, s):
     bases.wake_lanes(base, s, i + 1)
     random = bases.random(fixed, 3.0, 5.0, 7.0, x)
     time, _, landed = bases.approach(fixed, s, i)
+    error = StateError(1e-9, 1e-9)
     return (
         bases.approach(fixed, s, i),
         (bases.keep(fixed, s, i, time, landed, True), bases.pending(base, s, i)),
@@ -160,12 +164,12 @@ def ask_all(base, problem, i, x, u, s):
         bases.fixed_residual(fixed, x, 2.0, 1.0),
         bases.fixed_attracts(fixed, x, 2.0),
         bases.fixed_holds(fixed, x, 2.0),
-        error_bounds.jacobian_error(fixed, there, 1e-9, (1e-9, 1e-9)),
+        error_bounds.jacobian_error(fixed, there, 1e-9, error),
         error_bounds.launch_error(fixed, x, u),
-        error_bounds.landing_added(fixed, there, (1e-9, 1e-9)),
-        error_bounds.rebound_error(fixed, there, (1e-16, 1e-16), 1e-9, (1e-9, 1e-9)),
-        error_bounds.absolute_error(fixed, x, u, (1e-9, 1e-9)),
-        error_bounds.rest_is_doubtful(fixed, x, w, (0.1, 0.1)),
+        error_bounds.landing_added(fixed, there, error),
+        error_bounds.rebound_error(fixed, there, StateError(1e-16, 1e-16), 1e-9, error),
+        error_bounds.absolute_error(fixed, x, u, error),
+        error_bounds.rest_is_doubtful(fixed, x, w, StateError(0.1, 0.1)),
         error_bounds.liftoff_error(fixed),
     )
 

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.advance import Options, Share, advance, memory_around
 from vibrosweep.kernels.bases import error_bounds
+from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.cycles import empty_cycles, empty_rests
+from vibrosweep.kernels.exponents import EXACT
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch_speed
 from vibrosweep.kernels.rounding import ROUNDING
 from vibrosweep.kernels.settle import empty_orbits, settle
@@ -61,10 +63,10 @@ def test_the_jacobian_is_the_derivative_of_the_exact_impact(problem_of, e, gamma
     problem = problem_of(e, gamma)
     fixed = bases.constants(BASE, problem, 0)
     flight = flight_of(fixed, x, y)
-    added = error_bounds.landing_added(fixed, flight, (0.0, 0.0))
-    assume(added[0] < 1e-9)  # no graze
+    added = error_bounds.landing_added(fixed, flight, EXACT)
+    assume(added.phase < 1e-9)  # no graze
     xx, xu, ux, uu, terms = bases.jacobian(fixed, flight)
-    of_phase, of_speed, _ = error_bounds.jacobian_error(fixed, flight, 0.0, (0.0, 0.0))
+    of_phase, of_speed, _ = error_bounds.jacobian_error(fixed, flight, 0.0, EXACT)
     with ctx.workprec(BITS):
         a, h, x, y = float(problem.kick[0]), arb(2) ** -80, arb(x), arb(y)
         pairs = (
@@ -93,21 +95,21 @@ def test_the_jacobian_is_the_derivative_of_the_exact_impact(problem_of, e, gamma
 def test_every_state_within_an_error_lands_within_its_bound(
     problem_of, e, gamma, x, y, spread, part
 ):
-    spread = spread[0], spread[1] * y
+    spread = StateError(spread[0], spread[1] * y)
     problem = problem_of(e, gamma)
     fixed = bases.constants(BASE, problem, 0)
     flight = flight_of(fixed, x, y)
     added = error_bounds.landing_added(fixed, flight, spread)
-    assume(added[0] < np.inf)
+    assume(added.phase < np.inf)
     xx, xu, ux, uu, terms = bases.jacobian(fixed, flight)
-    kicked = error_bounds.rebound_error(fixed, flight, added, added[0], spread)
-    dx, dy = spread[0] * part[0], spread[1] * part[1]
+    kicked = error_bounds.rebound_error(fixed, flight, added, added.phase, spread)
+    dx, dy = spread.phase * part[0], spread.speed * part[1]
     slack = ROUNDING * terms * (abs(dx) + abs(dy))
     with ctx.workprec(BITS):
         x_land, w = exact_image(e, float(problem.kick[0]), arb(x) + dx, arb(y) + dy)
         off = x_land - flight.landing - (xx * dx + xu * dy)
         off -= round(float(off))
-        assert float(abs(off).abs_upper()) <= added[0] + slack
+        assert float(abs(off).abs_upper()) <= added.phase + slack
         off = w - bases.rebound(fixed, flight.landing, flight.v) - (ux * dx + uu * dy)
         assert float(abs(off).abs_upper()) <= kicked + slack
 
@@ -120,7 +122,9 @@ def test_few_flights_are_in_doubt(problem_of):
     for i, gamma in enumerate(gammas):
         fixed = bases.constants(BASE, problem, i)
         flight = flight_of(fixed, rng.uniform(-0.5, 0.5), 10.0 ** rng.uniform(-5.0, 0.7))
-        found.append(error_bounds.landing_added(fixed, flight, (1e-12, 1e-12 * flight.u))[0])
+        found.append(
+            error_bounds.landing_added(fixed, flight, StateError(1e-12, 1e-12 * flight.u)).phase
+        )
         assert gamma > 1.0 or found[-1] < 1e-10
     assert np.mean(np.array(found) < 1e-9) > 0.99
 
@@ -139,7 +143,10 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
                 low, high = (middle, high) if near_low else (low, middle)
             for y in (low, high):
                 flight = flight_of(fixed, x, float(y))
-                assert error_bounds.landing_added(fixed, flight, (1e-15, 1e-15)) == (np.inf, np.inf)
+                assert error_bounds.landing_added(fixed, flight, StateError(1e-15, 1e-15)) == (
+                    np.inf,
+                    np.inf,
+                )
                 doubted += 1
     assert doubted > 10
 
@@ -148,15 +155,15 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
 def test_a_rest_in_doubt_is_said(problem_of, gamma):
     fixed = bases.constants(BASE, problem_of(0.5, gamma, r=1e-3), 0)
     doubt = error_bounds.rest_is_doubtful
-    assert doubt(fixed, 0.1, 1e-3, (1e-9, 1e-9))
-    assert not doubt(fixed, 0.1, 1.1e-3, (1e-9, 1e-9))
-    assert not doubt(fixed, 0.1, 0.9e-3, (1e-9, 1e-9))
+    assert doubt(fixed, 0.1, 1e-3, StateError(1e-9, 1e-9))
+    assert not doubt(fixed, 0.1, 1.1e-3, StateError(1e-9, 1e-9))
+    assert not doubt(fixed, 0.1, 0.9e-3, StateError(1e-9, 1e-9))
     if gamma > 1.0:  # where the base falls faster than gravity, there is no rest
         edge = fixed.x_lift
         assert edge == pytest.approx(math.acos(-1.0 / gamma) / (2.0 * math.pi), abs=1e-15)
-        assert not doubt(fixed, edge + 1e-6, 1e-3, (1e-9, 1e-9))
-        assert doubt(fixed, -edge + 1e-10, 0.9e-3, (1e-9, 1e-9))
-        assert not doubt(fixed, -edge + 1e-6, 0.9e-3, (1e-9, 1e-9))
+        assert not doubt(fixed, edge + 1e-6, 1e-3, StateError(1e-9, 1e-9))
+        assert doubt(fixed, -edge + 1e-10, 0.9e-3, StateError(1e-9, 1e-9))
+        assert not doubt(fixed, -edge + 1e-6, 0.9e-3, StateError(1e-9, 1e-9))
 
 
 @pytest.mark.parametrize("away", [1e-15, 1e-12, 1e-6, 0.1, 9.0])
@@ -300,4 +307,4 @@ def test_decisions_of_locked_orbits_at_a_closed_form(problem_of):
     flight = flight_of(fixed, x, y)
     assert flight.time == pytest.approx(1.0, abs=1e-14)
     assert flight.v == pytest.approx(y / e, abs=1e-13)
-    assert max(error_bounds.landing_added(fixed, flight, (0.0, 0.0))) < 1e-14
+    assert max(error_bounds.landing_added(fixed, flight, EXACT)) < 1e-14

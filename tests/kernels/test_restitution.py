@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from vibrosweep.kernels.bases import constants, contraction, fixed_attracts, jacobian
 from vibrosweep.kernels.bases.error_bounds import rebound_error
+from vibrosweep.kernels.exponents import EXACT
 from vibrosweep.kernels.falling import restitution_of
 from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.restitution import (
@@ -149,7 +150,7 @@ def test_the_jacobian_is_the_derivative_and_its_determinant_the_slope(parameters
         ahead, behind = impact(fixed, 0.0, x, u + h), impact(fixed, 0.0, x, u - h)
         assert uu == pytest.approx((ahead.u - behind.u) / (2.0 * h), rel=1e-6, abs=1e-6)
         assert abs(xx * uu - xu * ux) == pytest.approx(contraction(fixed, hit.v), rel=1e-12)
-        assert rebound_error(fixed, hit.flight, (0.0, 0.0), 0.0, (0.0, 0.0)) < 1e-14
+        assert rebound_error(fixed, hit.flight, EXACT, 0.0, EXACT) < 1e-14
 
 
 @pytest.mark.parametrize("name", FALLING)

@@ -8,16 +8,18 @@ import pytest
 from flint import arb
 
 from vibrosweep.model.measures import MEASURES, VARIABLES
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.proof.judgement import judge
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.measures import ProvedMeasures
-from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import Bounds
+from vibrosweep.scene.scene import Scene
 
 SCENE = Realization(
+    Scene(particles=2, duration=9.0, measures=Measures(transient=1.0)),
     parameters={
         "restitution": 0.9,
         "amplitude": 1.2,
@@ -27,13 +29,6 @@ SCENE = Realization(
         "launch_velocity": 5.0,
         "contact_time": 1e-4,
     },
-    launch_times=(Fraction(0), Fraction(1, 4)),
-    transient=1.0,
-    duration=9.0,
-    windowed=True,
-    launch_rounding=1e-15,
-    laws=Laws(),
-    base="high-bounce",
 )
 MEASURED = ProvedMeasures(
     values={"dt_min": arb("0.5"), "dt_min_same_index": None},

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.proof.coupled import CHANGE, prove
 from vibrosweep.proof.measures import prove_measures
 from vibrosweep.proof.reference.coupled import coupled
-from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.sample import Realization
+from vibrosweep.scene.scene import Scene
 
 PARAMETERS = {
     "restitution": 0.6,
@@ -30,16 +31,14 @@ PARAMETERS = {
 
 
 def realization(launch_times=(0.0, 0.2, 0.45), duration=5.0, transient=0.0, **changes):
-    return Realization(
-        parameters=PARAMETERS | changes,
-        launch_times=tuple(map(Fraction, launch_times)),
-        transient=transient,
+    scene = Scene(
+        particles=len(launch_times),
+        launch=launch_times,
         duration=duration,
-        windowed=transient > 0.0,
-        launch_rounding=0.0,
-        laws=Laws(),
+        measures=Measures(transient=transient),
         base="sprung",
     )
+    return Realization(scene, PARAMETERS | changes)
 
 
 def landings_of(trajectories):

@@ -28,17 +28,21 @@ def test_locked_orbit(rebound, k, restitution, place):
     trace = 1.0 + e + 2.0 * math.pi * a * math.cos(2.0 * math.pi * x)
     modulus = np.abs(np.roots([1.0, -trace, e])).max()
     scene = SCENE | {"restitution": e, "amplitude": a * 9.81 / 2.0}
-    found = largest_exponent(lambda: PeriodMap.of(scene, Laws(rebound)), (arb(x), arb(k)), 1, k)
+    found = largest_exponent(
+        lambda: PeriodMap.from_parameters(scene, Laws(rebound)), (arb(x), arb(k)), 1, k
+    )
     assert float(found) == pytest.approx(math.log(modulus), abs=1e-11)
     assert found.rad() < 1e-20
     # twice the way round is the same cycle
-    twice = largest_exponent(lambda: PeriodMap.of(scene, Laws(rebound)), (arb(x), arb(k)), 2, 2 * k)
+    twice = largest_exponent(
+        lambda: PeriodMap.from_parameters(scene, Laws(rebound)), (arb(x), arb(k)), 2, 2 * k
+    )
     assert twice.overlaps(found)
 
 
 def test_what_is_no_cycle_has_no_exponent():
     def table_1():
-        return PeriodMap.of(SCENE, Laws())
+        return PeriodMap.from_parameters(SCENE, Laws())
 
     state = arb(0.4329824002), arb(1)
     assert largest_exponent(table_1, state, 1, 1) is not None
@@ -55,7 +59,7 @@ def test_mean_growth_is_that_of_the_product_of_jacobians(rebound, amplitude):
     impacts = proved.impacts[: next((n for n, i in enumerate(proved.impacts) if i.rested), None)]
     flights = [proved.launch, *(i.flight for i in impacts[:-1])]
     phases = [arb(0.125), *(i.phase for i in impacts[:-1])]
-    m, errors = PeriodMap.of(parameters, Laws(rebound)), (1e-12, 1e-11)
+    m, errors = PeriodMap.from_parameters(parameters, Laws(rebound)), (1e-12, 1e-11)
     found = mean_growth(m, phases, flights, errors)
     change = np.array([1.0, 0.0])
     kick = 2.0 * amplitude / 9.81

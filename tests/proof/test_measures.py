@@ -2,17 +2,17 @@
 
 import itertools
 import math
-from fractions import Fraction
 
 import numpy as np
 import pytest
 from flint import arb
 
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.status import Status
 from vibrosweep.proof.measures import prove_measures
-from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.sample import Realization
+from vibrosweep.scene.scene import Scene
 
 PARAMETERS = {
     "restitution": 0.9,
@@ -26,16 +26,9 @@ PARAMETERS = {
 
 
 def scene(particles, transient=0.0):
-    return Realization(
-        parameters=PARAMETERS,
-        launch_times=tuple(Fraction(j, particles) for j in range(particles)),
-        transient=transient,
-        duration=10.0,
-        windowed=transient > 0.0,
-        launch_rounding=0.0,
-        laws=Laws(),
-        base="high-bounce",
-    )
+    measures, launch = Measures(transient=transient), tuple(j / particles for j in range(particles))
+    made = Scene(particles=particles, launch=launch, duration=10.0, measures=measures)
+    return Realization(made, PARAMETERS)
 
 
 def flight(velocity):

@@ -59,10 +59,10 @@ def test_memory_and_file_hold_the_same_and_a_changed_table_is_noticed(tmp_path):
 
 
 def test_the_digest_is_that_of_names_and_values():
-    one = GivenTable.of(PAIRS)
-    assert one == GivenTable.of(dict(PAIRS))
+    one = GivenTable.from_table(PAIRS)
+    assert one == GivenTable.from_table(dict(PAIRS))
     for changed in ({"ball": ["a", "", "x"]}, {"amplitude": [1.0, 2.0, 0.25]}, {"n": [1, 2, 3]}):
-        assert one != GivenTable.of({**PAIRS, **changed})
+        assert one != GivenTable.from_table({**PAIRS, **changed})
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from vibrosweep.arrays import Array
 BOX: Final = 5  # launches along each side of a box
 CONFIDENCE: Final = 0.95
 STEPS: Final = (1, 2, 4, 8, 16)  # of the axis, to launches that are compared
-FEWEST: Final = 64  # values of an axis along which they are
+FEWEST: Final = 64  # values of an axis along which they are compared
 EVEN: Final = 1e-6  # relative difference of the steps of an axis
 SHAPE: Final = {
     "unsettled_fraction": "fraction of unsettled launches",

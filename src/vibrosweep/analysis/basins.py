@@ -144,9 +144,9 @@ def _along(every: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
     rank[np.argsort(-total, kind="stable")] = np.arange(count)
     placed = []
     for one, track in zip(every, tracks, strict=True):
-        own = np.append(rank[track], UNSETTLED)  # the last one is that of the index -1
-        basin = one["basin"].copy(data=own[one["basin"].values])
-        placed.append(one.assign(basin=basin).assign_coords(attractor=own[:-1]))
+        firsts = np.append(rank[track], UNSETTLED)  # the last one is that of the index -1
+        basin = one["basin"].copy(data=firsts[one["basin"].values])
+        placed.append(one.assign(basin=basin).assign_coords(attractor=firsts[:-1]))
     ((name, values),) = axes.items()
     axis = xr.DataArray(values, dims=name, name=name, attrs=coordinate_attributes(INPUTS[name]))
     joined = xr.concat(
@@ -183,12 +183,12 @@ def _tracks(every: list[xr.Dataset]) -> list[Codes]:
         places = np.nan_to_num(np.stack([turn.real, turn.imag, speed], axis=1))
         track = np.full(len(kinds), -1)
         for kind in dict.fromkeys(kinds):
-            own = [i for i, other in enumerate(kinds) if other == kind]
+            firsts = [i for i, other in enumerate(kinds) if other == kind]
             old = [k for k, (other, _) in enumerate(known) if other == kind]
             there = np.array([known[k][1] for k in old]).reshape(len(old), 3)
-            apart = np.abs(places[own][:, np.newaxis] - there).sum(axis=-1)
+            apart = np.abs(places[firsts][:, np.newaxis] - there).sum(axis=-1)
             for row, column in zip(*linear_sum_assignment(apart), strict=True):
-                track[own[row]] = old[column]
+                track[firsts[row]] = old[column]
         for i in np.flatnonzero(track < 0).tolist():
             track[i] = len(known)
             known.append((kinds[i], places[i]))
@@ -272,18 +272,18 @@ def _shortest(
     """
     recurs = orbits.impacts[first] > 0
     rows = first[recurs]
-    own = taken(problem, rows)
+    firsts = taken(problem, rows)
     base, found = base_of(*scene.mechanics), empty_shortest(rows.size)
     states = (orbits.phase[rows], orbits.flight[rows], orbits.impacts[rows])
     workers.each(
-        lambda begin, end: shortest_flights(begin, end, base, own, *states, found),
+        lambda begin, end: shortest_flights(begin, end, base, firsts, *states, found),
         rows.size,
         16,
         found,
     )
     landed, speed = (np.full(first.size, np.nan) for _ in range(2))
     landed[recurs] = found.landed
-    speed[recurs] = lift_off_speeds(scene.base, own, found.left, found.speed)
+    speed[recurs] = lift_off_speeds(scene.base, firsts, found.left, found.speed)
     return landed, speed * (scene.inputs["gravity"] / (2.0 * scene.inputs["frequency"]))
 
 

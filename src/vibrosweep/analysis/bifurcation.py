@@ -118,7 +118,7 @@ def bifurcation(
 
 
 def summary(diagram: xr.Dataset) -> Iterator[str]:
-    """Describe in one line per direction what the orbits settle on."""
+    """Describe in one line per direction the orbits that are settled on."""
     along = diagram.attrs["forcing"].removeprefix("base_")
     for direction in diagram["direction"].values:
         regimes = diagram["regime"].sel(direction=direction).values.ravel()
@@ -147,7 +147,7 @@ def _observable(
 def _impacts(
     scene: Scene, parameters: dict[str, Array], orbits: Orbits, samples: int, workers: Workers
 ) -> Impacts:
-    """Impacts that follow what orbits have reached; arrays of shape (point, particle, sample)."""
+    """Impacts that follow the states that orbits have reached; arrays (point, particle, sample)."""
     problem, launch = batch_from(scene, parameters, reached(orbits, scene.particles))
     count = orbits.phase.size
     problem = problem._replace(end_count=np.full(count, MAX_PERIODS))
@@ -182,9 +182,9 @@ def _dataset(
     dims = ("direction", forcing, "particle", "sample")
     every = scene.quantities({forcing: scan})
     along = dict.fromkeys((forcing, *ALWAYS_HELD))
-    own = {n: (dims[: v.ndim], v, words) for n, (words, v) in data.items()}
+    variables = {n: (dims[: v.ndim], v, words) for n, (words, v) in data.items()}
     return xr.Dataset(
-        own | shared(scene, [forcing]),
+        variables | shared(scene, [forcing]),
         {
             "direction": list(DIRECTIONS),
             **{n: (forcing, every[n], coordinate_attributes(FORCINGS[n])) for n in along},

@@ -36,7 +36,7 @@ MOST_PERIODS: Final = 64
 # Of each phase; 128 found no more orbits at e in [0.5, 0.98] and kicks a up to 1.2
 SEEDS: Final = 8
 PIECE: Final = 256  # points
-ROOM: Final = 64  # orbits of a point, at first
+CAPACITY: Final = 64  # orbits of a point, at first
 PROBLEMS_PER_TASK: Final = 4
 BYTES_PER_IMPACT: Final = 40
 OF_ORBITS: Final = Closed._fields[1 : Closed._fields.index("seeds")]
@@ -98,7 +98,7 @@ def orbits(sweep: Sweep, threads: int, *, impacts: int, periods: int, seeds: int
 
 
 def _on_axes(found: xr.Dataset, spec: Sweep) -> xr.Dataset:
-    """Return the same with the axes of a grid as dims."""
+    """Return the dataset with the axes of a grid as dims."""
     axes = spec.design.axes
     if not axes:
         return found
@@ -121,15 +121,16 @@ def _on_axes(found: xr.Dataset, spec: Sweep) -> xr.Dataset:
 def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers) -> Closed:
     """Find all closed orbits of a batch, those of each problem in order.
 
-    The search goes piece by piece, each with more room until all its orbits have found some.
+    The search goes piece by piece; each is repeated with a larger capacity until all its orbits
+    fit.
     """
     pieces = []
     for start in range(0, problem.kick.size, PIECE):
-        own = taken(problem, slice(start, start + PIECE))
-        found, room = _searched_all(base, own, wanted, ROOM, workers), ROOM
+        piece = taken(problem, slice(start, start + PIECE))
+        found, capacity = _searched_all(base, piece, wanted, CAPACITY, workers), CAPACITY
         while (found.orbits < 0).any():
-            room *= 2
-            found = _searched_all(base, own, wanted, room, workers)
+            capacity *= 2
+            found = _searched_all(base, piece, wanted, capacity, workers)
         require_written(found)
         pieces.append(_ordered(found))
     most = max(piece.impacts.shape[1] for piece in pieces)
@@ -142,12 +143,12 @@ def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers
 
 
 def _searched_all(
-    base: Any, problem: Dimensionless, wanted: Wanted, room: int, workers: Workers
+    base: Any, problem: Dimensionless, wanted: Wanted, capacity: int, workers: Workers
 ) -> Closed:
     """Search orbits of a piece with so much room for those of each point."""
     size = problem.kick.size
-    require_memory("orbits", size * room, 2 * BYTES_PER_IMPACT * wanted.impacts)
-    out = empty_closed(size, room, wanted)
+    require_memory("orbits", size * capacity, 2 * BYTES_PER_IMPACT * wanted.impacts)
+    out = empty_closed(size, capacity, wanted)
     workers.each(
         lambda first, last: find_closed(first, last, base, problem, wanted, out),
         size,
@@ -166,7 +167,7 @@ def _ordered(found: Closed) -> Closed:
 
 
 def _padded(values: NDArray[Any], most: int, name: str) -> NDArray[Any]:
-    """Return the values with room for so many orbits, where they are of orbits."""
+    """Pad values along orbits to so many orbits; return others as they are."""
     if name not in OF_ORBITS:
         return values
     blank = NO_ORBIT if name == "admissible" else np.nan if values.dtype.kind == "f" else 0
@@ -251,7 +252,7 @@ def multipliers(trace: Array, determinant: Array) -> tuple[Array, Array]:
 
 
 def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> dict[str, Any]:
-    """Variables that tell how complete the search is."""
+    """Variables that show how complete the search is."""
     dims = ("realization", "impacts", "periods")
     knows = wanted.balances & contracts[:, np.newaxis, np.newaxis]
     numbers = {

@@ -50,7 +50,7 @@ def settling(spec: Sweep, restitution: float) -> Scene:
 
 
 def note_of(scene: Scene, restitution: float | None = None) -> str:
-    """Say where orbits of up to that restitution may not be recognised in time; else empty."""
+    """Return a remark if orbits at that restitution may not be recognised in time, else ""."""
     if scene.restitution_law != CONSTANT:
         return ""  # how long orbits take to return is not known
     highest = scene.inputs["restitution"] if restitution is None else restitution
@@ -111,7 +111,7 @@ def grid_axes(
 ) -> dict[str, Array]:
     """Axes of a sweep's grid, ascending, by the names of parameters.
 
-    With `points`, their numbers, ranges of a design that draws become axes of even steps.  Raises a
+    With `points`, ranges of a design that draws become axes of that many even steps.  Raises a
     SpecError that names the purpose unless the design is a grid with the axis that is needed, and
     no others than those allowed.
     """

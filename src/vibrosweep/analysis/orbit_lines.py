@@ -92,7 +92,7 @@ class Line:
     admissible: NDArray[np.int8]
     speed: Array
     events: list[Event]
-    ends: tuple[int, int]  # why it ends, first and last
+    ends: tuple[int, int]  # reasons why it ends, at its first and last point
     parent: int = -1  # the line that it was born from at a doubling
     kind: int = -1  # of bifurcation, of a line of them
 
@@ -130,7 +130,7 @@ class Plane:
         self.restitution, self.drives = restitution, values * self.scale
 
     def span(self, p: int, q: int, condition: int) -> Range:
-        """Return the range of a line; `condition` is what holds along it."""
+        """Return the range of a line along which `condition` holds."""
         e, drive = self.restitution, self.drives
         longest = LONGEST_STEP * float(np.sqrt(p))
         borders = (float(e[0]), float(e[-1]), float(drive[0]), float(drive[-1]))
@@ -141,9 +141,9 @@ class Plane:
     ) -> list[list[tuple[int, int, Array]]]:
         """Return p, q and the point of all orbits that particles take, for each pair given."""
         kick = drive * (1.0 + e) if self.relative else drive
-        own = taken(self.problem, np.zeros(e.size, np.int64))
-        own = own._replace(restitution=np.array(e), kick=np.array(kick))
-        found = find_all(self.base, own, Wanted(*wanted, SEEDS, self.balances), workers)
+        problem = taken(self.problem, np.zeros(e.size, np.int64))
+        problem = problem._replace(restitution=np.array(e), kick=np.array(kick))
+        found = find_all(self.base, problem, Wanted(*wanted, SEEDS, self.balances), workers)
         return [
             [
                 (int(p), int(q), np.array([*found.times[i, k, :p], e[i], drive[i]]))
@@ -154,7 +154,7 @@ class Plane:
         ]
 
     def corrected(self, z: Array, span: Range, condition: int) -> bool:
-        """Make a point one of a line at which one more condition holds; whether that succeeds."""
+        """Correct a point to meet a line's condition and one more; return whether that succeeds."""
         return bool(correct_point(self.base, self.problem, span, z, condition))
 
     def follow(self, z: Array, span: Range, along: Array | None = None) -> Line:
@@ -238,7 +238,7 @@ def _other(condition: int) -> int:
 
 
 def same_orbit(one: Array, other: Array, p: int, q: int, near: float = 100.0 * SAME) -> bool:
-    """Return whether two points are of one orbit, from whatever impact it is told."""
+    """Return whether two points belong to one orbit, whichever impacts they begin with."""
     times = other[:p]
     for k in range(p):
         turned = np.concatenate([times[k:], times[:k] + q])
@@ -267,7 +267,7 @@ class Task:
 def branches_along(
     plane: Plane, condition: int, wanted: tuple[int, int], doublings: int, workers: Workers
 ) -> list[Line]:
-    """Follow all orbits of up to (p, q) along a parameter, those that doublings give first.
+    """Follow all orbits of up to (p, q) along a parameter; those born at doublings come first.
 
     `condition` is the parameter that is fixed.  Orbits start at the values of the other one.
     """
@@ -304,7 +304,7 @@ def branches_along(
 
 
 def _already_born(lines: list[Line], task: Task) -> bool:
-    """Return whether a line that ends at a doubling is that which begins there."""
+    """Return whether the line that begins at a doubling has been followed, from its other end."""
     p, q = task.p // 2, task.q // 2
     return any(
         event.kind == BORN and same_orbit(event.z[[*range(p), -2, -1]], task.z, p, q)

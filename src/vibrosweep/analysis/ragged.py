@@ -46,7 +46,7 @@ def ragged_variables(
 
 
 def wasted(count: NDArray[np.int64]) -> str:
-    """Say how many places of a rectangle are empty where that is more than half; else empty."""
+    """Return a remark if more than half of the places of a rectangle are empty, else ""."""
     places, landings = count.size * int(count.max(initial=0)), int(count.sum())
     if places <= MOST_WASTED * landings:
         return ""

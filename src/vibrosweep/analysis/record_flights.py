@@ -25,12 +25,12 @@ class Course(NamedTuple):
     The first flight of each particle is that from its launch, and each landing begins another.
     """
 
-    # start, end: s; a flight in progress at the end of what is looked at ends there
+    # start, end: s; a flight in progress at the end of the interval ends there
     start: Array
     end: Array
     velocity: Array  # speed at its beginning, m s-1
     height: Array  # height at its beginning, m
-    flies: NDArray[np.bool_]  # whether there is such a flight
+    flies: NDArray[np.bool_]  # True where there is such a flight
 
 
 def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:

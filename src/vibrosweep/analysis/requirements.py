@@ -19,7 +19,7 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
     Parameters
     ----------
     dataset
-        What the analysis is given.
+        Dataset that the analysis takes.
     analysis
         Name of the analysis, as the user calls it.
     names
@@ -56,13 +56,13 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
 
 
 def refused_ragged(dataset: xr.Dataset) -> str:
-    """Say what to do with a ragged record, which only `vibrosweep.rectangle` takes; else empty."""
+    """Return the remedy for a ragged record, which only `vibrosweep.rectangle` takes, or ""."""
     ragged = "landing" in dataset.dims
     return "takes no ragged record: give it vibrosweep.rectangle(record)" if ragged else ""
 
 
 def remedy(name: str) -> str:
-    """Say what supplies a variable that a dataset lacks."""
+    """Return the way to get a variable that a dataset lacks."""
     if name in MEASURE_OF:
         return f"set {MEASURE_OF[name]} = true in the [measure] section of the sweep file"
     if name == "launch_time" or name in RECORD.keys() - VARIABLES.keys():

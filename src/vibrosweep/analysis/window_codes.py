@@ -83,7 +83,7 @@ def summary(windows: xr.Dataset) -> Iterator[str]:
 
 
 def proof_lines(found: xr.Dataset) -> Iterator[str]:
-    """Say in a line for each condition how much of its windows is proved."""
+    """Describe in a line for each condition the share of its windows that is proved."""
     for condition in found["condition"].values:
         one = found.sel(condition=condition)
         ends = np.stack([one["min_proof"].values, one["max_proof"].values])

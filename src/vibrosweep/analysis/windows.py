@@ -129,7 +129,7 @@ def _conditions(sweep: Sweep) -> list[Condition | Locked]:
 
 
 def _of_orbits(condition: Condition | Locked) -> bool:
-    """Tell whether a condition depends on the orbits that particles settle on."""
+    """Return whether a condition depends on the orbits that particles settle on."""
     needed = condition.measures if isinstance(condition, Condition) else {}
     return not needed.keys().isdisjoint({"regimes", "lyapunov"})
 

@@ -44,7 +44,7 @@ def windows(
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
         Those of `vibrosweep.sweep`, where without a duration conditions of orbits are judged after
-        as many periods as these take to settle; and
+        as many periods as they take to settle; and
 
         amplitude, base_velocity, base_displacement, base_acceleration
             One of them: points of the coarse scan (m s-1, m s-1, m, 1), a list of two or more.
@@ -54,10 +54,10 @@ def windows(
             A list of ``"locked(k)"``, ``"ordered"``, ``"periodic"``, ``"separated"``,
             ``"collision_free"`` and ``"regular"``; by default ``["locked(1)"]``.
         continuation
-            Whether orbits go on along the scan, up and down, instead of being launched anew at
+            True to continue orbits along the scan, up and down, instead of launching them anew at
             every point; False by default.
         prove
-            Whether to prove, in ball arithmetic, the ends of ``locked(k)`` as bifurcations of its
+            True to prove, in ball arithmetic, the ends of ``locked(k)`` as bifurcations of its
             orbit, and attraction between them; False by default.  Needs python-flint.
         tolerance
             Largest width of the bracket around an end, relative to it; 1e-9 by default.

@@ -38,8 +38,8 @@ def separations(
     Parameters
     ----------
     spec
-        Instead of keywords: the result of a sweep with separations, or what `vibrosweep.sweep`
-        takes.
+        Instead of keywords: the result of a sweep with separations, or an argument of
+        `vibrosweep.sweep`.
     against
         Parameter against which the distribution is given, in bins that hold equally many
         realizations; by default all realizations are taken together.

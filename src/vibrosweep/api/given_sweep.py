@@ -22,9 +22,9 @@ Spec = str | os.PathLike[str] | Mapping[str, Any]
 def as_sweep(spec: Spec | None, keywords: Mapping[str, Any], *first: str, **defaults: Any) -> Sweep:
     """Return the sweep that a path or a mapping asks for, or keywords where there is neither.
 
-    `first` is that of `keyword_spec`; `defaults` are what keywords or a mapping need not state, and
-    a file must.  Raises a SpecError that lists all mistakes, and a ParameterError where there are
-    both, or `spec` is neither path nor mapping.
+    `first` is that of `keyword_spec`; `defaults` complete keywords or a mapping, but not a file.
+    Raises a SpecError that lists all mistakes, and a ParameterError where there are both, or `spec`
+    is neither path nor mapping.
     """
     if spec is None:
         return keyword_spec({**defaults, **keywords}, *first)
@@ -42,7 +42,7 @@ def as_sweep(spec: Spec | None, keywords: Mapping[str, Any], *first: str, **defa
 
 
 def warned(found: xr.Dataset) -> xr.Dataset:
-    """Warn of what the notes of a result say; the command line prints them itself."""
+    """Warn of the notes of a result; the command line prints them itself."""
     if found.attrs["notes"]:
         warnings.warn(found.attrs["notes"], ShortObservationWarning, stacklevel=3)
     return found

@@ -1,6 +1,6 @@
 """Types of the keywords of public functions, by which an editor completes and checks them.
 
-They are the keys of a sweep file.  What a value may be is judged when the function is called.
+They are the keys of a sweep file.  Values are judged when the function is called.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class MotionKeywords(TypedDict, total=False):
 
 
 class MeasureKeywords(TypedDict, total=False):
-    """What is measured, and from when on."""
+    """Measures, and the beginning of their window."""
 
     transient: float | None
     transient_periods: float | None
@@ -90,7 +90,7 @@ class BatchKeywords(MotionKeywords, MeasureKeywords, total=False):
 
 
 class RealizationKeywords(MotionKeywords, MeasureKeywords, total=False):
-    """A scene, its realizations, and what is measured of them."""
+    """A scene, its realizations, and their measures."""
 
     title: str | None
     design: Design | os.PathLike[str] | Mapping[str, ArrayLike] | xr.Dataset | pd.DataFrame | None
@@ -110,7 +110,7 @@ class SweepKeywords(RealizationKeywords, total=False):
 
 
 class WindowKeywords(SweepKeywords, total=False):
-    """A sweep, and the conditions that are looked for."""
+    """A sweep, and the conditions of windows."""
 
     conditions: Sequence[str | Condition] | None
     continuation: bool | None

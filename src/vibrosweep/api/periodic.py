@@ -33,8 +33,8 @@ def orbits(
     """Find all periodic orbits without rest, whether they attract or not.
 
     Newton's method on the phases of all impacts starts from seeds that cover them evenly; equal
-    orbits are told once, whatever impact and forcing period they begin with.  Twice as many seeds
-    are taken as led to the last new orbit, at least ``seeds * 4**(p - 1)`` for p impacts in q
+    orbits are listed once, whichever impact and forcing period they begin with.  Twice as many
+    seeds are taken as led to the last new orbit, at least ``seeds * 4**(p - 1)`` for p impacts in q
     periods.
 
     Parameters
@@ -55,8 +55,8 @@ def orbits(
     xarray.Dataset
         With the axes of a grid, or ``realization``, as first dims where parameters vary.  Dims
         (..., orbit): ``cycle_impacts`` and ``cycle_periods``, 0 past the last orbit; ``stable``;
-        ``admissible``, which tells that a particle takes the orbit, or that it would land earlier,
-        or rest.  Dims (..., orbit, multiplier): ``multiplier_real`` and ``multiplier_imaginary``.
+        ``admissible``, a code that says that a particle takes the orbit, or would land earlier, or
+        rest.  Dims (..., orbit, multiplier): ``multiplier_real`` and ``multiplier_imaginary``.
         Dims (..., orbit, impact), from the impact before the shortest flight: ``impact_phase``
         (turns), ``rebound_velocity`` (m s-1), and of the flight that follows ``flight_time`` (s)
         and ``arrival_velocity`` (m s-1).  Dims (..., impacts, periods): ``seeds``; ``late_orbits``,

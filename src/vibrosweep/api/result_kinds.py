@@ -1,6 +1,6 @@
 """The kinds of results that this package writes.
 
-They are registered when the package is imported; what they call is imported when it is called.
+They are registered when the package is imported; the functions they call are imported when called.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     Parameters
     ----------
     path
-        What `vibrosweep.run` or the command of this name wrote.
+        File that `vibrosweep.run` or the command of this name wrote.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
     Parameters
     ----------
     path
-        What `vibrosweep.run` or the command of this name wrote.
+        File that `vibrosweep.run` or the command of this name wrote.
 
     Returns
     -------

@@ -44,8 +44,8 @@ def simulate(
         for bit on one model of processor; of the keywords there are then those that ask for
         measures.
     ragged
-        Whether landings stand one after the other in a single dim, a contiguous ragged array of the
-        CF conventions, which leaves no places empty; `vibrosweep.rectangle` goes back.
+        True to store landings one after the other along a single dim, a contiguous ragged array of
+        the CF conventions, which leaves no places empty; `vibrosweep.rectangle` goes back.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -85,11 +85,11 @@ def simulate(
             the base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by
             default) of its mount.
         restitution_noise, kick_noise, drive_noise
-            What is random, as physical parameters: standard deviation of the restitution in each
+            Random quantities, as physical parameters: standard deviation of the restitution in each
             impact; of the velocity of the base in each impact (m s-1); of the amplitude in each
             forcing period, in units of the amplitude.
         noise_seed, noise_stream
-            Seed of what is random, 0 by default, and the stream of each realization: a whole
+            Seed of the random numbers, 0 by default, and the stream of each realization: a whole
             number, or a list with one entry per realization; their indices by default.
         impact_budget
             Landings after which a particle is given up, rounded up to a multiple of 6; its status
@@ -128,7 +128,7 @@ def simulate(
     Warns
     -----
     OtherKernelsWarning
-        Other code has computed the result than that which follows it now.
+        The code that computed the result differs from the one that follows it now.
 
     Examples
     --------

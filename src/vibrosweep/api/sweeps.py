@@ -50,7 +50,7 @@ def sweep(
     threads
         Number of threads, by default all processors; the result does not depend on it.
     progress
-        Whether to show a progress bar; by default in a notebook and on a terminal.
+        True to show a progress bar; by default in a notebook and on a terminal.
     **keywords
         The sweep:
 
@@ -78,7 +78,7 @@ def sweep(
             ``"plastic"``, above the speed (m/s) at which yielding begins; ``"viscoelastic"``, the
             restitution being that at the speed; or a law of `vibrosweep.register_law`.
         restitution_noise, kick_noise, drive_noise, noise_seed
-            Standard deviations of what is random, as physical parameters: of the restitution at
+            Standard deviations of random quantities, as physical parameters: of the restitution at
             each impact (1), of the velocity of the base that kicks (m s-1), of the amplitude in
             each forcing period (1); and the seed of the random numbers.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
@@ -94,19 +94,19 @@ def sweep(
         transient, transient_periods
             Beginning of the window that measures cover, in s or in forcing periods.
         separation, per_particle, regimes, lyapunov, trust, ordering, joint
-            What is measured beside landings, heights and flight times: True or False.
+            Measures beside landings, heights and flight times: True or False.
         tolerance, impact_budget
             Error in s up to which `trust` trusts a landing; impacts after which a particle is
             given up.
         title
-            What the sweep shows.
+            Title of the sweep.
 
     Returns
     -------
     xarray.Dataset
         Measured variables with units and meanings as attributes, and parameters as coordinates.
         The dims are the axes of a grid, for other designs ``realization``; and ``particle`` for
-        what is measured of each.
+        measures of each particle.
 
     Raises
     ------
@@ -163,9 +163,9 @@ def run(
     chunk
         Realizations in a chunk, by default some seconds of work; the result does not depend on it.
     force
-        Whether an existing output is replaced, and an unfinished run thrown away.
+        True to replace an existing output and throw away an unfinished run.
     progress
-        Whether to show a progress bar; by default in a notebook and on a terminal.
+        True to show a progress bar; by default in a notebook and on a terminal.
 
     Returns
     -------

@@ -21,7 +21,7 @@ def whole(text: str, low: int = 0, high: int | None = None) -> int:
 
 
 def add_lines(parser: argparse.ArgumentParser) -> None:
-    """Add what decides which lines of orbits are followed, and how far."""
+    """Add the arguments that decide which lines of orbits are followed, and how far."""
     for name, words, default in (
         ("impacts", "impacts of an orbit, at most", 1),
         ("periods", "its forcing periods, at most", 1),

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 class Finding:
     """The result of one check."""
 
-    subject: str  # what was checked
+    subject: str  # the subject of the check
     state: str  # the state that was found
-    trouble: str = ""  # what is wrong and how to fix it; empty if nothing is
+    trouble: str = ""  # the trouble and its remedy; empty if there is none
 
     def lines(self) -> Iterator[str]:
         """Give the finding as text."""

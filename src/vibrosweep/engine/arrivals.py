@@ -24,9 +24,12 @@ def impacts(
     it began; otherwise gravity has acted for the time of the flight.
     """
     landing, count = found["landing_time"], found["impact_count"]
-    room = count if landing.ndim == 1 else np.full(count.shape, landing.shape[-1])
-    of_realization, room = room.sum(axis=1), room.ravel()
-    begin, lands = (np.cumsum(room) - room)[room > 0], np.nonzero(room.reshape(count.shape))[0]
+    places = count if landing.ndim == 1 else np.full(count.shape, landing.shape[-1])
+    of_realization, places = places.sum(axis=1), places.ravel()
+    begin, lands = (
+        (np.cumsum(places) - places)[places > 0],
+        np.nonzero(places.reshape(count.shape))[0],
+    )
     frequency, time = parameters["frequency"], landing.ravel()
 
     def before(name: str, launch: Array) -> Array:
@@ -45,7 +48,7 @@ def impacts(
         speed[np.isnan(time)] = np.nan
     else:
         launch = [launch_times(scene.launch, scene.particles, f) for f in frequency]
-        fallen = before("liftoff_time", np.array(launch)[room.reshape(count.shape) > 0])
+        fallen = before("liftoff_time", np.array(launch)[places.reshape(count.shape) > 0])
         np.subtract(time, fallen, out=fallen)
         fallen *= np.repeat(parameters["gravity"], of_realization)
         speed = np.subtract(fallen, speed, out=fallen)

@@ -1,4 +1,4 @@
-"""A line on a terminal or in a notebook while a kernel is compiled, which only its first use needs.
+"""A line on a terminal or in a notebook while a kernel is compiled for its first use.
 
 Other streams stay as they are.  ``TQDM_DISABLE=1`` silences it, as it does the bars.  Meanwhile
 Python looks for unused cycles of objects less often, which had taken a tenth of the time.
@@ -16,13 +16,13 @@ from typing import Final
 
 from numba.core.event import Event, Listener, register
 
-SECONDS: Final = 1.0  # before the line, and between its versions
+SECONDS: Final = 1.0  # before the line appears, and between its updates
 OWN: Final = "vibrosweep."
 COLLECT_AFTER: Final = 100_000  # new objects; Python's default is 700
 
 
 class Notice(Listener):  # type: ignore[misc]
-    """Told by numba when it begins and ends to compile; what a kernel inlines comes in between."""
+    """Listener that numba calls when it begins and ends to compile a kernel, or a piece of one."""
 
     def __init__(self) -> None:
         self._depth = 0  # pieces within pieces of a kernel that is compiled now
@@ -31,7 +31,7 @@ class Notice(Listener):  # type: ignore[misc]
         self._collecting = gc.get_threshold()
 
     def on_start(self, event: Event) -> None:
-        """Begin to wait until there is something to say of a kernel of this package."""
+        """Start the clock when a kernel of this package begins to compile."""
         function = event.data["dispatcher"].py_func
         if not self._depth and not str(function.__module__).startswith(OWN):
             return
@@ -64,7 +64,7 @@ def _is_seen() -> bool:
 
 
 def _tell(name: str, made: threading.Event) -> None:
-    """Write, every second, what is compiled and for how long, over what was written before."""
+    """Write every second which kernel is compiled, and for how long, over the line before."""
     began, line = time.monotonic(), ""
     while not made.wait(SECONDS):
         passed = time.monotonic() - began
@@ -80,5 +80,5 @@ def _write(text: str) -> None:
 
 
 def listen() -> None:
-    """Have numba tell a `Notice`."""
+    """Register a `Notice` with numba."""
     register("numba:compile", Notice())

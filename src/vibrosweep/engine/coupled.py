@@ -45,7 +45,7 @@ from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene
 
-LANDINGS_OF_AN_EXPONENT = 64  # fewer tell nothing of how neighbours separate
+LANDINGS_OF_AN_EXPONENT = 64  # fewer do not show how neighbours separate
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly
 
 
@@ -84,7 +84,7 @@ def _followed(
 ) -> tuple[CoupledStatistics, PerRealization, MotionRecord]:
     """Statistics of particles and of realizations, and their separations and order.
 
-    And at most `capacity` landings of each particle, with the motion of the base; 0 for none.
+    Also at most `capacity` landings of each particle, with the motion of the base; 0 for none.
     """
     particles, size = scene.particles, parameters["frequency"].size
     batch = _batch(parameters, scene)
@@ -175,11 +175,11 @@ def _joint(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> M
 def standard_error(growth: Array, waves: Array) -> Array:
     """Return the standard error of the sum of each row of blocks of equal time.
 
-    Two things scatter a block: what neighbours gain on the way, which adds up, and where between
-    impacts, and in which direction of the deviation, it ends, which the next block gives back.
-    With variances s^2 of the one in each of n blocks and t^2 of each end, that of a block is
-    s^2 + 2 t^2 and that of the sum n s^2 + 2 t^2; the scatter of the blocks would count the ends n
-    times.  What does not add up has no part in slow waves, whose mean square is n s^2 / 2.
+    A block scatters for two reasons: by the growth along it, which adds up, and by its ends, whose
+    place between impacts and whose direction of the deviation shift growth from one block to the
+    next. If the growth in each of n blocks has the variance s^2 and each end t^2, a block has the
+    variance s^2 + 2 t^2 and the sum n s^2 + 2 t^2; the scatter of the blocks would count the ends n
+    times. The ends do not enter slow waves, whose mean square is n s^2 / 2.
     """
     with np.errstate(invalid="ignore"):
         adds_up = 2.0 * (waves * waves).sum(axis=1) / waves.shape[1]
@@ -189,7 +189,7 @@ def standard_error(growth: Array, waves: Array) -> Array:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """A state of all particles and their base, carried on, and what its neighbours have become."""
+    """A state of all particles and their base, and the motion of its neighbours since."""
 
     # height, speed: of each particle above the base and relative to it, in g / (2 f^2), g / (2 f)
     height: Array

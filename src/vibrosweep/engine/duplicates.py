@@ -19,7 +19,7 @@ def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Plac
     in the problem.
     """
     known = [values for values in problem if isinstance(values, np.ndarray)]
-    if any(map(_all_differ, known)):  # as where they are drawn
+    if any(map(_all_differ, known)):  # as drawn values do
         return None
     columns = np.stack([*known, *others])
     first = np.empty(columns.shape[1], np.int64)

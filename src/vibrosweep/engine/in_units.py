@@ -1,4 +1,4 @@
-"""Totals of the kernels in physical units, whatever base they are of."""
+"""Totals of the kernels over any base, in physical units."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def of_realizations(
 ) -> Measured:
     """Statistics of realizations, by the names of `vibrosweep.model.measures`.
 
-    `lifts` tells whether the base ever lifts a resting particle, where flights are not counted;
-    `lowest` is what heights are counted from, below the mean level.  A base that stays at that
-    level counts the roots of heights.
+    Flights are not counted; `lifts` tells whether the base ever lifts a resting particle.  Heights
+    count from `lowest` below the mean level; over a base that stays at that level the totals are
+    square roots of heights.
     """
     measured = _physical(found, parameters, lifts, lowest)
     return measured | {"at_rest_count": found.at_rest, "status": found.status}

@@ -59,7 +59,7 @@ def record_landings(
     scene = replace(scene, skip=False)  # landings are followed one by one
     landings, status = _counted(parameters, scene, workers, ragged=ragged)
     shape, capacity = (parameters["frequency"].size, scene.particles), int(landings.max())
-    room = landings if ragged else np.full(landings.size, capacity)
+    capacities = landings if ragged else np.full(landings.size, capacity)
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import record_coupled  # slow to import
 
@@ -72,7 +72,7 @@ def record_landings(
         launch = launches(scene.launch, scene.particles, parameters["frequency"])
         unit = parameters["gravity"] / (2.0 * parameters["frequency"])
         units = Units(parameters["frequency"], unit)
-        out, _ = recorded(problem, launch, scene, workers, units, room)
+        out, _ = recorded(problem, launch, scene, workers, units, capacities)
     dims = (-1,) if ragged else (*shape, capacity)
     found: dict[str, NDArray[Any]] = {
         name: values.reshape(dims) for name, values in out._asdict().items()
@@ -88,15 +88,15 @@ def recorded(
     scene: Scene,
     workers: Workers,
     units: Units,
-    room: NDArray[np.int64],
+    capacities: NDArray[np.int64],
 ) -> tuple[Record, Statistics]:
-    """Record as many first landings of each trajectory as it has room for, of all that it has.
+    """Record the first landings of each trajectory, as many as its capacity.
 
-    `room` has the shape (trajectory,), the arrays of the record one place after the other.  The
-    statistics are those of `vibrosweep.engine.trajectories.statistics`.
+    `capacities` has the shape (trajectory,), the arrays of the record have one place after the
+    other.  The statistics are those of `vibrosweep.engine.trajectories.statistics`.
     """
-    first = np.zeros(room.size + 1, np.int64)
-    np.cumsum(room, out=first[1:])
+    first = np.zeros(capacities.size + 1, np.int64)
+    np.cumsum(capacities, out=first[1:])
     out = empty_record(int(first[-1]))
     recorder = Recorder(out, first, units, problem, scene.particles)
     each = statistics(problem, launch, scene, workers, observer=recorder)
@@ -157,8 +157,8 @@ def _counted(
         launch = launches(scene.launch, particles, parameters["frequency"])
         # the kernel that writes them also counts them: there is one to compile
         units = Units(problem.kick, problem.kick)
-        room = np.zeros(realizations * particles, np.int64)
-        _, each = recorded(problem, launch, enough, workers, units, room)
+        capacities = np.zeros(realizations * particles, np.int64)
+        _, each = recorded(problem, launch, enough, workers, units, capacities)
     landings, status = each.landings.copy(), each.status.copy()
     mean = -(-int(landings.sum()) // landings.size)
     require_room(realizations, particles, mean if ragged else int(landings.max()))

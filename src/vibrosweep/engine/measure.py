@@ -92,7 +92,7 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
 
 
 def measure_all(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
-    """Measure a batch; realizations that cannot be computed do not fail the others.
+    """Measure a batch; realizations that cannot be computed do not make the others fail.
 
     Their floats are NaN, their counts and flags undetermined, and their status gives the reason.
 

@@ -101,7 +101,7 @@ def _follow(
     size, particles = tolerance.size, scene.particles
     measures, cycles = scene.measures, None
     looked_for = measures.regimes or (scene.skip and _lasts(problem, launch, PERIODS_TO_RECUR))
-    if looked_for and problem.noise is None:  # what is random never recurs
+    if looked_for and problem.noise is None:  # random motion never recurs
         cycles = workers.cycles(size * particles)
     each = statistics(problem, launch, scene, workers, cycles)
     whole = empty_sums(size, each.kinds)

@@ -87,7 +87,7 @@ class Workers:
         piece = max(1, min(piece, -(-total // self.threads)))
         starts = range(0, total, piece)
         # one first range for each thread, so that a fast thread does not take all
-        own, others = starts[: self.threads], iter(starts[self.threads :])
+        first, others = starts[: self.threads], iter(starts[self.threads :])
 
         def run(first: int, task: Callable[[int, int], object]) -> None:
             for start in itertools.chain((first,), others):
@@ -96,5 +96,5 @@ class Workers:
                 task(start, min(start + piece, total))
             task(total, total)
 
-        for _ in self._pool.map(run, own, [begin() for _ in own]):
+        for _ in self._pool.map(run, first, [begin() for _ in first]):
             pass

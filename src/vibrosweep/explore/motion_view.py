@@ -53,8 +53,8 @@ class MotionView:
     key
         Name of the view, which distinguishes it from others on the same page.
     whole
-        Whether the browser holds every element.  Otherwise it is sent those that are visible in
-        the present window, and again when the window changes.
+        True if the browser holds every element.  Otherwise it gets those that are visible in the
+        present window, anew whenever the window changes.
 
     Attributes
     ----------

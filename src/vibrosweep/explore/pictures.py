@@ -32,7 +32,7 @@ class Dots(NamedTuple):
     y: str
     x_label: str
     y_label: str
-    log: bool = False  # whether the vertical axis is logarithmic
+    log: bool = False  # True if the vertical axis is logarithmic
 
     def columns(self, record: xr.Dataset) -> Columns:
         """Columns of the dots of the first realization of a record."""

@@ -1,4 +1,4 @@
-"""Axes to draw on: those that are given, of a figure that a notebook shows, or of a file alone."""
+"""Axes to draw on: given ones, those of a figure that a notebook shows, or those of a file."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def axes_on(ax: Axes | None, width: float, height: float) -> Axes:
     Raises
     ------
     ParameterError
-        What is given are no axes.
+        The arguments are no axes.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def panels_on(
     mosaic
         Rows of the numbers of panels, from 0 on: ``[[0, 0], [1, 2]]`` has the first above two.
     **arrangement
-        What else ``matplotlib.figure.Figure.subplot_mosaic`` takes, for a new figure.
+        Further arguments of ``matplotlib.figure.Figure.subplot_mosaic``, for a new figure.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def panels_on(
     Raises
     ------
     ParameterError
-        What is given are no axes, or not one for each panel.
+        The arguments are no axes, or not one for each panel.
 
     Examples
     --------

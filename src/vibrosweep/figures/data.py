@@ -62,7 +62,7 @@ class Needs:
     known: tuple[str, ...] = ()  # variables that must be defined in some realization
 
     def lacking(self, dataset: xr.Dataset) -> str | None:
-        """Return a sentence on what is missing and what supplies it; None if nothing is missing."""
+        """Return a sentence on missing data and their source; None if nothing is missing."""
         absent = [name for name in self.variables if name not in dataset.variables]
         if absent:
             noun = "variable" if len(absent) == 1 else "variables"

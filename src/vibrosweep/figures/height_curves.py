@@ -79,7 +79,7 @@ def height_time(
     realization
         Position of the realization in the record.
     mark_landings
-        Whether every landing has a dot; by default only if a single particle is drawn.
+        True to mark every landing by a dot; by default only if a single particle is drawn.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 

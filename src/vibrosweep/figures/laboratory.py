@@ -83,7 +83,7 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
 
 
 def _draw_residuals(axes: Axes, flights: xr.Dataset) -> None:
-    """Draw residuals over the place in the flight: blur and rests would appear at its ends."""
+    """Draw residuals over the place in the flight: blur and rests would show at its ends."""
     used = np.isfinite(flights["residual"].values)
     place = flights["within"].values[used]
     residual = flights["residual"].values[used]

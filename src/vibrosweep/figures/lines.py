@@ -133,7 +133,7 @@ def orbit_boundaries(
         Result of a sweep over restitution and amplitude, or acceleration, whose plane the curves
         are drawn over.
     variable
-        What is drawn there, as `vibrosweep.figures.parameter_plane` takes it.
+        Variable drawn there, as `vibrosweep.figures.parameter_plane` takes it.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 

@@ -210,7 +210,7 @@ def beside(axes: Axes, remark: str) -> None:
 
 
 def _room(axes: Axes) -> float:
-    """Inches from side to side that the axes have in their figure, with all that is beside them."""
+    """Width in inches that the axes have in their figure, with everything beside them."""
     figure, spec = axes.get_figure(root=True), axes.get_subplotspec()
     width = float(figure.get_figwidth()) if figure else PAGE
     if spec is None:

@@ -5,8 +5,8 @@ writes back.  Two processes that do this at once can take the same number; one v
 loaded in place of the other, for example with a wrong law of rebound, and without an error.
 Therefore only one process at a time may write.
 
-Nor does numba notice a changed bit, which may give wrong numbers, or end the process.  Therefore
-every file has a checksum, which is compared before anything is made of its bytes.
+Numba does not notice a flipped bit either, which may give wrong numbers or end the process.
+Therefore every file has a checksum, which is compared before its bytes are used.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         takes longer than all else.  Machine code that is complete needs no more than the functions
         that count references; where there is none, the compiler imports the rest itself.
         """
-        # what another version of a library wrote may fail in any way
+        # a file of another version of a library may fail in any way
         with contextlib.suppress(Exception):
             rtsys.initialize(target_context)
             return self._load_overload(sig, target_context)
@@ -130,7 +130,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 class Variants(NamedTuple):
-    """How many compiled variants a directory holds."""
+    """Counts of the compiled variants in a directory."""
 
     usable: int  # of them, those that this processor can use
     foreign: int  # those of other processors or widths of vectors

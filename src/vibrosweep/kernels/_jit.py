@@ -93,9 +93,10 @@ def _caching_in(directory: Path) -> Iterator[None]:
 
 
 def _as_python(function: F) -> F:
-    """Have plain Python divide as machine code does, by zero to an infinity or NaN, and silently.
+    """Make plain Python divide as machine code does: by zero, to an infinity or NaN, in silence.
 
-    Numbers of numpy do so, where Python's own raise: floats that are passed on become numpy's.
+    Numbers of numpy do so, where Python's own raise: floats in arguments and results become
+    numpy's.
     """
 
     @functools.wraps(function)
@@ -119,7 +120,7 @@ def _of_numpy(value: Any) -> Any:
 def jit(function: F) -> F:
     """Compile a piece that kernels inline; it needs no cache of its own.
 
-    Where Python calls it, it is compiled for that alone.
+    When Python calls it, it is compiled for that call alone.
     """
     return _piece(function, OF_A_PIECE)
 
@@ -127,7 +128,7 @@ def jit(function: F) -> F:
 def part(function: F) -> F:
     """Compile a piece of a kernel as `jit` does, but leave it to the compiler where to inline it.
 
-    Large pieces that are called from several places are compiled sooner so.
+    Large pieces that are called from several places compile faster this way.
     """
     return _piece(function, OF_A_PART)
 
@@ -156,8 +157,8 @@ def compiled_anew(
 ) -> Any:
     """Compile a function from outside the package together with those that it calls.
 
-    What numba has compiled of them before may hold earlier values of the numbers that they use, and
-    other options.  `done` holds those that have been compiled.
+    Code that numba compiled of them earlier may hold old values of the numbers that they use, and
+    other options of the compiler.  `done` holds those that have been compiled.
     """
     function, done = plain(function), {} if done is None else done
     if function not in done:
@@ -184,8 +185,8 @@ def kernel(function: F) -> F:
 def uncounted(function: F) -> F:
     """Compile an entry point that neither allocates memory nor returns arrays.
 
-    So no references to arrays need be counted.  Numba does that with an atomic operation wherever
-    an array is taken out of a tuple, which can cost more than the arithmetic.
+    References to arrays then need not be counted.  Numba counts them with an atomic operation
+    wherever an array is taken out of a tuple, which can cost more than the arithmetic.
     """
     return _cached(function, UNCOUNTED)
 
@@ -247,7 +248,7 @@ def implements(function: F, *kinds: type) -> Callable[[F], F]:
 
 
 def uncompiled(function: F) -> F:
-    """Return a generic function for Python code, where to compile it would take longer than all."""
+    """Return a generic function as plain Python, for calls too few to compile it for."""
 
     @functools.wraps(function)
     def call(first: Any, *others: Any) -> Any:
@@ -286,7 +287,7 @@ def _prefetch_nothing(array: NDArray[Any], i: int) -> None:
 
 @intrinsic
 def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
-    """Begin to bring the cache line of array[i] near, to be written; one dimension, contiguous."""
+    """Begin to load the cache line of array[i], to be written; one dimension, contiguous."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         from numba.np.arrayobj import make_array  # slow to import, and only compiling needs it

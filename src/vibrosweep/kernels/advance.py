@@ -17,6 +17,7 @@ from vibrosweep.kernels.bases import (
     Constants,
     Counted,
     Flight,
+    Instant,
     approach,
     common_age,
     constants,
@@ -45,7 +46,7 @@ from vibrosweep.kernels.cycles import (
     saves_work,
     stop_search,
 )
-from vibrosweep.kernels.impact import Batch, Instant, Start, land, launch
+from vibrosweep.kernels.impact import Batch, Start, land, launch
 from vibrosweep.kernels.lanes import (
     ENDED,
     GOES_ON,
@@ -192,8 +193,8 @@ def _realization(base: Base, problem: Dimensionless, i: int) -> Realization:
     return Realization(
         constants(base, problem, i),
         problem.launch_flight[i],
-        (problem.end_count[i], problem.end_phase[i]),
-        (problem.begin_count[i], problem.begin_phase[i]),
+        Instant(problem.end_count[i], problem.end_phase[i]),
+        Instant(problem.begin_count[i], problem.begin_phase[i]),
     )
 
 

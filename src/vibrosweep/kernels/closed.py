@@ -28,7 +28,7 @@ from vibrosweep.kernels.bases.chords import chord
 
 STEPS = 24  # of Newton's method; seeds that lead to an orbit need 10
 LONGEST_STEP = 0.15  # periods
-# A step so small is the last but one: what is left after it is below rounding, unless the orbit is
+# A step so small is the last but one: the error after it is below rounding, unless the orbit is
 # almost double, where rounding moves it by 1e-8.
 SMALL_STEP = 1e-9
 SAME = 1e-7  # periods; closer orbits are one
@@ -89,7 +89,7 @@ def linearize(
 
 @part
 def solve(matrix: Floats, b: Floats, n: int) -> bool:
-    """Solve n linear equations in place, by elimination with pivots; whether they are regular."""
+    """Solve n linear equations in place, with pivots; return whether they are regular."""
     for k in range(n):
         most = k
         for i in range(k + 1, n):
@@ -115,7 +115,7 @@ def solve(matrix: Floats, b: Floats, n: int) -> bool:
 
 @jit
 def ascends(times: Floats, p: int, q: int) -> bool:
-    """Return whether every flight lasts."""
+    """Return whether the landing times ascend."""
     for i in range(p - 1):
         if not times[i + 1] > times[i]:
             return False
@@ -124,7 +124,7 @@ def ascends(times: Floats, p: int, q: int) -> bool:
 
 @part
 def close(fixed: Constants, times: Floats, p: int, q: int, off: Floats, matrix: Floats) -> bool:
-    """Newton's method from the times given: whether it converges to an orbit."""
+    """Improve landing times by Newton's method; return whether they converge to an orbit."""
     small = 0
     for _ in range(STEPS):
         linearize(fixed, times, p, q, off, matrix)
@@ -161,7 +161,7 @@ def primitive(times: Floats, p: int, q: int) -> int:
 
 @jit
 def same(one: Floats, other: Floats, p: int, q: int) -> bool:
-    """Return whether two orbits are the same, whatever impact and period they are told from."""
+    """Return whether two orbits are the same, whichever impact and period they begin with."""
     for k in range(p):
         first = reduced(other[k] - one[0])
         off = abs(first)
@@ -176,7 +176,7 @@ def same(one: Floats, other: Floats, p: int, q: int) -> bool:
 
 @part
 def begin_shortest(times: Floats, p: int, q: int, scratch: Floats) -> None:
-    """Tell an orbit from the shortest of its flights, of equal ones from that of the first phase.
+    """Begin an orbit with its shortest flight; of equally short ones with that of the first phase.
 
     Its first time is its phase, in [-1/2, 1/2).
     """

@@ -53,7 +53,7 @@ def _half(z: Floats, p: int, q: int, i: int) -> float:
 
 @part
 def _births(old: Floats, new: Floats, p: int, q: int) -> bool:
-    """Return whether an orbit has passed one of half its length between two points."""
+    """Return whether a line has passed an orbit of half the length between two points."""
     if p % 2 or q % 2:
         return False
     product, least = 0.0, 0.0
@@ -67,7 +67,7 @@ def _births(old: Floats, new: Floats, p: int, q: int) -> bool:
 def _locate(
     base: Base, problem: Dimensionless, span: Range, old: Floats, new: Floats, kind: int, work: Work
 ) -> bool:
-    """Find a bifurcation between two points, of which the new one becomes it."""
+    """Find a bifurcation between two points; the new point becomes the bifurcation."""
     n = span.p + 2
     low, high, middle = old.copy(), new.copy(), np.empty(n)
     tried, direction = np.empty(n), np.empty(n)
@@ -107,7 +107,7 @@ def _locate(
 def _locate_birth(
     base: Base, problem: Dimensionless, span: Range, old: Floats, new: Floats, work: Work
 ) -> bool:
-    """Find where an orbit is born of one of half its length; the new point becomes that."""
+    """Find where an orbit is born of one of half its length; the new point becomes that orbit."""
     p, q = span.p, span.q
     short = p // 2
     z, middle, before, after = np.empty(short + 2), np.empty(p + 2), 0.0, 0.0
@@ -194,7 +194,7 @@ def _next(
     step: float,
     work: Work,
 ) -> bool:
-    """Go along a line by about a step, and turn the direction; whether that can be done."""
+    """Go along a line by about a step, and turn the direction; return whether that succeeds."""
     n = span.p + 2
     new, ahead = np.empty(n), along.copy()
     put_ahead(new, z, step, along)
@@ -222,7 +222,7 @@ def _meet_events(
     values: Floats,
     work: Work,
 ) -> bool:
-    """Add what happens on a step to a line; return whether the line ends there.
+    """Add the events of a step to a line; return whether the line ends there.
 
     `values` are those of the conditions at the old point, if that is not the first one, and become
     those at the new one.

@@ -13,7 +13,15 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Base, Constants, after_rest, counted, lifts_alike, take
+from vibrosweep.kernels.bases import (
+    Base,
+    Constants,
+    Instant,
+    after_rest,
+    counted,
+    lifts_alike,
+    take,
+)
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import Kinds
@@ -39,7 +47,15 @@ WORTH = 4.0
 # Distance kept from the ends of the window, where rounding might decide what is inside.
 MARGIN = 2.0**-20  # periods
 
-Found = tuple[float, float, float]  # periods, impacts and rests of a cycle
+
+class Length(NamedTuple):
+    """Length of a cycle."""
+
+    periods: float
+    impacts: float
+    rests: float
+
+
 Cycles = Floats
 
 
@@ -87,14 +103,12 @@ def no_cycle(cycles: Cycles, lane: int) -> None:
 
 @jit
 def _note(
-    cycles: Cycles, lane: int, found: Found, state: tuple[float, float, float], age: float
+    cycles: Cycles, lane: int, length: Length, at: Instant, flight: float, age: float
 ) -> None:
     """Store the cycle of trajectory `lane`, and a state on it."""
-    periods, impacts, rests = found
-    cycles[CYCLE.IMPACTS, lane], cycles[CYCLE.PERIODS, lane] = impacts, periods
-    cycles[CYCLE.RESTS, lane], cycles[CYCLE.AGE, lane] = rests, age
-    whole, phase, flight = state
-    cycles[CYCLE.WHOLE, lane], cycles[CYCLE.PHASE, lane] = whole, phase
+    cycles[CYCLE.IMPACTS, lane], cycles[CYCLE.PERIODS, lane] = length.impacts, length.periods
+    cycles[CYCLE.RESTS, lane], cycles[CYCLE.AGE, lane] = length.rests, age
+    cycles[CYCLE.WHOLE, lane], cycles[CYCLE.PHASE, lane] = at.whole, at.phase
     cycles[CYCLE.FLIGHT, lane] = flight
 
 
@@ -102,20 +116,20 @@ def _note(
 # have rested: its totals, and the realization they belong to.  Another realization may overwrite
 # the line; the orbit is then computed again.
 Rests = Floats
-ROOM_FOR_RESTS = 1024
+RESTS_KEPT = 1024
 WHOSE = 0  # before the totals
 
 
 def empty_rests(kinds: Kinds) -> Rests:
     """Allocate the cache of orbits from rest to rest, all empty."""
-    return np.full((ROOM_FOR_RESTS, len(kinds) + 2), -1.0)
+    return np.full((RESTS_KEPT, len(kinds) + 2), -1.0)
 
 
 @jit
 def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -> Cycle:
     """Totals of the cycle through a state.
 
-    Those of no impacts where a rest lies on the way, by which the cycle is known.
+    Totals of no impacts where there is a rest on the way: the cycle is known from the rest.
     """
     n, x, u = 0.0, x_start, u_start
     found: Cycle = no_impacts(kinds)
@@ -142,7 +156,7 @@ def _count_cycle(
     if found[CYCLE_LANDINGS] > 0.0 and (found[CYCLE_RESTS] == 0.0 or not alike):
         set_cycle(kinds, s, j, found)
         return
-    line = realization % ROOM_FOR_RESTS
+    line = realization % RESTS_KEPT
     if rests[line, WHOSE] != realization:
         x_lift, u_lift = after_rest(fixed)
         found = once_round(kinds, fixed, x_lift, u_lift)
@@ -208,26 +222,26 @@ def close_cycle(
     `jump` is 1 to skip them.  `cycles` are filled with the cycle, unless they hold one already.
     """
     kinds = chosen.kinds
-    age, state = s[ROW.AGE + j], (s[ROW.N + j], s[ROW.X + j], s[ROW.U + j])
+    age, at, flight = s[ROW.AGE + j], Instant(s[ROW.N + j], s[ROW.X + j]), s[ROW.U + j]
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
     rested = s[OF_RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
     if lifts_alike(chosen.base) and window is None and rested > 0.0 and not jumps:
         # the orbit from rest to rest is unique, and was passed `rested` times since the anchor
         impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
-        found = since / rested, impacts / rested, 1.0
+        length = Length(since / rested, impacts / rested, 1.0)
     else:
-        found = cycle_of(kinds, s, j)
-        if found[1] == 0.0:
+        length = Length(*cycle_of(kinds, s, j))
+        if length.impacts == 0.0:
             _count_cycle(kinds, s, j, realization, take(chosen.base, s, j), rests)
-            found = cycle_of(kinds, s, j)
+            length = Length(*cycle_of(kinds, s, j))
         if jumps:
-            last = _jump(kinds, s, j, found[0], window)
+            last = _jump(kinds, s, j, length.periods, window)
             if last:
                 s[ROW.AGE + j] = -np.inf  # less than a cycle is left
     lane = int(s[ROW.LANE + j])
     if cycles[CYCLE.IMPACTS, lane] == 0.0:
-        _note(cycles, lane, found, state, age)
+        _note(cycles, lane, length, at, flight, age)
     s[ROW.NEXT_ANCHOR + j] = np.inf
     if last:
         stop_search(s, j)

@@ -19,6 +19,7 @@ from vibrosweep.kernels.bases import (
     reverses,
 )
 from vibrosweep.kernels.bases.error_bounds import (
+    StateError,
     jacobian_error,
     landing_added,
     rebound_error,
@@ -26,7 +27,14 @@ from vibrosweep.kernels.bases.error_bounds import (
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.tangent import carry, stretch
-from vibrosweep.kernels.trust import Box, Frame, landing_error, spread_of, turn_box
+from vibrosweep.kernels.trust import (
+    Enclosure,
+    extent,
+    landing_error,
+    spread_of,
+    turn_box,
+    upright,
+)
 
 
 class State(NamedTuple):
@@ -79,41 +87,42 @@ def _eigenvalue_error(
     return 0.5 * (trace_error + min(change / max(root, TINY), math.sqrt(change)))
 
 
-@jit
-def _spread(frame: Frame, box: Box) -> Box:
-    """Largest components of the changes in a box, whose sides lie along a frame."""
-    c, s = abs(frame[0]), abs(frame[1])
-    return c * box[0] + s * box[1], s * box[0] + c * box[1]
+EXACT = StateError(0.0, 0.0)
 
 
 @jit
-def _state_error(fixed: Constants, state: State, impacts: int) -> Box:
+def _widened(box: Enclosure, added: float, norm: float = 1.0) -> Enclosure:
+    """Lengthen both sides of a box by `added`, and divide them by a norm."""
+    return Enclosure(box.c, box.s, (box.along + added) / norm, (box.across + added) / norm)
+
+
+@jit
+def _state_error(fixed: Constants, state: State, impacts: int) -> StateError:
     """Distance of a state of a cycle of rounded impacts from the exact cycle, to first order.
 
-    What rounding adds in one round, each part carried on to its end, is b; a distance d returns as
-    M d + b, and it is its own image: d = (1 - M)^-1 b.
+    Rounding in one round, each part carried on to its end, adds b; a distance d returns as M d + b,
+    and is its own image: d = (1 - M)^-1 b.
     """
     n, x, u = state
-    frame, box = (1.0, 0.0), (0.0, 0.0)
+    box = upright(EXACT)
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
         derivative = jacobian(fixed, hit.flight)
         m00, m10 = carry(m00, m10, derivative)
         m01, m11 = carry(m01, m11, derivative)
-        frame, box = turn_box(frame, box, derivative)
-        added = landing_added(fixed, hit.flight, (0.0, 0.0))
-        rounding = added[0] + rebound_error(fixed, hit.flight, added, added[0], (0.0, 0.0))
-        box = box[0] + rounding, box[1] + rounding
+        added = landing_added(fixed, hit.flight, EXACT)
+        rounding = added.phase + rebound_error(fixed, hit.flight, added, added.phase, EXACT)
+        box = _widened(turn_box(box, derivative), rounding)
         n, x, u = hit.n_off, hit.x_off, hit.u
-    dx, du = _spread(frame, box)
+    dx, du = extent(box)
     determinant = abs((1.0 - m00) * (1.0 - m11) - m01 * m10)
     # entries are rounded themselves
     slack = impacts * ROUNDING * (1.0 + abs(m00) + abs(m11) + abs(m01 * m10))
     if not determinant > slack:
-        return np.inf, np.inf
+        return StateError(np.inf, np.inf)
     determinant -= slack
-    return (
+    return StateError(
         (abs(1.0 - m11) * dx + abs(m01) * du) / determinant,
         (abs(m10) * dx + abs(1.0 - m00) * du) / determinant,
     )
@@ -127,9 +136,9 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
     scale, turned = 0.0, 1.0
     alike, shrunk, exponent = 0, contraction(fixed, u), 0.0  # impacts that contract by `shrunk`
-    # errors of the state and of both columns, each in a frame of its own
-    frame, box = (1.0, 0.0), _state_error(fixed, state, impacts)
-    frame_0, box_0, frame_1, box_1 = (1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 0.0)
+    # boxes of the errors of the state and of both columns
+    box = upright(_state_error(fixed, state, impacts))
+    box_0, box_1 = upright(EXACT), upright(EXACT)
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
         derivative = jacobian(fixed, hit.flight)
@@ -140,13 +149,12 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
         alike += 1
         turned *= reverses(fixed, hit.x, hit.v)
         n, x, u = hit.n_off, hit.x_off, hit.u
-        off = landing_error(frame, box, derivative)
-        changed = jacobian_error(fixed, hit.flight, off, spread_of(frame, box))
+        off = landing_error(box, derivative)
+        changed = jacobian_error(fixed, hit.flight, off, spread_of(box))
         by_phase, by_speed, by_landing = changed
-        frame, box = turn_box(frame, box, derivative)
-        frame_0, box_0 = turn_box(frame_0, box_0, derivative)
-        frame_1, box_1 = turn_box(frame_1, box_1, derivative)
-        rounding = ROUNDING * derivative[4]
+        box = turn_box(box, derivative)
+        box_0, box_1 = turn_box(box_0, derivative), turn_box(box_1, derivative)
+        rounding = ROUNDING * derivative.size
         added_0, added_1 = rounding * (abs(m00) + abs(m10)), rounding * (abs(m01) + abs(m11))
         added_0, added_1 = added_0 + by_phase * abs(m00), added_1 + by_phase * abs(m01)
         added_0, added_1 = added_0 + by_speed * abs(m10), added_1 + by_speed * abs(m11)
@@ -156,8 +164,7 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
         norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
         scale += growth.logarithm(norm)
         m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
-        box_0 = (box_0[0] + added_0) / norm, (box_0[1] + added_0) / norm
-        box_1 = (box_1[0] + added_1) / norm, (box_1[1] + added_1) / norm
+        box_0, box_1 = _widened(box_0, added_0, norm), _widened(box_1, added_1, norm)
         c, d, along, across, error = stretch(c, d, derivative)
         area += growth.logarithm(along * across)
         slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
@@ -165,7 +172,7 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
     determinant = turned * elementary.exp(exponent)
     value = leading_eigenvalue(m00 + m11, determinant)
     modulus = abs(value)
-    trace_error = _spread(frame_0, box_0)[0] + _spread(frame_1, box_1)[1]
+    trace_error = extent(box_0).phase + extent(box_1).speed
     determinant_error = 0.0
     if determinant != 0.0:
         determinant_error = (impacts * ROUNDING + 4.0 * HALF_ULP * abs(exponent)) * abs(determinant)
@@ -173,7 +180,7 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
     largest = (growth.logarithm(modulus) + scale) / impacts
     relative = error / modulus if modulus > 0.0 else 0.0
     relative += HALF_ULP * impacts * (abs(scale) + 2.0)  # of the sum of logarithms
-    if not relative < np.inf:  # a state that is lost at a multiplier of 1
+    if not relative < np.inf:  # at a multiplier of 1 the error of the state is not bounded
         relative = np.inf
     return CycleExponents(
         value * elementary.exp(scale),

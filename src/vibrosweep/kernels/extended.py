@@ -35,7 +35,7 @@ FARTHEST = 0.2  # that a point is corrected by
 
 
 class Range(NamedTuple):
-    """What is followed, how far, and how."""
+    """The line that is followed, its range, and its longest step."""
 
     p: int
     q: int
@@ -69,7 +69,7 @@ def work_for(p: int) -> Work:
     return Work(np.empty((n, n)), np.empty(n), np.empty((p, p)), np.empty(p), np.empty(p))
 
 
-# loops over the elements: an expression of whole arrays takes numba half a second to compile
+# loops over elements: numba takes half a second to compile an expression of whole arrays
 
 
 @jit
@@ -207,7 +207,7 @@ def correct(
     direction: Floats,
     work: Work,
 ) -> bool:
-    """Newton's method on the orbit, the condition of the line, and one more; whether it converges.
+    """Correct a point to meet the line's condition and one more; return whether that converges.
 
     `held` and `direction` are a point and a direction, of conditions that hold something.
     """
@@ -247,7 +247,7 @@ def turn_along(
 def correct_point(
     base: Base, problem: Dimensionless, span: Range, z: Floats, condition: int
 ) -> bool:
-    """Newton's method from a point, whose fixed parameters it has; whether it converges."""
+    """Correct a point with its parameters fixed; return whether that converges."""
     return correct(base, problem, span, z, condition, z.copy(), z, work_for(span.p))
 
 

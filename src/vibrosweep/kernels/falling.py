@@ -98,7 +98,7 @@ def slope_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
 def slope_range_plastic(
     law: Restitution, e: float, scale: float, low: float, high: float
 ) -> tuple[float, float]:
-    # on whichever side of the kink rounding may have put an end
+    # rounding may have put an end on either side of the kink
     near, far = 1.0 - 8.0 * HALF_ULP, 1.0 + 8.0 * HALF_ULP
     least = slope(law, e, scale, high * far) * near if high < np.inf else 0.0
     return least, slope(law, e, scale, low * near) * far
@@ -135,8 +135,8 @@ def root_at(e: float) -> float:
 def _root(scale: float, v: float) -> float:
     """Return y at speed v, of 1e-30 at least.
 
-    Logarithm and exponential are those of `elementary` for normal numbers: without what they do at
-    others the loop over lanes is vector code, two and a half times as fast.
+    Logarithm and exponential are those of `elementary`, for normal numbers alone: the loop over
+    lanes is then vector code, two and a half times as fast.
     """
     t = v * scale
     bits = np.float64(1e-300 if t < 1e-300 else t).view(np.int64)
@@ -239,7 +239,7 @@ def rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -
     return 0.5 * (1.0 + e) * lost_speed(law, e, scale, c, 1.0)
 
 
-# What is the same for all laws whose share of a speed falls with it
+# The same for all laws whose share of a speed falls with the speed
 FALLING: Final[Mapping[Any, Any]] = {
     straight: straight_falling,
     lost_speed: lost_speed_falling,
@@ -255,7 +255,7 @@ LAW_OF: Final[Mapping[str, Restitution]] = {
 
 
 def restitution_of(name: str) -> Restitution:
-    """Return a law by its name, one from outside the package with the code of this moment."""
+    """Return a law by its name; one from outside the package with the code that it has now."""
     return LAW_OF[name] if name in LAW_OF else _from_outside(OUTSIDE[name].code, OUTSIDE[name])
 
 

@@ -82,7 +82,7 @@ def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
 
 @jit
 def _solve(fixed: Constants, x: float, k: float, sign: float) -> tuple[bool, float]:
-    """Newton's method from phase x: whether it converges, and to where."""
+    """Newton's method from phase x; return whether it converges, and the phase."""
     for _ in range(STEPS):
         off, slope, size = fixed_residual(fixed, x, k, sign)
         if abs(off) <= RESIDUAL * size:
@@ -108,9 +108,9 @@ def find_fixed(
 ) -> None:
     """Find the fixed orbit of k periods of problems first ... last - 1.
 
-    The one that attracts, or else one that does not.  With e below 1 and a growing kick it is
-    absent, then attracts, then repels.  `sign` is -1 for the orbit whose particle is pushed into
-    the base, and turned back.
+    Of several, this is the one that attracts.  With e below 1 and a growing kick it is absent, then
+    attracts, then repels.  `sign` is -1 for the orbit whose particle is pushed into the base, and
+    turned back.
     """
     for t in range(first, last):
         out.state[t], out.phase[t] = ABSENT, np.nan

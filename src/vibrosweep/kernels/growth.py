@@ -1,6 +1,6 @@
 """Mean growth per impact along an orbit, with the error of the mean from means of blocks.
 
-Successive growths are correlated, so their own scatter says little of the error of their mean.
+Successive growths are correlated, so their own scatter says little about the error of their mean.
 They are gathered into blocks of equal length; the means of blocks much longer than the correlation
 are as good as independent, and their scatter gives the standard error of the mean (the method of
 batch means).  When all blocks are full, neighbours are joined and blocks become twice as long, so
@@ -32,7 +32,7 @@ class Places(NamedTuple):
 
 
 AT: Final = Places(*range(BLOCKS, BLOCKS + len(Places._fields)))
-ROOM: Final = BLOCKS + len(AT)
+SIZE: Final = BLOCKS + len(AT)
 
 
 @jit
@@ -43,7 +43,7 @@ def logarithm(grown: float) -> float:
 
 @jit
 def empty(g: Floats) -> None:
-    """Forget all growth; `g` has `ROOM` numbers."""
+    """Forget all growth; `g` has `SIZE` numbers."""
     g[:] = 0.0
     g[AT.LENGTH] = 1.0
 

@@ -1,4 +1,4 @@
-"""A base that moves as a sum of harmonics, whose number the type tells: their loops are unrolled.
+"""A base that moves as a sum of harmonics; their number is part of the type, so that loops unroll.
 
 The sum over harmonics is Clenshaw's, from one sine and one cosine.  Its rounding: a step that
 computes b_k = p_k + t b_(k+1) - b_(k+2) makes a coefficient off by two roundings, of p_k - b_(k+2)
@@ -184,7 +184,7 @@ def _rise(shape: Harmonics, a: float, r: float, k: int) -> float:
 
 
 def for_each(field: str, term: str) -> Any:
-    """Function of (shape, a, r, s, j) that returns a tuple: what a term says of each of a field."""
+    """Function of (shape, a, r, s, j) that returns a tuple: a term for each element of a field."""
 
     @functools.cache
     def written(count: int) -> Any:

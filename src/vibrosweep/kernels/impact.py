@@ -17,6 +17,7 @@ from vibrosweep.kernels.bases import (
     Base,
     Constants,
     Flight,
+    Instant,
     fly,
     high_bounce_errors,  # noqa: F401 -- implementations for this base
     high_bounce_noise,  # noqa: F401
@@ -41,8 +42,6 @@ from vibrosweep.kernels.noise import Noise
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE, Waveform
-
-Instant = tuple[float, float]  # whole periods and phase
 
 BASE_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Moving}
 SHAPED_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Shaped}  # with another waveform than the sine
@@ -77,8 +76,8 @@ class Impact(NamedTuple):
     n_off: float
     x_off: float
     u: float
-    leaves: bool  # whether it leaves at once
-    fixed: Constants  # with what is random in it
+    leaves: bool  # True if it leaves at once
+    fixed: Constants  # with the random numbers of the impact
 
 
 def base_of(
@@ -93,8 +92,8 @@ def base_of(
     These are of BASES and LAWS of `vibrosweep.model.parameters`, and of RESTITUTION_LAWS of
     `vibrosweep.model.restitution_laws`.  The noise is that of `vibrosweep.kernels.noise.noise_of`.
 
-    Raises a ParameterError unless particles over the base are independent of each other, and it
-    implements the laws and the waveform.
+    Raises a ParameterError unless particles over the base are independent of each other and the
+    base implements the laws and the waveform.
     """
     if base not in BASE_OF:
         raise ParameterError(
@@ -119,7 +118,7 @@ def launch(launches: Launches, i: int, p: int, phase: float) -> Instant:
     row = i if launches.whole.shape[0] > 1 else 0
     start = launches.phase[row, p] + phase
     carry = np.rint(start)
-    return launches.whole[row, p] + carry, start - carry
+    return Instant(launches.whole[row, p] + carry, start - carry)
 
 
 @jit
@@ -149,8 +148,8 @@ def impact(
 ) -> Impact:
     """Landing and lift-off after leaving the base at (n, x) with speed u.
 
-    What is random in it depends on the particle, the number of its impacts until then, and the
-    whole periods from which n counts.
+    Its random numbers depend on the particle, the number of its impacts until then, and the whole
+    periods from which n counts.
     """
     time, v = fly(fixed, x, u)
     x_land, passed = land(x, time)

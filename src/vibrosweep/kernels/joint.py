@@ -35,7 +35,7 @@ def _common_multiple(a: int, b: int) -> int:
 def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
     """Joint cycle of trajectories first, ...; of no impacts where there is none.
 
-    Written to `pace`, shape (particle,): forcing periods for one impact.
+    The forcing periods that an impact takes are written to `pace`, of shape (particle,).
     """
     nothing = Joint(0, 0.0, 0, 0.0)
     if cycles.size == 0:
@@ -59,7 +59,7 @@ def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
 def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget: int) -> bool:
     """Return whether all landings until whole period n_end of trajectories first, ... fit a budget.
 
-    Those that have no cycle were followed to the end within it.
+    Trajectories without a cycle were followed to the end within it.
     """
     for t in range(first, first + particles):
         if cycles.size > 0 and cycles[CYCLE.IMPACTS, t] > 0.0:

@@ -47,7 +47,7 @@ class LaneRows(NamedTuple):
     SLIP_SIZE: int  # standard deviations
     PUSH_SIZE: int
     DRIVE_SIZE: int
-    SLIP: int  # what is random in the next impact, and in the one after it
+    SLIP: int  # random numbers of the next impact, and of the one after it
     SLIP_NEXT: int
     PUSH: int
     PUSH_NEXT: int
@@ -55,10 +55,10 @@ class LaneRows(NamedTuple):
     ASLEEP: int  # in a rest until a forcing period that lifts it, the number of the next; -1 then
     TRIES: int  # of a search for the landing: passes so far, and the age at the last look
     AGE_SEEN: int
-    COUNTS: int  # whether the flight is counted when it ends
+    COUNTS: int  # 1 if the flight is counted when it ends
     SINE: int  # of the phase of its lift-off, with the cosine
     COSINE: int
-    SURE: int  # whether it has only one root
+    SURE: int  # 1 if it has only one root
     GUESS: int  # a time near it
     RISE: int  # until it is above every height of the base
     NEXT: int  # the time that is tried next, negative where a flight begins

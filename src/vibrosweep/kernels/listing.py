@@ -1,4 +1,4 @@
-"""The landings of one realization, whoever finds them, compared with their neighbours in time.
+"""Landings of one realization, however they are found, compared with their neighbours in time.
 
 Of all pairs of different particles the closest is a neighbouring one: a landing in between would
 be closer to one of the two.  And a landing on a base that is occupied follows directly on the
@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, wide_vectors
-from vibrosweep.kernels.bases import Constants, constants, contact_time
-from vibrosweep.kernels.impact import Batch, Instant, impact, launch, launch_speed
+from vibrosweep.kernels.bases import Constants, Instant, constants, contact_time
+from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
 from vibrosweep.kernels.lanes import LANES
 from vibrosweep.kernels.ordering import LIST, ORDERED, STATE, Workspace
 
 
 class Window(NamedTuple):
-    """The window in which landings count, or a part of it that tells as much."""
+    """The window in which landings count, or a part of it that gives the same results."""
 
-    late: bool  # whether a particle is launched before it begins
+    late: bool  # True if a particle is launched before it begins
     begin: Instant
     end: Instant
 
@@ -55,19 +55,19 @@ def nobody() -> Listed:
 
 @jit
 def in_window(landing: Listed, begin: Instant) -> Listed:
-    """Give a landing as it counts in a window: after the beginning unchanged, others by their stay.
+    """Return a landing as it counts in a window: unchanged if it is inside, else by its stay.
 
     A particle that lands before the window and is still on the base when the window begins is
     listed one period before the beginning, where it stands between no two landings, with a stay
-    that ends when its own does and a negative name: no landing, but an occupant.  Of one that has
-    left by then nothing remains.
+    that ends when its own does and a negative name: no landing, but an occupant.  One that has left
+    by then is dropped.
     """
-    early = (begin[0] - landing.whole) + (begin[1] - landing.phase)
+    early = (begin.whole - landing.whole) + (begin.phase - landing.phase)
     if not early > 0.0:
         return landing
     if landing.stay < early:
         return nobody()
-    return Listed(begin[0] - 1.0, begin[1], (landing.stay - early) + 1.0, -1.0 - landing.who)
+    return Listed(begin.whole - 1.0, begin.phase, (landing.stay - early) + 1.0, -1.0 - landing.who)
 
 
 @jit
@@ -97,7 +97,8 @@ def start(work: Workspace, batch: Batch, i: int) -> Window:
     """
     problem, launches = batch.problem, batch.launches
     fixed = constants(batch.base, problem, i)
-    begin, late = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i]), False
+    begin = Instant(problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
+    late = False
     particles = launches.whole.shape[1]
     for p in range(particles):
         s, j = work.state[p // LANES], p % LANES
@@ -107,10 +108,10 @@ def start(work: Workspace, batch: Batch, i: int) -> Window:
         s[STATE.U + j] = launch_speed(fixed, problem, i, x)
         s[STATE.NUMBER + j] = 0.0
         s[STATE.WHO + j] = p
-        late |= (begin[0] - s[STATE.N + j]) + (begin[1] - x) > 0.0
+        late |= (begin.whole - s[STATE.N + j]) + (begin.phase - x) > 0.0
     for block in range(work.lanes.size):
         work.lanes[block] = min(LANES, particles - block * LANES)
-    return Window(late, begin, (0.0, problem.end_phase[i]))
+    return Window(late, begin, Instant(0.0, problem.end_phase[i]))
 
 
 @jit
@@ -124,7 +125,7 @@ def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> Non
         hit = impact(fixed, n, x, u, s[STATE.WHO + j], s[STATE.NUMBER + j], origin)
         due = hit.n - n_stop <= x_stop - hit.x
         rest = 0.0 if hit.leaves else (hit.n_off - hit.n) + (hit.x_off - hit.x)
-        rest = np.inf if hit.n_off == np.inf else rest  # there is no phase to a rest for good
+        rest = np.inf if hit.n_off == np.inf else rest  # a rest for good has no phase
         s[STATE.X_LAND + j] = hit.x
         s[STATE.N_LAND + j] = hit.n
         s[STATE.STAY + j] = rest if rest > shortest else shortest

@@ -1,7 +1,7 @@
 """Empty named tuples, whose types choose what is compiled.
 
-Machine code is kept on disk by the names of types.  One for code from outside the package has a
-digest of that code in its name, so that changed code never runs what was compiled before.
+Machine code is kept on disk by the names of types.  The type of code from outside the package has a
+digest of that code in its name, so that machine code of an earlier version never runs.
 """
 
 from __future__ import annotations

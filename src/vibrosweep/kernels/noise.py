@@ -1,4 +1,4 @@
-"""Noise of a realization: what is random in an impact, what becomes of it, and how it rounds.
+"""Noise of a realization: random numbers of an impact, their effects and their roundings.
 
 The deviates are those of `vibrosweep.kernels.deviates`.  Each function does nothing where its first
 argument, the field `noise` of a base, or the kind of noise that it needs, is None: numba compiles
@@ -28,7 +28,7 @@ from vibrosweep.model.parameters import Strengths
 
 
 class Noise(NamedTuple):
-    """The field `noise` of a base: what is random, each 1 or None, and the seed."""
+    """The field `noise` of a base: which quantities are random, each 1 or None, and the seed."""
 
     restitution: int | None
     kick: int | None
@@ -37,7 +37,7 @@ class Noise(NamedTuple):
 
 
 class Source(NamedTuple):
-    """Noise of one realization, in its constants; zeros for what is not random."""
+    """Noise of one realization, in its constants; zeros where nothing is random."""
 
     restitution: float
     kick: float
@@ -47,7 +47,7 @@ class Source(NamedTuple):
 
 
 class Draw(NamedTuple):
-    """What is random in one impact; zeros for what is not."""
+    """Random numbers of one impact; zeros where nothing is random."""
 
     slip: float  # added to the restitution
     push: float  # added to the speed of the rebound
@@ -97,7 +97,7 @@ def period_of(n: float, x: float) -> float:
 def draw_of(
     noise: Noise | None, source: Source, particle: float, number: float, period: float
 ) -> Draw:
-    """What is random in an impact of a particle, counted from 0, in a forcing period."""
+    """Random numbers of an impact of a particle, counted from 0, in a forcing period."""
     if noise is None:
         return STILL
     key, stream = noise.key, source.stream
@@ -168,7 +168,7 @@ def _count(on: int | None, s: Floats, j: int, landed: bool) -> None:
 
 @jit
 def drawn_in(noise: Noise | None, s: Floats, j: int) -> Draw:
-    """What is random in the next impact of lane j."""
+    """Random numbers of the next impact of lane j."""
     if noise is None:
         return STILL
     return Draw(
@@ -301,7 +301,7 @@ def _parts(on: int | None, x: float, error: float) -> bool:
 def exceeds(noise: Noise | None, kick: float, r: float) -> bool:
     """Return whether the kick of a particle that has come to rest lifts it at once.
 
-    Without noise of its own it would not have come to rest then.
+    Without noise it would not have come to rest.
     """
     if noise is None:
         return False
@@ -320,10 +320,11 @@ def strongest(noise: Noise | None, a: float, source: Source) -> float:
 def lifted(
     noise: Noise | None, known: tuple[float, float], n: float, x: float
 ) -> tuple[float, float]:
-    """Instant at which a particle is lifted that has come to rest at (n, x).
+    """Instant at which a particle that has come to rest at (n, x) is lifted.
 
-    The known one, but its own where the amplitude is random: `vibrosweep.kernels.bases.wake` finds
-    it from there.  A rest for good has an infinite count, or no phase.
+    This is the known one.  Where the amplitude is random it is the instant of the rest itself, from
+    which `vibrosweep.kernels.bases.wake` searches.  A rest for good has an infinite count, or no
+    phase.
     """
     if noise is None:
         return known

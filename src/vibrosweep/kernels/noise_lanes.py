@@ -1,4 +1,4 @@
-"""Noise in the vector kernel: what is random in the next impact of each lane."""
+"""Noise in the vector kernel: random numbers of the next impact of each lane."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def load_noise(
 
 @jit
 def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int, together: float) -> None:
-    """Draw what is random in the next impact of the first lanes, `since` after the last look.
+    """Draw the random numbers of the next impact of the first lanes, `since` after the last look.
 
     Where lanes are `together`, 1, a pair of deviates is drawn for two impacts in turn: each has had
     an even number of them at the last look.  Else, 0, each lane counts its own.

@@ -1,4 +1,4 @@
-"""Observers of every landing, beside the loop over the lanes: a user's function is one.
+"""Observers of every landing, beside the loop over the lanes, such as a user's function.
 
 The loop notes what an observer needs of a landing in rows of its own, and stays free of branches;
 a second one serves those lanes that have landed in the window.
@@ -29,7 +29,7 @@ def note(observer: Any, s: Floats, j: int, landing: Landing, n: float, seen: boo
 
 @generic
 def observe(observer: Any, s: Floats, lanes: int, base: Base) -> None:
-    """Use what is noted of those of the first lanes that have just landed in the window."""
+    """Show the observer the first lanes that have just landed in the window."""
 
 
 class Observer(NamedTuple):
@@ -37,7 +37,7 @@ class Observer(NamedTuple):
 
     function: Callable[[Any, Any], None]
     totals: Floats
-    initial: float  # what totals begin with
+    initial: float  # value with which totals begin
 
 
 class Noted(NamedTuple):
@@ -84,7 +84,7 @@ def call_function(observer: Observer, s: Floats, lanes: int, base: Base) -> None
             observer.function(observer.totals[int(s[ROW.LANE + j])], landing)
 
 
-# A user's function does what it does in plain Python: what that raises is raised.
+# A user's function behaves as in plain Python: its exceptions are raised.
 OF_A_USER: Final = OPTIONS | {"error_model": "python", "boundscheck": True}
 
 _compiled: dict[tuple[str, str], Any] = {}  # by code of observables, and how landings combine
@@ -94,8 +94,8 @@ def compiled(observable: Observable) -> Any:
     """Compile an observable's function, once in a process.
 
     Where it changes totals, an index beyond them raises an IndexError instead of spoiling memory.
-    Where it gives a number of a landing, what is returned stands for it among the statistics.  A
-    ParameterError tells that numba cannot compile it.
+    If it gives a number of a landing, the type that stands for it among the statistics is returned.
+    Raises a ParameterError if numba cannot compile it.
     """
     key = observable.code, observable.landings
     if key not in _compiled:

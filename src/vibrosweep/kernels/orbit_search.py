@@ -8,7 +8,7 @@ on the map, until orbits balance.
 For e < 1 the p equations of the map have no solution at the border of all flights u > 0, and none
 without kicks: their degree is zero.  So the solutions, each of an orbit's points counted, whose
 Jacobian has a real multiplier above 1 are as many as the others; among them are shorter orbits run
-several times.  What does not balance was missed.
+several times.  Where they do not balance, orbits were missed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ PATIENCE = 32  # times the least number of seeds are tried, where orbits go on t
 
 
 class Wanted(NamedTuple):
-    """What is looked for."""
+    """Range of the search."""
 
     impacts: int  # at most, of an orbit
     periods: int  # at most
@@ -71,9 +71,9 @@ class Closed(NamedTuple):
     others: Integers
 
 
-def empty_closed(problems: int, room: int, wanted: Wanted) -> Closed:
+def empty_closed(problems: int, capacity: int, wanted: Wanted) -> Closed:
     """Allocate room for so many orbits of each problem, all of which `find_closed` writes."""
-    each, pairs = (problems, room), (problems, wanted.impacts, wanted.periods)
+    each, pairs = (problems, capacity), (problems, wanted.impacts, wanted.periods)
     landings = (*each, wanted.impacts)
     return Closed(
         orbits=unwritten(problems, np.int64),

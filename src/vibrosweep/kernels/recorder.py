@@ -82,7 +82,7 @@ def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> Non
 
 @kernel
 def leave_rest_empty(out: Record, first: Integers, landings: Integers) -> None:
-    """Write to the places past the last landing of each trajectory that there is none."""
+    """Mark the places past the last landing of each trajectory as empty."""
     for t in range(landings.size):
         for k in range(first[t] + landings[t], first[t + 1]):
             out.landing_time[k] = out.liftoff_time[k] = out.rebound_velocity[k] = np.nan

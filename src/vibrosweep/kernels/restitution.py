@@ -52,7 +52,7 @@ def straight(law: Restitution) -> bool:
 
 @generic
 def slack(law: Restitution) -> float:
-    """How many times the share of rounding of a component of a Jacobian a slope may need."""
+    """Rounding error of a slope, in units of that of a component of a Jacobian."""
 
 
 @generic
@@ -81,7 +81,7 @@ def slope_change(
 ) -> tuple[float, float]:
     """Slope at speed v, and how much it changes within an error of the speed.
 
-    By the mean value theorem the second times the error bounds what the linear part leaves out.
+    By the mean value theorem the second number times the error bounds what the linear part omits.
     """
     q = slope(law, e, scale, v)
     low, high = slope_range(law, e, scale, v - error, v + error)
@@ -131,7 +131,7 @@ def slack_constant(law: Restitution) -> float:
 
 @implements(lost_speed, Constant)
 def lost_speed_constant(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
-    # not as the difference of the speeds, of which 1 - e would be lost in rounding near 1
+    # not as the difference of the speeds: rounding would lose 1 - e near 1
     return (sign - e) * v
 
 

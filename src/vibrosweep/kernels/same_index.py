@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Constants, after_rest, fly, lifts_alike
-from vibrosweep.kernels.impact import Instant, land
+from vibrosweep.kernels.bases import Constants, Instant, after_rest, fly, lifts_alike
+from vibrosweep.kernels.impact import land
 from vibrosweep.kernels.joint import Joint
 from vibrosweep.kernels.lanes import VECTOR
 from vibrosweep.kernels.listing import Window, append_due, compare, due_first, next_landings, nobody
@@ -36,7 +36,7 @@ def _name_early(listed: Floats, first: int, k: int, begin: Instant) -> int:
     early = 0
     for q in range(first, k):
         who = listed[LIST.WHO, q]
-        before = (begin[0] - listed[LIST.WHOLE, q]) + (begin[1] - listed[LIST.PHASE, q]) > 0.0
+        before = (begin.whole - listed[LIST.WHOLE, q]) + (begin.phase - listed[LIST.PHASE, q]) > 0.0
         listed[LIST.WHO, q] = -1.0 - who if before else who
         early += 1 if before else 0
     return early
@@ -113,7 +113,7 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
     for q in range(k):
         who = int(listed[LIST.WHO, q])
         if who < 0:
-            before = (begin[0] - listed[LIST.WHOLE, q]) + (begin[1] - listed[LIST.PHASE, q])
+            before = (begin.whole - listed[LIST.WHOLE, q]) + (begin.phase - listed[LIST.PHASE, q])
             cycle = joint.impacts * work.pace[-1 - who]
             times = min(times, np.floor(before / cycle) - 1.0)
     if times > 0.0:
@@ -127,7 +127,7 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
 def _followed_by_landings(fixed: Constants, window: Window) -> LiftOffs:
     """Bounds of the lift-offs from rest whose next landing is inside the window.
 
-    None is where a rest may end at several phases of a period.
+    There are none where a rest may end at several phases of a period.
     """
     if not lifts_alike(fixed.base):
         return LiftOffs(np.inf, -np.inf)
@@ -136,15 +136,15 @@ def _followed_by_landings(fixed: Constants, window: Window) -> LiftOffs:
     x, passed = land(x_lift, flight)
     low = -np.inf
     if window.late:
-        low = window.begin[0] + np.ceil(window.begin[1] - x) - passed - 1.0
-    return LiftOffs(low, np.floor(window.end[1] - x) - passed)
+        low = window.begin.whole + np.ceil(window.begin.phase - x) - passed - 1.0
+    return LiftOffs(low, np.floor(window.end.phase - x) - passed)
 
 
 @jit
 def same_index(
     fixed: Constants, window: Window, work: Workspace, joint: Joint
 ) -> tuple[float, bool]:
-    """Smallest gap between landings with equal impact numbers, and whether two particles are one.
+    """Smallest gap of landings with equal impact numbers, and whether two particles move as one.
 
     Once all particles are on their cycles the gaps of equally fast ones repeat after the joint
     cycle, and those of others grow as soon as the slower one is the later one.  When that has held

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, jit, uncounted
-from vibrosweep.kernels.bases import constants
+from vibrosweep.kernels.bases import Instant, constants
 from vibrosweep.kernels.cycles import Cycles
 from vibrosweep.kernels.impact import Batch
 from vibrosweep.kernels.joint import Joint, affordable, joint_cycle
@@ -49,17 +49,18 @@ def write_separations(out: Separations, i: int, gap: float, same: float, shared:
 
 @jit
 def _part(window: Window, joint: Joint) -> Window:
-    """Give a part of at most two joint cycles that contains every gap and stay of the window."""
+    """Return a part of the window, of at most two joint cycles, with all its gaps and stays."""
     if joint.impacts == 0:
         return window
-    n_begin, n_end, known = window.begin[0], 0.0, joint.known
+    n_begin, n_end, known = window.begin.whole, 0.0, joint.known
     if window.late:
         shift = np.floor((n_begin - known) / joint.periods) * joint.periods
         if shift > 0.0:
             n_begin, n_end = n_begin - shift, -shift
         known = max(known, n_begin)
     n_end = min(n_end, known + 2.0 * joint.periods + 2.0)
-    return Window(window.late, (n_begin, window.begin[1]), (n_end, window.end[1]))
+    begin, end = Instant(n_begin, window.begin.phase), Instant(n_end, window.end.phase)
+    return Window(window.late, begin, end)
 
 
 @uncounted
@@ -75,9 +76,9 @@ def separate(
 ) -> None:
     """Measure the separations of realizations first ... last - 1; write their slots alone.
 
-    Unknown are those of realizations that are not `complete`, of which a trajectory ran out of its
-    budget.  `budget` is the number of landings of a particle up to which others are.  `work` is not
-    shared between threads.
+    Separations are unknown in realizations that are not `complete`, where a trajectory ran out of
+    its budget, and where a particle lands more than `budget` times.  `work` is not shared between
+    threads.
 
     Cycles are those of `vibrosweep.kernels.cycles.empty_cycles`, of no length where unknown.  Where
     all particles of a realization have entered theirs, no more is followed than the joint cycle of
@@ -92,7 +93,7 @@ def separate(
         fixed, window = constants(base, problem, i), start(work, batch, i)
         joint = joint_cycle(cycles, i * particles, work.pace)
         part = _part(window, joint)
-        if not affordable(cycles, i * particles, particles, part.end[0], budget):
+        if not affordable(cycles, i * particles, particles, part.end.whole, budget):
             continue
         same, together = same_index(fixed, window, work, joint)
         gap, shared = 0.0, 1

@@ -18,6 +18,7 @@ from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases import (
     Constants,
+    Instant,
     constants,
     contraction,
     density,
@@ -25,7 +26,7 @@ from vibrosweep.kernels.bases import (
 )
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.exponents import Exponent, State, cycle_exponents
-from vibrosweep.kernels.impact import Batch, Instant, impact, launch, launch_speed
+from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.statistics import LANDINGS, RESTS, Statistics
 from vibrosweep.kernels.tangent import stretch
@@ -38,7 +39,7 @@ from vibrosweep.model.status import Regime
 # several rounds.  Distinct points of a cycle are never this close, except right after a period
 # doubling.
 SAME_ORBIT = 2.0**-30
-NONE_LEFT = Exponent(-np.inf, 0.0)  # of deviations that a rest takes
+NONE_LEFT = Exponent(-np.inf, 0.0)  # a rest leaves nothing of a deviation
 CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
 
 UNDETERMINED = -1  # as flags that could not be decided
@@ -142,9 +143,9 @@ def _follow(
     growth.empty(g)
     for age in range(budget):
         hit = impact(fixed, n, x, u, particle, age)
-        if not hit.n - end[0] <= end[1] - hit.x:
+        if not hit.n - end.whole <= end.phase - hit.x:
             break
-        if begin[0] - hit.n <= hit.x - begin[1]:
+        if begin.whole - hit.n <= hit.x - begin.phase:
             seen += 0 if hit.leaves else 1
             c, d, along, across, error = stretch(c, d, jacobian(hit.fixed, hit.flight))
             growth.add(g, growth.logarithm(along))
@@ -152,16 +153,16 @@ def _follow(
             if before > 0.0:
                 area += growth.logarithm(along * across * (density(fixed, hit.u) / before))
                 slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
-            else:  # in these coordinates nothing is left to be measured
+            else:  # in these coordinates no area is left
                 area += growth.logarithm(contraction(hit.fixed, hit.v))
         if hit.n_off == np.inf:
             n, x, u = hit.n, hit.x, 0.0
             break
         n, x, u = hit.n_off, hit.x_off, hit.u
-        if not hit.leaves and fixed.base.noise is None:  # what is random never repeats
+        if not hit.leaves and fixed.base.noise is None:  # random motion never repeats
             lifted += 1
             same = x == x_first and u == u_first
-            if same and n > first:  # not where it makes no headway
+            if same and n > first:  # unless time stands still
                 closed, impacts, periods = lifted - anchor, age - since, int(n - first)
                 break
             if not same and lifted >= 2 * anchor:
@@ -294,13 +295,13 @@ def settle(
 ) -> None:
     """Determine the orbits that trajectories first ... last - 1 of a batch settle on.
 
-    Statistics and cycles are as `advance` left them.  With `exponents` 0 orbits are followed only
-    where they may turn out to rest again and again, or to be aperiodic; of the others the exponents
-    are not computed.  Only the slots first ... last - 1 are written.
+    Statistics and cycles are as `advance` left them.  With `exponents` 0, only orbits that may turn
+    out to rest again and again, or to be aperiodic, are followed; exponents of the others are not
+    computed.  Only the slots first ... last - 1 are written.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]
-    g = np.empty(growth.ROOM)
+    g = np.empty(growth.SIZE)
     # realization and lift-off whose orbit with rests was judged, and the result
     judged, x_judged, doubtful = -1, np.nan, 0
     for t in range(first, last):
@@ -323,11 +324,11 @@ def settle(
             if exponents == 0:
                 continue
         n, x = launch(launches, i, t % particles, problem.phase[i])
-        begin = problem.begin_count[i], problem.begin_phase[i]
-        end = problem.end_count[i], problem.end_phase[i]
+        begin = Instant(problem.begin_count[i], problem.begin_phase[i])
+        end = Instant(problem.end_count[i], problem.end_phase[i])
         if exponents == 0:
-            # rests before the window are not counted
-            rests_again = recurs or each.totals[RESTS, t] > 1.0 or begin[0] - n > x - begin[1]
+            # statistics do not count rests before the window
+            rests_again = recurs or each.totals[RESTS, t] > 1.0 or begin.whole - n > x - begin.phase
             if at_rest or not (rests_again or each.totals[LANDINGS, t] >= FIRST_ANCHOR):
                 continue
         launched, particle = State(n, x, launch_speed(fixed, problem, i, x)), t % particles

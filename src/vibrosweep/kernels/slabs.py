@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Constants, fly
-from vibrosweep.kernels.impact import Instant, land
+from vibrosweep.kernels.bases import Constants, Instant, fly
+from vibrosweep.kernels.impact import land
 from vibrosweep.kernels.lanes import VECTOR
 from vibrosweep.kernels.listing import (
     Listed,
@@ -96,7 +96,7 @@ def _earliest(fixed: Constants, work: Workspace) -> float:
 
 @jit
 def _with_latest(listed: Floats, k: int, latest: Listed) -> int:
-    """List the last landing of the slab before behind the k of this one; return their number."""
+    """Append the last landing of the previous slab to the k of this one; return their number."""
     listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = latest.whole, latest.phase
     listed[LIST.WHO, k] = latest.who
     return k + 1 if latest.whole < np.inf else k
@@ -123,7 +123,7 @@ def all_landings(fixed: Constants, window: Window, work: Workspace) -> tuple[flo
     n_end, x_end = window.end
     n_stop, x_stop = _earliest(fixed, work), -0.5
     if window.late:
-        n_stop = max(n_stop, window.begin[0])
+        n_stop = max(n_stop, window.begin.whole)
     slab = 1.0
     latest = nobody()
     gap, shared = np.inf, 0
@@ -132,7 +132,7 @@ def all_landings(fixed: Constants, window: Window, work: Workspace) -> tuple[flo
         n_next, x_next = n_stop + np.floor(x_stop + slab + 0.5), x_stop + slab
         x_next -= np.floor(x_next + 0.5)
         at_end = not n_next - n_end <= x_end - x_next
-        stop = window.end if at_end else (n_next, x_next)
+        stop = window.end if at_end else Instant(n_next, x_next)
         k = _collect(fixed, stop, window, work)
         if k < 0:
             if slab <= SHORTEST_SLAB:

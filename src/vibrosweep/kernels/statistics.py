@@ -2,8 +2,8 @@
 
 The kernels keep nothing else of landings.  A statistic is declared once, below: `kernels.totals`
 composes those that are asked for into the loop over the lanes, the totals of a cycle and the loop
-over the events of a coupled base.  Which are composed is decided by the types of a tuple, so that
-machine code of each choice can be kept on disk.
+over the events of a coupled base.  The types of a tuple decide which are composed, so that machine
+code of each choice can be kept on disk.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from vibrosweep.kernels.markers import kind
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.landing import Landing
 
-# How the numbers of landings combine.  A count is of those for which the number, a flag, is true;
-# those of the sum of products are pairs of factors, whose product is fused with the sum.
+# How the numbers of landings combine.  A count counts landings whose number, a flag, is true; the
+# numbers of a sum of products are pairs of factors, whose product is fused with the sum.
 COUNT, SUM, PRODUCTS, MAX, MIN = "count", "sum", "sum of products", "max", "min"
 START: Final = {COUNT: 0.0, SUM: 0.0, PRODUCTS: 0.0, MAX: -np.inf, MIN: np.inf}
 

@@ -37,5 +37,5 @@ def stretch(c: float, s: float, jacobian: Jacobian) -> tuple[float, float, float
         return c, s, 0.0, 0.0, 0.0
     c, s = ax / along, ay / along
     across = abs(c * by - s * bx)
-    slack = ROUNDING * jacobian[4]
+    slack = ROUNDING * jacobian.size
     return c, s, along, across, slack / along + slack / across

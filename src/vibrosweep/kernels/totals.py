@@ -78,7 +78,7 @@ def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
 
 
 def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]:
-    """Yield the place of each statistic, it, and the text of the number of a landing or flight.
+    """Yield each statistic's place, the statistic, and the text of its number.
 
     A sum of products that begins with one landing is its product, rounded.
     """
@@ -130,7 +130,7 @@ def count(
 
 @_composed
 def sum_up(kinds: Kinds, s: Floats, j: int, lost: bool) -> Iterator[str]:
-    """Add to the sums what came since the last look; NaN of flights where a lane is `lost`."""
+    """Add the numbers since the last look to the sums; NaN of flights where a lane is `lost`."""
     yield "pass"
     for k, one in enumerate(kinds):
         if one.summed:
@@ -263,8 +263,8 @@ def add_up(
 ) -> Iterator[str]:
     """Combine the particles of realization i, always in the same order.
 
-    Their totals, the number of particles at rest for good and the worst status; that of an
-    unwritten particle, which is negative, where there is one.
+    Their totals, the number of particles at rest for good and the worst status are written; an
+    unwritten status, which is negative, counts as the worst.
     """
     yield "at_rest, status, least = 0, 0, 0"
     yield from (f"v{k} = {START[one.combine]}" for k, one in enumerate(kinds))

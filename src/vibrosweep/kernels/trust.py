@@ -3,7 +3,7 @@
 The error of the state (x, u) is enclosed in a box in a frame that turns with the orbit (Lohner's
 method): the Jacobian of each impact is applied to the frame, its larger image becomes the first
 axis of the next frame, and the box grows by the triangular factor that remains, by the rounding of
-the step and by a bound of what the linearisation leaves out.  An error therefore grows as the orbit
+the step and by a bound of what the linearisation omits.  An error therefore grows as the orbit
 itself stretches it, not as a sum of absolute values would.
 
 The bound is relative to the exact orbit of the model for the exact values of the given doubles.  It
@@ -22,6 +22,7 @@ from vibrosweep.kernels._jit import Floats, jit, kernel
 from vibrosweep.kernels.bases import (
     Constants,
     Flight,
+    Instant,
     Jacobian,
     constants,
     fly,
@@ -32,7 +33,7 @@ from vibrosweep.kernels.bases import (
     wake,
 )
 from vibrosweep.kernels.bases.error_bounds import (
-    Spread,
+    StateError,
     absolute_error,
     landing_added,
     launch_error,
@@ -41,7 +42,7 @@ from vibrosweep.kernels.bases.error_bounds import (
     rebound_error,
     rest_is_doubtful,
 )
-from vibrosweep.kernels.impact import Batch, Instant, land, launch, launch_speed
+from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
 from vibrosweep.kernels.noise import Noise
 from vibrosweep.kernels.rounding import LAUNCH_ERROR, ROUNDING
 from vibrosweep.kernels.tangent import carry
@@ -72,53 +73,67 @@ def empty_trust(trajectories: int) -> Trust:
     return Trust(until, landing, flight)
 
 
-# An enclosure of the error of a state: the first axis (c, s) of an orthonormal frame, and how far
-# the error reaches along it and across.
-Frame = tuple[float, float]
-Box = tuple[float, float]
+class Enclosure(NamedTuple):
+    """A box that holds the error of a state, phase and speed, its sides along a frame."""
+
+    # c, s: the first axis of the orthonormal frame
+    c: float
+    s: float
+    # along, across: largest error along this axis and across it
+    along: float
+    across: float
 
 
 @jit
-def landing_error(frame: Frame, box: Box, derivative: Jacobian) -> float:
+def landing_error(box: Enclosure, derivative: Jacobian) -> float:
     """Largest change of the phase of the landing by a change of the state before it."""
-    c, s = frame
-    by_phase, by_speed = derivative[0], derivative[1]
+    c, s, by_phase, by_speed = box.c, box.s, derivative.phase_phase, derivative.phase_speed
     along, across = by_phase * c + by_speed * s, by_speed * c - by_phase * s
-    return abs(along) * box[0] + abs(across) * box[1]
+    return abs(along) * box.along + abs(across) * box.across
 
 
 @jit
-def spread_of(frame: Frame, box: Box) -> Spread:
-    """Largest errors of phase and speed in a box, whose sides lie along a frame."""
-    c, s = abs(frame[0]), abs(frame[1])
-    return (c * box[0] + s * box[1]) * INFLATION, (s * box[0] + c * box[1]) * INFLATION
+def extent(box: Enclosure) -> StateError:
+    """Largest changes of phase and speed in a box, by rounded arithmetic."""
+    c, s = abs(box.c), abs(box.s)
+    return StateError(c * box.along + s * box.across, s * box.along + c * box.across)
 
 
 @jit
-def turn_box(frame: Frame, box: Box, derivative: Jacobian) -> tuple[Frame, Box]:
-    """Carry frame and box through a Jacobian."""
-    c, s = frame
-    first, second = box
+def spread_of(box: Enclosure) -> StateError:
+    """Bounds of the errors of phase and speed in a box."""
+    phase, speed = extent(box)
+    return StateError(phase * INFLATION, speed * INFLATION)
+
+
+@jit
+def upright(error: StateError) -> Enclosure:
+    """Return the box of errors of phase and speed."""
+    return Enclosure(1.0, 0.0, error.phase, error.speed)
+
+
+@jit
+def turn_box(box: Enclosure, derivative: Jacobian) -> Enclosure:
+    """Carry a box through a Jacobian."""
+    c, s, first, second = box
     ax, ay = carry(c, s, derivative)
     bx, by = carry(-s, c, derivative)
     if (bx * bx + by * by) * (second * second) > (ax * ax + ay * ay) * (first * first):
         ax, ay, bx, by = bx, by, ax, ay
         first, second = second, first
     # the differences above may cancel, so their rounding is bounded relative to their terms
-    slack = ROUNDING * derivative[4] * (first + second)
+    slack = ROUNDING * derivative.size * (first + second)
     length = math.sqrt(ax * ax + ay * ay)
     if length == 0.0:
-        return frame, (slack, slack)
+        return Enclosure(c, s, slack, slack)
     c, s = ax / length, ay / length
     along, across = c * bx + s * by, c * by - s * bx
-    box = (
+    return Enclosure(
+        c,
+        s,
         (length * first + abs(along) * second + slack) * INFLATION,
         (abs(across) * second + slack) * INFLATION,
     )
-    return (c, s), box
-
-
-State = tuple[float, float, float]  # whole periods from time 0, phase, and speed of a lift-off
 
 
 class Bounded(NamedTuple):
@@ -131,48 +146,47 @@ class Bounded(NamedTuple):
     w: float  # speed after it, if the particle leaves at once
     # error, spread: of the phase of the landing, and of both (x, w)
     error: float
-    spread: Spread
-    # frame, box: of the error of (x, w)
-    frame: Frame
-    box: Box
-    fixed: Constants  # with what is random in it
+    spread: StateError
+    box: Enclosure  # of the error of (x, w)
+    fixed: Constants  # with the random numbers of the impact
 
 
 @jit
 def _impact(
     fixed: Constants,
-    at: State,
-    frame: Frame,
-    box: Box,
+    at: Instant,
+    u: float,
+    box: Enclosure,
     cycles: float,
     particle: float = 0.0,
     number: float = 0.0,
 ) -> Bounded:
-    """An impact of a particle that leaves a state, its error in frame and box.
+    """An impact of a particle that leaves with speed u, its error in a box.
 
-    That of all cycles is `cycles` times as large.  What is random in the impact depends on the
-    particle and the number of its impacts until then.
+    Over all cycles the error is `cycles` times as large.  Random numbers of the impact depend on
+    the particle, the number of its impacts until then, and the periods from time 0 to the instant.
     """
-    n, x, u = at
+    n, x = at
     time, v = fly(fixed, x, u)
     x_land, passed = land(x, time)
     flight = Flight(x, u, time, x_land, v)
     fixed = random(fixed, particle, number, n + passed, x_land)
     derivative = jacobian(fixed, flight)
-    off, faster = spread_of(frame, box)
-    off, faster = cycles * off, cycles * faster
-    added = landing_added(fixed, flight, (off, faster))
-    rounding = added[0]
-    error = (landing_error(frame, box, derivative) + rounding) * INFLATION
-    kicked = rebound_error(fixed, flight, added, error, (off, faster))
-    frame, box = turn_box(frame, box, derivative)
-    c, s = frame
-    box = (
-        box[0] + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
-        box[1] + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
+    off, faster = spread_of(box)
+    spread = StateError(cycles * off, cycles * faster)
+    added = landing_added(fixed, flight, spread)
+    rounding = added.phase
+    error = (landing_error(box, derivative) + rounding) * INFLATION
+    kicked = rebound_error(fixed, flight, added, error, spread)
+    c, s, along, across = turn_box(box, derivative)
+    box = Enclosure(
+        c,
+        s,
+        along + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
+        across + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
     )
     w = rebound(fixed, x_land, v)
-    return Bounded(x_land, passed, v, w, error, spread_of(frame, box), frame, box, fixed)
+    return Bounded(x_land, passed, v, w, error, spread_of(box), box, fixed)
 
 
 @jit
@@ -185,38 +199,39 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
     """
     if not modulus < 1.0:
         return False
-    frame, box, x_error = (1.0, 0.0), (0.0, 0.0), 0.0
-    if modulus == 0.0:
-        box = liftoff_error(fixed)
-        x_error = box[0]
+    begin = liftoff_error(fixed) if modulus == 0.0 else StateError(0.0, 0.0)
+    box, x_error = upright(begin), begin.phase
     all_cycles = 1.0 / (1.0 - modulus)
     for _ in range(impacts):
-        hit = _impact(fixed, (0.0, x, u), frame, box, all_cycles)
+        hit = _impact(fixed, Instant(0.0, x), u, box, all_cycles)
         if not all_cycles * hit.error < LOST:
             return False
         off, faster = hit.spread
-        if rest_is_doubtful(fixed, hit.x, hit.w, (all_cycles * off, all_cycles * faster)):
+        spread = StateError(all_cycles * off, all_cycles * faster)
+        if rest_is_doubtful(fixed, hit.x, hit.w, spread):
             return False
         _, x, u, leaves = lift_off(fixed, 0.0, hit.x, hit.w)
-        frame, box = hit.frame, hit.box
+        box = hit.box
         if not leaves:
             if not abs(hit.x - x) > hit.error + x_error:
                 return False
-            frame, box = (1.0, 0.0), liftoff_error(fixed)
+            box = upright(liftoff_error(fixed))
     return True
 
 
 @jit
-def _lifted(noise: Noise | None, fixed: Constants, hit: Bounded, n: float, later: Instant) -> Box:
+def _lifted(
+    noise: Noise | None, fixed: Constants, hit: Bounded, n: float, later: Instant
+) -> StateError:
     """Bounds of the errors of the lift-off after a rest that begins in period n; or infinite.
 
     They are where it is in doubt whether the rest begins before the instant of the lift-off.
     """
     if noise is not None:
         return random_liftoff_error(fixed, n, hit.x, hit.error, later)
-    box = liftoff_error(fixed)
-    doubtful = later[0] < np.inf and abs(hit.x - later[1]) <= hit.error + box[0]
-    return (np.inf, np.inf) if doubtful else box
+    error = liftoff_error(fixed)
+    doubtful = later.whole < np.inf and abs(hit.x - later.phase) <= hit.error + error.phase
+    return StateError(np.inf, np.inf) if doubtful else error
 
 
 @jit
@@ -230,11 +245,11 @@ def _follow(
     n_end, (n, x) = problem.end_count[i], launch(batch.launches, i, p, problem.phase[i])
     n -= n_end
     u = launch_speed(fixed, problem, i, x)
-    frame, box = (1.0, 0.0), (LAUNCH_ERROR, launch_error(fixed, x, u))
+    box = upright(StateError(LAUNCH_ERROR, launch_error(fixed, x, u)))
     until, worst, flight_error = np.nan, 0.0, 0.0
     known = True
     for number in range(budget):
-        hit = _impact(fixed, (n + n_end, x, u), frame, box, 1.0, p, number)
+        hit = _impact(fixed, Instant(n + n_end, x), u, box, 1.0, p, number)
         n += hit.passed
         remaining = (x_end - hit.x) - n
         if remaining < -hit.error - LAUNCH_ERROR:
@@ -251,15 +266,16 @@ def _follow(
         n, x, u, leaves = lift_off(hit.fixed, n, hit.x, hit.w)
         if leaves:
             flight_error = max(flight_error, absolute_error(fixed, x, u, hit.spread))
-            frame, box = hit.frame, hit.box
+            box = hit.box
             continue
-        frame, box = (1.0, 0.0), _lifted(fixed.base.noise, fixed, hit, n_hit + n_end, (n, x))
-        if box[0] == np.inf:
+        lifted = _lifted(fixed.base.noise, fixed, hit, n_hit + n_end, Instant(n, x))
+        box = upright(lifted)
+        if lifted.phase == np.inf:
             break
         n, x = wake(fixed, n, x, n_end)
         if n == np.inf:
             return (np.inf if known else until), worst, flight_error
-        flight_error = max(flight_error, absolute_error(fixed, x, u, box))
+        flight_error = max(flight_error, absolute_error(fixed, x, u, lifted))
     else:
         return until, np.nan, np.nan
     return until, np.inf, np.inf

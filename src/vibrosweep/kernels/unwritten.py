@@ -1,4 +1,4 @@
-"""Arrays of results begin as what no kernel writes; none of it may be left.
+"""Arrays of results begin as values that no kernel writes; none of these may be left.
 
 So a result that a kernel forgets is an error that names it, and never numbers that stood in memory.
 """
@@ -13,7 +13,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from vibrosweep.errors import RunError
 
-# What arrays of flags begin with, and of all else: as float64 it is a NaN that no arithmetic gives
+# Arrays begin with these: those of flags, and all others, of which a float64 is a NaN that no
+# arithmetic gives
 FLAG: Final = -128
 NUMBER: Final = 0x7FF8_0000_0BAD_F00D
 
@@ -29,7 +30,7 @@ def unwritten(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> ND
 def require_written(results: Any, fields: Collection[str] = ()) -> None:
     """Raise a RunError that names a field of a named tuple in which something was left unwritten.
 
-    All fields are looked at unless some are given, and those of named tuples in it.
+    All fields are checked unless some are named; those of named tuples inside it, too.
     """
     for name in fields or results._fields:
         values = getattr(results, name)

@@ -49,7 +49,7 @@ def kick_rounding(shape: Shape, a: float, w: float) -> float:
 
 @generic
 def left_out(shape: Shape, a: float, x: float, error: float) -> float:
-    """Bound of the change of a w within `error` of x, less what its computed derivative says."""
+    """Bound of the change of a w within `error` of x beyond that by its computed derivative."""
 
 
 @generic
@@ -103,7 +103,7 @@ def put_phases(shape: Shape, phases: LiftOffs, wait: float, s: Floats, j: int) -
 
 @generic
 def take_phases(shape: Shape, s: Floats, j: int) -> LiftOffs:
-    """Take them back."""
+    """Take the phases of lane j back."""
 
 
 @implements(velocity, Sine)

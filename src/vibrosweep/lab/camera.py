@@ -26,7 +26,7 @@ class Camera:
     noise
         Standard deviation of a tracked position, in pixels.
     whole_pixels
-        Whether positions are rounded to whole pixels.
+        True if positions are rounded to whole pixels.
     exposure
         Time for which the shutter is open, s; a position is the mean over it.
     dropped
@@ -71,7 +71,7 @@ class Motion:
     surface: Surface  # of the base
 
     @classmethod
-    def of(
+    def from_record(
         cls, record: Record, particle: int, launch: Launch, gravity: float, surface: Surface
     ) -> Motion:
         """Take the flights of one particle out of a record of landings."""

@@ -86,7 +86,7 @@ def prediction_errors(
     predicted
         Mean ``height`` (m) and ``period`` (s) of each particle, shape (particle,).
     among
-        Whether each particle is compared, as `comparable` returns it; shape (particle,).
+        True for each particle that is compared, as `comparable` returns it; shape (particle,).
 
     Returns
     -------

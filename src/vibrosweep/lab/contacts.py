@@ -19,7 +19,7 @@ class Contacts(NamedTuple):
     before: Fits
     after: Fits
     particle: Indices  # its number
-    linked: Flags  # whether the next contact ends the flight that begins here
+    linked: Flags  # True if the next contact ends the flight that begins here
     # time, height: where the parabolas meet, s and m
     time: Array
     height: Array

@@ -172,9 +172,9 @@ def with_defaults(given: Mapping[str, Any]) -> dict[str, Any]:
         "duration": ("duration_periods",),
         "particles": () if isinstance(given.get("launch"), str) else ("launch", "launch_time"),
     }
-    own = {
+    defaults = {
         name: value
         for name, value in DEFAULTS.items()
         if given.keys().isdisjoint(instead.get(name, ()))
     }
-    return {**own, **given}
+    return {**defaults, **given}

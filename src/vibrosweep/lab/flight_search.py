@@ -51,7 +51,7 @@ class Flights(NamedTuple):
     piece: Indices
     particle: Indices
     member: Indices  # number of the flight of each sample, -1 for none
-    poor: NDArray[np.bool_]  # whether the residuals of a flight are larger than noise explains
+    poor: NDArray[np.bool_]  # True if the residuals of a flight are larger than noise explains
     ends: Ends  # ends of the flights on the base
     junctions: Junctions  # between neighbouring flights
     levels: Array  # (mean) height of the base below each particle, m

@@ -254,7 +254,7 @@ def _table(owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles:
     quality = np.full(shape, -1, np.int8)
     quality[owner, place] = columns["quality"]
     flags = {
-        "long_name": "what is known of the landing",
+        "long_name": "quality of the landing",
         "flag_values": np.array([-1, BOUNCED, STAYED, DOUBTFUL], np.int8),
         "flag_meanings": "none bounced stayed_or_bounced_unseen doubtful",
     }

@@ -83,7 +83,7 @@ class Shaken(NamedTuple):
     # particles, levels: numbers of the particles that have contacts, and the level below each, m
     particles: NDArray[np.intp]
     levels: Array
-    kept: Flags  # whether a contact is no outlier; shape (contact,)
+    kept: Flags  # True if a contact is no outlier; shape (contact,)
     # misfit, freedom: chi-square per degree of freedom, and number of degrees of freedom
     misfit: float
     freedom: int

@@ -155,7 +155,9 @@ def _motions(
 ) -> list[Motion]:
     start = launch_times(scene.launch, scene.particles, numbers["frequency"])
     return [
-        Motion.of(record, p, Launch(time, numbers["launch_velocity"]), numbers["gravity"], surface)
+        Motion.from_record(
+            record, p, Launch(time, numbers["launch_velocity"]), numbers["gravity"], surface
+        )
         for p, time in enumerate(start)
     ]
 

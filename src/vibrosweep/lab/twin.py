@@ -104,7 +104,7 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
     batch = Batch(base_of(base, rebound), problem, Launches(at_once, at_once))
     record = wandering_record(batch, np.zeros(2), scene["frequency"], scene["gravity"])
     return [
-        Motion.of(
+        Motion.from_record(
             Record(record.landing_time + t, record.liftoff_time + t, *record[2:]),
             p,
             Launch(t, speed[p]),

@@ -2,7 +2,7 @@
 
 The equations between impacts are linear, so that an orbit is a solution of as many equations as it
 has impacts, twice: every flight ends on the base, and every impact obeys the law of restitution.
-Dimensionless as in `vibrosweep.model.coupled_theory`.  The joint state is the deviation of the base
+Units are those of `vibrosweep.model.coupled_theory`.  The joint state is the deviation of the base
 and its velocity, then height and speed of each particle.
 
 An impact of particle i happens where h = y_i - Y = 0.  It changes the state by z+ = r(z-, t); a
@@ -165,10 +165,11 @@ def find_cycle(
 ) -> Cycle:
     """Find the orbit on which every particle flies for about k periods, close to a guess.
 
-    The guess is when impacts happen, increasing in periods, and which particle lands, counted from
-    0; both of shape (impact,).  The orbit repeats after `periods`, a multiple of k.  It solves the
-    equations of motion at its impacts, in the order given; `is_clear` tells whether a particle
-    would have met the base in between.  Raises a ParameterError where no solution is near.
+    The guess consists of the times of the impacts, which increase, in periods, and of the particle
+    that lands at each, counted from 0; both of shape (impact,).  The orbit repeats after `periods`,
+    a multiple of k.  It solves the equations of motion at its impacts, in the order given;
+    `is_clear` tells whether a particle would have met the base in between.  Raises a ParameterError
+    where no solution is near.
     """
     from scipy.optimize import root
 
@@ -189,7 +190,7 @@ def find_cycle(
 def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     """Find the orbit of mode k with one particle in each of the given slots, 0 to k - 1.
 
-    In closed form where the slots are evenly spaced, else from the equations of motion.
+    It has a closed form where the slots are evenly spaced; else the equations of motion are solved.
 
     Parameters
     ----------
@@ -244,7 +245,7 @@ def _since(time: Array, at: Array, periods: int) -> tuple[NDArray[np.intp], Arra
 def is_clear(cycle: Cycle) -> bool:
     """Tell whether every particle stays above the base between its impacts.
 
-    Judged at 500 instants in each period, so that a graze may pass unnoticed.
+    It is judged at 500 instants in each period, so that a graze may pass unnoticed.
     """
     base, periods = cycle.base, cycle.periods
     at = cycle.time[-1] - periods + (np.arange(SAMPLES * periods) + 0.5) / SAMPLES

@@ -22,7 +22,7 @@ a base that has lost 2 k mu of its speed, and nothing else tells the two apart: 
 time and speed follows the linear map of a particle on a base of infinite mass, whose
 characteristic polynomial is p(z), driven by a kick of -(1 + e) 2 k mu to the later one.  In a
 pattern that repeats, each Fourier component z of the order of landing, z^n being its value at
-landing n, is answered by
+landing n, has the response
 
     -z k mu (1 + e)^2 / p(z),    p(z) = z^2 - (1 + e^2 - (1 + e)^2 s) z + e^2,
 
@@ -213,8 +213,8 @@ def volume_contraction(
     """Factor by which volumes of the joint state shrink, e^(2 n) exp(-2 zeta w0 t).
 
     An impact turns the relative height and the relative velocity into -e times themselves, to first
-    order, and leaves what belongs to the common centre of mass; between impacts only the mount
-    dissipates.  The numbers of particles and their masses do not enter.
+    order, and leaves the motion of the common centre of mass as it is; between impacts only the
+    mount dissipates.  The numbers of particles and their masses do not enter.
     """
     e, w0 = np.asarray(restitution), TWO_PI * np.asarray(natural)
     lost = np.exp(-2.0 * np.asarray(damping) * w0 * np.asarray(periods))
@@ -263,10 +263,10 @@ def reversing_separation(
     0.007042
     """
     e = np.asarray(restitution)
-    room = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2 - _steepness(k, restitution, acceleration)
+    below = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2 - _steepness(k, restitution, acceleration)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(
-            np.where(room > 0.0, np.asarray(k) * np.asarray(mass_ratio) / room, np.nan)
+            np.where(below > 0.0, np.asarray(k) * np.asarray(mass_ratio) / below, np.nan)
         )
 
 

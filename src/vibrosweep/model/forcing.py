@@ -69,7 +69,7 @@ _SOURCES: Final[Mapping[str, frozenset[str]]] = {
 
 
 def forcing_of(given: Collection[str]) -> str:
-    """Name of the forcing among the names of what is given; the amplitude where none is.
+    """Name of the forcing among names that are given; the amplitude where none is.
 
     Raises a ParameterError where there are two or more.
     """
@@ -84,9 +84,9 @@ def forcing_of(given: Collection[str]) -> str:
 def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
     """Names of the inputs that describe a realization, given or by default.
 
-    What is given fits together, as `vibrosweep.model.mount.mount_mistakes` and
-    `vibrosweep.model.restitution_laws.speed_mistakes` say.  Raises a ParameterError where two
-    forcings are given.
+    The names are consistent: `vibrosweep.model.mount.mount_mistakes` and
+    `vibrosweep.model.restitution_laws.speed_mistakes` find nothing.  Raises a ParameterError where
+    two forcings are given.
     """
     optional = {*OF_RESTITUTION, *NOISE}
     left_out = (FORCINGS.keys() - {forcing_of(given)}) | (optional - {*given})
@@ -98,7 +98,7 @@ def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
 
 
 def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
-    """Names of quantities that differ between realizations: varied inputs, and those that follow.
+    """Names of quantities that differ between realizations: varied inputs and their results.
 
     The forcing is the one that is given, varied or not.
     """
@@ -120,8 +120,8 @@ def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str
     """Complete inputs by the amplitude and acceleration of the base, and by the ratio of masses.
 
     The inputs are those of `inputs_of`, each of shape (realization,), in the order of `INPUTS`.
-    Only an amplitude above its range can come out, of a displacement or an acceleration, and such a
-    ratio of masses; `vibrosweep.model.parameters.representable` tells.
+    An amplitude that follows from a displacement or an acceleration, and a ratio of masses, can be
+    above their ranges; `vibrosweep.model.parameters.representable` finds these.
     """
     name, e = forcing_of(given), given["restitution"]
     value, frequency, gravity = given[name], given["frequency"], given["gravity"]
@@ -150,7 +150,7 @@ def only_parameters(values: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def refuse_extreme(values: Mapping[str, Array], forcing: str, law: str) -> None:
-    """Refuse a forcing that makes an amplitude above its range, and masses of such a ratio.
+    """Refuse a forcing whose amplitude, and masses whose ratio, is above its range.
 
     Also a restitution for which the law of restitution does not hold.  The values are those of
     `completed`; the ParameterError names the forcing, the masses, or the restitution.

@@ -19,7 +19,7 @@ class Landing(NamedTuple):
         units of g / (2 f), so that a flight with rebound 1 from a base at rest lasts one forcing
         period.  After a rest, the rebound is the speed at its end.
     rests
-        Whether the particle stays on the base.
+        True if the particle stays on the base.
 
     Examples
     --------

@@ -123,7 +123,7 @@ def locked_apex(
 
         g / (8 f^2) (k^2 + 2 s / pi^2),    s = -Gamma cos(2 pi x) = sqrt(Gamma^2 - Gamma_k^2).
 
-    A particle that is hardly reflected has this orbit only later, see `amplitude_min`.
+    At a very small restitution this orbit begins at a larger amplitude, see `amplitude_min`.
 
     Parameters
     ----------
@@ -206,10 +206,10 @@ def amplitude_min(
 ) -> Array:
     """Smallest amplitude in m s-1 at which mode k exists, (1 - e) g k / (2 f).
 
-    It is the same on a moving base, Gamma_k = pi k (1 - e) / (1 + e), apart from particles that are
-    hardly reflected: at e = 0 the orbit begins at Gamma = sqrt(1 + (pi k)^2), and for e between 0
-    and 0.020458, 0.004833, 0.002127 (k = 1, 2, 3) where its flight grazes the base, for which there
-    is no closed form.
+    It is the same on a moving base, Gamma_k = pi k (1 - e) / (1 + e), unless the restitution is
+    very small: at e = 0 the orbit begins at Gamma = sqrt(1 + (pi k)^2), and for e between 0 and
+    0.020458, 0.004833, 0.002127 (k = 1, 2, 3) where its flight grazes the base, for which there is
+    no closed form.
 
     Parameters
     ----------
@@ -323,8 +323,8 @@ def multipliers(
     -------
     numpy.ndarray
         Complex, with a last axis of length 2 after the shape of the arguments broadcast; NaN for
-        A < (1 - e) g k / (2 f).  Over a moving base an orbit that is hardly reflected begins later,
-        see `amplitude_min`.
+        A < (1 - e) g k / (2 f).  Over a moving base the orbit begins at a larger amplitude where
+        the restitution is very small, see `amplitude_min`.
 
     Raises
     ------

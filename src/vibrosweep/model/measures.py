@@ -1,8 +1,8 @@
 """Every measure once: its key in a sweep file, its variables, what it requires and what it costs.
 
-All that names a measure derives from this registry: the keys of [measure], what a scene asks for
-(`vibrosweep.model.scene_measures`), what a result declares, what stands where nothing could be
-computed, how `vibrosweep verify` judges, reserved names, and tables of the pages.
+Everything that names a measure derives from this registry: the keys of [measure], the fields of a
+scene (`vibrosweep.model.scene_measures`), the variables of a result, the placeholders where nothing
+could be computed, the judgements of `vibrosweep verify`, reserved names, and tables of the pages.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class Variable:
     long_name: str
     # (value, meaning) pairs of an integer variable that holds codes
     flags: tuple[tuple[int, str], ...] = ()
-    comment: str = ""  # what the long name leaves open
+    comment: str = ""  # details beyond the long name
     judged: str = "measure"  # how `verify` judges it: a key of `vibrosweep.proof.judges.JUDGES`
-    # True if it is undetermined, or NaN, just where the impact budget did not suffice
+    # True if it is undetermined, or NaN, exactly where the impact budget did not suffice
     open_by_budget: bool = False
-    # Name of the variable that is 0 where no cycle was found, of what holds nothing there
+    # Name of the variable that is 0 where no cycle was found, if this one holds no value there
     cycle: str = ""
-    per: str = ""  # of a growth without unit: in what it is counted
+    per: str = ""  # of a rate without unit: per what
 
     @property
     def blank(self) -> float:
@@ -79,9 +79,9 @@ class Variable:
 class Measure:
     """The variables that a key of [measure] asks for."""
 
-    meaning: str  # what it is, in a few words
-    cost: str  # about what it adds to the time of a landing, over short and long observations
-    variables: tuple[Variable, ...]  # what a result then holds
+    meaning: str  # description in a few words
+    cost: str  # time that it adds to a landing, roughly, over short and long observations
+    variables: tuple[Variable, ...]  # variables of the result
     requires: tuple[str, ...] = ()  # keys of other measures that are measured with it
     # True for one of particles that a base of finite mass couples, False for one of particles that
     # are independent of each other, None for one of either
@@ -92,7 +92,7 @@ class Measure:
 class Option:
     """A number in [measure]."""
 
-    # meaning, units: what it is
+    # meaning, units: its description and unit
     meaning: str
     units: str
     # allowed, accepts: its range, in words and as a function of a finite number
@@ -251,7 +251,7 @@ _PER_PARTICLE: Final = Measure(
 )
 
 _REGIMES: Final = Measure(
-    "what the orbit of each particle has become",
+    "regime and cycle of the orbit of each particle",
     "20 ns over 12 periods, 2 ns over 1000",
     (
         *(
@@ -382,7 +382,7 @@ _LYAPUNOV: Final = Measure(
         _count(
             "slot",
             _RP,
-            "which of the copies of its orbit, shifted by whole periods, the particle is on",
+            "copy of its orbit, shifted by whole periods, that the particle is on",
             _NO_ORBIT,
             judged="slot",
         ),
@@ -445,7 +445,7 @@ _ORDERING: Final = Measure(
 )
 
 _JOINT: Final = Measure(
-    "what the joint state of all particles and their base settles on, over a base of finite mass",
+    "orbit that the joint state of all particles and a base of finite mass settles on",
     "as much as the landings themselves",
     (
         _code(
@@ -497,7 +497,7 @@ _JOINT: Final = Measure(
             _R,
             "1",
             "standard error of the largest Lyapunov exponent of the joint state per forcing period",
-            "from slow waves of the growth, and what sixteenths of the window scatter beyond them",
+            "from slow waves of the growth, and from the scatter of sixteenths of the window",
             judged="recomputed",
             per="period",
         ),
@@ -593,8 +593,8 @@ def known(name: str, held: Mapping[Any, Any]) -> NDArray[np.bool_]:
     """Mark where a variable holds a value, not a placeholder.
 
     A placeholder is NaN, `UNDETERMINED`, or 0 for a cycle that was not found.  `held` are arrays by
-    their names, or a dataset, as a sweep holds them; any value of what is not in `VARIABLES`, such
-    as a label of a table, is one unless it is NaN.
+    their names, or a dataset, as a sweep holds them; a value of any other variable, such as a label
+    of a table, counts unless it is NaN.
     """
     values, variable = np.asarray(held[name]), VARIABLES.get(name)
     if values.dtype.kind == "f":
@@ -637,7 +637,7 @@ RECORD: Final[Mapping[str, Variable]] = {
     )
 }
 
-# What `simulate` tells of each landing beside its record
+# Variables of `simulate` for each landing beside its record
 IMPACTS: Final[Mapping[str, Variable]] = {
     v.name: v
     for v in (

@@ -19,14 +19,14 @@ from vibrosweep.model.measures import RESERVED, Variable
 
 # How the totals of particles make those of a realization.
 COMBINED: Final = {"sum": np.add, "max": np.fmax, "min": np.fmin, "each": None}
-# How numbers of landings combine, and what changes nothing.
+# How numbers of landings combine, and the neutral number of each way.
 NEUTRAL: Final = {"sum": 0.0, "max": -np.inf, "min": np.inf}
 UNIT: Final = re.compile(r"(m|s)(-?\d+)?")
 
 
 @dataclass(frozen=True)
 class Observable:
-    """A function of every landing, compiled into the kernel, and what it adds to a result.
+    """A function of every landing, compiled into the kernel, and the variable that it gives.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING
 from vibrosweep.model.physical import physical
 
 FIXED = HIGH_BOUNCE, MOVING  # bases that particles do not act on
-HALVINGS = 60  # of a bracket of the size of what is sought, to a rounding
+HALVINGS = 60  # of a bracket as wide as the root is large, until rounding is left
 
 
 def moves(base: str) -> bool:
@@ -100,7 +100,7 @@ def liftoff_speed_bound(
 ) -> Array:
     """Bound of the absolute speed of every lift-off, in g / (2 f); infinite at e = 1.
 
-    High-bounce: max(u0, a / (1 - e)), for e u + a is at most that where u is.
+    High-bounce: max(u0, a / (1 - e)), because e u + a does not exceed it where u does not.
 
     Moving: max(u0, (1 + 3 e) alpha / (1 - e)), alpha = a / (1 + e).  A flight of s periods from
     phase x with speed u lands where
@@ -152,7 +152,7 @@ def flight_time_bound(
 ) -> Array:
     """Bound of every flight time in forcing periods; infinite at e = 1.
 
-    That of the speed of lift-off, `liftoff_speed_bound`, and on a moving base alpha more.
+    This is `liftoff_speed_bound`, plus alpha on a moving base.
 
     Parameters
     ----------

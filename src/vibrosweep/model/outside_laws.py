@@ -17,14 +17,14 @@ OUTSIDE: Final[dict[str, Law]] = {}  # by name, those of `register_law`
 
 @dataclass(frozen=True)
 class Law:
-    """A law of restitution E(v) = e(v) v: what an impact leaves of the relative speed v.
+    """A law of restitution: an impact at the relative speed v leaves E(v) = e(v) v.
 
     Speeds are in units of ``restitution_speed``, and the law holds over every base.
 
     Parameters
     ----------
     name
-        What ``restitution_law`` is set to.
+        Value of ``restitution_law`` that selects it.
     ratio
         ``ratio(e, s)``: the coefficient e(v) at the speed s = v / ``restitution_speed``, from the
         ``restitution`` e, plain Python that numba compiles.  It neither is negative nor exceeds 1.
@@ -91,12 +91,12 @@ class Law:
 
     @property
     def code(self) -> str:
-        """Digest of what its functions compute at this moment, and of the number of roundings."""
+        """Digest of its functions as they are now, and of the number of roundings."""
         return digest_of(self._compiled(), f"law {self.name!r}", str(self.roundings))
 
 
 def register_law(law: Law) -> Law:
-    """Let ``restitution_law`` be the name of a law; one of that name from outside is replaced.
+    """Make a law selectable as ``restitution_law``; an earlier one of that name is replaced.
 
     Parameters
     ----------

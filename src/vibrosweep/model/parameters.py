@@ -110,7 +110,7 @@ MOUNT: Final[Mapping[str, Parameter]] = {
     )
 }
 
-# Standard deviations of what is random in an impact; where one is not given, nothing is
+# Standard deviations of random quantities of an impact, none of which has to be given
 NOISE: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
@@ -258,12 +258,12 @@ def _strengths(parameters: Mapping[str, Array], per_velocity: Array) -> Strength
 def taken(problem: Dimensionless, which: Any) -> Dimensionless:
     """Return the arrays of some realizations, by an index of each array."""
 
-    def of(values: Any) -> Any:
+    def row(values: Any) -> Any:
         if isinstance(values, tuple):
-            return type(values)(*map(of, values))
+            return type(values)(*map(row, values))
         return None if values is None else values[which]
 
-    return Dimensionless(*map(of, problem))
+    return Dimensionless(*map(row, problem))
 
 
 def mounts(parameters: Mapping[str, Array], restitution: Any) -> Mounts:

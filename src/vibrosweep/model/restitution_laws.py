@@ -1,14 +1,14 @@
 """Laws of restitution: how the coefficient of restitution depends on the speed of an impact.
 
-Of the relative speed v of an impact E(v) = e(v) v is left, with the slope q(v) = E'(v):
+An impact at the relative speed v leaves E(v) = e(v) v, with the slope q(v) = E'(v):
 
     constant       e(v) = e
     plastic        e(v) = e up to v_y, e (v / v_y)^(-1/4) above it
     viscoelastic   e(v) = P(y_0 (v / v_r)^(1/10)), P(y_0) = e
 
-`restitution` is e, and `restitution_speed` v_y or v_r.  P is a Pade approximation of the contact of
-two viscoelastic spheres until the force between them is zero, above the exact one by 4e-3 at 0.46
-and by less before; below that it is not used.
+`restitution` is e, and `restitution_speed` v_y or v_r.  P is a Pade approximation for two
+viscoelastic spheres in contact until the force between them is zero.  It exceeds the exact e(v) by
+4e-3 at 0.46 and by less above; below 0.46 it is not used.
 """
 
 from __future__ import annotations
@@ -110,12 +110,12 @@ def _root_at(e: Array) -> Array:
 
 
 def law_in(attributes: Mapping[str, Any]) -> str:
-    """Return the law of restitution of a result, by its attributes; at first all had one."""
+    """Return the law of restitution in attributes of a result; by default the constant one."""
     return str(attributes.get("restitution_law", CONSTANT))
 
 
 def speed_mistakes(law: str, given: Collection[str]) -> dict[str, str]:
-    """Find what is wrong with the names that are given for a law of restitution.
+    """Find mistakes in the names that are given for a law of restitution.
 
     Returns a description of the necessary change by the name of the parameter; empty if there is
     none.
@@ -130,7 +130,7 @@ def speed_mistakes(law: str, given: Collection[str]) -> dict[str, str]:
 
 
 def range_mistake(law: str, restitution: Array) -> str:
-    """Say which restitution a law does not hold for; else empty."""
+    """Return a message where a law does not hold for a restitution; else an empty one."""
     if law != VISCOELASTIC or not np.any(restitution < LEAST_VISCOELASTIC):
         return ""
     return (

@@ -1,4 +1,4 @@
-"""Measures of a scene: those that are asked for, their window, and observables."""
+"""Measures of a scene, with their window and the observables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from vibrosweep.model.times import Time
 class Measures:
     """Values of the keys of [measure]: `vibrosweep.model.measures` has `MEASURES` and `OPTIONS`.
 
-    What a measure requires is measured with it.  Observables, which are functions, have no key.
+    Measures that another one requires are taken with it.  Observables, which are functions, have no
+    key.
     """
 
     transient: Time = 0.0
@@ -42,7 +43,7 @@ class Measures:
             self._ask(other)
 
     def over(self, base: str) -> Measures:
-        """Return the same measures, with those that are always taken over this base."""
+        """Return these measures with those that are always taken over this base."""
         return replace(self, ordering=True) if base == SPRUNG else self
 
     @property

@@ -58,7 +58,7 @@ class Waveform:
 
     @property
     def value(self) -> Any:
-        """Value of the key ``waveform`` that asks for it, whether its trace is there or not."""
+        """Value of the key ``waveform`` that asks for it, even if its trace is gone."""
         if self.name != HARMONICS_NAME:
             return self.name
         origin = self.trace._asdict() if isinstance(self.trace, Trace) else {}
@@ -121,7 +121,7 @@ SINE: Final = Waveform()
 
 
 def name_in(attributes: Mapping[str, Any]) -> str:
-    """Name of the waveform that attributes of a result tell; by default the sine."""
+    """Name of the waveform that attributes of a result hold; by default the sine."""
     given = str(attributes.get("waveform", SINE_NAME))
     return given if given in WAVEFORMS else HARMONICS_NAME
 
@@ -150,7 +150,7 @@ def _of(waveform: Waveform) -> _Sizes:
 
 
 def _folded(x: ArrayLike) -> tuple[Array, Array]:
-    """Distance in turns from the middle of the half period that rises, or falls; and which."""
+    """Distance in turns from the middle of the rising or falling half period, and which it is."""
     x = np.asarray(x, dtype=np.float64)
     near = x - np.rint(x)
     rises = np.abs(near) <= 0.25
@@ -160,9 +160,9 @@ def _folded(x: ArrayLike) -> tuple[Array, Array]:
 def zeros(waveform: Waveform, order: int, level: float = 0.0) -> Array:
     """Phases in [-1/2, 1/2], ascending, where the derivative of w of an order crosses a level.
 
-    The waveform is of harmonics.  None is missed but two that are as near as `NARROW`: an interval
-    is left out once the next derivative, bounded, says that it holds none, and halved until its
-    function is monotone.
+    The waveform is of harmonics.  None is missed, except two that are closer than `NARROW`: an
+    interval is left out once the next derivative, bounded, says that it holds none, and halved
+    until its function is monotone.
     """
     bounds = [waveform.sum_of(order + 1) * 1.001, waveform.sum_of(order + 2) * 1.001]
 

@@ -52,7 +52,7 @@ class Case:
     stored: Mapping[str, Any]  # its variables: numbers, or arrays over the particles
     # Bounds and other variables as this version computes them; empty if another computed the file
     again: Mapping[str, Any]
-    realization: Realization  # what was computed
+    realization: Realization  # the realization
     bounds: Bounds  # bounds of the errors of its landings
     trajectories: Sequence[Trajectory]  # proved; empty where there is no proof
     # Proved errors of the kernel's landings of each particle, where the file bounds them
@@ -170,7 +170,7 @@ class Case:
     def _window(self, particle: int) -> tuple[Sequence[Impact], int]:
         """Impacts of a particle, and the number of the first one in the window."""
         impacts = self.orbits[particle].trajectory.impacts
-        if not self.realization.windowed:
+        if not self.realization.scene.windowed:
             return impacts, 0
         begin = exact(self.realization.transient)
         return impacts, sum(1 for i in impacts if i.landing_time < begin)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from itertools import cycle
 from typing import Final, NamedTuple
@@ -88,7 +87,7 @@ class Estimate(NamedTuple):
         gap = measured.values["dt_min"]
         if isinstance(gap, arb) and gap > 0 and reaches(gap, 2.0 * self.time):
             claimed["order_changes"] = None
-        if realization.windowed and abs(measured.launch_depth) < realization.launch_rounding:
+        if realization.scene.windowed and abs(measured.launch_depth) < realization.launch_rounding:
             claimed["flight_height_max"] = None
         return claimed
 
@@ -107,17 +106,17 @@ def prove(
     The estimates are None where rounding may change a decision.  Raises an UndecidableError where
     the reference cannot decide, and a TooManyLandingsError where more landings come before the end.
     """
-    proved = _followed(realization, max_landings, 0)
+    launches, given = realization.launch_times, realization.parameters
+    proved = _followed(realization, given, launches, max_landings)
     changed = {
         name: value if name == "frequency" else value * (1.0 + sign * CHANGE)
-        for (name, value), sign in zip(realization.parameters.items(), cycle(SIGNS), strict=False)
+        for (name, value), sign in zip(given.items(), cycle(SIGNS), strict=False)
     }
     changed["restitution"] = min(changed["restitution"], 1.0)
-    later = Fraction(CHANGE) / Fraction(realization.parameters["frequency"])
-    launches = tuple(time + j * later for j, time in enumerate(realization.launch_times))
-    neighbour = replace(realization, parameters=changed, launch_times=launches)
+    later = Fraction(CHANGE) / Fraction(given["frequency"])
+    moved = tuple(time + j * later for j, time in enumerate(launches))
     try:
-        other = _followed(neighbour, 2 * max_landings, proved.precision_bits)
+        other = _followed(realization, changed, moved, 2 * max_landings, proved.precision_bits)
     except (UndecidableError, TooManyLandingsError):
         return proved.particles, None
     pairs = list(zip(proved.particles, other.particles, strict=True))
@@ -126,23 +125,30 @@ def prove(
     with ctx.workprec(proved.precision_bits):
         changes = [change for a, b in pairs for change in _changes(a, b)]
         estimate = Estimate(*(max(column) for column in zip(*changes, strict=True)))
-        end = exact(realization.duration)
-        edges = [end, end + PATIENCE / exact(realization.parameters["frequency"])]
-        if realization.windowed:
+        end, period = exact(realization.duration), 1 / arb(given["frequency"])
+        edges = [end, end + PATIENCE / exact(given["frequency"])]
+        if realization.scene.windowed:
             edges.append(exact(realization.transient))
-        times = zip(_ends(proved, realization), _ends(other, neighbour), strict=True)
+        times = zip(_ends(proved, launches, period), _ends(other, moved, period), strict=True)
         near = any(
-            abs(time - edge) < max(estimate.time, _apart(time, moved))
-            for time, moved in times
+            abs(time - edge) < max(estimate.time, _apart(time, neighbour))
+            for time, neighbour in times
             for edge in edges
         )
     return proved.particles, None if near else estimate
 
 
-def _followed(realization: Realization, max_landings: int, bits: int) -> Coupled:
+def _followed(
+    realization: Realization,
+    parameters: Mapping[str, float],
+    launches: Sequence[Fraction],
+    max_landings: int,
+    bits: int = 0,
+) -> Coupled:
+    """Particles of a realization with other parameters and launches."""
     return coupled(
-        realization.parameters,
-        realization.launch_times,
+        parameters,
+        launches,
         realization.duration,
         laws=realization.laws,
         max_landings=max_landings,
@@ -184,10 +190,9 @@ def _apart(a: arb | None, b: arb | None) -> float:
     return 0.0 if a is None or b is None else float((a - b).abs_upper())
 
 
-def _ends(motion: Coupled, realization: Realization) -> Iterator[arb]:
+def _ends(motion: Coupled, launches: Sequence[Fraction], period: arb) -> Iterator[arb]:
     """Times of all lift-offs and landings, with the first landings after the end."""
-    period = 1 / arb(realization.parameters["frequency"])
-    for trajectory, launched in zip(motion.particles, realization.launch_times, strict=True):
+    for trajectory, launched in zip(motion.particles, launches, strict=True):
         left, flight = exact(launched), trajectory.launch
         for impact in trajectory.impacts:
             yield impact.landing_time

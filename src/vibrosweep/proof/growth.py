@@ -26,7 +26,7 @@ class Mean(NamedTuple):
     value: float  # the mean logarithm
     # Its standard error from the means of blocks; None below two blocks
     standard_error: float | None
-    # Bound of the error of either by the dataset's bounds; None where there is none
+    # Bound of the error of both, by the dataset's bounds; None where there is none
     claim: float | None
 
 

@@ -69,7 +69,8 @@ def prove_measures(realization: Realization, trajectories: Sequence[Trajectory])
 
 
 def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> ProvedMeasures:
-    begin = exact(realization.transient) if realization.windowed else arb.neg_inf()
+    windowed = realization.scene.windowed
+    begin = exact(realization.transient) if windowed else arb.neg_inf()
     frequency = arb(realization.parameters["frequency"])
     landings = landings_of(realization, trajectories)
     seen = [x for x in landings if x.time >= begin]
@@ -98,7 +99,7 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
         fastest=largest(abs(speed) for speed in whole.speeds),
         flights=whole.flights,
         longest=max(len(flights.speeds) for flights in each),
-        edge=_least([abs(x.time - begin) for x in landings]) if realization.windowed else None,
+        edge=_least([abs(x.time - begin) for x in landings]) if windowed else None,
         launch_depth=launch_depth(realization),
         overlap=overlap,
     )

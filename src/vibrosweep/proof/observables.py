@@ -84,7 +84,7 @@ class Rounded:
         return Rounded(abs(self.ball))
 
     def _above(self, other: object, least: bool) -> bool:
-        """Tell whether this exceeds another number, or with `least` is not below it."""
+        """Return whether this exceeds another number, or with `least` is not below it."""
         ball = _ball(other)
         if ball is None:
             raise TypeError
@@ -209,7 +209,7 @@ def _landings(
     for impact in trajectory.impacts:
         if flight is None:
             return
-        seen = not realization.windowed or impact.landing_time >= exact(realization.transient)
+        seen = not realization.scene.windowed or impact.landing_time >= exact(realization.transient)
         if seen:
             stays = impact.flight is None or (realization.coupled and impact.rested)
             rebound = arb(0) if stays or impact.flight is None else impact.flight.speed
@@ -275,7 +275,7 @@ def _by_changes(
 
 
 def _combined(how: str, totals: Sequence[Total | None]) -> Total | None:
-    """Combine numbers; None for what is not defined, as the maximum of no numbers."""
+    """Combine numbers; None if the result is undefined, as the maximum of no numbers."""
     known = [one for one in totals if one is not None]
     if how in EXTREME:
         if not known:

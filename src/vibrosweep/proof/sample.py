@@ -1,10 +1,11 @@
-"""A sample of realizations of a finished dataset: their settings and their stored numbers."""
+"""A sample of realizations of a finished dataset: their scene and their stored numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,33 +22,61 @@ from vibrosweep.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Realization:
-    """One realization as the reference takes it."""
+    """One realization of a scene, with its times exact."""
 
+    scene: Scene
     # Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and of OF_RESTITUTION and MOUNT
-    # there what the law of restitution and the base have
+    # there those that the law of restitution and the base have
     parameters: Mapping[str, float]
-    # Exact, s; a staggered particle j is launched at j / (particles frequency)
-    launch_times: tuple[Fraction, ...]
-    # transient, duration: window of the measures, s; a `Fraction` where it was given in forcing
-    # periods
-    transient: float | Fraction
-    duration: float | Fraction
-    # True if landings before the window are possible; if not, every landing up to the end counts
-    windowed: bool
-    # Error in s with which a launch is compared with the edges of the window
-    launch_rounding: float
-    laws: Laws
-    base: str  # one of `vibrosweep.model.parameters.BASES`
+
+    @cached_property
+    def launch_times(self) -> tuple[Fraction, ...]:
+        """Launch times in s; a staggered particle j is launched at j / (particles frequency)."""
+        if not isinstance(self.scene.launch, str):
+            return tuple(map(Fraction, self.scene.launch))
+        particles = self.scene.particles
+        return tuple(j * self._period / particles for j in range(particles))
+
+    @property
+    def transient(self) -> float | Fraction:
+        """Beginning of the window in s; a `Fraction` where it was given in forcing periods."""
+        return self._seconds(self.scene.measures.transient)
+
+    @property
+    def duration(self) -> float | Fraction:
+        """End of the window in s; a `Fraction` where it was given in forcing periods."""
+        return self._seconds(self.scene.duration)
+
+    @property
+    def launch_rounding(self) -> float:
+        """Error in s with which a launch is compared with the edges of the window."""
+        end = float(self.duration)
+        if isinstance(self.scene.launch, str):
+            return 2.0**-51 * (end + float(self._period))
+        times = (self.scene.measures.transient, self.scene.duration)
+        return 2.0**-51 * end if any(isinstance(time, Periods) for time in times) else 0.0
+
+    @property
+    def laws(self) -> Laws:
+        """Laws of rebound and of restitution."""
+        return Laws(self.scene.rebound, self.scene.restitution_law)
 
     @property
     def coupled(self) -> bool:
         """True if the base couples the particles."""
-        return self.base == SPRUNG
+        return self.scene.base == SPRUNG
 
     @property
     def reference(self) -> Reference:
         """Reference of a base over which particles are independent."""
-        return REFERENCE_OF[self.base]
+        return REFERENCE_OF[self.scene.base]
+
+    @property
+    def _period(self) -> Fraction:
+        return 1 / Fraction(self.parameters["frequency"])
+
+    def _seconds(self, time: Time) -> float | Fraction:
+        return Fraction(time.number) * self._period if isinstance(time, Periods) else time
 
 
 @dataclass(frozen=True)
@@ -68,33 +97,5 @@ class Sample:
 
     def realization(self, row: int) -> Realization:
         """Return the realization of one of the rows."""
-        scene, rounding = self.scene, 0.0
         parameters = {name: float(values[row]) for name, values in self.parameters.items()}
-        begin, end = (
-            _exact(time, parameters["frequency"])
-            for time in (scene.measures.transient, scene.duration)
-        )
-        if isinstance(scene.launch, str):
-            period = 1 / Fraction(parameters["frequency"])
-            steps = range(scene.particles)
-            rounding = 2.0**-51 * (float(end) + float(period))
-            launch = tuple(j * period / scene.particles for j in steps)
-        else:
-            launch = tuple(Fraction(time) for time in scene.launch)
-            if isinstance(begin, Fraction) or isinstance(end, Fraction):
-                rounding = 2.0**-51 * float(end)  # launches are compared in periods
-        return Realization(
-            parameters=parameters,
-            launch_times=launch,
-            transient=begin,
-            duration=end,
-            windowed=scene.windowed,
-            launch_rounding=rounding,
-            laws=Laws(scene.rebound, scene.restitution_law),
-            base=scene.base,
-        )
-
-
-def _exact(time: Time, frequency: float) -> float | Fraction:
-    """Time in s, without rounding."""
-    return Fraction(time.number) / Fraction(frequency) if isinstance(time, Periods) else time
+        return Realization(self.scene, parameters)

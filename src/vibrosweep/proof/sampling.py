@@ -226,7 +226,7 @@ def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
 
 
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
-    """Raise for data that no sweep can have written, before a kernel is given it."""
+    """Raise for data that no sweep can have written, before a kernel takes them."""
     scene, known = sample.scene, {**PARAMETERS, **OF_RESTITUTION, **MOUNT}
     bad = [n for n, v in sample.parameters.items() if not np.all(known[n].accepts(v))]
     times = () if isinstance(scene.launch, str) else scene.launch

@@ -113,7 +113,7 @@ class Bounds(NamedTuple):
         if reaches(measured.edge, dt + 4.0 * EPS * period):
             windowed = dict.fromkeys(windowed)
         # only a late window over staggered launches compares anything that is rounded
-        if realization.windowed and abs(measured.launch_depth) < realization.launch_rounding:
+        if realization.scene.windowed and abs(measured.launch_depth) < realization.launch_rounding:
             windowed["flight_height_max"] = None
         return exact | windowed
 

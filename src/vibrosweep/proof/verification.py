@@ -122,8 +122,8 @@ class Report:
     total: int  # number of its realizations
     seed: int  # seed with which realizations were drawn
     outcomes: Sequence[Outcome]  # of each realization drawn, then of the record where there is one
-    claimed: bool  # whether the dataset holds error bounds; else they were computed again
-    coupled: bool  # whether the base couples the particles: then errors are estimated
+    claimed: bool  # True if the dataset holds error bounds; else they were computed again
+    coupled: bool  # True if the base couples the particles: then errors are estimated
     # Comparisons of what all realizations share with the sweep file
     coordinates: Sequence[Judgement]
     names: Sequence[str]  # every variable of the dataset

@@ -75,7 +75,7 @@ def verify(
     observables
         Observables of the result to compare, as they were given to `vibrosweep.run`: the file does
         not hold their functions.  Each must give a number of a landing (`landings` is given).  It
-        is evaluated in ball arithmetic; where it calls more than arithmetic, or chooses where
+        is evaluated in ball arithmetic; where it calls more than arithmetic, or branches where
         rounding may decide, its error is estimated by its changes, and the report says so.
     sample
         Number of realizations, drawn without replacement; all where there are no more.
@@ -252,7 +252,7 @@ def _landings(trajectories: Sequence[Trajectory]) -> int:
 
 
 def _proved(sample: Sample, row: int, bounds: Bounds, landings: int, max_landings: int) -> _Proof:
-    """Return the proof of a realization, or why there is none."""
+    """Return the proof of a realization, or the reason why there is none."""
     realization = sample.realization(row)
     completed = bool(np.all(sample.stored["status"][row] == Status.COMPLETED))
     if not (completed if realization.coupled else all(map(math.isfinite, bounds))):
@@ -279,7 +279,7 @@ def _each(realization: Realization, max_landings: int) -> list[Trajectory]:
         "duration": realization.duration,
         "rebound": realization.laws.rebound,
         "restitution_law": realization.laws.restitution,
-        "base": realization.base,
+        "base": realization.scene.base,
         "max_impacts": max_landings,
         "max_bits": MAX_BITS,
     }

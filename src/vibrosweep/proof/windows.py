@@ -1,4 +1,4 @@
-"""Ends of windows proved as bifurcations of orbits, and what lies between them as attraction."""
+"""Ends of windows proved as bifurcations of orbits, and attraction proved between them."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ MULTIPLIER: Final = {SADDLE_NODE: 1, DOUBLING: -1}
 
 
 class _Proof(NamedTuple):
-    """What is proved of a window: codes, and enclosures of both ends as doubles."""
+    """Proof of a window: codes, and enclosures of both ends as doubles."""
 
     lower: int = NO_WINDOW
     upper: int = NO_WINDOW
@@ -91,9 +91,9 @@ def prove_windows(found: xr.Dataset, scene: Scene) -> xr.Dataset:
     forcing = FORCINGS[str(found.attrs["forcing"])]
     data: dict[str, Any] = {}
     for name, field, flags, words in (
-        ("min_proof", "lower", ENDS, "what is proved of the lower end"),
-        ("max_proof", "upper", ENDS, "what is proved of the upper end"),
-        ("inside_proof", "inside", INSIDE, "what is proved of the attraction between both ends"),
+        ("min_proof", "lower", ENDS, "proof of the lower end"),
+        ("max_proof", "upper", ENDS, "proof of the upper end"),
+        ("inside_proof", "inside", INSIDE, "proof of the attraction between both ends"),
     ):
         codes = np.array([getattr(p, field) for p in proofs.ravel()], np.int8).reshape(shape)
         variable = Variable(name, dims, "int8", "1", words, flags=flags)
@@ -153,7 +153,7 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
 
 
 def _mode(one: xr.Dataset) -> int:
-    """Return the mode whose orbit a condition is of; 0 of any other."""
+    """Return the mode of the locked orbit of a condition; 0 for any other condition."""
     try:
         condition = named(str(one["condition"].values))
     except ParameterError:  # one of the user's own

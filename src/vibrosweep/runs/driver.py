@@ -80,7 +80,7 @@ def run_sweep(
         Realizations in a chunk, by default some seconds of work; the result does not depend on it.
         A resumed run keeps its original chunks.
     force
-        Whether to replace an existing output and to discard an unfinished run.
+        True to replace an existing output and to discard an unfinished run.
     advance
         Called with the number of finished realizations and the total.
     runner

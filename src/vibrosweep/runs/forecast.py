@@ -152,7 +152,7 @@ def _shortened(spec: Sweep, most: int) -> tuple[Sweep, int]:
 def _record_file(record: Scene, size: int, workers: Workers) -> tuple[float, float]:
     """Bytes that the record adds to the file, and seconds to compute and write it.
 
-    Measured on a shorter record: as many landings of each particle as fill a small file.
+    This is measured on a shorter record: as many landings of each particle as fill a small file.
     """
     most = 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles)
     short = record.with_measures(impact_budget=min(record.measures.impact_budget, most))

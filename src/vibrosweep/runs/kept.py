@@ -55,7 +55,7 @@ class KeptRun:
 
     output: Path  # the result file
     design: Realizations  # the realizations to compute
-    job: Job  # what a process needs to compute the chunks
+    job: Job  # the data that a process needs to compute the chunks
     threads: int  # number of threads in this process
     repaired: int = 0  # damaged parts that were computed again
 

@@ -94,7 +94,7 @@ class _Lines:
             return
         self.last = now
         rate = (done - before) / (now - since)
-        with suppress(OSError):  # nor must a log that cannot be written end it
+        with suppress(OSError):  # nor must a log that cannot be written
             print(
                 f"{done} of {total} {self.things}, {rate:.4g} per second, "
                 f"{(total - done) / rate:.0f} s remaining",

@@ -64,7 +64,7 @@ def retry_failed(
     chunk
         Realizations in a chunk, by default some seconds of work.
     force
-        Whether to discard an unfinished run.
+        True to discard an unfinished run.
     advance
         Called with the number of finished realizations and the number of those to retry.
     runner, at_least
@@ -157,7 +157,7 @@ def _digest(rows: tuple[int, ...]) -> str:
 
 
 def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Iterator[Columns]:
-    """Give the rows of the old result in blocks, with those retried in their places."""
+    """Yield the rows of the old result in blocks, with the retried ones in their places."""
     spec, fresh = run.job.spec, Stream(run.columns())
     block = batch_size(spec)
     for start, columns in _blocks(run.output, spec, run.design, block):
@@ -170,7 +170,7 @@ def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Iterator[Columns]:
 def _blocks(
     path: Path, spec: Sweep, design: Realizations, size: int
 ) -> Iterator[tuple[int, Columns]]:
-    """Give the rows of a result in blocks, each with the index of its first."""
+    """Yield the rows of a result in blocks, each with the index of its first row."""
     names = [*spec.scene.varying(design.sampled), *(v.name for v in spec.scene.measures.variables)]
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         for start in range(0, design.realizations, size):

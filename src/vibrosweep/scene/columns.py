@@ -43,7 +43,7 @@ class GivenTable:
         return "the table in memory"
 
     @classmethod
-    def of(cls, table: Any) -> GivenTable:
+    def from_table(cls, table: Any) -> GivenTable:
         """Take a pandas data frame, a dataset of xarray, or a mapping of columns.
 
         Raises a TableError for anything else, and for a column with values that are masked.
@@ -63,7 +63,7 @@ class GivenTable:
 
 
 def columns_of(dataset: xr.Dataset) -> dict[str, Label]:
-    """All parameters of a dataset, and what else lies along their dimension."""
+    """Columns of a dataset: all parameters, and other variables along their dimension."""
     found = {str(name): variable for name, variable in flat(dataset).variables.items()}
     shared = next((v.dims for name, v in found.items() if name in INPUTS), None)
     return {

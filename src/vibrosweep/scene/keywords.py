@@ -34,7 +34,7 @@ LONG: Final = 10
 
 
 def keyword_spec(given: Mapping[str, Any], *first: str) -> Sweep:
-    """Validate keywords, or a mapping of the same, in which whole tables of a file may stand.
+    """Validate keywords, or a mapping of them that may hold whole tables of a sweep file.
 
     None stands for a keyword that is not given; a mapping under the name of a table of a sweep file
     means what it means there.  Keywords are looked for in the tables `first` before all others.  A
@@ -55,33 +55,37 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
     and `measured`.  A SpecError lists all mistakes.
     """
     stated = {name: value for name, value in given.items() if value is not None}
-    mistakes, own = Mistakes(dialect=PYTHON, given=stated), dict(stated)
+    mistakes, remaining = Mistakes(dialect=PYTHON, given=stated), dict(stated)
     known = (*SECTIONS["scene"], "launch_time", STREAM, BUDGET, *measured)
-    for name in own.keys() - {*known}:
-        _note_unknown(name, own.pop(name), known, mistakes)
-    if "launch_time" in own:
-        times = _numbers("launch_time", own.pop("launch_time"), mistakes)
-        if "launch" in own or "particles" in own:
+    for name in remaining.keys() - {*known}:
+        _note_unknown(name, remaining.pop(name), known, mistakes)
+    if "launch_time" in remaining:
+        times = _numbers("launch_time", remaining.pop("launch_time"), mistakes)
+        if "launch" in remaining or "particles" in remaining:
             rule = "says when each particle is launched, and so do particles and launch"
             mistakes.add_broken("launch_time", rule, None, "keep one of the two")
-        own["launch"] = times.ravel().tolist()
+        remaining["launch"] = times.ravel().tolist()
     varied = {}
-    if STREAM in own:
-        varied[STREAM] = _streams(own.pop(STREAM), own, mistakes)
-    for name in [name for name in INPUTS if name in own]:
-        if _kind(own[name]) is None:
+    if STREAM in remaining:
+        varied[STREAM] = _streams(remaining.pop(STREAM), remaining, mistakes)
+    for name in [name for name in INPUTS if name in remaining]:
+        if _kind(remaining[name]) is None:
             continue
-        values = _numbers(name, own[name], mistakes)
+        values = _numbers(name, remaining[name], mistakes)
         wrong = values[~INPUTS[name].accepts(values)]
-        own[name] = float((wrong if wrong.size else values)[0])
+        remaining[name] = float((wrong if wrong.size else values)[0])
         varied[name] = values
     sizes = {name: values.size for name, values in varied.items()}
     if len({*sizes.values()} - {1}) > 1:
         mistakes.add("", f"arrays of realizations must have one length, or length 1: {sizes}")
-    for name in [name for name, value in own.items() if isinstance(value, tuple)]:
-        mistakes.add_broken(name, _RANGE, own.pop(name), "give a list")
-    measure = {n: _plain(n, own.pop(n)) for n in (BUDGET, *measured) if n in own}
-    data = {"title": "A scene", "scene": {n: _plain(n, own[n]) for n in own}, "measure": measure}
+    for name in [name for name, value in remaining.items() if isinstance(value, tuple)]:
+        mistakes.add_broken(name, _RANGE, remaining.pop(name), "give a list")
+    measure = {n: _plain(n, remaining.pop(n)) for n in (BUDGET, *measured) if n in remaining}
+    data = {
+        "title": "A scene",
+        "scene": {n: _plain(n, remaining[n]) for n in remaining},
+        "measure": measure,
+    }
     scene = checked(data, "", None, mistakes).scene
     size = max(sizes.values(), default=1)
     # copies: numba would compile the kernels again for read-only arrays
@@ -90,7 +94,7 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
 
 
 def _streams(value: object, given: Collection[str], mistakes: Mistakes) -> Array:
-    """Return the streams of random numbers of realizations; report what is none."""
+    """Return the streams of random numbers of realizations; report anything else."""
     streams = _numbers(STREAM, value, mistakes)
     if NOISE.keys().isdisjoint(given):
         rule = "says which random numbers are taken, and nothing is random"
@@ -103,7 +107,7 @@ def _streams(value: object, given: Collection[str], mistakes: Mistakes) -> Array
 
 
 def _numbers(name: str, value: object, mistakes: Mistakes) -> Array:
-    """Return finite numbers of a 1-D array, or of one of length 1; report what is none."""
+    """Return finite numbers as a 1-D array, a single one with length 1; report anything else."""
     refuse_masked(name, value)
     if isinstance(value, tuple):
         mistakes.add_broken(name, _RANGE, value, "give a list")
@@ -153,7 +157,7 @@ def _home(name: str, value: object, homes: tuple[str, ...]) -> str | None:
 
 
 def _kind(value: object) -> str | None:
-    """Tell whether a parameter is a range or an axis; None for anything else."""
+    """Return whether a parameter is a range or an axis; None for anything else."""
     if isinstance(value, tuple):
         return "range"
     several = isinstance(value, list | range | Mapping) or np.ndim(np.asarray(value)) > 0
@@ -199,7 +203,7 @@ def _note_unknown(name: str, value: object, known: Iterable[str], mistakes: Mist
 def _plain(name: str, value: Any) -> Any:
     """Value as a TOML file would give it: numbers, texts, lists and dicts of Python."""
     if name == "design" and not isinstance(value, str):
-        return GivenTable.of(value)
+        return GivenTable.from_table(value)
     refuse_masked(name, value)
     if isinstance(value, Mapping):
         return {str(key): _plain(str(key), member) for key, member in value.items()}

@@ -54,31 +54,31 @@ def kind(sample: Table) -> str:
 
 
 def settings(name: str, table: Table, shared: Table, mistakes: Mistakes) -> dict[str, Any]:
-    """Return what the table ``name`` ([scene] or [record]), completed by ``shared``, says.
+    """Return the settings of the table ``name`` ([scene] or [record]), completed by ``shared``.
 
     These are the fields of a `Scene`, apart from its inputs and measures.
     """
-    own = {key: table.get(key, value) for key, value in shared.items()}
-    launch = own["launch"]
+    found = {key: table.get(key, value) for key, value in shared.items()}
+    launch = found["launch"]
     if "launch" in table and "particles" not in table and isinstance(launch, tuple):
-        own["particles"] = len(launch)
-    if "particles" in table and isinstance(launch, tuple) and len(launch) != own["particles"]:
+        found["particles"] = len(launch)
+    if "particles" in table and isinstance(launch, tuple) and len(launch) != found["particles"]:
         holder = f"{name}.launch" if "launch" in table else "scene.launch"
         mistakes.add(
             f"{name}.particles",
             (f"contradicts the {len(launch)} launch times of ", Key(holder)),
-            own["particles"],
+            found["particles"],
             "give one for each particle",
             involves=[f"{name}.launch", "scene.launch"],
         )
     for key, wrong in (
-        ("rebound", refusal(own["base"], law=own["rebound"])),
-        ("waveform", refusal(own["base"], waveform=own["waveform"].name)),
+        ("rebound", refusal(found["base"], law=found["rebound"])),
+        ("waveform", refusal(found["base"], waveform=found["waveform"].name)),
     ):
         if wrong and not {"base", key}.isdisjoint(table):
             involved = [f"{t}.{k}" for t in (name, "scene") for k in ("base", key)]
             mistakes.add(f"{name}.", wrong, involves=involved)
-    return own
+    return found
 
 
 def check_window(
@@ -101,7 +101,7 @@ def check_measures(
     measures: Measures,
     mistakes: Mistakes,
 ) -> None:
-    """Report measures that cannot be had over a base, or with noise."""
+    """Report measures that the base, or noise, does not allow."""
     for key in MEASURES:
         wrong = refusal(base, measure=key, waveform=waveform.name, noise=noise)
         if wrong and getattr(measures, key):
@@ -110,15 +110,15 @@ def check_measures(
 
 
 def check_noise(
-    own: Table, homes: Mapping[str, str], sizes: Mapping[str, int], mistakes: Mistakes
+    scene: Table, homes: Mapping[str, str], sizes: Mapping[str, int], mistakes: Mistakes
 ) -> None:
-    """Report noise that a scene cannot have, or for so many realizations or particles.
+    """Report noise that a scene cannot have, or that is for too many realizations or particles.
 
-    `own` are its settings; each kind is given in the table that `homes` tells.
+    `scene` holds its settings; `homes` names the table in which each kind of noise is given.
     """
     needs = [f"{table}.{key}" for table in ("scene", "record") for key in ("base", "waveform")]
     for name, home in homes.items():
-        if wrong := refusal(own["base"], waveform=own["waveform"].name, noise=(name,)):
+        if wrong := refusal(scene["base"], waveform=scene["waveform"].name, noise=(name,)):
             mistakes.add(f"{home}.{name}", wrong, involves=needs)
     for key, most in (("sample.realizations", STREAMS), ("scene.particles", STREAM_PARTICLES)):
         number = sizes.get(key, 0)
@@ -152,7 +152,7 @@ def check_forcing(scene: Table, sample: Table, mistakes: Mistakes) -> None:
 
 
 def check_given(base: str, law: str, scene: Table, sample: Table, mistakes: Mistakes) -> None:
-    """Report what is lacking of a mount or of a law of restitution, or is given for another one.
+    """Report missing parameters of a mount or a law of restitution, and those of another one.
 
     Columns of a table that the file does not name are judged when the table is read.
     """
@@ -272,8 +272,8 @@ def record(
 
     ``varied`` names the sampled parameters, None where only the table knows them.
     """
-    given, own = inputs_in(table), settings("record", table, shared, mistakes)
-    base, law = own["base"], own["restitution_law"]
+    given, fields = inputs_in(table), settings("record", table, shared, mistakes)
+    base, law = fields["base"], fields["restitution_law"]
     if varied is None:
         rule = "the recorded scene must state what the table samples"
         names = Value(["restitution", "amplitude"])
@@ -300,10 +300,10 @@ def record(
     for name, text in {**mount_mistakes(base, found), **speed_mistakes(law, found)}.items():
         mistakes.add(f"record.{name}", text, involves=involved)
     homes = dict.fromkeys(noise_homes(found, {}, ()), "record")
-    check_noise(own, homes, {}, mistakes)
+    check_noise(fields, homes, {}, mistakes)
     if base == SPRUNG:
         found = {"mount_damping": MOUNT["mount_damping"].default, **found}
-    return {**own, "inputs": inputs_in(found), "given": frozenset(found)}
+    return {**fields, "inputs": inputs_in(found), "given": frozenset(found)}
 
 
 def check_extremes(

@@ -81,7 +81,7 @@ class Scene:
 
     @property
     def mechanics(self) -> tuple[str, str, Waveform, str]:
-        """Return how the base moves and what an impact does, as the kernels' `base_of` takes it."""
+        """Return base, laws and waveform as the kernels' `base_of` takes them."""
         return self.base, self.rebound, self.waveform, self.restitution_law
 
     @property
@@ -134,7 +134,7 @@ class Scene:
 
     @property
     def _given(self) -> list[str]:
-        """Names of the inputs that are no defaults, nor a noise of zero."""
+        """Names of the inputs that were stated, except a noise of zero."""
         return [name for name in self.given if name not in NOISE or self.inputs.get(name) != 0.0]
 
     def noise(self, varied: Collection[str] = ()) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ SHARED: Final = (
 class Sweep:
     """A scene and the design of its realizations, checked together."""
 
-    title: str  # what the sweep shows
+    title: str  # one line that describes the sweep
     text: str  # the whole TOML text; for keywords, one that asks for the same
     source: Path | None  # the file it was read from, None for a text and for keywords
     scene: Scene
@@ -128,13 +128,13 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
         remedy = 'begin with title = "..." that says what the sweep shows'
         mistakes.add("title", "is missing", remedy=remedy)
     traced = _measured(tables, source, mistakes)
-    if traced:  # the text then asks for the same where the trace is not
+    if traced:  # so that the text needs no trace
         scene = {**data["scene"], **traced}
         quoted = "".join(f"# {line}\n" for line in ("written for", *text.splitlines()) if text)
         text = text_of({**data, "title": title or "", "scene": scene}) + quoted
     sweep = _assembled(tables, source, mistakes)
     sweep = replace(sweep, title=title or "", text=text)
-    # a table is judged when it is computed, for only then its values are known
+    # a table is judged when it is read, since only then its values are known
     if sweep.design.name != TABLE:
         rules.check_extremes("scene", sweep.scene, sweep.design.sampled, mistakes)
     if sweep.record is not None:
@@ -144,7 +144,7 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
 
 
 def _measured(tables: Tables, source: Path | None, mistakes: Mistakes) -> dict[str, Any]:
-    """Fit the trace that [scene] asks for, and put what it gives in place; return that."""
+    """Fit the trace that [scene] asks for, and put the result into the table; return the result."""
     scene, sample = tables.get("scene", {}), tables.get("sample", {})
     if isinstance(tables.get("record", {}).get("waveform"), Traced):
         asked = tables["record"].pop("waveform")
@@ -158,14 +158,14 @@ def _measured(tables: Tables, source: Path | None, mistakes: Mistakes) -> dict[s
     except ValueError as error:
         mistakes.add_broken("scene.waveform", error.args, asked.trace)
         return {}
-    own = {"frequency": found.frequency, "base_velocity": found.velocity}
+    replaced = {"frequency": found.frequency, "base_velocity": found.velocity}
     given = {*scene, *sample, *sample.get("columns", ())}
     if "frequency" in given:
-        del own["frequency"]
+        del replaced["frequency"]
     if not given.isdisjoint(FORCINGS):
-        del own["base_velocity"]
-    scene |= {"waveform": found.waveform, **own}
-    return {"waveform": found.waveform.value, **own}
+        del replaced["base_velocity"]
+    scene |= {"waveform": found.waveform, **replaced}
+    return {"waveform": found.waveform.value, **replaced}
 
 
 def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep:
@@ -177,12 +177,12 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     rules.check_forcing(scene, sample, mistakes)
     varied = (*sampled, *(columns or ()))
     defaults = {key: getattr(Scene, key) for key in SHARED}
-    own = rules.settings("scene", scene, defaults, mistakes)
-    base = own["base"]
-    rules.check_given(base, own["restitution_law"], scene, sample, mistakes)
+    settings = rules.settings("scene", scene, defaults, mistakes)
+    base = settings["base"]
+    rules.check_given(base, settings["restitution_law"], scene, sample, mistakes)
     measures = Measures(**tables.get("measure", {}))
     noise = rules.noise_homes(numbers, sample, varied)
-    rules.check_measures(base, own["waveform"], noise, measures, mistakes)
+    rules.check_measures(base, settings["waveform"], noise, measures, mistakes)
     # one forcing only, also where two were reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
@@ -191,14 +191,14 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     frequencies = sampled["frequency"].ends if "frequency" in sampled else ()
     if "frequency" not in varied:
         frequencies = (values["frequency"],)
-    rules.check_window(measures.transient, own["duration"], frequencies, mistakes)
+    rules.check_window(measures.transient, settings["duration"], frequencies, mistakes)
     recorded = None
     if "record" in tables:
         known = varied if rules.kind(sample) != TABLE or columns is not None else None
-        recorded = rules.record(tables["record"], own, values, known, mistakes)
+        recorded = rules.record(tables["record"], settings, values, known, mistakes)
     realizations = rules.realizations(sample, sampled, mistakes)
-    asked = {"sample.realizations": realizations or 0, "scene.particles": own["particles"]}
-    rules.check_noise(own, noise, asked, mistakes)
+    asked = {"sample.realizations": realizations or 0, "scene.particles": settings["particles"]}
+    rules.check_noise(settings, noise, asked, mistakes)
     refuse(mistakes)
     fixed = {
         name: value
@@ -212,7 +212,9 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
         title="",
         text="",
         source=source,
-        scene=Scene(**own, measures=measures.over(base), inputs=fixed, given=frozenset(numbers)),
+        scene=Scene(
+            **settings, measures=measures.over(base), inputs=fixed, given=frozenset(numbers)
+        ),
         design=Design(
             kind,
             sampled,

@@ -84,8 +84,8 @@ def read_table(sweep: Sweep) -> Table:
     }
     labels = {name: _label(columns[name]) for name in chosen if name not in INPUTS}
     _judge_labels(labels, mistakes)
-    law, own = sweep.scene.restitution_law, parameters.get("restitution", np.empty(0))
-    if wrong := range_mistake(law, own):
+    law, restitution = sweep.scene.restitution_law, parameters.get("restitution", np.empty(0))
+    if wrong := range_mistake(law, restitution):
         mistakes.add("", wrong)
     refuse(mistakes, TableError, _LISTED)
     return Table(parameters, labels)
@@ -140,7 +140,7 @@ def _rows(lines: Any, width: int, mistakes: Mistakes) -> Iterator[list[str | Non
 
 
 def _read_netcdf(path: Path) -> dict[str, Label]:
-    """Return all parameters, and what else has their dimension."""
+    """Return all parameters, and other variables with their dimension."""
     import xarray as xr
 
     try:
@@ -217,7 +217,7 @@ def _judge_name(name: str, sweep: Sweep, mistakes: Mistakes) -> None:
 
 
 def _judge_shapes(columns: Mapping[str, Label], mistakes: Mistakes) -> None:
-    """Parameters lie along one dimension, the same for all."""
+    """Check that parameters lie along one dimension, the same for all."""
     shared = next((column.dims for column in columns.values()), ())
     for name, column in columns.items():
         if len(column.dims) != 1 or column.dims != shared:

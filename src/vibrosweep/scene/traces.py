@@ -4,7 +4,7 @@ The trace is a mean, a trend and harmonics of one frequency f,
 
     y(t) = m + n t + sum A_h cos(2 pi h f t) + B_h sin(2 pi h f t).
 
-f is where the sum of squares that is left is least: the highest peak of the spectrum, or a simple
+f minimizes the sum of squares of the residual: the highest peak of the spectrum, or a simple
 fraction of it, is refined by Newton's method on a parabola through three trials (successive
 parabolic interpolation).  The harmonics of the velocity follow by differentiating a height, or
 integrating an acceleration, term by term.
@@ -26,10 +26,10 @@ from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, Trace, Waveform, zer
 
 COLUMNS: Final = ("height", "acceleration")
 FEWEST_PERIODS: Final = 2.0
-HELD: Final = 0.5  # of the variance, without which there is no period
-DRIFT: Final = 0.05  # of the range, in one period
-FRACTIONS: Final = 6  # of the highest peak of the spectrum, that may be the frequency
-AS_GOOD: Final = 1.05  # squares that are left, relative to the least
+HELD: Final = 0.5  # least share of the variance that harmonics of a period must hold
+DRIFT: Final = 0.05  # largest drift in one period, relative to the range
+FRACTIONS: Final = 6  # simple fractions of the highest peak that may be the frequency
+AS_GOOD: Final = 1.05  # residual relative to the least, of a fit that is as good
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def _peak(time: Array, values: Array) -> float:
 
 
 def _refined(time: Array, values: Array, f: float, harmonics: int, span: float) -> float:
-    """Frequency near f with the least that is left."""
+    """Frequency near f with the least residual."""
     step = 0.2 / span / harmonics
     for _ in range(60):
         squares = [_left(time, values, trial, harmonics)[0] for trial in (f - step, f, f + step)]
@@ -169,7 +169,7 @@ def _refined(time: Array, values: Array, f: float, harmonics: int, span: float) 
 
 
 def _left(time: Array, values: Array, f: float, harmonics: int) -> tuple[float, Array]:
-    """Sum of squares that mean, trend and harmonics leave, and their coefficients."""
+    """Sum of squares of the residual of mean, trend and harmonics, and their coefficients."""
     columns = [np.ones_like(time), time]
     for h in range(1, harmonics + 1):
         turns = h * f * time

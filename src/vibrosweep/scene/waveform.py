@@ -56,7 +56,7 @@ def waveform_of(value: object) -> Waveform | Traced:
 
 
 def stored(attributes: Mapping[str, Any]) -> Waveform:
-    """Waveform that attributes of a result tell; by default the sine."""
+    """Waveform that attributes of a result hold; by default the sine."""
     text = str(attributes.get("waveform", SINE_NAME))
     value = text if name_in(attributes) == text else tomllib.loads(f"waveform = {text}")["waveform"]
     found = waveform_of(value)

@@ -75,7 +75,7 @@ class ResultKind:
 
 
 SWEEP: Final = ResultKind("sweep", "vibrosweep run", unverified="")
-KINDS: Final[dict[str, ResultKind]] = {SWEEP.name: SWEEP}  # what is registered
+KINDS: Final[dict[str, ResultKind]] = {SWEEP.name: SWEEP}  # the registered ones
 
 
 def register_kind(kind: ResultKind) -> ResultKind:

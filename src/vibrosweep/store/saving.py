@@ -31,7 +31,7 @@ def save_result(
     kind
         The kind, as registered by `register_kind`.
     force
-        Whether an existing file is replaced.
+        True to replace an existing file.
 
     Returns
     -------

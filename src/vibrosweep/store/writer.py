@@ -110,7 +110,7 @@ class Writer(ABC):
         self._missing[name] -= values.shape[0]
 
     def awaits(self, name: str) -> bool:
-        """Tell whether values of a variable are still to be written."""
+        """Return whether values of a variable are still missing."""
         return self._missing.get(name, 0) > 0
 
     def _require_written(self, what: str) -> None:

@@ -5,10 +5,10 @@ tuple of the numbers that decide the impacts of one realization.  Each base is o
 holds its constants and implementations; no other kernel knows which base it is compiled for.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
-duration of the flight that they begin on a base at rest.  Speeds are relative to the base, where
-nothing else is said.
+duration of the flight that they begin on a base at rest.  Speeds are relative to the base unless
+stated otherwise.
 
-Functions of whole batches are called by Python code alone.
+Only Python code calls functions of whole batches.
 
 A flight may take several passes to be computed: a kernel that advances many lanes calls `approach`
 for one pass of each, others call `fly` for the whole of one flight.
@@ -30,6 +30,7 @@ __all__ = [
     "Constants",
     "Counted",
     "Flight",
+    "Instant",
     "Jacobian",
     "after_rest",
     "approach",
@@ -67,8 +68,25 @@ __all__ = [
 
 Base = Any  # an empty named tuple: its type is what numba compiles for
 Constants = Any  # the named tuple of one base
-# the rows, then the sum of the moduli of the terms that the rows are sums of
-Jacobian = tuple[float, float, float, float, float]
+
+
+class Instant(NamedTuple):
+    """An instant."""
+
+    whole: float  # periods of the forcing
+    phase: float  # in turns, of [-1/2, 1/2]
+
+
+class Jacobian(NamedTuple):
+    """Derivatives of phase and speed after an impact by those before its flight."""
+
+    # phase_phase, phase_speed: of the phase, by phase and by speed
+    phase_phase: float
+    phase_speed: float
+    # speed_phase, speed_speed: of the speed
+    speed_phase: float
+    speed_speed: float
+    size: float  # sum of the moduli of the terms of which these are sums
 
 
 class Flight(NamedTuple):
@@ -103,7 +121,7 @@ def put(fixed: Constants, s: Floats, j: int) -> None:
 def take(base: Base, s: Floats, j: int) -> Constants:
     """Take the constants of lane j back.
 
-    After a rest for good the phase is NaN there, and every comparison with an end is False.
+    In a lane at rest for good the phase is NaN, so that every comparison with an end is False.
     """
 
 
@@ -117,7 +135,7 @@ def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
 
 @generic
 def prepare(base: Base, s: Floats, lanes: int) -> None:
-    """Compute what `approach` needs of the first lanes, apart from what `keep` keeps."""
+    """Compute the numbers that `approach` needs of the first lanes, beyond those of `keep`."""
 
 
 @generic
@@ -135,7 +153,7 @@ def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
 
 @generic
 def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
-    """Keep what the next pass of lane j needs; return whether a flight is to be counted now.
+    """Keep the numbers that the next pass of lane j needs; return whether a flight counts now.
 
     `seen` is whether the landing, if there is one, is in the window.
     """
@@ -160,15 +178,15 @@ def common_age(base: Base) -> float:
 def counted(fixed: Constants, flight: Flight, u_off: float) -> Counted:
     """Duration and height of the flight that is counted at a landing.
 
-    It is the one that ends, or the one that begins with speed u_off
-    where its duration is known by then.  The height is that of the apex, in units of that of a
-    flight of one period, above what `lowest` says.
+    This is the flight that ends there or, over a base on which its duration is known by then, the
+    one that begins with speed u_off.  The height is that of the apex above the level of `lowest`,
+    in units of the height of a flight of one period.
     """
 
 
 @generic
 def counted_now(fixed: Constants, s: Floats, j: int, time: float, u_off: float) -> Counted:
-    """Return what `counted` does, of the flight of lane j, before the lane is changed."""
+    """Return the same as `counted`, of the flight of lane j, before the lane changes."""
 
 
 @singledispatch
@@ -201,15 +219,15 @@ def speed(fixed: Constants, x: float, u: float) -> float:
 
 @generic
 def random(fixed: Constants, particle: float, number: float, n: float, x: float) -> Constants:
-    """Constants of one impact, at (n, x), with what is random in it.
+    """Constants of one impact, at (n, x), with its random numbers.
 
-    It is that of a particle whose impacts are counted from 0.
+    The impacts of a particle are numbered from 0.
     """
 
 
 @generic
 def wake(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
-    """Return when a particle is lifted that rests from (n, x) on, where `lift_off` has not.
+    """Return when a particle that rests from (n, x) on is lifted, if `lift_off` left that open.
 
     Whole periods count from `origin`; they are NaN where no lift-off is found.
     """
@@ -222,9 +240,9 @@ def rebound(fixed: Constants, x: float, v: float) -> float:
 
 @generic
 def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
-    """Count, phase and speed with which a particle leaves that landed at (n, x), `w` its rebound.
+    """Count, phase and speed with which a particle that landed at (n, x) leaves, its rebound w.
 
-    The last value tells whether it leaves at once, or else rests until then.  The count is
+    The last value tells whether it leaves at once; else it rests until then.  The count is
     infinite, and the speed 0, where it rests for good.
     """
 
@@ -241,7 +259,7 @@ def lifts_alike(base: Base) -> bool:
 
 @generic
 def contact_time(fixed: Constants) -> float:
-    """Periods for which the base counts as occupied after a landing, at least."""
+    """Least number of periods for which the base counts as occupied after a landing."""
 
 
 @generic
@@ -261,13 +279,13 @@ def reverses(fixed: Constants, x: float, v: float) -> float:
 def contraction(fixed: Constants, v: float) -> float:
     """Modulus of the determinant of the Jacobian of an impact with speed v of arrival.
 
-    Factors whose product over a cycle is 1 may be left out.  Where it is 0, it is so at any speed.
+    Factors whose product over a cycle is 1 may be left out.  If it is 0, it is 0 at any speed.
     """
 
 
 @generic
 def density(fixed: Constants, u: float) -> float:
-    """Factor of an area at a speed u with which `contraction` leaves nothing out."""
+    """Weight of an area at speed u that supplies the factors which `contraction` leaves out."""
 
 
 @generic

@@ -11,15 +11,15 @@ from vibrosweep.kernels.bases.high_bounce import Constants
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.shaped import ShapedConstants, begin_at, search
 
-PIECES = 32  # of a period, between the ends of which one minimum of a height is looked for
-HALVINGS = 40  # the height at a minimum is off by the square of what is left
+PIECES = 32  # of a period; in each one minimum of the height is looked for
+HALVINGS = 40  # the error of the height at a minimum is the square of the interval that is left
 
 
 @generic
 def chord(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]:
     """Speeds relative to the base of a flight of s periods, s > 0, at its phase x and at its end.
 
-    Whether the particle meets the base on the way is not asked.
+    The particle may meet the base on the way.
     """
 
 
@@ -58,7 +58,7 @@ def chord_moving(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]
 
 @generic
 def clearing(fixed: AnyConstants, one: Flight) -> float:
-    """Least height above the base, of a minimum within a flight; infinite without any."""
+    """Least of the minima of the height above the base within a flight; infinite without one."""
 
 
 @implements(clearing, Constants)

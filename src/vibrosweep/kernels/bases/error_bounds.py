@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from vibrosweep.kernels._jit import generic
-from vibrosweep.kernels.bases import Constants, Flight
+from vibrosweep.kernels.bases import Constants, Flight, Instant
 
 __all__ = [
-    "Spread",
+    "StateError",
     "absolute_error",
     "jacobian_error",
     "landing_added",
@@ -17,57 +19,62 @@ __all__ = [
     "rest_is_doubtful",
 ]
 
-Spread = tuple[float, float]  # largest errors of phase and speed of a lift-off
+
+class StateError(NamedTuple):
+    """Largest errors of phase and speed, of a lift-off unless it says otherwise."""
+
+    phase: float
+    speed: float
 
 
 @generic
 def launch_error(fixed: Constants, x: float, u: float) -> float:
-    """Error of the speed u of a launch at phase x; infinite where it decides on a flight."""
+    """Error of the speed u of a launch at phase x; infinite where it decides on a landing."""
 
 
 @generic
-def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
+def landing_added(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
     """Bounds of the errors that a flight adds to the phase of its landing and the speed of arrival.
 
-    By rounding, and by what the Jacobian leaves out of `spread`.  Infinite where a state within it
-    may land at another time.
+    They come from rounding, and from terms of second order in `spread`, which the Jacobian leaves
+    out.  They are infinite where a state within `spread` may land at quite another time.
     """
 
 
 @generic
 def jacobian_error(
-    fixed: Constants, flight: Flight, error: float, spread: Spread
+    fixed: Constants, flight: Flight, error: float, spread: StateError
 ) -> tuple[float, float, float]:
-    """Bounds of the changes by errors of the image of a small change of the state, to be summed.
+    """Bounds of how errors change the image of a small change of the state.
 
-    Per change of the phase before, the speed before, and the phase of the landing, whose error is
-    `error`.
+    They are to be added, for each unit of change of the phase before, of the speed before, and of
+    the phase of the landing, whose error is `error`.
     """
 
 
 @generic
 def rebound_error(
-    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, spread: Spread
+    fixed: Constants, flight: Flight, added: StateError, error: float, spread: StateError
 ) -> float:
     """Bound of the error that an impact adds to the speed after it.
 
-    `added` is from `landing_added`; `error` is all of that of the landing's phase, `spread` that of
-    the lift-off before.
+    `added` is from `landing_added`; `error` is the whole error of the phase of the landing,
+    `spread` that of the lift-off before.
     """
 
 
 @generic
-def absolute_error(fixed: Constants, x: float, u: float, spread: Spread) -> float:
+def absolute_error(fixed: Constants, x: float, u: float, spread: StateError) -> float:
     """Bound of the error of the absolute speed of a particle that leaves phase x with speed u."""
 
 
 @generic
-def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
-    """Return whether errors decide if a particle rests that lands at phase x, its rebound w."""
+def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: StateError) -> bool:
+    """Return whether errors decide if a particle that lands at phase x with rebound w rests."""
 
 
 @generic
-def liftoff_error(fixed: Constants) -> tuple[float, float]:
+def liftoff_error(fixed: Constants) -> StateError:
     """Bounds of the errors of phase and speed of the lift-off from a rest.
 
     The first is infinite where it is in doubt whether a resting particle is ever lifted.
@@ -76,10 +83,10 @@ def liftoff_error(fixed: Constants) -> tuple[float, float]:
 
 @generic
 def random_liftoff_error(
-    fixed: Constants, n: float, x: float, error: float, later: tuple[float, float]
-) -> tuple[float, float]:
-    """Bounds as `liftoff_error` gives, where something is random.
+    fixed: Constants, n: float, x: float, error: float, later: Instant
+) -> StateError:
+    """Bounds like those of `liftoff_error`, under noise.
 
-    The rest begins at (n, x), counted from time 0, whose phase has an error, and ends `later`, as
-    `lift_off` says.  The first is infinite too where it is in doubt when it ends.
+    The rest begins at (n, x), counted from time 0, with an error of the phase, and ends `later`, by
+    `lift_off`.  The first is also infinite where the end is in doubt.
     """

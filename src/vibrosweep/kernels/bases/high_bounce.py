@@ -3,9 +3,9 @@
 A flight that begins with speed u lasts u and arrives with speed u; the kick at phase x is
 a sin(2 pi x).  A resting particle is lifted when the kick rises through the threshold of rest.
 
-An orbit that leaves with the flight k lands with it, so that kick and restitution must give the
-speed k for k.  With the derivatives f and g of the speed after an impact by that before it and by
-the kick, and s = 2 pi a cos(2 pi x), the Jacobian
+On an orbit whose flights last k, restitution and kick must turn the speed k into k.  With the
+derivatives f and g of the speed after an impact by the speed before it and by the kick, and s = 2
+pi a cos(2 pi x), the Jacobian
 
     [[1, 1], [g s, f + g s]]
 
@@ -261,7 +261,7 @@ def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
     k = by_kick * kick_slope(fixed.base.waveform, fixed.a, flight.landing)
     size = 2.0 + slack(fixed.base.restitution) * abs(by_speed) + 2.0 * abs(k)
     size += TWO_PI * noise.swing(fixed.base.noise, fixed.a, fixed.draw.drive)
-    return 1.0, 1.0, k, by_speed + k, size
+    return Jacobian(1.0, 1.0, k, by_speed + k, size)
 
 
 @implements(bases.reverses, Constants)

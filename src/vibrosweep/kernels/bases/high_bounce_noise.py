@@ -1,4 +1,4 @@
-"""Noise over a base that stays at height 0: what is random in an impact, and rests that it ends.
+"""Noise over a base that stays at height 0: random impacts, and the rests that they end.
 
 Where the amplitude is random, a particle that has come to rest is lifted in the first forcing
 period whose kick rises through the threshold of rest, which no formula gives.
@@ -12,6 +12,7 @@ import numpy as np
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, implements, jit, wide_vectors
+from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.bases.high_bounce import Constants, HighBounce
 from vibrosweep.kernels.deviates import OF_DRIVE, deviate
 from vibrosweep.kernels.lanes import ROW, STRIDE
@@ -24,7 +25,7 @@ __all__: list[str] = []
 
 _arcsin_turns = jit(arcsin_turns)
 USELESS: Final = 2.0**-20  # turns; a bound of a lift-off that is larger is none
-LONGEST: Final = 2**24  # forcing periods that a particle rests, where none of them lifts it
+LONGEST: Final = 2**24  # forcing periods after which the search for a lift-off ends
 
 
 @implements(bases.random, Constants)
@@ -79,7 +80,7 @@ def _first_lift(
 @jit
 def first_lift_error(
     noise: Noise, fixed: Constants, n: float, x: float, error: float
-) -> tuple[float, float]:
+) -> StateError:
     """Bounds of the errors of `_first_lift`, where that of the phase x of the rest is known.
 
     The first is infinite where it is in doubt which forcing period lifts the particle.  The kick of
@@ -93,7 +94,7 @@ def first_lift_error(
         kick = abs(driven(noise, a, drive))
         off = 2.0 * KICK_ERROR * (kick + a * abs(drive)) + REST_ERROR * r
         if not abs(kick - r) > 2.0 * off:
-            return np.inf, np.inf
+            return StateError(np.inf, np.inf)
         if kick > r:
             rises = _arcsin_turns(r / kick)
             factor = 3.0 + a * abs(drive) / kick
@@ -101,11 +102,11 @@ def first_lift_error(
             turned = 0.5 if 1.0 + drive < 0.0 else 0.0
             rises, falls = turned + rises, turned + 0.5 - rises
             if not min(abs(after - rises), abs(after - falls)) > edge or edge > USELESS:
-                return np.inf, np.inf
+                return StateError(np.inf, np.inf)
             if after < falls:
-                return error if after > rises else edge, REST_ERROR * r
+                return StateError(error if after > rises else edge, REST_ERROR * r)
         period, after, edge = period + 1.0, 0.0, 0.0
-    return np.inf, np.inf
+    return StateError(np.inf, np.inf)
 
 
 @implements(bases.wake, Constants)

@@ -14,11 +14,12 @@ accurately as a fast one.  It lands at the first s > 0 with F = 0, with the rela
 Where 1 + Gamma cos(2 pi x) > 0, the base presses a particle that rests on it, and F is concave;
 elsewhere F is convex.  No root is missed:
 
-- Where Gamma <= 1, F is concave and has one root.  So it has where the particle is so fast that it
-  arrives faster than the base ever moves, (pi u)^2 >= Gamma^2 + 2 Gamma (1 + cos(2 pi x)) for its
-  absolute speed u > 0.  Any iteration that converges has found it.  Where F almost touches zero
-  before the root, steps from F > 0 may go far beyond it and back for ever: where Gamma > 1 they are
-  those of the search that follows; steps from beyond the root, where F' < 0, come back.
+- Where Gamma <= 1, F is concave and has one root.  The same holds where the particle is so fast
+  that it arrives faster than the base ever moves, (pi u)^2 >= Gamma^2 + 2 Gamma (1 + cos(2 pi x))
+  for its absolute speed u > 0.  Any iteration that converges has found this root.  Where F almost
+  touches zero before the root, a step from F > 0 may go far beyond it and come back for ever; where
+  Gamma > 1, steps from F > 0 are therefore those of the next item.  Steps from beyond the root,
+  where F' < 0, come back.
 - Else the search goes from one stretch of time with F > 0 to the next.  In a concave stretch any
   step inside it may be tried: F > 0 there says that there is no root up to it, F <= 0 that there is
   one before it.  In a convex stretch Newton's step from the left passes no root; where F' >= 0 it
@@ -46,12 +47,11 @@ from vibrosweep.kernels.sine import (
 )
 
 TWO_PI = 2.0 * math.pi
-# speeds: a faster particle is tried first as over a base at rest, no other beyond the second
-FAST = 0.6
-SLOW = 0.15
+FAST = 0.6  # speed above which a flight with one root is guessed to last as over a base at rest
+SLOW = 0.15  # periods within which a slower particle is guessed to land
 AHEAD = 0.25  # periods beyond the flight over a base at rest, while the base falls away
-# A step of the iteration ends it where the terms of its series fall so fast that what is left out
-# is below half an ulp of the step, and of the flight.
+# A step ends the iteration where the terms of its series fall so fast that the remainder is below
+# half an ulp of the step, and of the flight.
 LAST = 2.0**-12
 BORDER = 2.0**-30  # turns; so near to its end, a stretch has ended
 ULP = 2.0**-52
@@ -75,7 +75,7 @@ class Start(NamedTuple):
 class Guess(NamedTuple):
     """A landing as far as it is known from the beginning of the flight alone."""
 
-    sure: bool  # whether the flight has one root for sure
+    sure: bool  # True if the flight has one root for sure
     time: float  # a time near it
     # Time from which on it is above every height of the base, until as long before the end of the
     # flight over a base at rest; of use with arcs only
@@ -155,7 +155,7 @@ def series_terms(begin: Start, clear: Clearance) -> Terms:
 
 @jit
 def turn(s: float) -> tuple[float, float, float]:
-    """Return what `clearance` needs of s: sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s)."""
+    """Return sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s), which `clearance` needs."""
     part = s - np.rint(s)
     turned, lag = sin_and_lag(s, part)
     half = sin_near(0.5 * part)
@@ -166,7 +166,7 @@ def turn(s: float) -> tuple[float, float, float]:
 def first_guess(begin: Start, arcs: int | None) -> Guess:
     """Guess when the flight ends.
 
-    Without arcs, None, what only flights with Gamma > 1 need is not compiled.
+    Where arcs are None, the code that only flights with Gamma > 1 need is not compiled.
     """
     alpha, x_lift, x, y, _, cosine = begin
     gamma, u = math.pi * alpha, absolute(begin)
@@ -185,7 +185,7 @@ def first_guess(begin: Start, arcs: int | None) -> Guess:
 
 @jit
 def rough_clearance(begin: Start, s: float) -> Clearance:
-    """Clearance after s periods, to a few units of its fifth digit: enough to guess from."""
+    """Clearance after s periods to about five digits, enough for a guess."""
     whole = np.rint(s)
     part = s - whole
     lag, c = rough_lag_and_versine(part)
@@ -220,7 +220,7 @@ def first_try(begin: Start, guess: Guess, rough: Clearance, arcs: int | None) ->
 def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
     """Return whether the base presses at phase x, and periods until it falls, or presses again.
 
-    A stretch that is as good as over has ended.
+    A stretch that is within `BORDER` of its end has ended.
     """
     presses = not abs(x) > x_lift
     to_fall = x_lift - x
@@ -261,7 +261,7 @@ def _across(
 def try_landing(
     begin: Start, guess: Guess, s: float, clear: Clearance, terms: Terms, arcs: int | None
 ) -> tuple[float, float, bool]:
-    """Try the time s: the next one to be tried, or the landing, its speed, and which of both.
+    """Try the time s; return the landing or the next time to try, the speed, and if it lands.
 
     `clear` is the clearance at that time, of which `terms` are those of the series.
     """

@@ -1,7 +1,7 @@
 """The base that moves with the velocity alpha sin(2 pi x), alpha = a / (1 + e).
 
 Speeds are relative to it: a particle arrives with z and leaves with E(z), as the law of restitution
-says.  It comes to rest where that is at most r and the base presses it, 1 + Gamma cos(2 pi x) > 0
+says.  It comes to rest where E(z) is at most r and the base presses it, 1 + Gamma cos(2 pi x) > 0
 with Gamma = pi alpha, and is lifted, with speed 0, where the base begins to fall faster than
 gravity; never if Gamma <= 1.
 """
@@ -45,7 +45,7 @@ from vibrosweep.model.parameters import Dimensionless
 _arcsin_turns = jit(arcsin_turns)
 TRIES = 20000.0  # passes after which the search for a landing is given up
 LARGEST_GAMMA = 1e9  # beyond it a slow particle meets the base more often than can be searched
-TINY = 1e-300  # of a speed: pushed into the base, if ever so little
+TINY = 1e-300  # of a speed: pushed into the base, however little
 
 
 class Moving(NamedTuple):

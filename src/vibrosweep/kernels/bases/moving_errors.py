@@ -3,13 +3,14 @@
 In the notation of `vibrosweep.kernels.bases.moving_jacobian`, with the bound Gamma of |G|, they are
 those of
 
-- s: wherever it came from, F is evaluated there, with a bound of its rounding.  |F''| <= 1 + Gamma,
+- s: however it was found, F is evaluated there, with a bound of its rounding.  |F''| <= 1 + Gamma,
   so that F falls through zero within |F| / |F'| of s where |F| is small against F'^2: Kantorovich's
   condition for Newton's iteration.  A graze fails it.
 - alpha: a few roundings of the kick, which count as an error of F and of z.
 - the remainder of the mean value theorem: how much the Jacobian changes within the error.  By
   Bernstein's inequality |G'| <= 2 pi N Gamma, and so on, of N harmonics.
-- the choice of the root: a march that meets no root of these states ends where F falls for good.
+- the choice of the root: steps in time, none of which passes a root of any of these states, end
+where F falls for good.
 
 The bound is infinite where a proof fails.
 """
@@ -23,8 +24,8 @@ import numpy as np
 
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import implements, jit
-from vibrosweep.kernels.bases import Constants, Flight, error_bounds
-from vibrosweep.kernels.bases.error_bounds import Spread
+from vibrosweep.kernels.bases import Constants, Flight, Instant, error_bounds
+from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.moving_jacobian import ALPHA_ERROR, GAMMA_ERROR, Along, along
 from vibrosweep.kernels.bases.moving_limits import below_top, first_stretch, limits
@@ -47,7 +48,7 @@ __all__: list[str] = []
 TWO_PI = 2.0 * math.pi
 # x_L, absolute: of the root, of the arcsine of at most 1 / sqrt(2), and of the difference
 ARCSINE_ERROR = 4.0 * HALF_ULP
-SURE = 1.0 + 2.0**-30  # what is compared is itself rounded
+SURE = 1.0 + 2.0**-30  # the compared numbers are themselves rounded
 MARCH = 1000  # steps
 LANDING_ERROR = 0.5 * HALF_ULP  # of a phase, a sum below 1 of two exact numbers
 
@@ -82,11 +83,11 @@ def _landed(fixed: Constants, flight: Flight, at: Along) -> Landed:
 
 @jit
 def _change(
-    fixed: Constants, flight: Flight, landed: Landed, spread: Spread
+    fixed: Constants, flight: Flight, landed: Landed, spread: StateError
 ) -> tuple[Change, float, float]:
-    """How much the derivatives change over a spread of states.
+    """Bound how much the derivatives change over a spread of states.
 
-    Also how much the duration does, and the least speed of arrival.
+    Returns also the change of the duration, and the least speed of arrival.
 
     Within twice the linear changes of s and z, the derivatives are bounded; if by these bounds s
     and z change by less than that, they never leave it.
@@ -125,11 +126,11 @@ def _change(
 
 
 @jit
-def _start(fixed: Constants, flight: Flight, spread: Spread, last: float) -> float:
+def _start(fixed: Constants, flight: Flight, spread: StateError, last: float) -> float:
     """Time until which no state in a spread has landed, at the beginning of a flight; or NaN."""
-    y = max(0.0, flight.u - spread[1])
+    y = max(0.0, flight.u - spread.speed)
     least = 0.5 * y / (1.0 + limits(fixed, 1.0).steep)
-    edge = spread[0] + error_bounds.liftoff_error(fixed)[0] + 2.0 * HALF_ULP
+    edge = spread.phase + error_bounds.liftoff_error(fixed).phase + 2.0 * HALF_ULP
     falls, ahead = first_stretch(fixed, flight.x)
     if falls:  # F is convex, and increases, until the base presses again
         return max(least, ahead - edge)
@@ -141,7 +142,7 @@ def _start(fixed: Constants, flight: Flight, spread: Spread, last: float) -> flo
 
 
 @jit
-def _lowest(fixed: Constants, flight: Flight, spread: Spread, t: float) -> tuple[float, float]:
+def _lowest(fixed: Constants, flight: Flight, spread: StateError, t: float) -> tuple[float, float]:
     """Lower bounds of F and F' after t periods, of all states in a spread."""
     at, (dx, dy) = along(fixed, flight.x, flight.u, t), spread
     f = at.f - SURE * (at.f_error + 0.5 * (t * dy + at.of_x * dx))
@@ -149,7 +150,7 @@ def _lowest(fixed: Constants, flight: Flight, spread: Spread, t: float) -> tuple
 
 
 @jit
-def _above(fixed: Constants, flight: Flight, spread: Spread) -> tuple[bool, float, float]:
+def _above(fixed: Constants, flight: Flight, spread: StateError) -> tuple[bool, float, float]:
     """Return whether all states land faster than the base moves, and when all are above it."""
     alpha, most, (dx, dy) = fixed.alpha * SURE, limits(fixed, SURE), spread
     u = flight.u + fixed.alpha * velocity(fixed.base.waveform, flight.x)
@@ -176,10 +177,10 @@ def _never_falls(fixed: Constants, error: float) -> bool:
 
 
 @jit
-def _is_first(fixed: Constants, flight: Flight, spread: Spread, last: float) -> bool:
+def _is_first(fixed: Constants, flight: Flight, spread: StateError, last: float) -> bool:
     """Return whether no state in a spread has landed before the time `last`."""
     if _never_falls(fixed, GAMMA_ERROR):  # F is concave
-        return flight.u > spread[1]
+        return flight.u > spread.speed
     fast, begin, end = _above(fixed, flight, spread)
     if fast:
         return True
@@ -198,23 +199,23 @@ def _is_first(fixed: Constants, flight: Flight, spread: Spread, last: float) -> 
 
 
 @jit
-def _pressed(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
+def _pressed(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
     """Value of `landing_added` for a particle that lands at once, or may fly for a moment."""
     dx, dy = spread
     if flight.u < -dy:
-        return 0.0, 0.0
+        return StateError(0.0, 0.0)
     most, limit = abs(flight.u) + dy, limits(fixed, 1.0)
     gamma = limit.steep
     pull = 1.0 + kick_slope(fixed.base.waveform, 0.5 * fixed.alpha, flight.x)
     pull -= 8.0 * HALF_ULP * (1.0 + gamma) + limit.slope_rounding
     time = 2.0 * most / pull
     if not (pull > 0.0 and 2.0 * limit.angle * gamma * SURE * (time + dx) <= pull):
-        return np.inf, np.inf
-    return time, 2.0 * most + 2.0 * (1.0 + gamma) * time
+        return StateError(np.inf, np.inf)
+    return StateError(time, 2.0 * most + 2.0 * (1.0 + gamma) * time)
 
 
 @implements(error_bounds.landing_added, MovingConstants, ShapedConstants)
-def landing_added_moving(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
+def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
     at = along(fixed, flight.x, flight.u, flight.time)
@@ -223,31 +224,31 @@ def landing_added_moving(fixed: Constants, flight: Flight, spread: Spread) -> tu
     # z changes by 2 (1 + Gamma) in a period at most: since `last`, F has been falling
     last = flight.time - off - 0.4 * least / (1.0 + limits(fixed, 1.0).steep)
     if not (off < np.inf and _is_first(fixed, flight, spread, last)):
-        return np.inf, np.inf
+        return StateError(np.inf, np.inf)
     moved: float = flight.x + (flight.time - np.rint(flight.time))
     rounding = landed.time + min(LANDING_ERROR, HALF_ULP * abs(moved))
     dx, dy = spread
     by_phase, by_speed = change.s_x * dx + change.s_y * dy, change.z_x * dx + change.z_y * dy
-    return rounding + by_phase, landed.v + by_speed
+    return StateError(rounding + by_phase, landed.v + by_speed)
 
 
 @implements(error_bounds.rebound_error, MovingConstants, ShapedConstants)
 def rebound_error_moving(
-    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, spread: Spread
+    fixed: Constants, flight: Flight, added: StateError, error: float, spread: StateError
 ) -> float:
     law, e, scale, z = fixed.base.restitution, fixed.e, fixed.scale, flight.v
     share, (random, draw) = ratio(law, e, scale, z), (fixed.base.noise, fixed.draw)
     left, of_noise = noise.slipped(random, share, draw.slip), noise.rounding(random, share, z, draw)
     if straight(law) or share == 0.0:
-        error = left * (added[1] + HALF_ULP * abs(z)) + SMALLEST + of_noise
+        error = left * (added.speed + HALF_ULP * abs(z)) + SMALLEST + of_noise
         return _unless_turned(random, fixed, flight, spread, error)
     q = noise.slipped_slope(random, share, slope(law, e, scale, z), draw.slip)
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
-    linear = SURE * (abs(by_x) * spread[0] + abs(by_y) * spread[1]) / abs(q)
-    _, change = slope_change(law, e, scale, z, linear + added[1])
+    linear = SURE * (abs(by_x) * spread.phase + abs(by_y) * spread.speed) / abs(q)
+    _, change = slope_change(law, e, scale, z, linear + added.speed)
     rounding = (HALF_ULP + ratio_error(law, e, scale, z)) * share * abs(z)
-    error = (abs(q) + change) * added[1] + change * linear + rounding + SMALLEST + of_noise
-    if noise.clip_is_doubtful(random, share, draw.slip, (linear + added[1]) / abs(z)):
+    error = (abs(q) + change) * added.speed + change * linear + rounding + SMALLEST + of_noise
+    if noise.clip_is_doubtful(random, share, draw.slip, (linear + added.speed) / abs(z)):
         return np.inf
     return _unless_turned(random, fixed, flight, spread, error)
 
@@ -257,14 +258,14 @@ def _unless_turned(
     random: noise.Noise | None,
     fixed: Constants,
     flight: Flight,
-    spread: Spread,
+    spread: StateError,
     error: float,
 ) -> float:
     """An error, infinite where all of that of a lift-off decides if noise turns the speed back."""
     if random is None:
         return error
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
-    every = error + SURE * (abs(by_x) * spread[0] + abs(by_y) * spread[1])
+    every = error + SURE * (abs(by_x) * spread.phase + abs(by_y) * spread.speed)
     share = ratio(fixed.base.restitution, fixed.e, fixed.scale, flight.v)
     w = noise.slipped(random, share, fixed.draw.slip) * flight.v + fixed.draw.push
     return error if abs(w) > 2.0 * every else np.inf
@@ -272,7 +273,7 @@ def _unless_turned(
 
 @implements(error_bounds.jacobian_error, MovingConstants, ShapedConstants)
 def jacobian_error_moving(
-    fixed: Constants, flight: Flight, error: float, spread: Spread
+    fixed: Constants, flight: Flight, error: float, spread: StateError
 ) -> tuple[float, float, float]:
     if flight.time == 0.0:
         return 0.0, 0.0, 0.0
@@ -293,25 +294,27 @@ def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
     error += HALF_ULP * abs(u) + 2.0 * limit.steep * LAUNCH_ERROR + SMALLEST + limit.rounding
-    # in doubt it flies, or lands at once; where the base presses, that is nearly the same
+    # within its error it may fly or land at once; where the base presses, both are nearly the same
     presses = 1.0 + kick_slope(fixed.base.waveform, 0.5 * fixed.alpha, x) > limit.slope_rounding
     return error if abs(u) > error or presses else np.inf
 
 
 @implements(error_bounds.absolute_error, MovingConstants, ShapedConstants)
-def absolute_error_moving(fixed: Constants, x: float, u: float, spread: Spread) -> float:
+def absolute_error_moving(fixed: Constants, x: float, u: float, spread: StateError) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
-    error: float = spread[1] + 2.0 * limit.steep * SURE * spread[0] + rounding + limit.rounding
+    error: float = (
+        spread.speed + 2.0 * limit.steep * SURE * spread.phase + rounding + limit.rounding
+    )
     return error
 
 
 @implements(error_bounds.rest_is_doubtful, MovingConstants)
-def rest_is_doubtful_moving(fixed: MovingConstants, x: float, w: float, spread: Spread) -> bool:
-    w_error = spread[1] + REST_ERROR * fixed.r
+def rest_is_doubtful_moving(fixed: MovingConstants, x: float, w: float, spread: StateError) -> bool:
+    w_error = spread.speed + REST_ERROR * fixed.r
     if w - fixed.r > w_error:
         return False
-    edge = spread[0] + error_bounds.liftoff_error(fixed)[0]
+    edge = spread.phase + error_bounds.liftoff_error(fixed).phase
     if abs(x) - fixed.x_lift > edge:  # it leaves whatever its speed
         return False
     within = not abs(x) + edge >= fixed.x_lift
@@ -319,20 +322,20 @@ def rest_is_doubtful_moving(fixed: MovingConstants, x: float, w: float, spread: 
 
 
 @implements(error_bounds.liftoff_error, MovingConstants)
-def liftoff_error_moving(fixed: MovingConstants) -> tuple[float, float]:
+def liftoff_error_moving(fixed: MovingConstants) -> StateError:
     gamma = math.pi * fixed.alpha
     if gamma * (1.0 + 2.0 * GAMMA_ERROR) <= 1.0:  # it is never lifted
-        return 0.0, 0.0
+        return StateError(0.0, 0.0)
     if gamma - 1.0 <= 8.0 * GAMMA_ERROR:
-        return np.inf, np.inf
+        return StateError(np.inf, np.inf)
     slope = TWO_PI * math.sqrt((gamma - 1.0) * (gamma + 1.0))  # of Gamma by x_L, over Gamma
-    return 2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0
+    return StateError(2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0)
 
 
 @implements(error_bounds.random_liftoff_error, MovingConstants, ShapedConstants)
 def random_liftoff_error_moving(
-    fixed: Constants, n: float, x: float, error: float, later: tuple[float, float]
-) -> tuple[float, float]:
+    fixed: Constants, n: float, x: float, error: float, later: Instant
+) -> StateError:
     found = error_bounds.liftoff_error(fixed)
-    doubtful = later[0] < np.inf and abs(x - later[1]) <= error + found[0]
-    return (np.inf, np.inf) if doubtful else found
+    doubtful = later.whole < np.inf and abs(x - later.phase) <= error + found.phase
+    return StateError(np.inf, np.inf) if doubtful else found

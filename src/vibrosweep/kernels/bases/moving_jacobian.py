@@ -69,7 +69,7 @@ class Along(NamedTuple):
 
 @generic
 def along(fixed: Constants, x: float, y: float, t: float) -> Along:
-    """Where a flight from phase x with relative speed y is after t periods."""
+    """State of a flight from phase x with relative speed y after t periods."""
 
 
 @implements(along, MovingConstants)
@@ -137,13 +137,13 @@ def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
     share, q = ratio(law, fixed.e, fixed.scale, z), slope(law, fixed.e, fixed.scale, z)
     q = slope_of(fixed.base.noise, share, q, fixed.draw, z)
     if s == 0.0:  # it lands at once
-        return 1.0, 0.0, 0.0, -q, 1.0 + slack(law) * abs(q)
+        return Jacobian(1.0, 0.0, 0.0, -q, 1.0 + slack(law) * abs(q))
     at = along(fixed, flight.x, flight.u, s)
     by_x, by_y = at.by_x / z, s / z
     pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
-    # of all terms, of which a rounding error of z makes a part of those it is made of
+    # of all terms; an error of z by rounding is a share of the terms that z is the sum of
     parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * at.of_z) / z
     size = 1.0 + parts * (at.of_x + s) / z
     largest = abs(pull) + 2.0 * limits(fixed, 1.0).steep + 2.0
     size += slack(law) * (abs(q) + abs(fixed.draw.slip)) * (largest * size + 4.0 * at.of_lost)
-    return 1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size
+    return Jacobian(1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size)

@@ -94,7 +94,7 @@ def _rough(base: Moving, s: Floats, lanes: int) -> None:
 
 @jit
 def _guess(base: Moving, s: Floats, lanes: int) -> None:
-    """Compute what is to be tried first in a flight that has just begun."""
+    """Compute the time to be tried first in a flight that has just begun."""
     wide_vectors()
     for j in range(lanes):
         begin = _begun(bases.take(base, s, j), s, j)
@@ -129,7 +129,7 @@ def _look(base: Moving, s: Floats, lanes: int) -> None:
 
 @jit
 def _try(base: Moving, s: Floats, lanes: int) -> None:
-    """Judge the clearance: the landing of each lane, or what is to be tried next."""
+    """Judge the clearance: the landing of each lane, or the time to be tried next."""
     wide_vectors()
     for j in range(lanes):
         clear = _cleared(s, j)

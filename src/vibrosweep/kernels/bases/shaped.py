@@ -1,7 +1,7 @@
 """The base that moves with the velocity alpha w(x), w a sum of harmonics, alpha = a / (1 + e).
 
-Speeds are relative to it: a particle arrives with z and leaves with e z.  It comes to rest where
-that is at most r and the base presses it, 1 + G > 0 with G = alpha w'(x) / 2, and is lifted, with
+Speeds are relative to it: a particle arrives with z and leaves with e z.  It comes to rest where e
+z is at most r and the base presses it, 1 + G > 0 with G = alpha w'(x) / 2, and is lifted, with
 speed 0, at the next phase where 1 + G falls through 0, of several in a period.
 """
 
@@ -93,7 +93,7 @@ def constants_shaped(base: Shaped, problem: Dimensionless, i: int) -> ShapedCons
 
 @jit
 def search(fixed: ShapedConstants) -> Fixed:
-    """Return what the search for a landing needs."""
+    """Return the numbers that the search for a landing needs."""
     return Fixed(fixed.base.waveform, fixed.alpha, fixed.falls, fixed.presses)
 
 
@@ -188,7 +188,7 @@ def fitted_shaped(base: Shaped, problem: Dimensionless) -> Shaped:
     alpha = problem.kick / (1.0 + problem.restitution)
     if np.any(0.5 * alpha * base.waveform.fall > 1.0 - 2.0**-40):
         return base
-    one = base.waveform.dip[:1]  # a place of no fall, of several
+    one = base.waveform.dip[:1]  # no place falls: one of several is enough
     return base._replace(waveform=base.waveform._replace(dip=one, before=one, after=one))
 
 

@@ -1,6 +1,6 @@
 """The base of harmonics in the vector kernel: a pass looks once at the flight of each lane.
 
-In short loops, as those of `moving_lanes`, whose rows hold the same or what is named here.
+The loops are short, as in `moving_lanes`.  Rows hold the same as there, or what `Rows` names.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__: list[str] = []
 
 
 class Rows(NamedTuple):
-    """Rows that hold something else than over the base that moves as a sine."""
+    """Rows that hold something other than over the base that moves as a sine."""
 
     F2: int
     F3: int
@@ -96,7 +96,7 @@ def _near(base: Shaped, s: Floats, lanes: int) -> None:
 
 @jit
 def _guess(base: Shaped, s: Floats, lanes: int) -> None:
-    """Compute what is to be tried first in a flight that has just begun."""
+    """Compute the time to be tried first in a flight that has just begun."""
     wide_vectors()
     for j in range(lanes):
         known, begin, guess = search(bases.take(base, s, j)), _begun(s, j), s[ROW.GUESS + j]
@@ -129,7 +129,7 @@ def _look(base: Shaped, s: Floats, lanes: int) -> None:
 
 @jit
 def _try(base: Shaped, s: Floats, lanes: int) -> None:
-    """Judge the clearance: the landing of each lane, or what is to be tried next."""
+    """Judge the clearance: the landing of each lane, or the time to be tried next."""
     wide_vectors()
     for j in range(lanes):
         clear = Clear(

@@ -6,12 +6,12 @@ the phase of the lift-off: after s periods, of which d are past the last whole o
     F(s) = s (y - s) / 2 - (alpha / 2) (sum (v_h C_h - u_h D_h) / (2 pi h) - (s - d) sum u_h),
     C_h = 1 - cos(2 pi h d),  D_h = 2 pi h d - sin(2 pi h d),
 
-in which no term is a difference of nearly equal numbers.  Neither are there such in the recurrences
-from one harmonic to the next, C_(h+1) - C_h = C_h - C_(h-1) + 2 C_1 cos(2 pi h d), and the same of
-D with the sine.  With the acceleration G = alpha w' / 2 of the base in units of gravity F is
-concave while 1 + G > 0, where the base presses, and convex elsewhere: in several stretches of a
-period, whose ends are known.  A flight has one root for sure where the base never falls faster than
-gravity, or where it comes down to the highest level of the base faster than the base ever moves.
+in which no term is a difference of nearly equal numbers.  Nor is any in the recurrences from one
+harmonic to the next, C_(h+1) - C_h = C_h - C_(h-1) + 2 C_1 cos(2 pi h d), and the same of D with
+the sine.  With the acceleration G = alpha w' / 2 of the base in units of gravity F is concave while
+1 + G > 0, where the base presses, and convex elsewhere: in several stretches of a period, whose
+ends are known.  A flight has one root for sure where the base never falls faster than gravity, or
+where it comes down to the highest level of the base faster than the base ever moves.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SHORT = 2.0**-9
 
 
 class Fixed(NamedTuple):
-    """What the search needs of the base."""
+    """Numbers of the base that the search needs."""
 
     shape: Harmonics
     alpha: float
@@ -53,7 +53,7 @@ class Begin(NamedTuple):
 class Guess(NamedTuple):
     """A landing as far as it is known from the beginning of the flight alone."""
 
-    sure: bool  # whether the flight has one root for sure
+    sure: bool  # True if the flight has one root for sure
     time: float  # a time near it
     rise: float  # until it is above every height of the base, and as long before the end of
     u: float  # a flight over a base at rest, which is its absolute speed
@@ -93,7 +93,7 @@ def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float
 def stretch(fixed: Fixed, x: float) -> tuple[bool, float, float]:
     """Return whether the base presses at phase x, and periods until it falls, or presses again.
 
-    A stretch that is as good as over has ended.
+    A stretch that is within `BORDER` of its end has ended.
     """
     to_fall, to_press = np.inf, np.inf
     for k in range(len(fixed.falls)):
@@ -153,7 +153,7 @@ def clearance(fixed: Fixed, begin: Begin, s: float, turned: float, lag: float, c
 
 @jit
 def turn(s: float) -> tuple[float, float, float]:
-    """Return what `clearance` needs of s."""
+    """Return the functions of s that `clearance` needs."""
     part = s - np.rint(s)
     turned, lag = sin_and_lag(part, part)
     half = sin_near(0.5 * part)
@@ -162,7 +162,7 @@ def turn(s: float) -> tuple[float, float, float]:
 
 @jit
 def rough_turn(s: float) -> tuple[float, float, float]:
-    """Return the same to a few units of the fifth digit."""
+    """Return the same to about five digits."""
     part = s - np.rint(s)
     lag, c = rough_lag_and_versine(part)
     return fma(TWO_PI, part, -lag), lag, c
@@ -242,7 +242,7 @@ def _across(
 def try_landing(
     fixed: Fixed, begin: Begin, guess: Guess, s: float, clear: Clear
 ) -> tuple[float, float, bool]:
-    """Try the time s: the next one to be tried, or the landing, its speed, and which of both."""
+    """Try the time s; return the landing or the next time to try, the speed, and if it lands."""
     f, f1, f2, f3, f4, f5 = clear
     shape = fixed.shape
     inverse = 1.0 / f1

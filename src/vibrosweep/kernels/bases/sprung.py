@@ -223,7 +223,7 @@ def _series(load: Load, b: float, s: float) -> tuple[float, float]:
 
 @part
 def _overdamped(load: Load, d: float, b: float, s: float) -> Free:
-    """Return what `free_motion` does, of a mount that does not swing."""
+    """Return the same as `free_motion`, of a mount that does not swing."""
     slow, fast, width = load.slow, load.fast, load.fast - load.slow
     left, ended = elementary.exp(-slow * s), elementary.exp(-fast * s)
     rise, gain = d * bend(slow * s), -slow * d * elementary.expm1(-slow * s)
@@ -288,8 +288,8 @@ def move(load: Load, sine: float, cosine: float, d: float, b: float, s: float) -
 def recoil(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
     """Speed that an impact with the approach speed c takes from the base.
 
-    Momentum is conserved, with `riders` particles as one body with the base; one that sticks has
-    then the velocity of the base, one that bounces leaves it with the relative speed E(c).
+    Momentum is conserved, with `riders` particles as one body with the base; one that sticks then
+    has the velocity of the base, one that bounces leaves it with the relative speed E(c).
     """
     share = ratio(fixed.law, fixed.e, fixed.scale, c)
     mass = fixed.mu / (1.0 + riders * fixed.mu)

@@ -26,7 +26,7 @@ class CoupledStatistics(NamedTuple):
     each: Statistics
     sums: Statistics
     launch_height: Floats  # greatest height of each particle's launch, -inf of one after the end
-    observer: Observer | None  # what is called for each landing in the window
+    observer: Observer | None  # called for each landing in the window
 
 
 def empty_coupled(
@@ -42,7 +42,7 @@ class Work(NamedTuple):
     """Scratch memory of one thread."""
 
     state: System  # state of the realization
-    landings: Landings  # what is remembered of landings
+    landings: Landings  # those that are remembered
     # Whole periods and phase of the last lift-off of each particle, and the greatest height of the
     # flight that began with it, in g / (8 f^2); shape (3, particle)
     lifted: Floats
@@ -85,8 +85,8 @@ def begin_statistics(
 def apex(height: float, speed: float, relative: float) -> float:
     """Return the greatest height of a flight, in g / (8 f^2).
 
-    From the base at this height and speed, in g / (2 f^2) and g / (2 f), with a speed relative to
-    it.
+    It begins on the base, at this height and speed in g / (2 f^2) and g / (2 f), with a speed
+    relative to the base.
     """
     u = speed + relative
     # a particle that falls, or that the base pushes at once, is highest at its beginning

@@ -93,7 +93,7 @@ def _impact(
         dy, dv = one[j], one[particles + j]
         base_y, base_v = one[2 * particles], one[2 * particles + 1]
         early = (dy - base_y) / c if c > 0.0 else 0.0
-        y = base_y + was * early  # both are there at the moment of the impact
+        y = base_y + was * early  # both are at this height at the moment of the impact
         v, w = dv - 2.0 * early, base_v + pulled * early
         approach = w - v
         for i in range(particles):

@@ -3,8 +3,8 @@
 A particle sticks where its relative rebound speed is at most r and the base presses it, with the
 common velocity that momentum gives.  Riders leave together where the base begins to fall faster
 than gravity, which does not depend on their number.  An impact of another particle is one with the
-base alone, as nothing pulls riders down with it: they go on with their velocity and fly, unless
-their speed above the base would be at most r; then they take part as one body with it.
+base alone, as nothing pulls riders down with it: they keep their velocity and fly, unless their
+speed above the base would be at most r; then they take part as one body with the base.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from vibrosweep.kernels.coupled.state import (
 )
 from vibrosweep.kernels.restitution import ratio
 
-TRIES = 20000  # looks at particles after which the next event is given up
+TRIES = 20000  # times that particles are looked at before the next event is given up
 SLACK = 1.25  # of the height that bounds the base, so that it is seldom exceeded
 
 
@@ -47,8 +47,8 @@ def next_event(
 ) -> tuple[Event, Load]:
     """Go on to the next event within the time `until` from now, and let it happen.
 
-    Without one, nothing is changed but what is known of the times to come.  Returns the event and
-    the load of the base after it.
+    If there is none, only the bounds of the times to come change.  Returns the event and the load
+    of the base after it.
     """
     limit = bounds(load, state.now[NOW.D], state.now[NOW.B])
     first = earliest(state)
@@ -100,9 +100,9 @@ def _wait(state: System, load: Load, w: float) -> float:
 
 @part
 def _expect(state: System, load: Load, kick: float, same: bool) -> None:
-    """Mend the speeds and times to come of particles after the base has lost the speed `kick`.
+    """Correct speeds and times to come of particles after the base has lost the speed `kick`.
 
-    `same`: its load has not changed.
+    `same` says that its load has not changed.
     """
     particle, now = state.particle, state.now
     height = bounds(load, now[NOW.D], now[NOW.B]).height
@@ -188,7 +188,7 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
         _expect(state, after, kick, False)
         return Event(EVENT.STICK, who, t, c, False), after
     alone = recoil(fixed, 0, c, False)
-    # nothing pulls riders down with the base; less than the threshold of rest leaves them on it
+    # nothing pulls riders down with the base; they stay on it below the threshold of rest
     dropped = load.riders > 0 and alone > fixed.r
     kick = alone if dropped else recoil(fixed, load.riders, c, False)
     _push(state, kick)

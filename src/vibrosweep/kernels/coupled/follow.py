@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncached, uncounted
+from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.bases.sprung import Load, bounds, mount
 from vibrosweep.kernels.coupled.counting import (
     CoupledStatistics,
@@ -42,7 +43,6 @@ from vibrosweep.kernels.coupled.state import (
     motion_after,
     since_now,
 )
-from vibrosweep.kernels.impact import Instant
 from vibrosweep.kernels.listing import Listed
 from vibrosweep.kernels.record import (
     Record,
@@ -63,7 +63,7 @@ from vibrosweep.model.status import Status
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 NON_FINITE = int(Status.NON_FINITE)
-AFTER_THE_END = 100_000  # events in which flights that count are to land
+AFTER_THE_END = 100_000  # events within which flights that count have to land
 # Periods after the end up to which a lift-off is waited for: a base without particles that lifts
 # what rests on it does so within one
 PATIENCE = 1.0
@@ -106,7 +106,7 @@ def empty_per_realization(realizations: int) -> PerRealization:
 def _listed(state: System, event: Event, begin: Instant, least: float) -> Listed:
     """List a landing that happens now; as long as a particle rests its stay has no end."""
     n, x = state.now[NOW.N], state.now[NOW.X]
-    seen = begin[0] - n <= x - begin[1]
+    seen = begin.whole - n <= x - begin.phase
     stay = np.inf if event.kind == EVENT.STICK else least
     return Listed(n, x, stay, float(event.who if seen else -1 - event.who))
 
@@ -205,8 +205,8 @@ def _resting(
 ) -> None:
     """Note which particles rest for good at the end, which is `left` periods from now.
 
-    All of them, or any where none moves the base, once the energy of the free oscillation is too
-    small for the base ever to fall faster than gravity.
+    They do once the energy of the free oscillation is too small for the base ever to fall faster
+    than gravity: all particles together, or each by itself where none moves the base.
     """
     motion = motion_after(work.state, load, left)
     stays = bounds(load, motion.d, motion.b).pull <= 2.0
@@ -229,10 +229,10 @@ def follow(
 ) -> int:
     """Follow realizations first ... last - 1 to the end of their windows.
 
-    And on until flights that count have ended, and what rests at the end has left the base or has
-    rested for another `PATIENCE`.  At most `budget` landings of a particle; `work` is not shared
-    between threads, and only the slots of these realizations are written.  Returns `last`, or the
-    realization that is to be begun again with a larger `work`.
+    They are followed further until flights that count have ended, and particles at rest at the end
+    have left the base or have rested for another `PATIENCE`.  A particle may land `budget` times;
+    `work` is not shared between threads, and only the slots of these realizations are written.
+    Returns `last`, or the realization that is to be begun again with a larger `work`.
     """
     problem, mounts, launches = batch
     each, sums, launch_height, observer = statistics
@@ -243,7 +243,7 @@ def follow(
         begin_statistics(work, place, each, launch_height, observer)
         no_landings(written.record, place, place + particles)
         order = clear(memory)
-        opening = problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i]
+        opening = Instant(problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
         scale, speed = _scale(problem, written.units, i), problem.launch_flight[i]
         past, events, late = False, 0, 0
         status = COMPLETED if np.isfinite(fixed.alpha) else NON_FINITE

@@ -28,7 +28,7 @@ class Track(NamedTuple):
 
 
 class MotionRecord(NamedTuple):
-    """Where every landing and the motion of the base are written; what exceeds it is cut off."""
+    """Record of every landing and of the motion of the base; what exceeds its arrays is cut off."""
 
     record: Record
     track: Track

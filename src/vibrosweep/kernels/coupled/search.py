@@ -12,7 +12,7 @@ which it cannot land, and only the particle whose time is earliest is looked at:
 
 Where F' < 0 and 4 K F <= F'^2 the next root is the only one within reach, and Newton's iteration
 with the next two derivatives finds it, or with the next alone while a recoil that decays at once
-makes the cubic of no use.
+makes the cubic useless.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _ahead(f: float, f1: float, k: float) -> float:
 def _step(f: float, f1: float, f2: float, f3: float, k: float) -> float:
     """Return the step to the root of the cubic with these derivatives, f1 < 0, to third order.
 
-    That of the parabola where f3 would change f2 by more than its bound k.
+    It is that of the parabola where f3 would change f2 by more than its bound k.
     """
     step = _to_root(f, f1, f2)
     slope = f1 + f2 * step
@@ -140,14 +140,14 @@ def look(state: System, load: Load, limit: Bounds, j: int) -> bool:
 def _landing(state: System, load: Load, limit: Bounds, j: int, motion: Motion) -> float:
     """Return when particle j lands, where that is the only time within reach.
 
-    `motion`: that of the base up to the time before which it does not.
+    `motion` is that of the base up to the time before which it does not land.
     """
     t, last, k = state.particle[PARTICLE.SAFE, j], np.inf, 2.0 + limit.pull
     for _ in range(20):
         f, f1 = _clearance(state, j, motion, t)
         step = _step(f, f1, -2.0 - motion.pull, -motion.jerk, k)
         t = max(t + step, 0.0)
-        # what is left out of the cubic, and rounding, which lets steps shrink no more
+        # the error of the cubic, and rounding, below which steps do not shrink
         square = step * step
         if limit.snap * square * square <= -f1 * NEAR * t or abs(step) >= 0.5 * last:
             break
@@ -160,7 +160,7 @@ def _landing(state: System, load: Load, limit: Bounds, j: int, motion: Motion) -
 def lift(state: System, load: Load, until: float) -> bool:
     """Move the time before which the riders do not leave; return whether they leave then.
 
-    In some steps: where that time is not after `until`, nothing is known yet.
+    The time moves by some steps; where it is not after `until`, nothing is known yet.
     """
     now = state.now
     for _ in range(STEPS):

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part
+from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.coupled.state import NOW, System
-from vibrosweep.kernels.impact import Instant
 from vibrosweep.kernels.listing import Listed, in_window, neighbours, nobody
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
@@ -29,7 +29,8 @@ class Landings(NamedTuple):
     # Number of that landing among all of the realization, 0 without any; shape (particle,)
     turn: Integers
     total: Integers  # landings of each particle since its launch
-    # Last landing in the window of an impact number: whole periods and phase; shape (2, place)
+    # Last landing in the window of an impact number: whole periods, phase, and particle; shape
+    # (3, place)
     numbered: Floats
     number: Integers  # the impact number that stands in each place, 0 for none
     gaps: Floats  # between neighbouring landings of different particles in the last period
@@ -48,13 +49,13 @@ class Order(NamedTuple):
     who: int
     number: int
     seen: bool
-    changes: int  # landings in the window of another particle than that whose turn it was
+    changes: int  # landings in the window of a particle whose turn it was not
     gaps: int  # how many of `Landings.gaps` are in use
 
 
 def landings(particles: int, indices: int = INDICES) -> Landings:
-    """Allocate what is remembered of landings, of so many impact numbers."""
-    last, stay, numbered = np.zeros((2, particles)), np.zeros(particles), np.zeros((2, indices))
+    """Allocate memory of landings, for so many impact numbers."""
+    last, stay, numbered = np.zeros((2, particles)), np.zeros(particles), np.zeros((3, indices))
     turn, total = np.zeros(particles, np.int64), np.zeros(particles, np.int64)
     return Landings(last, stay, turn, total, numbered, np.zeros(indices, np.int64), np.zeros(GAPS))
 
@@ -71,7 +72,7 @@ def clear(memory: Landings) -> Order:
 
 @jit
 def _displaced(memory: Landings, mine: int) -> bool:
-    """Return whether landing number `mine` displaces one that is still compared with."""
+    """Return whether landing number `mine` displaces one that others are still compared with."""
     there = memory.number[mine % memory.number.size]
     if there in (0, mine):
         return False
@@ -92,25 +93,28 @@ def lacks_memory(memory: Landings, who: int, seen: bool) -> bool:
 
 
 @jit
-def _numbered(memory: Landings, landing: Listed, mine: int) -> float:
-    """Compare with the last landing of the same number in the window; return the separation.
+def _numbered(memory: Landings, landing: Listed, mine: int, gap: float) -> float:
+    """Compare landing number `mine` of a particle with the one of that number before it.
 
-    Infinity without one, NaN where one is no longer remembered.
+    Returns the smallest separation so far; NaN, from then on, where one is no longer remembered.
+    Particles that are independent go through their landings number by number
+    (`vibrosweep.kernels.same_index`), which needs no memory of other numbers; coupled ones land in
+    the order of time, so that a number waits until all have had it.
     """
-    place, gap = mine % memory.number.size, np.inf
-    n, x = landing.whole, landing.phase
+    place, numbered = mine % memory.number.size, memory.numbered
     if memory.number[place] == mine:
-        gap = (n - memory.numbered[0, place]) + (x - memory.numbered[1, place])
+        latest = Listed(numbered[0, place], numbered[1, place], 0.0, numbered[2, place])
+        gap, _ = neighbours(latest, landing, gap, 0)
     elif _displaced(memory, mine):
         return np.nan
-    memory.numbered[0, place], memory.numbered[1, place] = n, x
-    memory.number[place] = mine
+    numbered[0, place], numbered[1, place] = landing.whole, landing.phase
+    numbered[2, place], memory.number[place] = landing.who, mine
     return gap
 
 
 @jit
 def _latest(memory: Landings, order: Order) -> Listed:
-    """Give the last landing."""
+    """Return the last landing."""
     who = order.who
     if who < 0:
         return nobody()
@@ -120,7 +124,7 @@ def _latest(memory: Landings, order: Order) -> Listed:
 
 @jit
 def _occupants(memory: Landings, begin: Instant) -> tuple[Listed, int]:
-    """Give a particle that is on the base as the window begins, and whether there is another."""
+    """Return a particle that is on the base as the window begins, and whether there is another."""
     latest, shared = nobody(), 0
     for j in range(memory.turn.size):
         if memory.turn[j] > 0:
@@ -157,14 +161,13 @@ def note(memory: Landings, order: Order, landing: Listed, late: bool, begin: Ins
         latest, shared = _occupants(memory, begin)
     if seen:
         gap, shared = neighbours(latest, landing, gap, shared)
-    earlier = 0  # particles whose turn it was rather
+    earlier = 0  # particles whose turn was before
     if seen and mine > 0:
         for turn in memory.turn:
             earlier += 1 if 0 < turn < mine else 0
     memory.total[who] += 1
     if seen:
-        # NaN once it is not known
-        same = np.minimum(same, _numbered(memory, landing, memory.total[who]))
+        same = _numbered(memory, landing, memory.total[who], same)
     memory.last[0, who], memory.last[1, who] = landing.whole, landing.phase
     memory.stay[who], memory.turn[who] = landing.stay, order.number + 1
     changes = order.changes + (1 if earlier > 0 else 0)

@@ -1,11 +1,11 @@
 """Orbit that the joint state of all particles and their base settles on, and how it spreads.
 
 The state recurs where all of it returns bit for bit, apart from whole periods; compared at landings
-with a kept state that is renewed after 1, 2, 4, ... landings (Brent 1980).  Every landing carries
-the states of all on, with a rounding, and on an orbit that repeats after one period these may
-repeat after three: where a state is met in between that differs by rounding only, and the cycle is
-a whole number of such rounds, the cycle is one of them.  Particles that have become one land in any
-order: no state is kept between their landings.
+with a kept state that is renewed after 1, 2, 4, ... landings (Brent 1980).  Every landing advances
+the states of all particles, with a rounding, so that the bits of an orbit that repeats after one
+period may repeat after three only: where the cycle is a whole number of rounds between which states
+differ by rounding only, the cycle is one such round.  Particles that move as one land in any order:
+no state is kept between their landings.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
-# Up to which states differ by rounding, which grows along a cycle before it is forgotten.  An orbit
-# of doubled period whose states are that close takes some 10**17 impacts to recur.
+# Largest difference of states by rounding, which grows along a cycle before it decays.  An orbit of
+# doubled period whose states are that close takes some 10**17 impacts to recur.
 ALIKE: Final = 2.0**-30
 BLOCKS: Final = 16  # of equal time; without an event in one of them there is no exponent
 # sin 2 pi j x and (cos 2 pi j x - cos 2 pi (j + 1) x) / sqrt 2 of the window 0 < x < 1, from whose
@@ -214,7 +214,7 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
     nothing = Round(0, 0, 0)
     first = nothing
     _keep(state, kept)
-    while landed <= budget:  # after the last one allowed it may come to rest for good
+    while landed <= budget:  # after its last landing in the budget it may come to rest for good
         until = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
         event, load = follow_event(
             state, fixed, load, problem.launch_flight[i], until, rode, deviation
@@ -285,9 +285,9 @@ def carry(
     """Carry a state, and deviations from it, on for some forcing periods.
 
     Returns the number of landings, -1 where the search for one was given up.  In the state all
-    particles fly: heights and speeds above the base, phase, and deviation of the base from its
-    forced oscillation are given, and in the place of `NOW.B` its velocity, before and after; what
-    is known of times to come is not.  `rode` is scratch memory, a number for each particle.
+    particles fly; it holds heights and speeds above the base, the phase, the deviation of the base
+    from its forced oscillation and, in the place of `NOW.B`, the velocity of that deviation, before
+    and after; no bounds of times to come.  `rode` is scratch memory, a number for each particle.
     Deviations, of shape (2 * particle + 2, column), are heights and velocities of the particles,
     height and velocity of the base.
     """

@@ -1,7 +1,7 @@
 """State of particles on a base of finite mass, relative to the base.
 
-Height and speed above the base lose nothing while a particle chatters.  Whole periods and phase are
-kept apart, as everywhere.
+Height and speed above the base keep their relative accuracy while a particle chatters.  Whole
+periods and phase are kept apart, as everywhere.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Event(NamedTuple):
     who: int  # the particle; -1 for all riders, or where nobody takes part
     time: float  # time passed since the event before, in forcing periods
     speed: float  # approach speed of a landing
-    dropped: bool  # whether its recoil made the riders leave
+    dropped: bool  # True if its recoil made the riders leave
 
 
 def system(particles: int) -> System:
@@ -176,7 +176,7 @@ def acceleration(state: System, load: Load) -> tuple[float, float]:
 
 @part
 def let_pass(state: System, load: Load, t: float) -> Motion:
-    """Let the time t pass, in which nothing happens; return what the base has done."""
+    """Let the time t pass, in which nothing happens; return the motion of the base."""
     particle, now, mode = state
     motion = motion_after(state, load, t)
     now[NOW.X], passed = land(now[NOW.X], t)
@@ -184,7 +184,7 @@ def let_pass(state: System, load: Load, t: float) -> Motion:
     now[NOW.D], now[NOW.B] = motion.d, motion.b
     now[NOW.LIFT] -= t
     locate(state, load)
-    for j in range(mode.size):  # those that do not fly are given all this when they leave the base
+    for j in range(mode.size):  # those that do not fly get their numbers when they leave the base
         w = particle[PARTICLE.SPEED, j]
         particle[PARTICLE.HEIGHT, j] = fma(t, w - t, particle[PARTICLE.HEIGHT, j]) - motion.rise
         particle[PARTICLE.SPEED, j] = w - 2.0 * t - motion.gain

@@ -29,14 +29,11 @@ processes, not threads, to compute several trajectories at once.
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 from functools import partial
 from typing import Final
 
-from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import LAWS, OF_RESTITUTION, PARAMETERS
-from vibrosweep.model.restitution_laws import CONSTANT, speed_mistakes
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.bases import REFERENCE_OF
 from vibrosweep.proof.reference.decisions import decided, nearest_integer
@@ -78,8 +75,9 @@ def trajectory(
     10**-digits of a velocity or of v_rest, of a time or of the contact time, whichever is larger,
     and of a turn for a phase.
 
-    Raises a ParameterError that names an argument outside its range, and an UndecidableError where
-    a decision stays uncertain at `max_bits`: a tie, or an orbit that loses more digits.
+    Parameters are those of a scene that was checked, and are not checked again.  Raises an
+    UndecidableError where a decision stays uncertain at `max_bits`: a tie, or an orbit that loses
+    more digits.
     """
     values = {
         "restitution": restitution,
@@ -90,48 +88,18 @@ def trajectory(
         "launch_velocity": launch_velocity,
         "contact_time": contact_time,
     }
-    if base not in REFERENCE_OF:  # of single particles
-        raise ParameterError(f"base = {base!r}: must be one of {', '.join(REFERENCE_OF)}")
     if restitution_speed is not None:
         values["restitution_speed"] = restitution_speed
-    if base != "high-bounce" and rebound != "rest":
-        raise ParameterError(f"rebound = {rebound!r}: must be rest where the base is {base}")
-    laws = Laws(rebound, restitution_law)
-    problem = _checked(values, launch_time, duration, laws, max_impacts, digits)
+    problem = Problem(
+        {name: float(value) for name, value in values.items()},
+        Fraction(launch_time),
+        Fraction(duration),
+        Laws(rebound, restitution_law),
+        max_impacts,
+        digits,
+    )
     first = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
     return decided(partial(attempt, problem, REFERENCE_OF[base].motion), first, max_bits)
-
-
-def _checked(
-    values: dict[str, float],
-    launch_time: float | Fraction,
-    duration: float | Fraction,
-    laws: Laws,
-    max_impacts: int,
-    digits: int,
-) -> Problem:
-    """Return the problem, with every number as a double, or raise `ParameterError`."""
-    parameters = {name: float(value) for name, value in values.items()}
-    known = {**PARAMETERS, **OF_RESTITUTION}
-    for name, value in parameters.items():
-        if not known[name].accepts(value):
-            raise ParameterError(f"{name} = {value!r}: must be {known[name].allowed}")
-    for name, time in (("launch_time", launch_time), ("duration", duration)):
-        if not math.isfinite(time):
-            raise ParameterError(f"{name} = {time!r}: must be any finite number (s)")
-    if laws.rebound not in LAWS:
-        raise ParameterError(f"rebound = {laws.rebound!r}: must be one of {', '.join(LAWS)}")
-    given = {name for name in OF_RESTITUTION if name in parameters}
-    for name, text in speed_mistakes(laws.restitution, given).items():
-        raise ParameterError(f"{name}: {text}")
-    for name, number in (("max_impacts", max_impacts), ("digits", digits)):
-        if number < 1:
-            raise ParameterError(f"{name} = {number!r}: must be at least 1")
-    launched, end = (
-        time if isinstance(time, Fraction) else Fraction(float(time))
-        for time in (launch_time, duration)
-    )
-    return Problem(parameters, launched, end, laws, max_impacts, digits)
 
 
 def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, int, arb]:

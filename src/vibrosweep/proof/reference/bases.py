@@ -31,13 +31,13 @@ def _moved(problem: Problem) -> Motion:
 REFERENCE_OF: Final[Mapping[str, Reference]] = {
     "high-bounce": Reference(
         motion=high_bounce.Motion,
-        period_map=high_bounce.PeriodMap.of,
+        period_map=high_bounce.PeriodMap.from_parameters,
         velocity=lambda parameters: 0.0,
         liftoff_error=high_bounce.liftoff_error,
     ),
     "moving": Reference(
         motion=_moved,
-        period_map=moving.MovingMap.of,
+        period_map=moving.MovingMap.from_parameters,
         velocity=lambda parameters: parameters["amplitude"] / (1.0 + parameters["restitution"]),
         liftoff_error=moving.liftoff_error,
     ),

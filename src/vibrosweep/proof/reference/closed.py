@@ -24,12 +24,12 @@ from vibrosweep.proof.reference.jets import Jet, variables, waves
 
 BITS: Final = 160
 NEWTON: Final = 6  # steps in the middle of boxes, from a double
-SHARP: Final = arb(2) ** -60  # radius of a box from which an enclosure is drawn together
+SHARP: Final = arb(2) ** -60  # radius of a box from which an enclosure is made narrower
 SHARPER: Final = 3  # times
 WIDE: Final = (4, 5, 6, 8, 10, 12, 16, 20, 24, 30)  # boxes of radius 2^-w, in which a root is alone
 OVERLAP: Final = 0.05  # of a piece of a branch with the next one
 DEEPEST: Final = 12  # times a piece is halved
-ROOM: Final = 1.2  # radius of a box, relative to that of what it should hold
+ENLARGED: Final = 1.2  # radius of a box, relative to that of what it should hold
 TRIES: Final = 4  # boxes around a piece
 Box = list[arb]
 
@@ -45,12 +45,12 @@ class Orbit(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """What the equations of an orbit say at a point or over a box."""
+    """Values of the equations of an orbit at a point or over a box."""
 
     off: list[Jet]  # speeds after the impacts, which are off by so much
     trace: Jet
     determinant: arb
-    takes: str  # why it is not certain that a particle takes the orbit; empty where it is
+    takes: str  # reason why a particle may not take the orbit; empty where it takes it
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
 
 
 def _meets_base(alpha: arb, u: arb, cosine: arb) -> str:
-    """Why an earlier landing of a flight is possible, which begins with the absolute speed u."""
+    """Reason why a flight that begins with the absolute speed u may land earlier, or ""."""
     gamma, w = arb.pi() * alpha, arb.pi() * u
     concave = gamma <= 1
     fast = u > 0 and w * w >= gamma * gamma + 2 * gamma * (1 + cosine)
@@ -167,9 +167,9 @@ def _newton(system: _System, guess: Sequence[arb]) -> Box:
 def _krawczyk(
     system: _System, middle: Sequence[arb], radii: Sequence[arb], tries: int = 1
 ) -> tuple[Box, Box] | None:
-    """Return what holds the only root of a box, and that box; None without proof.
+    """Return an enclosure of the only root in a box, and the box; None without proof.
 
-    At further tries the box is that which the one before was mapped to, somewhat enlarged.
+    A further try takes the image of the box before, somewhat enlarged.
     """
     inverse = _inverse(system, middle)
     if inverse is None:
@@ -186,7 +186,7 @@ def _krawczyk(
         image = [m - moved[i, 0] + shrunk[i, 0] for i, m in enumerate(middle)]
         if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
             return image, box
-        radii = [ROOM * (k - m).abs_upper() + SHARP for k, m in zip(image, middle, strict=True)]
+        radii = [ENLARGED * (k - m).abs_upper() + SHARP for k, m in zip(image, middle, strict=True)]
     return None
 
 
@@ -227,7 +227,7 @@ def prove_orbit(orbit: Orbit, guess: Sequence[float], kick: arb) -> tuple[Box, C
         return proved[0], cycle(orbit, variables(proved[0]))
 
 
-# Why a branch is not covered
+# Reasons why a branch is not covered
 NOT_ENCLOSED: Final = "the branch is not enclosed"
 NOT_ATTRACTING: Final = "attraction is not proved"
 EARLIER: Final = "an earlier landing is not excluded"
@@ -243,11 +243,11 @@ class _Piece(NamedTuple):
 
 
 def cover(orbit: Orbit, points: Sequence[Sequence[float]], events: Sequence[Event]) -> str:
-    """Prove that the orbits of a branch exist and attract, but for bifurcations at its ends.
+    """Prove that the orbits of a branch exist and attract, apart from bifurcations at its ends.
 
     Points lie on the branch, close to each other, and begin and end with the events, where there
-    are some.  The branch is cut into pieces, each of which is a curve that a box holds; neighbours
-    share a point.  Returns why there is no proof, empty where there is one.
+    are some.  The branch is cut into pieces, each a curve inside a box; neighbours share a point.
+    Returns the reason why there is no proof, empty where there is one.
     """
     met: list[Event] = []
     with ctx.workprec(BITS):
@@ -291,7 +291,7 @@ def _piece(
     start = [((a + b) / 2).mid() for a, b in zip(one, other, strict=True)]
     middle = _newton(_System(orbit, 0, direction, start), start)
     line = _System(orbit, 0, direction, middle)
-    radii = [abs(d) * half * ROOM + SHARP for d in direction]
+    radii = [abs(d) * half * ENLARGED + SHARP for d in direction]
     proved = _krawczyk(line._replace(place=arb(0, half)), middle, radii, TRIES)
     tip = line._replace(place=(length / 2).mid())
     near = [m + d * tip.place for m, d in zip(middle, direction, strict=True)]

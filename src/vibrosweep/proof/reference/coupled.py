@@ -145,25 +145,15 @@ def coupled(
     velocity or of v_rest, of a time or of the contact time, whichever is larger, and of a turn for
     a phase.  The first precision is `bits`, or more if `digits` needs it.
 
-    Raises a ParameterError that names a number outside its range, and an UndecidableError where a
-    decision stays uncertain at `max_bits`: a tie, or motion that loses more digits.  Its impact is
-    numbered among those of all particles.
+    Parameters are those of a scene that was checked, and are not checked again.  Raises an
+    UndecidableError where a decision stays uncertain at `max_bits`: a tie, or motion that loses
+    more digits.  Its impact is numbered among those of all particles.
     """
     values = {name: float(value) for name, value in parameters.items()}
-    launched = tuple(_exact("launch_time", time) for time in launch_times)
-    for name, number in (("max_landings", max_landings), ("digits", digits)):
-        if number < 1:
-            raise ParameterError(f"{name} = {number!r}: must be at least 1")
-    until = _exact("duration", duration)
-    problem = _Problem(values, launched, until, laws, max_landings, digits)
+    launched = tuple(Fraction(time) for time in launch_times)
+    problem = _Problem(values, launched, Fraction(duration), laws, max_landings, digits)
     first = max(bits, GUARD_BITS * (2 + problem.bits // GUARD_BITS))
     return decided(partial(_attempt, problem), first, max_bits)
-
-
-def _exact(name: str, time: float | Fraction) -> Fraction:
-    if not math.isfinite(time):
-        raise ParameterError(f"{name} = {time!r}: must be any finite number (s)")
-    return time if isinstance(time, Fraction) else Fraction(float(time))
 
 
 class _Course:

@@ -57,7 +57,9 @@ class BallMap:
     turns_back: bool = False  # True if a particle that is pushed into the base is turned back
 
     @classmethod
-    def of(cls, parameters: Mapping[str, float], laws: Laws, launch_time: arb) -> BallMap:
+    def from_parameters(
+        cls, parameters: Mapping[str, float], laws: Laws, launch_time: arb
+    ) -> BallMap:
         """Map of physical parameters, at the current precision."""
         p = {name: arb(value) for name, value in parameters.items()}
         return cls(
@@ -124,7 +126,7 @@ class Motion:
 
     def __init__(self, problem: Problem) -> None:
         p, self._launch_time = problem.balls, problem.launched
-        self._map = BallMap.of(problem.parameters, problem.laws, self._launch_time)
+        self._map = BallMap.from_parameters(problem.parameters, problem.laws, self._launch_time)
         self._rest_velocity = p["gravity"] * p["contact_time"] / 2
         self._flown, self._velocity = ZERO, p["launch_velocity"]
         self._half_turns = self._map.half_turns_at_launch
@@ -191,7 +193,7 @@ class PeriodMap(NamedTuple):
     turns_back: bool
 
     @classmethod
-    def of(cls, parameters: Mapping[str, float], laws: Laws) -> PeriodMap:
+    def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> PeriodMap:
         """Map of physical parameters, at the current precision."""
         p = {name: arb(value) for name, value in parameters.items()}
         kick = 2 * p["frequency"] / p["gravity"] * p["amplitude"]

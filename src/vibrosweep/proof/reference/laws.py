@@ -48,7 +48,7 @@ class Laws(NamedTuple):
 
 
 class Impact(Protocol):
-    """What an impact leaves of a relative speed."""
+    """The speed that an impact leaves."""
 
     def share(self, v: arb) -> arb:
         """Share of v that is left."""
@@ -161,7 +161,7 @@ def _root_at(e: arb) -> arb:
 
 
 class Outside:
-    """A law from outside the package, as it is at this moment."""
+    """A law from outside the package, as it is now."""
 
     def __init__(self, law: OutsideLaw, e: arb, speed: arb) -> None:
         self._ratio, self._slope = law.ball_ratio or law.ratio, law.ball_slope or law.slope

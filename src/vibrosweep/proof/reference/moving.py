@@ -59,7 +59,7 @@ class MovingMap(NamedTuple):
     r: arb  # relative speed at and below which a particle rests where the base presses
 
     @classmethod
-    def of(cls, parameters: Mapping[str, float], laws: Laws) -> MovingMap:
+    def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> MovingMap:
         """Map of physical parameters, at the current precision; there is one law of rebound."""
         p = {name: arb(value) for name, value in parameters.items()}
         alpha = 2 * p["frequency"] / p["gravity"] * p["amplitude"] / (1 + p["restitution"])
@@ -163,7 +163,7 @@ def liftoff_error(parameters: Mapping[str, float]) -> float:
 
     It grows where the base hardly falls faster than gravity: Gamma, of a few roundings, decides.
     """
-    gamma = float(MovingMap.of(parameters, Laws()).gamma)
+    gamma = float(MovingMap.from_parameters(parameters, Laws()).gamma)
     if gamma <= 1.0 - 32.0 * EPS:
         return 0.0
     above = (gamma - 1.0) * (gamma + 1.0)
@@ -218,7 +218,7 @@ class Motion:
 
     def __init__(self, problem: Problem) -> None:
         p, self._launch_time = problem.balls, problem.launched
-        self._map = MovingMap.of(problem.parameters, problem.laws)
+        self._map = MovingMap.from_parameters(problem.parameters, problem.laws)
         self._frequency, self._gravity = p["frequency"], p["gravity"]
         self._phase = p["frequency"] * self._launch_time + p["phase"] / (2 * arb.pi())
         self.end = p["frequency"] * problem.lasting

@@ -13,9 +13,9 @@ The base presses while it would, alone, not fall faster than gravity: Yf'' - 2 z
 > -2.  When it begins to, all riders leave with its velocity.  Particles in one and the same state
 land in the order of their numbers, and those that the base then no longer approaches fly on.
 
-Which event is next is proved: of all flights the first landing is enclosed, or proved to be later,
-and two enclosures that overlap ask for more precision.  Balls are carried from event to event as
-they are, so the precision needed grows with the number of landings of a particle.
+The next event is proved to be the next: the first landing of every flight is enclosed, or proved to
+be later, and two enclosures that overlap require more precision.  Balls are carried from event to
+event as they are, so the precision needed grows with the number of landings of a particle.
 """
 
 from __future__ import annotations
