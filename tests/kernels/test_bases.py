@@ -140,7 +140,6 @@ def ask_all(base, problem, i, x, u, s):
     there = bases.Flight(x, u, flight, x, v)
     s[ROW.X + i], s[ROW.U + i] = x, u
     bases.prepare(base, s, i + 1)
-    bases.wake_lanes(base, s, i + 1)
     random = bases.random(fixed, 3.0, 5.0, 7.0, x)
     time, _, landed = bases.approach(fixed, s, i)
     error = StateError(1e-9, 1e-9)
@@ -171,6 +170,7 @@ def ask_all(base, problem, i, x, u, s):
         error_bounds.absolute_error(fixed, x, u, error),
         error_bounds.rest_is_doubtful(fixed, x, w, StateError(0.1, 0.1)),
         error_bounds.liftoff_error(fixed),
+        error_bounds.random_liftoff_error(random, 7.0, x, 1e-9, bases.Instant(8.0, 0.1)),
     )
 
 rng = np.random.default_rng(5)
