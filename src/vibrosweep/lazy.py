@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
+
+from vibrosweep.waiting import Line
 
 
 def lazily(
@@ -22,7 +25,10 @@ def lazily(
         if name not in homes:
             advice = f"; {replaced[name]}" if replaced and name in replaced else ""
             raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
-        home = import_module(homes[name])
+        home = sys.modules.get(homes[name])
+        if home is None:
+            with Line("loading"):
+                home = import_module(homes[name])
         return home if homes[name].endswith(f".{name}") else getattr(home, name)
 
     return find

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from vibrosweep import waiting
 from vibrosweep.engine import compiling
 from vibrosweep.engine.compiling import Notice
 
@@ -25,7 +26,7 @@ def event(function, module="vibrosweep.kernels.advance"):
 @pytest.fixture
 def told(monkeypatch):
     """Tell a notice of a kernel and of a piece inside, and return what a stream then holds."""
-    monkeypatch.setattr(compiling, "SECONDS", 0.02)
+    monkeypatch.setattr(waiting, "SECONDS", 0.02)
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
 
@@ -47,6 +48,18 @@ def test_a_long_compilation_is_said_and_the_line_taken_away(told):
     assert lines[1].startswith("vibrosweep: compiling advance (first use only")
     assert lines[-2].strip() == lines[-1] == ""
     assert len(lines[-2]) == len(lines[-3])
+
+
+def test_loading_is_said_once(monkeypatch):
+    stream = Terminal()
+    monkeypatch.setattr(waiting, "SECONDS", 0.02)
+    monkeypatch.delenv("TQDM_DISABLE", raising=False)
+    monkeypatch.setattr(sys, "stderr", stream)
+    with waiting.Line("loading"):
+        time.sleep(0.2)
+    first, *_, last = stream.getvalue().split("\r")[1:]
+    assert first == "vibrosweep: loading: 0 s"
+    assert last == ""
 
 
 def test_nothing_is_said_elsewhere_or_of_others_or_of_what_is_fast(told, monkeypatch):

@@ -1,0 +1,56 @@
+"""A line on a terminal or in a notebook while something takes long.
+
+Other streams stay as they are.  ``TQDM_DISABLE=1`` silences it, as it does the bars.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import threading
+import time
+from typing import Final, Self
+
+SECONDS: Final = 1.0  # before the line, and between its versions
+
+
+class Line:
+    """Written every second, over what was written before, until it ends: what, and for how long."""
+
+    def __init__(self, words: str) -> None:
+        self._words = words
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._tell, daemon=True)
+        if _is_seen():
+            self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Take the line away."""
+        self._done.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _tell(self) -> None:
+        began, line = time.monotonic(), ""
+        while not self._done.wait(SECONDS):
+            line = f"vibrosweep: {self._words}: {time.monotonic() - began:.0f} s"
+            _write(f"\r{line}")
+        if line:
+            _write(f"\r{' ' * len(line)}\r")
+
+
+def _is_seen() -> bool:
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+    return (terminal or "ipykernel" in sys.modules) and os.environ.get("TQDM_DISABLE") != "1"
+
+
+def _write(text: str) -> None:
+    with contextlib.suppress(OSError, ValueError):  # a closed terminal must not end a computation
+        print(text, end="", file=sys.stderr, flush=True)
