@@ -46,6 +46,19 @@ def test_what_is_given_is_drawn_on_and_returned(drawings):
     assert list(figures.sobol_bars(INDICES, ax=[left, right])) == [left, right]
 
 
+def test_legends_stand_inside_where_nothing_makes_room_for_them(drawings):
+    for layout in (None, "constrained"):
+        figure, every = pyplot.subplots(2, 2, figsize=(11.0, 9.0), layout=layout)
+        for (name, dataset), axes in zip(drawings.items(), every.ravel(), strict=True):
+            getattr(figures, name)(dataset, ax=axes)
+        figure.canvas.draw()
+        for axes in every.ravel():
+            legend, around = axes.get_legend().get_window_extent(), axes.get_window_extent()
+            assert (legend.y1 <= around.y1) == (layout is None)
+            assert legend.x0 >= around.x0 - 1.0
+            assert legend.x1 <= around.x1 or layout
+
+
 def test_without_axes_pyplot_has_the_figure(drawings):
     for name, dataset in drawings.items():
         axes = getattr(figures, name)(dataset)

@@ -106,15 +106,17 @@ def test_signed_numbers_diverge_from_zero_and_the_legend_has_minus_infinity(
 ):
     sweep = small_grid if as_grid else make_sweep(35, 3)
     exponents = np.linspace(low, high, 35)
-    exponents[3:6] = -np.inf
+    exponents[3:6], exponents[7] = -np.inf, np.nan
     figure = parameter_plane(sweep.assign(lyapunov=("realization", exponents)), "lyapunov").figure
     norm = numbers_of(figure).norm
     assert norm(0.0) == 0.5
     assert (norm.vmin, norm.vmax) == (min(low, -3.0), high if high > 0.0 else 3.0)
     bottom, top = figure.axes[1].get_ylim()
-    assert any(tick == 0.0 for tick in figure.axes[1].get_yticks() if bottom <= tick <= top)
-    (name,) = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
-    assert name == r"$-\infty$ (rests)"
+    ticks = figure.axes[1].get_yticks()
+    assert bottom <= ticks[0] < 0.0 < ticks[-1] <= top
+    assert 0.0 in ticks
+    names = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
+    assert names == [r"$-\infty$ (rests)", "no value"]
 
 
 def test_without_separation_the_height_gives_the_colour(sweep):

@@ -73,6 +73,8 @@ def bifurcation_diagram(
     _exponents(lower, diagram, diagram[along].values)
     upper.set_ylabel(data.label(diagram, name))
     lower.set_xlabel(data.label(diagram, along))
+    if upper.get_position().x0 != lower.get_position().x0:  # a user's, side by side
+        upper.set_xlabel(data.label(diagram, along))
     lower.set_ylabel("largest Lyapunov\nexponent per impact")
     head = data.conditions(diagram.drop_vars({along, "amplitude", "base_acceleration"}))
     unsettled = np.mean(diagram["regime"].values == Regime.UNSETTLED)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
 
 from vibrosweep.figures import data, style
 from vibrosweep.figures.plane import parameter_plane
@@ -165,7 +166,7 @@ def orbit_boundaries(
         forcing = data.drawn_forcing(sweep) or forcing
         data.Needs((forcing,)).check("orbit_boundaries", boundaries)
         axes = parameter_plane(sweep, variable, ax=ax)
-    view, before = axes.axis(), len(axes.lines)
+    view = axes.axis()
     kinds, seen = _by_kind(boundaries, "curve"), set()
     colours = style.colours(len(kinds))
     if sweep is not None:  # white is seen on every colour of a plane
@@ -177,6 +178,7 @@ def orbit_boundaries(
             name = f"{_name(kind)}, {KINDS[code][2]}"
             taken = one["admissible"].values == 1
             for chosen, width in ((np.ones_like(taken), 0.5), (taken, 1.3)):
+                edge = [withStroke(linewidth=width + 1.0, foreground="black")]
                 axes.plot(
                     one["restitution"].values,
                     np.where(chosen, one[forcing].values, np.nan),
@@ -185,18 +187,14 @@ def orbit_boundaries(
                     linewidth=width,
                     label=name if width > 1.0 and name not in seen else "",
                     zorder=3.0,
+                    path_effects=edge if colour == "white" else None,
                 )
             seen.add(name)
     if sweep is None:
         _explain(axes, boundaries)
-        return axes
-    axes.axis(view)
-    named = [line for line in axes.lines[before:] if not str(line.get_label()).startswith("_")]
-    above = axes.get_legend()  # that of the plane
-    if named:
-        axes.legend(handles=named, loc="upper right", frameon=True, facecolor="0.6")
-    if named and above is not None:
-        axes.add_artist(above)
+    else:
+        axes.axis(view)
+        style.head(axes, style.remark_of(axes), columns=1)
     return axes
 
 

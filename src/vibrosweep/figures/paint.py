@@ -54,7 +54,7 @@ def paint_numbers(
     *,
     signed: bool,
 ) -> Colorbar | None:
-    """Paint numbers, one per realization, with a labelled colour bar; NaN is left blank.
+    """Paint numbers, one per realization, with a labelled colour bar; NaN has no value.
 
     Values `apart` from the scale, by their names, have colours of their own.  With zero among them
     the scale is logarithmic; a scale of signed numbers is diverging, with zero in its middle.
@@ -62,6 +62,8 @@ def paint_numbers(
     drawn = values if points.cells is None else gathering.median(points.cells, values)
     for (value, name), colour in zip(apart.items(), APART, strict=False):
         _paint_one_colour(axes, points, drawn == value, colour, name, marker="x")
+    nothing = "white" if points.cells is not None else "0.8"
+    _paint_one_colour(axes, points, np.isnan(drawn), nothing, "no value", marker="+")
     drawn = np.where(np.isin(drawn, list(apart)), np.nan, drawn)
     known = drawn[np.isfinite(drawn)]
     if not known.size:
@@ -71,6 +73,7 @@ def paint_numbers(
     mappable = _paint(axes, points, drawn, colormaps[colours], norm)
     # a scale of counts has no halves
     counts = 0.0 not in apart and bool(np.all(known == np.rint(known)))
+    ticks = _ticks_around_zero(norm) if signed else None
     return axes.figure.colorbar(
         mappable,
         ax=axes,
@@ -78,7 +81,7 @@ def paint_numbers(
         pad=0.02,
         aspect=30,
         extend="min" if known.min() < (norm.vmin or 0.0) else "neither",
-        ticks=MaxNLocator(integer=True) if counts else None,
+        ticks=MaxNLocator(integer=True) if counts and not signed else ticks,
     )
 
 
@@ -102,6 +105,14 @@ def _around_zero(known: Array) -> Normalize:
     low, high = float(known.min()), float(known.max())
     most = max(abs(low), abs(high)) or 1.0
     return TwoSlopeNorm(0.0, low if low < 0.0 else -most, high if high > 0.0 else most)
+
+
+def _ticks_around_zero(norm: Normalize) -> Array:
+    """Ticks of both halves, which have scales of their own."""
+    ends = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
+    halves = [MaxNLocator(4).tick_values(*sorted((0.0, end))) for end in ends]
+    ticks = np.unique(np.concatenate(halves))
+    return ticks[(ticks >= ends[0]) & (ticks <= ends[1])]
 
 
 def _norm(known: Array, *, logarithmic: bool) -> Normalize:
@@ -160,5 +171,6 @@ def _paint_one_colour(
         marker=marker if points.cells is None else "s",
         markersize=5.0,
         color=colour,
+        markeredgecolor="0.6" if colour == "white" else colour,
         label=name,
     )

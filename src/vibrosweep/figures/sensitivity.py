@@ -84,7 +84,7 @@ def sobol_bars(indices: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None
         axes.set_xlabel("Sobol' index")
     panels[0].set_yticks(at, [f"{n.replace('_', ' ')}{data.symbol(n)}" for n in names])
     panels[0].invert_yaxis()
-    panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    style.beside(panels[-1], "")
     return panels
 
 

@@ -42,6 +42,7 @@ MANY: Final = 20_000
 
 # Of a remark above the axes, and the inches of a figure's width that it cannot use
 LETTERS_PER_INCH: Final = 14
+INSIDE: Final = 0.7  # of that room, for a remark inside the axes
 BESIDE: Final = 0.5
 
 SEQUENTIAL_MAP: Final = "viridis"
@@ -164,6 +165,8 @@ def halo() -> list[patheffects.AbstractPathEffect]:
 def head(axes: Axes, remark: str, columns: int = 4) -> None:
     """Put a remark, and the legend if there is one, above the axes, where they hide no data.
 
+    The legend stands inside the axes of a figure without a layout engine, which makes no room.
+
     Parameters
     ----------
     axes
@@ -186,27 +189,32 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
     >>> axes.get_title()
     'without a legend'
     """
-    remark = _in_lines(remark, _room(axes))
-    handles, labels = axes.get_legend_handles_labels()
-    if not handles:
-        axes.set_title(remark)
-        return
-    axes.legend(
-        handles,
-        labels,
-        title=remark or None,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        alignment="left",
-        ncols=columns,
-    )
+    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": columns}
+    _explain(axes, _in_lines(remark, _room(axes)), place)
 
 
 def beside(axes: Axes, remark: str) -> None:
-    """Put a remark and the legend to the right of the axes."""
+    """Put a remark and the legend to the right of the axes; otherwise as `head`."""
+    _explain(axes, remark, {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)})
+
+
+def remark_of(axes: Axes) -> str:
+    """Return the remark that `head` or `beside` has put."""
+    legend = axes.get_legend()
+    return legend.get_title().get_text() if legend else axes.get_title(loc="left")
+
+
+def _explain(axes: Axes, remark: str, place: dict[str, Any]) -> None:
+    """Put a remark and the legend at a place outside the axes, if there is room."""
     handles, labels = axes.get_legend_handles_labels()
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-    axes.legend(handles, labels, title=remark, alignment="left", **place)
+    figure = axes.get_figure(root=True)
+    if not (figure and figure.get_layout_engine()):
+        remark = _in_lines(remark, INSIDE * _room(axes))
+        place = {"loc": "best", "frameon": True, "borderpad": 0.4, "fontsize": 7.0}
+    if remark:
+        axes.set_title("" if handles else remark)
+    if handles:
+        axes.legend(handles, labels, title=remark or None, alignment="left", **place)
 
 
 def _room(axes: Axes) -> float:
