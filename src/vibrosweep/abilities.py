@@ -93,7 +93,10 @@ _RANDOM: Final[Mapping[str, Ability]] = {
 # Measures and analyses that can be had where something is random; all others look for what repeats,
 # compare realizations that differ in nothing but a parameter, or follow one trajectory again
 UNDER_NOISE: Final = frozenset(
-    {"separation", "per_particle", "regimes", "lyapunov", "separations", "record", "observables"}
+    {
+        *("separation", "per_particle", "regimes", "lyapunov", "trust"),
+        *("separations", "record", "observables", "verify"),
+    }
 )
 
 

@@ -240,7 +240,6 @@ def test_how_far_apart_two_particles_in_one_slot_stay():
         ({"kick_noise": -0.1}, "kick_noise = -0.1.*at least 0"),
         ({"restitution_noise": math.nan}, "restitution_noise = nan.*not a finite number"),
         ({"drive_noise": 0.1, "base": "moving"}, "drive_noise: needs base = .*would jump"),
-        ({"kick_noise": 0.1, "trust": True}, "trust.*leave out kick_noise"),
         ({"kick_noise": 0.1, "particles": 2**26 + 1}, "particles.*at most 67108864"),
         ({"kick_noise": 0.1, "realizations": 2**36 + 1}, "realizations.*at most 68719476736"),
         ({"noise_seed": -1}, "noise_seed = -1.*at least 0"),
@@ -268,6 +267,5 @@ def test_noise_in_a_table_is_judged_as_that_of_a_key():
     table = {"restitution": [0.8, 0.9], "amplitude": [1.0, 1.1], "drive_noise": [0.0, 0.1]}
     found = vs.sweep(design=table, duration=5.0)
     assert found.noise_stream.values.tolist() == [0.0, 1.0]
-    for refused in ({"base": "moving"}, {"trust": True}):
-        with pytest.raises(vs.errors.TableError, match="drive_noise"):
-            vs.sweep(design=table, duration=5.0, **refused)
+    with pytest.raises(vs.errors.TableError, match="drive_noise"):
+        vs.sweep(design=table, duration=5.0, base="moving")

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels._jit import Floats, jit, kernel
 from vibrosweep.kernels.elementary import (
     ERRORS,
     SHIFT,
@@ -126,3 +126,12 @@ def deviate(key: Key, stream: float, particle: float, number: float, purpose: Wo
     pair = np.floor(0.5 * number)
     even, odd = deviates(key, stream, particle, pair, purpose)
     return odd if number != 2.0 * pair else even
+
+
+@kernel
+def draw(
+    key: Key, stream: float, particle: float, first: float, purpose: Word, out: Floats
+) -> None:
+    """Write the deviates of the numbers from the first on."""
+    for i in range(out.size):
+        out[i] = deviate(key, stream, particle, first + i, purpose)

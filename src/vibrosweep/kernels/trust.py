@@ -59,8 +59,9 @@ class Trust(NamedTuple):
     # Time in forcing periods of the last landing that is known to the tolerance, all before it
     # included; infinite where all landings are, NaN where none is
     until: Floats
-    # Largest error of any landing in forcing periods; infinite where a decision is uncertain, NaN
-    # where the impact budget ended before all landings were followed
+    # Largest error of any landing in forcing periods, with noise of any lift-off too; infinite
+    # where a decision is uncertain, NaN where the impact budget ended before all landings were
+    # followed
     landing_error: Floats
     # Largest error of the absolute speed after any landing, as the duration in forcing periods of a
     # flight from a base at rest; infinite and NaN as that of the landings
@@ -235,6 +236,12 @@ def _lifted(
 
 
 @jit
+def _with_lift_off(noise: Noise | None, worst: float, error: float) -> float:
+    """Largest error of landings, and with noise of lift-offs after rests, one of which is given."""
+    return worst if noise is None else max(worst, error)
+
+
+@jit
 def _follow(
     batch: Batch, i: int, p: int, tolerance: float, budget: int
 ) -> tuple[float, float, float]:
@@ -272,6 +279,7 @@ def _follow(
         box = upright(lifted)
         if lifted.phase == np.inf:
             break
+        worst = _with_lift_off(fixed.base.noise, worst, lifted.phase)
         n, x = wake(fixed, n, x, n_end)
         if n == np.inf:
             return (np.inf if known else until), worst, flight_error

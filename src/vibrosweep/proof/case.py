@@ -99,6 +99,8 @@ class Case:
     @cached_property
     def cycles(self) -> Sequence[Cycle | None]:
         """Cycle of each particle: from rest to rest, or else as most of its variables state."""
+        if self.realization.deviates is not None:  # what is random never repeats
+            return [None] * len(self.orbits)
         said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]
         found = []
         for particle, orbit in enumerate(self.orbits):
@@ -151,6 +153,8 @@ class Case:
             return Exponents(None, None, None, None)
         if first == len(impacts) or any(i.rested for i in impacts[first:]):
             return Exponents(None, 0.0, None, 0.0)  # undefined
+        if self.realization.deviates is not None:
+            return Exponents(None, None, None, None)
         mean = orbit.growth(first, len(impacts))
         total, change = orbit.contraction(first, len(impacts))
         claim = _with(rounding, change)

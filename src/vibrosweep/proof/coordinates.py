@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.model.forcing import INPUTS, inputs_of
-from vibrosweep.model.parameters import STAGGERED
+from vibrosweep.model.parameters import STAGGERED, STREAM
 from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep, parse_spec
 
-SWEEP_COORDINATES: Final = (*INPUTS, "launch_time", "duration", "transient")
+SWEEP_COORDINATES: Final = (*INPUTS, STREAM, "launch_time", "duration", "transient")
 RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration")
 # designs drawn by another library, whose versions may differ
 DRAWN_BY_SCIPY: Final = ("latin", "sobol")

@@ -102,10 +102,12 @@ def _regimes(case: Case) -> list[int]:
     """Regime of each particle: the proved one, or else the stored one."""
     if not case.trajectories:
         return [int(code) for code in case.stored["regime"]]
-    found = []
+    found: list[int] = []
     for particle, (orbit, cycle) in enumerate(zip(case.orbits, case.cycles, strict=True)):
         if orbit.trajectory.at_rest:
             found.append(Regime.AT_REST)
+        elif case.realization.deviates is not None:
+            found.append(UNDETERMINED)
         elif cycle is not None:
             found.append(Regime.RESTING if cycle.rests else Regime.LOCKED)
         else:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.model.observables import Observable
-from vibrosweep.model.parameters import SPRUNG
+from vibrosweep.model.parameters import SPRUNG, STREAM
 from vibrosweep.model.times import Periods, Time
+from vibrosweep.proof.deviates import deviates_of
 from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
 from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.proof.reference.motion import Deviates
 from vibrosweep.scene.scene import Scene
 
 
@@ -28,6 +30,7 @@ class Realization:
     # Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and of OF_RESTITUTION and MOUNT
     # there those that the law of restitution and the base have
     parameters: Mapping[str, float]
+    stream: float | None = None  # of random numbers; None where nothing is random
 
     @cached_property
     def launch_times(self) -> tuple[Fraction, ...]:
@@ -60,6 +63,13 @@ class Realization:
     def laws(self) -> Laws:
         """Laws of rebound and of restitution."""
         return Laws(self.scene.rebound, self.scene.restitution_law)
+
+    @property
+    def deviates(self) -> Callable[[int], Deviates] | None:
+        """Deviates of each particle; None where nothing is random."""
+        if self.stream is None:
+            return None
+        return partial(deviates_of, self.scene.noise_seed, self.stream)
 
     @property
     def coupled(self) -> bool:
@@ -98,4 +108,5 @@ class Sample:
     def realization(self, row: int) -> Realization:
         """Return the realization of one of the rows."""
         parameters = {name: float(values[row]) for name, values in self.parameters.items()}
-        return Realization(self.scene, parameters)
+        stream = parameters.pop(STREAM, None)
+        return Realization(self.scene, parameters, stream)

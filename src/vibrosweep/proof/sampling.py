@@ -28,6 +28,7 @@ from vibrosweep.model.parameters import (
     PARAMETERS,
     SPRUNG,
     STAGGERED,
+    STREAM,
 )
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
 from vibrosweep.model.shapes import name_in
@@ -104,7 +105,7 @@ def _drawn(
     return Sample(
         total=total,
         rows=rows,
-        parameters={n: _parameter(file, n, chosen, rows) for n in _taken(scene)},
+        parameters={n: _parameter(file, n, chosen, rows) for n in _taken(file, scene)},
         scene=scene,
         current=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
@@ -166,10 +167,11 @@ def _parameter(
     return np.asarray(read_rows(file, name, chosen), np.float64)
 
 
-def _taken(scene: Scene) -> tuple[str, ...]:
-    """Names of the parameters of a scene."""
+def _taken(file: Any, scene: Scene) -> tuple[str, ...]:
+    """Names of the parameters of a scene, and of what is random in it."""
     own = () if scene.restitution_law == CONSTANT else (*OF_RESTITUTION,)
-    return (*PARAMETERS, *own, *(MOUNT if scene.base == SPRUNG else ()))
+    random = [name for name in (*NOISE, STREAM) if name in file.variables]
+    return (*PARAMETERS, *own, *(MOUNT if scene.base == SPRUNG else ()), *random)
 
 
 def _record(file: Any, sample: Sample) -> Sample:
@@ -180,10 +182,11 @@ def _record(file: Any, sample: Sample) -> Sample:
         "impact_budget": sample.scene.measures.impact_budget,
     }
     scene = _scene(group, {**group.attrs, **shared})
+    own = {n: np.atleast_1d(group.variables[n][...]) for n in _taken(group, scene)}
     return Sample(
         total=1,
         rows=rows,
-        parameters={name: np.atleast_1d(group.variables[name][...]) for name in _taken(scene)},
+        parameters={STREAM: np.zeros(1)} | own if own.keys() & NOISE else own,
         scene=scene,
         current=sample.current,
         stored={name: group.variables[name][...] for name in RECORD},
@@ -210,7 +213,8 @@ def _scene(file: Any, attributes: Mapping[str, Any]) -> Scene:
         impact_budget=int(attributes["impact_budget"]),
         base=str(attributes.get("base", HIGH_BOUNCE)),
     )
-    seen = replace(seen, restitution_law=law_in(attributes))
+    seed = int(attributes.get("noise_seed", 0))
+    seen = replace(seen, restitution_law=law_in(attributes), noise_seed=seed)
     if "transient" not in file.variables:
         return seen
     return seen.with_measures(
@@ -227,8 +231,9 @@ def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
 
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
     """Raise for data that no sweep can have written, before a kernel takes them."""
-    scene, known = sample.scene, {**PARAMETERS, **OF_RESTITUTION, **MOUNT}
-    bad = [n for n, v in sample.parameters.items() if not np.all(known[n].accepts(v))]
+    scene, known = sample.scene, {**PARAMETERS, **OF_RESTITUTION, **MOUNT, **NOISE}
+    own = {n: v for n, v in sample.parameters.items() if n in known}
+    bad = [n for n, v in own.items() if not np.all(known[n].accepts(v))]
     times = () if isinstance(scene.launch, str) else scene.launch
     if math.isnan(amount(scene.measures.transient)) or not all(
         math.isfinite(time) for time in (amount(scene.duration), *times)

@@ -68,7 +68,7 @@ class Bounds(NamedTuple):
         landing = self.landing_time + 4.0 * EPS * (size + 2.0 * period)
         return {
             "landing_time": landing,
-            "liftoff_time": landing + _lift_off_error(realization),
+            "liftoff_time": landing + _lift_off_error(self.landing_time, realization),
             "rebound_velocity": self.rebound_velocity + 4.0 * EPS * size,
             "rested": 0.0,
         }
@@ -132,12 +132,18 @@ def _stay_error(dt: float, realization: Realization) -> float:
 
     Two landings, a lift-off and a sum of phases take part.
     """
-    return 3.0 * dt + _lift_off_error(realization) + 8.0 * EPS / realization.parameters["frequency"]
+    rounding = 8.0 * EPS / realization.parameters["frequency"]
+    return 3.0 * dt + _lift_off_error(dt, realization) + rounding
 
 
-def _lift_off_error(realization: Realization) -> float:
-    """Error of a lift-off after a rest, s."""
+def _lift_off_error(dt: float, realization: Realization) -> float:
+    """Error of a lift-off after a rest, s, where dt is that of landings.
+
+    Where the amplitude is random, it is within the latter: each period lifts at its own phase.
+    """
     p = realization.parameters
+    if p.get("drive_noise", 0.0) > 0.0:
+        return dt
     return realization.reference.liftoff_error(p) / p["frequency"]
 
 

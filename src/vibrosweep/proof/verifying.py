@@ -283,4 +283,8 @@ def _each(realization: Realization, max_landings: int) -> list[Trajectory]:
         "max_impacts": max_landings,
         "max_bits": MAX_BITS,
     }
-    return [trajectory(launch_time=time, **shared) for time in realization.launch_times]
+    drawn = realization.deviates
+    return [
+        trajectory(launch_time=t, deviates=None if drawn is None else drawn(p), **shared)
+        for p, t in enumerate(realization.launch_times)
+    ]

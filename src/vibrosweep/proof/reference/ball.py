@@ -16,6 +16,10 @@ those doubles, up to the correctness of FLINT.  The semantics of the branches:
   particle leaves with e z; it rests if and only if e z <= v_rest and the base presses it.
 * There a resting particle lifts off, as fast as the base, when this begins to fall faster than
   gravity, cos(2 pi f t + phi) = -1 / Gamma and falling.  If Gamma <= 1 it never does.
+* With noise, e v is (e + sigma_e xi) v, the factor between 0 and 1, with (1 + e) sigma_V xi added;
+  over the moving base the modulus of both is taken.  In a forcing period A is A (1 + sigma_A xi).
+  A particle rests if and only if w <= v_rest, and leaves with v_rest, or over the moving base with
+  its speed, at the first instant at which the base alone would throw it so.
 * A particle that never lifts off again is at rest for good, and its trajectory ends.  A lift-off is
   reported with its landing even where it is later than the duration.
 
@@ -39,7 +43,7 @@ from vibrosweep.proof.reference.bases import REFERENCE_OF
 from vibrosweep.proof.reference.decisions import decided, nearest_integer
 from vibrosweep.proof.reference.high_bounce import BallMap
 from vibrosweep.proof.reference.laws import Constant, Laws
-from vibrosweep.proof.reference.motion import Problem
+from vibrosweep.proof.reference.motion import Deviates, Problem
 from vibrosweep.proof.reference.orbit import attempt
 from vibrosweep.proof.reference.results import Trajectory
 
@@ -61,6 +65,10 @@ def trajectory(
     rebound: str = "rest",
     restitution_law: str = CONSTANT,
     restitution_speed: float | None = None,
+    restitution_noise: float = 0.0,
+    kick_noise: float = 0.0,
+    drive_noise: float = 0.0,
+    deviates: Deviates | None = None,
     max_impacts: int = 100_000,
     digits: int = 20,
     max_bits: int = 1 << 17,
@@ -70,6 +78,8 @@ def trajectory(
     The dimensionless trajectory (e, a, r, x0, u0) over some periods is the physical one with
     restitution e, amplitude a, frequency 1, phase 0, gravity 2, launch_velocity u0, contact_time r,
     launch_time x0 and duration in periods: velocities are then flight times.
+
+    Strengths of noise take the deviates of the particle, which are exact numbers.
 
     Landings at t <= duration (s) count; a `Fraction` gives a time exactly.  Radii are at most
     10**-digits of a velocity or of v_rest, of a time or of the contact time, whichever is larger,
@@ -90,6 +100,9 @@ def trajectory(
     }
     if restitution_speed is not None:
         values["restitution_speed"] = restitution_speed
+    if deviates is not None:
+        strengths = {"restitution_noise": restitution_noise, "kick_noise": kick_noise}
+        values |= strengths | {"drive_noise": drive_noise}
     problem = Problem(
         {name: float(value) for name, value in values.items()},
         Fraction(launch_time),
@@ -97,6 +110,7 @@ def trajectory(
         Laws(rebound, restitution_law),
         max_impacts,
         digits,
+        deviates,
     )
     first = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
     return decided(partial(attempt, problem, REFERENCE_OF[base].motion), first, max_bits)

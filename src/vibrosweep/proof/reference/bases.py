@@ -24,7 +24,7 @@ class Reference(NamedTuple):
 
 def _moved(problem: Problem) -> Motion:
     """Motion over the moving base; without an amplitude it rests, which decides ties exactly."""
-    still = problem.parameters["amplitude"] == 0.0
+    still = problem.parameters["amplitude"] == 0.0 and problem.deviates is None
     return high_bounce.Motion(problem) if still else moving.Motion(problem)
 
 

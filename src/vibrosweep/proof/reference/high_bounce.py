@@ -20,9 +20,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.decisions import UncertainError, certain_above
@@ -41,6 +41,7 @@ from vibrosweep.proof.reference.motion import (
 from vibrosweep.proof.reference.results import Flight
 
 ZERO, ONE = arb(0), arb(1)
+LONGEST: Final = 1 << 16  # forcing periods of a rest that are asked whether they end it
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,10 @@ class BallMap:
         state.bits = max(0, flown.rel_accuracy_bits()) + 2 * FRAME_BITS
         return flown, half_turns, w + speed_error
 
+    def flown_at(self, half_turns: arb) -> arb:
+        """V at a phase that is not reduced."""
+        return (half_turns - self.half_turns_at_launch) * self.gravity / self.half_turn_rate
+
     def liftoff(self, rest_velocity: arb) -> arb:
         """Phase in half turns at which the kick rises through a threshold below its amplitude."""
         return (rest_velocity / self.amplitude).asin() / arb.pi()
@@ -125,7 +130,7 @@ class Motion:
     """
 
     def __init__(self, problem: Problem) -> None:
-        p, self._launch_time = problem.balls, problem.launched
+        p, self._launch_time, self._problem = problem.balls, problem.launched, problem
         self._map = BallMap.from_parameters(problem.parameters, problem.laws, self._launch_time)
         self._rest_velocity = p["gravity"] * p["contact_time"] / 2
         self._flown, self._velocity = ZERO, p["launch_velocity"]
@@ -150,8 +155,16 @@ class Motion:
     def land(self, impact: int) -> Landed:
         """Fly to the next landing."""
         duration = self._map.half_turn_rate * self._velocity / self._map.gravity / 2
-        self._flown, self._half_turns, self._velocity = self._map.carry(self._state)
+        drawn = self._map if self._problem.deviates is None else self._drawn(impact)
+        self._flown, self._half_turns, self._velocity = drawn.carry(self._state)
         return Landed(self._flown, self._half_turns, duration, None, arrival=duration)
+
+    def _drawn(self, impact: int) -> BallMap:
+        """Return the map with what is random in the next impact."""
+        m = self._map
+        law = self._problem.random(m.restitution, impact, ONE, thrown=False)
+        period = _period(m.half_turns(self._flown + self._velocity) / 2, impact)
+        return replace(m, restitution=law, amplitude=self._problem.strength(period) * m.amplitude)
 
     def leave(self, impact: int) -> Left | None:
         """Rebound, perhaps after a rest; None at rest for good."""
@@ -162,25 +175,63 @@ class Motion:
             if w < 0:
                 self._state.mirror()
             return self._left(rested=False)
-        if self._lift is None:
+        lifted = self._lifted(impact)
+        if lifted is None:
             return None
-        self._flown = self._lifted(self._lift, impact)
+        self._flown = lifted
         self._velocity = self._rest_velocity
         self._state = Enclosure(self._flown, self._velocity)
         return self._left(rested=True)
 
-    def _lifted(self, lift: arb, impact: int) -> arb:
-        """V at the first lift-off phase not earlier than the phase of a rest.
+    def _lifted(self, impact: int) -> arb | None:
+        """V at the lift-off from a rest; None at rest for good.
 
-        No rest lies between the rise of the kick through v_rest and its fall, where w > v_rest; the
-        whole period is the only thing to decide.
+        Without noise no rest lies between the rise of the kick through v_rest and its fall, where
+        w > v_rest; the whole period is the only thing to decide.
         """
-        m = self._map
+        m, lift = self._map, self._lift
+        if self._problem.deviates is not None:
+            if self._problem.driven:
+                return self._lifted_in_some_period(impact)
+            kick = m.amplitude * self._half_turns.sin_pi()
+            if certain_above(kick, self._rest_velocity, "A sin > v_rest", impact):
+                return self._flown
+        if lift is None:
+            return None
         periods = ((self._half_turns - lift) / 2).ceil().unique_fmpz()
         if periods is None:
             raise UncertainError("whether a rest begins before the lift-off phase", impact)
-        since_launch = lift + 2 * periods - m.half_turns_at_launch
-        return since_launch * m.gravity / m.half_turn_rate
+        return m.flown_at(lift + 2 * periods)
+
+    def _lifted_in_some_period(self, impact: int) -> arb | None:
+        """V where the kick of a forcing period is first above v_rest, each with its strength."""
+        m, rest, begin = self._map, self._rest_velocity, self._half_turns / 2
+        if not certain_above(
+            self._problem.strongest * m.amplitude, rest, "A (1 + sigma xi) > v_rest", impact
+        ):
+            return None
+        period = _period(begin, impact)
+        for number in range(LONGEST):
+            strength = self._problem.strength(period + number) * m.amplitude
+            if not certain_above(abs(strength), rest, "a kick > v_rest", impact):
+                continue
+            upward = 0 if strength > 0 else 1
+            rises = replace(m, amplitude=abs(strength)).liftoff(rest) / 2
+            falls = rises.neg() + 0.5 + upward * arb(0.5) + (period + number)
+            rises += upward * arb(0.5) + (period + number)
+            if number or certain_above(rises, begin, "a rest before the kick rises", impact):
+                return m.flown_at(2 * rises)
+            if certain_above(falls, begin, "a rest before the kick falls", impact):
+                return self._flown
+        raise UncertainError("when a rest ends", impact)
+
+
+def _period(turns: arb, impact: int) -> int:
+    """Forcing period of a phase."""
+    found = turns.floor().unique_fmpz()
+    if found is None:
+        raise UncertainError("the forcing period of a landing", impact)
+    return int(found)
 
 
 class PeriodMap(NamedTuple):

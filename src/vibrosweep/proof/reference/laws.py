@@ -134,6 +134,38 @@ class Viscoelastic:
         return (top + fall / 10) / bottom
 
 
+class Random:
+    """A law with what is random in one impact: added to its share, and to the speed after it.
+
+    The speed after it is turned back where it would be negative, if `thrown`.
+    """
+
+    def __init__(self, law: Impact, slip: arb, push: arb, thrown: bool) -> None:
+        self._law, self._slip, self._push, self._thrown = law, slip, push, thrown
+
+    def share(self, v: arb) -> arb:
+        """Share of v that is left, from 0 to 1."""
+        return (self._law.share(v) + self._slip).max(arb(0)).min(arb(1))
+
+    def _left(self, v: arb) -> arb:
+        return self.share(v) * v + self._push
+
+    def kept(self, v: arb) -> arb:
+        """Speed that is left of v, with what is added."""
+        left = self._left(v)
+        return abs(left) if self._thrown else left
+
+    def slope(self, v: arb) -> arb:
+        """Derivative of `kept`."""
+        moved = self._law.share(v) + self._slip
+        found = self._law.slope(v) + self._slip
+        found = found if moved > 0 else arb(0) if moved <= 0 else found.union(arb(0))
+        found = found if moved < 1 else arb(1) if moved >= 1 else found.union(arb(1))
+        if not self._thrown or self._left(v) > 0:
+            return found
+        return -found if self._left(v) < 0 else found.union(-found)
+
+
 def _terms(y: arb) -> tuple[arb, arb, arb, arb]:
     """Numerator of P, its denominator less that, and their derivatives."""
     n1, d2, d3, d4 = arb("0.501086"), arb("1.15345"), arb("0.577977"), arb("0.532178")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -11,13 +11,21 @@ from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from vibrosweep.proof.reference._flint import arb, exact
 from vibrosweep.proof.reference.enclosure import Rows
-from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.proof.reference.laws import Impact, Laws, Random
 from vibrosweep.proof.reference.results import Flight
 
 EPS: Final = 2.0**-53  # one rounding
 Pair: TypeAlias = tuple[float, float]
 # a mean logarithm, and a bound of its change by the errors of the speeds
 Contraction: TypeAlias = tuple[arb | float, float]
+
+
+class Deviates(NamedTuple):
+    """Normal deviates of one particle, as exact numbers; None where nothing is random."""
+
+    of_impact: Callable[[int], Pair]  # of the restitution and of the kick, by the impact, from 0
+    of_period: Callable[[int], float]  # of the drive, by the forcing period
+    largest: float  # modulus that none exceeds
 
 
 @dataclass(frozen=True)
@@ -30,6 +38,7 @@ class Problem:
     laws: Laws
     max_impacts: int
     digits: int
+    deviates: Deviates | None = None
 
     @property
     def digits_bits(self) -> int:
@@ -50,6 +59,34 @@ class Problem:
     def balls(self) -> dict[str, arb]:
         """Parameters, exact."""
         return {name: arb(value) for name, value in self.parameters.items()}
+
+    @property
+    def driven(self) -> bool:
+        """True if the amplitude is random."""
+        return self.deviates is not None and self.parameters["drive_noise"] > 0.0
+
+    @property
+    def strongest(self) -> arb:
+        """Largest amplitude of a forcing period, in units of that without noise."""
+        assert self.deviates is not None
+        return 1 + self.balls["drive_noise"] * self.deviates.largest
+
+    def strength(self, period: int) -> arb:
+        """Amplitude of a forcing period, in units of that without noise."""
+        if self.deviates is None or not self.driven:
+            return arb(1)
+        return 1 + self.balls["drive_noise"] * self.deviates.of_period(period)
+
+    def random(self, law: Impact, impact: int, unit: arb, thrown: bool) -> Impact:
+        """Return a law of restitution with what is random in an impact, counted from 1.
+
+        The unit is that of speeds.
+        """
+        if self.deviates is None:
+            return law
+        p, (slip, push) = self.balls, self.deviates.of_impact(impact - 1)
+        moved = (1 + p["restitution"]) * p["kick_noise"] * push / unit
+        return Random(law, p["restitution_noise"] * slip, moved, thrown)
 
 
 class Landed(NamedTuple):

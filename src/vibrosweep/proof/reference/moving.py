@@ -217,7 +217,7 @@ class Motion:
     """
 
     def __init__(self, problem: Problem) -> None:
-        p, self._launch_time = problem.balls, problem.launched
+        p, self._launch_time, self._problem = problem.balls, problem.launched, problem
         self._map = MovingMap.from_parameters(problem.parameters, problem.laws)
         self._frequency, self._gravity = p["frequency"], p["gravity"]
         self._phase = p["frequency"] * self._launch_time + p["phase"] / (2 * arb.pi())
@@ -246,10 +246,10 @@ class Motion:
 
     def land(self, impact: int) -> Landed:
         """Fly to the next landing."""
-        m, state = self._map, self._state
+        m, state = self._drawn(impact), self._state
         left = self._speed + m.velocity(self._phase + self._flown)
         phase = self._phase - nearest_integer(self._phase + self._flown)
-        s, rows = self._over_the_set(phase + self._flown, impact)
+        s, rows = self._over_the_set(m, phase + self._flown, impact)
         with ctx.workprec(max(FRAME_BITS, min(ctx.prec, state.bits))):
             x = phase + state.flown
             flight = None if s is None else narrowed(Clearance(m.alpha, x, state.speed), s)
@@ -268,15 +268,21 @@ class Motion:
         arrival = m.velocity(turns) + 2 * duration - left
         return Landed(self._flown, 2 * turns, duration, slopes, arrival)
 
-    def _over_the_set(self, x: arb, impact: int) -> tuple[arb | None, Rows]:
+    def _drawn(self, impact: int) -> MovingMap:
+        """Return the map with what is random in an impact."""
+        unit = self._gravity / (2 * self._frequency)
+        law = self._problem.random(self._map.restitution, impact, unit, thrown=True)
+        return self._map._replace(restitution=law)
+
+    def _over_the_set(self, m: MovingMap, x: arb, impact: int) -> tuple[arb | None, Rows]:
         """Durations and Jacobians over all states; few bits are enough in most cases."""
         try:
             with ctx.workprec(FRAME_BITS):
-                s = self._map.flight(x, self._speed, impact, self._lift)
-                return s, self._map.impact(x, self._speed, s, impact).rows
+                s = m.flight(x, self._speed, impact, self._lift)
+                return s, m.impact(x, self._speed, s, impact).rows
         except UncertainError:
-            s = self._map.flight(x, self._speed, impact, self._lift)
-            return s, self._map.impact(x, self._speed, s, impact).rows
+            s = m.flight(x, self._speed, impact, self._lift)
+            return s, m.impact(x, self._speed, s, impact).rows
 
     def leave(self, impact: int) -> Left | None:
         """Rebound, perhaps after a rest; None at rest for good."""

@@ -1,0 +1,36 @@
+"""Results in which something is random: the stored stream is proved as any trajectory."""
+
+import h5py
+import pytest
+
+import vibrosweep as vs
+from vibrosweep.proof.verification import State
+
+NOISE = {"restitution_noise": 0.3, "kick_noise": 0.2}
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        {"drive_noise": 0.4, "record": {"restitution": 0.8, "amplitude": 1.0, "duration": 1.5}},
+        {"base": "moving"},
+    ],
+    ids=["high-bounce", "moving"],
+)
+def test_the_stored_stream_is_proved(scene, tmp_path):
+    path = tmp_path / "noisy.h5"
+    asked = {"restitution": (0.5, 0.95), "amplitude": (0.2, 2.0), "realizations": 4, "seed": 1}
+    asked |= {**NOISE, **scene, "particles": 2, "duration": 2.5, "noise_seed": 5}
+    vs.run(asked, path).close()
+    report = vs.verify(path)
+    assert report.passed
+    assert report.count(State.COMPARED) == report.total == 4
+    assert not report.not_compared()
+    for name, found in report.variables().items():
+        assert found.errors, name
+        assert not found.undecided
+    with h5py.File(path, "r+") as file:
+        file["noise_stream"][2] += 1.0
+    outside = vs.verify(path).variables()
+    assert outside["noise_stream"].outside
+    assert outside["rebound_height_mean"].outside == {"realization 2"}
