@@ -79,7 +79,8 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
     scene["amplitude"][6], scene["launch_velocity"][4] = 0.0, 0.0
     late = parameters(restitution=0.3, amplitude=3.857, launch_velocity=4.905)
     measures = {"regimes": True, "lyapunov": True, "trust": True, "tolerance": 1e-9}
-    if noise:
+    if noise:  # no orbit recurs, and plain Python takes its time over the numbers drawn
+        scene = {name: values[:3] for name, values in scene.items()}
         measures = {"separation": True}
         for given in (scene, late):
             given |= {name: np.full(given["phase"].size, 0.2) for name in noise}
@@ -95,7 +96,8 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
         for launch, begin in (((0.0, -1.7), 0.0), ((0.1, 0.2), 1.3))
     ]
     # orbits that recur, of which two are one
-    cases.append((late, observe((0.3, 1.3), duration=9.0 if base == "sprung" else 350.0)))
+    lasting = 9.0 if base == "sprung" or noise else 350.0
+    cases.append((late, observe((0.3, 1.3), duration=lasting)))
     cases = [(given, replace(seen, base=base, rebound=rebound)) for given, seen in cases]
     given, found = tmp_path / "given", tmp_path / "found"
     given.write_bytes(pickle.dumps(cases))

@@ -1,0 +1,77 @@
+"""All measures that can be had together, over every base, law and waveform, computed and proved.
+
+    python checks/together.py
+
+For each base, law of rebound, law of restitution and waveform of the table of abilities, one small
+sweep measures all that the table allows there, and `vibrosweep verify` recomputes it where it can.
+Every combination is compiled, so this takes long.  Exit code 1 if anything is missing or fails.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import vibrosweep as vs
+from accuracy import options_of
+from vibrosweep.abilities import SHAPED, refusal
+from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.parameters import BASES, LAWS, SPRUNG
+from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
+from vibrosweep.model.shapes import HARMONICS_NAME, WAVEFORMS
+from vibrosweep.proof.verifying import verify
+
+MOUNT = {"mass_ratio": 0.1, "mount_frequency": 2.0}
+TONES = {HARMONICS_NAME: [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
+
+
+def combinations() -> Iterator[dict[str, str]]:
+    """Yield the laws and waveforms of each base."""
+    for base, law, kept, shape in product(BASES, LAWS, RESTITUTION_LAWS, WAVEFORMS):
+        allowed = not (refusal(base, law=law) or refusal(base, restitution=kept))
+        if allowed and base in SHAPED[shape]:
+            yield {"base": base, "rebound": law, "restitution_law": kept, "waveform": shape}
+
+
+def together(path: Path, of: dict[str, str]) -> tuple[list[str], bool]:
+    """Compute all measures of one combination into a file.
+
+    Returns the names of variables that are missing, and whether the proof holds; True where the
+    table says that there is none.
+    """
+    base, law, kept, shape = of.values()
+    wanted = [
+        key
+        for key in MEASURES
+        if not refusal(base, law=law, restitution=kept, waveform=shape, measure=key)
+    ]
+    scene: dict[str, Any] = {**of, "restitution": (0.5, 0.9), "amplitude": (0.3, 3.0)}
+    scene |= {"realizations": 4, "particles": 3, "duration": 6.0, **dict.fromkeys(wanted, True)}
+    scene |= MOUNT if base == SPRUNG else {}
+    scene |= {} if kept == CONSTANT else {"restitution_speed": 1.0}
+    scene |= {"waveform": TONES} if shape == HARMONICS_NAME else {}
+    with vs.run(scene, path) as found:
+        missing = [v.name for key in wanted for v in MEASURES[key].variables if v.name not in found]
+    proved = refusal(base, analysis="verify", waveform=shape) or verify(path).passed
+    return missing, bool(proved)
+
+
+def main() -> int:
+    """Compute every combination; return 1 if anything fails."""
+    options_of(__doc__, write=False)
+    failed = 0
+    with TemporaryDirectory() as folder:
+        for number, of in enumerate(combinations()):
+            missing, proved = together(Path(folder) / f"{number}.h5", of)
+            failed += bool(missing) or not proved
+            said = ", ".join(missing) + " missing" if missing else "complete"
+            print(f"{' '.join(of.values())}: {said}, {'passed' if proved else 'NOT PROVED'}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
