@@ -67,6 +67,11 @@ def test_keywords_and_a_file_give_the_same(function, keywords, text, of_file):
 def test_a_mapping_means_what_the_same_keywords_mean():
     scene = {"amplitude": [0.1, 1.0, 2.0], "restitution": 0.9, "duration": 60.0}
     assert vs.windows(scene).equals(vs.windows(**scene))
+    result = vs.sweep(scene)
+    assert vs.windows(result).equals(vs.windows(scene))
+    assert vs.windows(result, tolerance=1e-3).attrs["tolerance"] == 1e-3
+    with pytest.raises(DataError, match="has lost its attributes"):
+        vs.windows(result.drop_attrs())
     ranges = {"restitution": (0.8, 0.98), "duration": 2.0}
     assert vs.sobol(ranges).equals(vs.sobol(**ranges))
 

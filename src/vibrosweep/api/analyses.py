@@ -39,7 +39,8 @@ def windows(
     Parameters
     ----------
     spec
-        Instead of keywords: a mapping of them, or the path of a sweep file.
+        Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
+        is taken; keywords beside a result complete it.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -120,7 +121,8 @@ def bifurcation(
     Parameters
     ----------
     spec
-        Instead of keywords: a mapping of them, or the path of a sweep file.
+        Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
+        is taken; keywords beside a result complete it.
     observable
         ``"rebound_velocity"`` (m s-1), ``"rebound_height"`` (m), ``"flight_time"`` (s),
         ``"impact_phase"`` (turns), or a function of the phase of landing (turns), the speed at
@@ -175,7 +177,8 @@ def basins(
     Parameters
     ----------
     spec
-        Instead of keywords: a mapping of them, or the path of a sweep file.
+        Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
+        is taken; keywords beside a result complete it.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -235,7 +238,8 @@ def sobol(
     Parameters
     ----------
     spec
-        Instead of keywords: a mapping of them, or the path of a sweep file.
+        Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
+        is taken; keywords beside a result complete it.
     outputs
         Measured variables with one number for each realization; by default
         ``rebound_height_max``, ``rebound_height_mean``, ``flight_time_mean`` and, for two or more

@@ -1,13 +1,14 @@
-"""Sweeps that public functions are given as a sweep file, a mapping, or keywords."""
+"""Sweeps that public functions are given as a sweep file, a mapping, a result, or keywords."""
 
 from __future__ import annotations
 
 import os
+import tomllib
 import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vibrosweep.errors import ParameterError, ShortObservationWarning
+from vibrosweep.errors import DataError, ParameterError, ShortObservationWarning
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import Sweep, read_spec
 
@@ -20,14 +21,17 @@ Spec = str | os.PathLike[str] | Mapping[str, Any]
 
 
 def as_sweep(spec: Spec | None, keywords: Mapping[str, Any], *first: str, **defaults: Any) -> Sweep:
-    """Return the sweep that a path or a mapping asks for, or keywords where there is neither.
+    """Return the sweep that a path, a mapping or a result asks for, or keywords without any.
 
-    `first` is that of `keyword_spec`; `defaults` complete keywords or a mapping, but not a file.
-    Raises a SpecError that lists all mistakes, and a ParameterError where there are both, or `spec`
-    is neither path nor mapping.
+    `first` is that of `keyword_spec`; `defaults` complete keywords, a mapping or a result, but not
+    a file.  Raises a SpecError that lists all mistakes, a ParameterError where there are keywords
+    beside a file or a mapping, or `spec` is none of these, and a DataError where a dataset does not
+    hold the sweep that it was computed from.
     """
     if spec is None:
         return keyword_spec({**defaults, **keywords}, *first)
+    if hasattr(spec, "attrs"):
+        return keyword_spec({**defaults, **_sweep_of(spec.attrs), **keywords}, *first)
     if keywords:
         raise ParameterError(
             f"{', '.join(keywords)}: not beside a sweep file or a mapping; write it there"
@@ -39,6 +43,16 @@ def as_sweep(spec: Spec | None, keywords: Mapping[str, Any], *first: str, **defa
     raise ParameterError(
         f"{type(spec).__name__}: is no sweep; give keywords, a mapping, or the path of a sweep file"
     )
+
+
+def _sweep_of(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of the sweep file of a result."""
+    if "sweep_file" not in attributes:
+        raise DataError(
+            "the dataset is no result of vibrosweep.sweep, run or open_sweep, or has lost its "
+            "attributes, which hold the sweep: give keywords, or the path of a sweep file"
+        )
+    return tomllib.loads(str(attributes["sweep_file"]))
 
 
 def warned(found: xr.Dataset) -> xr.Dataset:

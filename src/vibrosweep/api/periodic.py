@@ -40,7 +40,8 @@ def orbits(
     Parameters
     ----------
     spec
-        Instead of keywords: a mapping of them, or the path of a sweep file.
+        Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
+        is taken; keywords beside a result complete it.
     impacts, periods
         Impacts of an orbit, and forcing periods that they take, at most; up to 12 and 64.
     seeds
@@ -109,7 +110,8 @@ def branches(
     Parameters
     ----------
     spec
-        Instead of keywords: a mapping of them, or the path of a sweep file.
+        Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
+        is taken; keywords beside a result complete it.
     impacts, periods
         Impacts of an orbit at the values of the axis, and its forcing periods, at most; up to 12
         and 64.
@@ -180,7 +182,8 @@ def boundaries(
     Parameters
     ----------
     spec
-        Instead of keywords: a mapping of them, or the path of a sweep file.
+        Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
+        is taken; keywords beside a result complete it.
     impacts, periods, doublings
         As of `vibrosweep.branches`.
     points

@@ -44,7 +44,8 @@ def sweep(
     Parameters
     ----------
     spec
-        Instead of keywords: a mapping of them, or the path of a sweep file.
+        Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
+        is taken; keywords beside a result complete it.
     observables
         Functions of your own that see every landing.
     threads

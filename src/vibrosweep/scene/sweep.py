@@ -27,6 +27,7 @@ SHARED: Final = (
     *("particles", "launch", "duration", "rebound", "restitution_law"),
     *("base", "waveform", "noise_seed"),
 )
+HDF5: Final = b"\x89HDF"  # the first bytes of a result
 
 
 @dataclass(frozen=True)
@@ -96,9 +97,10 @@ def read_text(source: Path) -> str:
     except IsADirectoryError as error:
         raise SpecError(f"{source}: is a directory; give the path of a .toml file") from error
     except UnicodeDecodeError as error:
-        raise SpecError(
-            f"{source}: is not UTF-8 text (byte {error.start}); save it as UTF-8"
-        ) from error
+        wrong = f"is not UTF-8 text (byte {error.start}); save it as UTF-8"
+        if bytes(error.object).startswith(HDF5):
+            wrong = "is a result: give the sweep file it is of, or the opened result in Python"
+        raise SpecError(f"{source}: {wrong}") from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise SpecError(f"{source}: cannot be read: {reason}") from error
