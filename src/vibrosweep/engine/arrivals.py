@@ -26,15 +26,13 @@ def impacts(
     landing, count = found["landing_time"], found["impact_count"]
     places = count if landing.ndim == 1 else np.full(count.shape, landing.shape[-1])
     of_realization, places = places.sum(axis=1), places.ravel()
-    begin, lands = (
-        (np.cumsum(places) - places)[places > 0],
-        np.nonzero(places.reshape(count.shape))[0],
-    )
+    begin = (np.cumsum(places) - places)[places > 0]
+    lands = np.nonzero(places.reshape(count.shape))[0]
     frequency, time = parameters["frequency"], landing.ravel()
 
     def before(name: str, launch: Array) -> Array:
         """Values of the landing before, and of the launch at the first one of each particle."""
-        values = np.empty_like(time)
+        values = np.full_like(time, np.nan)
         values[1:] = found[name].ravel()[:-1]
         values[begin] = launch
         return values

@@ -11,6 +11,7 @@ import numpy as np
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
@@ -84,7 +85,7 @@ def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) 
                 shapes = (
                     (name, (stop - start, *v.shape[1:]), v.dtype) for name, v in piece.items()
                 )
-                columns = {name: np.empty(shape, dtype) for name, shape, dtype in shapes}
+                columns = {name: unwritten(shape, dtype) for name, shape, dtype in shapes}
             for name, whole in columns.items():
                 whole[done : done + piece["status"].size] = piece[name]
             done += piece["status"].size
