@@ -70,7 +70,8 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "observables": _ANYWHERE,
     "heights_against_restitution": Ability(APART, _INDEPENDENT),
     **dict.fromkeys(("energy_balance", "slot_decay"), Ability(APART, _INDEPENDENT, (SINE_NAME,))),
-    **dict.fromkeys(("verify", "laboratory"), Ability(BASES, "", (SINE_NAME,))),
+    "verify": _ANYWHERE,
+    "laboratory": Ability(BASES, "", (SINE_NAME,)),
     "explore": _ANYWHERE,
     # imperfections of an experiment in the laboratory
     "frequency_jitter": Ability(

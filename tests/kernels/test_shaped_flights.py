@@ -11,6 +11,8 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels.bases.moving_jacobian import along
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.shapes import Waveform
+from vibrosweep.proof.verification import State
+from vibrosweep.proof.verifying import verify
 
 TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
 NAMES = ("landing_time", "liftoff_time", "rebound_velocity")
@@ -65,6 +67,17 @@ def test_lanes_and_records_agree_whatever_the_threads():
     off = np.abs(swept.lyapunov_sum.values - 2.0 * np.log(0.6))[bounces]
     assert off.size
     assert (off <= swept.lyapunov_sum_error.values[bounces]).all()
+
+
+def test_a_sweep_and_its_bounds_of_errors_are_proved(tmp_path):
+    """Launches, flights, rests at several phases, bounds, exponents: all in ball arithmetic."""
+    scene = {"waveform": TWO_TONES, "base": "moving", "restitution": 0.6, "duration": 8.0}
+    scene |= {"amplitude": [0.9, 3.0], "particles": 3, "phase": 0.4}
+    measures = dict.fromkeys(("separation", "regimes", "lyapunov", "trust"), True)
+    vs.run(scene | measures, tmp_path / "two.h5").close()
+    report = verify(tmp_path / "two.h5")
+    assert report.passed
+    assert all(outcome.state is State.COMPARED for outcome in report.outcomes)
 
 
 def test_a_locked_orbit_has_the_multipliers_of_its_closed_form():

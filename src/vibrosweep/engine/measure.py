@@ -23,7 +23,7 @@ from vibrosweep.engine.trajectories import base_in, follow, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.kernels.bases import lifts, lowest
-from vibrosweep.kernels.sine import waves
+from vibrosweep.kernels.harmonics import motion
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import (
@@ -34,6 +34,7 @@ from vibrosweep.model.parameters import (
     launches,
     representable,
 )
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.model.times import Time, in_seconds
 from vibrosweep.scene.scene import Scene
 
@@ -72,7 +73,8 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     base = base_in(scene, problem)
     of_base = lifts(base, problem), lowest(base, problem)
     measured = of_realizations(found.whole, parameters, *of_base)
-    heights = _launch_heights(parameters, problem, launch, of_base[1])
+    moves = of_base[1] is not None
+    heights = _launch_heights(parameters, problem, launch, scene.waveform if moves else None)
     highest = measured["rebound_height_max"]
     measured["flight_height_max"] = of_launches(scene, parameters, heights, highest)
     if measures.per_particle and found.each is not None:
@@ -122,24 +124,25 @@ def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:
 
 
 def _launch_heights(
-    parameters: Mapping[str, Array], problem: Dimensionless, launch: Launches, low: Array | None
+    parameters: Mapping[str, Array],
+    problem: Dimensionless,
+    launch: Launches,
+    waveform: Waveform | None,
 ) -> Array:
     """Heights in m that launches reach, shape (realization, particle), or 1 where all are equal.
 
-    `low` is `vibrosweep.kernels.bases.lowest` of the realizations.
+    They are so over a base that does not move, None.
     """
     with np.errstate(over="ignore"):
         thrown = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
-        if low is None:
+        if waveform is None:
             return np.asarray(thrown[:, np.newaxis])
-        turns = np.ascontiguousarray(launch.phase + problem.phase[:, np.newaxis])
-        sine, cosine = np.empty_like(turns), np.empty_like(turns)
-        waves(turns.ravel(), sine.ravel(), cosine.ravel())
-        # the base has the speed low * pi / 2 sine and the height -low cosine; it pushes a particle
-        # that is slower, which then does not fly
-        flies = problem.launch_flight[:, np.newaxis] >= 0.5 * np.pi * low[:, np.newaxis] * sine
-        unit = height_unit(parameters)
-        base = -(unit * low)[:, np.newaxis] * cosine
+        velocity, level = motion(waveform, launch.phase + problem.phase[:, np.newaxis])
+        # the base has the speed low pi / 2 w and the height low 2 pi W; it pushes a particle that
+        # is slower, which then does not fly
+        low = (2.0 / np.pi) * (problem.kick / (1.0 + problem.restitution))
+        flies = problem.launch_flight[:, np.newaxis] >= 0.5 * np.pi * low[:, np.newaxis] * velocity
+        base = (height_unit(parameters) * low)[:, np.newaxis] * level
         return np.where(flies, thrown[:, np.newaxis] + base, base)
 
 

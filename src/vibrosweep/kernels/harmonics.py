@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
+from vibrosweep.arrays import Array
 from vibrosweep.kernels._jit import OF_A_PIECE, Floats, fma, implements, jit
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
@@ -265,6 +266,22 @@ def put_phases_harmonics(
 @implements(take_phases, Harmonics)
 def take_phases_harmonics(shape: Harmonics, s: Floats, j: int) -> LiftOffs:
     return _taken(shape, 0.0, 0.0, s, j)
+
+
+def motion(waveform: Waveform, turns: Array) -> tuple[Array, Array]:
+    """Velocity w of a shape and 2 pi times its height W, at phases in turns."""
+    if waveform.name == PARABOLIC_NAME:
+        return waveform.velocity(turns), TWO_PI * waveform.height(turns)
+    turns = turns - np.rint(turns)
+    velocities: list[Array] = []
+    levels: list[Array] = []
+    for h, weight, phase in waveform.tones or ((1, 1.0, 0.0),):
+        angle = h * turns + turns_of_radians(np.asarray(phase))
+        sines, cosines = np.empty_like(turns), np.empty_like(turns)
+        waves(np.ravel(angle), sines.ravel(), cosines.ravel())
+        velocities.append(weight * sines)
+        levels.append(-weight / h * cosines)
+    return sum(velocities[1:], velocities[0]), sum(levels[1:], levels[0])
 
 
 @functools.lru_cache(maxsize=64)

@@ -92,13 +92,25 @@ class Orbit:
         self._error = 2.0 * max(time, bounds.speed_error(realization)) + 8.0 * EPS
 
     def from_rest_to_rest(self) -> Cycle | None:
-        """Cycle that an orbit enters with its first rest, and closes with its second; else None."""
+        """Cycle that two rests close, which end at the same phase; None without two such.
+
+        Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), as those of the
+        dataset were: with several phases of lift-off other rests may come before the cycle.
+        """
         lifted = (n for n, i in enumerate(self.trajectory.impacts, 1) if i.rested)
-        first, second = next(lifted, None), next(lifted, None)
-        if first is None or second is None:
-            return None
+        anchor, first = 0, 0  # number of a rest, and of its lift-off
         with ctx.workprec(2 * self.trajectory.precision_bits):
-            return Cycle(first, second - first, self._periods(first, second - first), 1)
+            for rest, state in enumerate(lifted, 1):
+                same = False
+                if anchor and state < len(self.times):
+                    turns = (self.times[state] - self.times[first]) * self._frequency
+                    periods = nearest_integer(turns)
+                    same = bool(abs(turns - periods) < SAME_ORBIT)
+                    if same and periods > 0:
+                        return Cycle(first, state - first, periods, rest - anchor)
+                if not same and rest >= 2 * anchor:
+                    anchor, first = rest, state
+        return None
 
     def recurrence(self, time: float, stated: int) -> Cycle | None:
         """Cycle without rests from a stated time on, of the stated impacts if that is correct.

@@ -61,8 +61,8 @@ class Realization:
 
     @property
     def laws(self) -> Laws:
-        """Laws of rebound and of restitution."""
-        return Laws(self.scene.rebound, self.scene.restitution_law)
+        """Laws of an impact, and the shape of the motion."""
+        return Laws(self.scene.rebound, self.scene.restitution_law, self.scene.waveform)
 
     @property
     def deviates(self) -> Callable[[int], Deviates] | None:
@@ -87,6 +87,16 @@ class Realization:
 
     def _seconds(self, time: Time) -> float | Fraction:
         return Fraction(time.number) * self._period if isinstance(time, Periods) else time
+
+    @cached_property
+    def liftoff_error(self) -> float:
+        """Largest error in turns of a lift-off after a rest that is computed in doubles."""
+        return self.reference.liftoff_error(self.parameters, self.laws)
+
+    @cached_property
+    def velocity(self) -> float:
+        """Velocity in m s-1 of a sine as fast, as high and as steep as the base."""
+        return self.reference.velocity(self.parameters, self.laws)
 
 
 @dataclass(frozen=True)

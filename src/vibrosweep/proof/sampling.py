@@ -44,6 +44,7 @@ from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.sample import Sample
 from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.scene import Scene, bare_scene
+from vibrosweep.scene.waveform import stored
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows, row_count, row_dims
@@ -215,6 +216,7 @@ def _scene(file: Any, attributes: Mapping[str, Any]) -> Scene:
     )
     seed = int(attributes.get("noise_seed", 0))
     seen = replace(seen, restitution_law=law_in(attributes), noise_seed=seed)
+    seen = replace(seen, waveform=stored(attributes))
     if "transient" not in file.variables:
         return seen
     return seen.with_measures(

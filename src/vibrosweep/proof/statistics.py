@@ -138,11 +138,11 @@ def statistics_claims(
     By bounds of the errors of flights; flights, the fastest and the longest are as in
     `vibrosweep.proof.measures.ProvedMeasures`.
     """
-    p, reference = realization.parameters, realization.reference
+    p = realization.parameters
     gravity, launch = p["gravity"], p["launch_velocity"]
     rounding = (longest + len(realization.launch_times) + 10) * EPS
     v = 0.0 if fastest is None else float(fastest)
-    raised = reference.velocity(p) / (2.0 * math.pi * p["frequency"])
+    raised = realization.velocity / (2.0 * math.pi * p["frequency"])
     lasting = max((float(flight.duration) for flight in flights), default=0.0) / p["frequency"]
     most = max(v, launch) ** 2 / (2.0 * gravity) + raised
     height = (2.0 * v * error.velocity + error.velocity**2) / (2.0 * gravity)

@@ -46,13 +46,13 @@ class Bounds(NamedTuple):
     def phase_error(self, realization: Realization) -> float:
         """Bound of the errors of the phases of lift-offs, in turns."""
         p = realization.parameters
-        lifted = realization.reference.liftoff_error(p)
+        lifted = realization.liftoff_error
         return self.landing_time * p["frequency"] + lifted + 4.0 * EPS
 
     def height_error(self, realization: Realization) -> float:
         """Bound of the errors of the height of the base at lift-offs, in m."""
         p = realization.parameters
-        velocity = realization.reference.velocity(p)
+        velocity = realization.velocity
         return velocity * self.phase_error(realization) / p["frequency"] if velocity > 0.0 else 0.0
 
     def speed_error(self, realization: Realization) -> float:
@@ -144,7 +144,7 @@ def _lift_off_error(dt: float, realization: Realization) -> float:
     p = realization.parameters
     if p.get("drive_noise", 0.0) > 0.0:
         return dt
-    return realization.reference.liftoff_error(p) / p["frequency"]
+    return realization.liftoff_error / p["frequency"]
 
 
 def reaches(distance: Proved, error: float) -> bool:

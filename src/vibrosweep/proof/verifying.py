@@ -279,6 +279,7 @@ def _each(realization: Realization, max_landings: int) -> list[Trajectory]:
         "duration": realization.duration,
         "rebound": realization.laws.rebound,
         "restitution_law": realization.laws.restitution,
+        "waveform": realization.laws.waveform,
         "base": realization.scene.base,
         "max_impacts": max_landings,
         "max_bits": MAX_BITS,

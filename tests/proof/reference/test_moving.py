@@ -125,7 +125,7 @@ def test_graze_is_decided_between_neighbouring_doubles():
 def test_jacobian_is_the_limit_of_differences(e, gamma, x, y):
     with ctx.workprec(400):
         alpha = arb(gamma) / arb.pi()
-        m = MovingMap(Constant(arb(e)), alpha, arb(gamma), arb(0))
+        m = MovingMap(Constant(arb(e)), alpha, arb(0))
 
         def image(x, y):
             found = m.impact(x, y, m.flight(x, y, 1), 1)

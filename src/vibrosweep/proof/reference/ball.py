@@ -20,6 +20,8 @@ those doubles, up to the correctness of FLINT.  The semantics of the branches:
   over the moving base the modulus of both is taken.  In a forcing period A is A (1 + sigma_A xi).
   A particle rests if and only if w <= v_rest, and leaves with v_rest, or over the moving base with
   its speed, at the first instant at which the base alone would throw it so.
+* Of another shape w of the motion, w stands for the sine, and its derivative for the cosine: a
+  particle is lifted at the next of several phases.
 * A particle that never lifts off again is at rest for good, and its trajectory ends.  A lift-off is
   reported with its landing even where it is later than the duration.
 
@@ -38,6 +40,7 @@ from functools import partial
 from typing import Final
 
 from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.bases import REFERENCE_OF
 from vibrosweep.proof.reference.decisions import decided, nearest_integer
@@ -65,6 +68,7 @@ def trajectory(
     rebound: str = "rest",
     restitution_law: str = CONSTANT,
     restitution_speed: float | None = None,
+    waveform: Waveform = SINE,
     restitution_noise: float = 0.0,
     kick_noise: float = 0.0,
     drive_noise: float = 0.0,
@@ -107,7 +111,7 @@ def trajectory(
         {name: float(value) for name, value in values.items()},
         Fraction(launch_time),
         Fraction(duration),
-        Laws(rebound, restitution_law),
+        Laws(rebound, restitution_law, waveform),
         max_impacts,
         digits,
         deviates,

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from vibrosweep.proof.reference import high_bounce, moving
 from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import Motion, PeriodMap, Problem
+from vibrosweep.proof.reference.waves import wave_of
 
 
 class Reference(NamedTuple):
@@ -16,10 +17,10 @@ class Reference(NamedTuple):
     motion: Callable[[Problem], Motion]  # of a particle, from a problem
     # Impacts in forcing periods, from physical parameters and the laws of an impact
     period_map: Callable[[Mapping[str, float], Laws], PeriodMap]
-    # Largest velocity of the base, m s-1, from physical parameters
-    velocity: Callable[[Mapping[str, float]], float]
+    # Velocity of a sine as fast, as high and as steep as the base, m s-1, from physical parameters
+    velocity: Callable[[Mapping[str, float], Laws], float]
     # Largest error in turns of a lift-off after a rest in doubles, from physical parameters
-    liftoff_error: Callable[[Mapping[str, float]], float]
+    liftoff_error: Callable[[Mapping[str, float], Laws], float]
 
 
 def _moved(problem: Problem) -> Motion:
@@ -28,17 +29,22 @@ def _moved(problem: Problem) -> Motion:
     return high_bounce.Motion(problem) if still else moving.Motion(problem)
 
 
+def _velocity(parameters: Mapping[str, float], laws: Laws) -> float:
+    size = wave_of(laws.waveform).bounds.size
+    return size * parameters["amplitude"] / (1.0 + parameters["restitution"])
+
+
 REFERENCE_OF: Final[Mapping[str, Reference]] = {
     "high-bounce": Reference(
         motion=high_bounce.Motion,
         period_map=high_bounce.PeriodMap.from_parameters,
-        velocity=lambda parameters: 0.0,
+        velocity=lambda parameters, laws: 0.0,
         liftoff_error=high_bounce.liftoff_error,
     ),
     "moving": Reference(
         motion=_moved,
         period_map=moving.MovingMap.from_parameters,
-        velocity=lambda parameters: parameters["amplitude"] / (1.0 + parameters["restitution"]),
+        velocity=_velocity,
         liftoff_error=moving.liftoff_error,
     ),
 }

@@ -13,7 +13,8 @@ even a tie is decided.  The dimensionless map is the case g = 2, f = 1, phi = 0.
 
 Where only phase and flight matter, as on a cycle, the map is written in forcing periods:
 x' = x + u, w = e u + a sin(2 pi x').  The law of restitution decides how much of the speed an
-impact keeps; e v and e u stand for it here.
+impact keeps, and the sine is one shape of several (`vibrosweep.proof.reference.waves`); e v, e u
+and the sine stand for them here.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from vibrosweep.proof.reference.motion import (
     Step,
 )
 from vibrosweep.proof.reference.results import Flight
+from vibrosweep.proof.reference.waves import SINE_WAVE, Wave, next_of, wave_of
 
 ZERO, ONE = arb(0), arb(1)
 LONGEST: Final = 1 << 16  # forcing periods of a rest that are asked whether they end it
@@ -56,6 +58,7 @@ class BallMap:
     half_turn_rate: arb
     gravity: arb
     turns_back: bool = False  # True if a particle that is pushed into the base is turned back
+    wave: Wave = SINE_WAVE
 
     @classmethod
     def from_parameters(
@@ -70,12 +73,8 @@ class BallMap:
             half_turn_rate=4 * p["frequency"],
             gravity=p["gravity"],
             turns_back=laws.turns_back,
+            wave=wave_of(laws.waveform),
         )
-
-    @cached_property
-    def _steepest(self) -> arb:
-        """Largest derivative of the kick by V, pi A 4 f / g."""
-        return arb.pi() * self.amplitude * self.half_turn_rate / self.gravity
 
     def half_turns(self, flown: arb) -> arb:
         """Phase of the forcing, not reduced, when V is `flown`."""
@@ -84,12 +83,13 @@ class BallMap:
     def impact(self, flown: arb, speed: arb) -> tuple[arb, arb]:
         """V' at the landing, and w, after a flight that starts with `speed` at V = `flown`."""
         landed = flown + speed
-        kick = self.amplitude * self.half_turns(landed).sin_pi()
+        kick = self.amplitude * self.wave.velocity(self.half_turns(landed))
         return landed, self.restitution.kept(speed) + kick
 
     def slopes(self, half_turns: arb, speed: arb) -> tuple[arb, arb]:
         """Derivatives of w by V', at a phase, and by the speed before it, the landing kept."""
-        by_landing = self._steepest * half_turns.cos_pi()
+        turns_by_landing = self.half_turn_rate / self.gravity / 2
+        by_landing = self.amplitude * self.wave.slope(half_turns) * turns_by_landing
         return by_landing, self.restitution.slope(speed)
 
     def carry(self, state: Enclosure) -> tuple[arb, arb, arb]:
@@ -115,10 +115,6 @@ class BallMap:
         """V at a phase that is not reduced."""
         return (half_turns - self.half_turns_at_launch) * self.gravity / self.half_turn_rate
 
-    def liftoff(self, rest_velocity: arb) -> arb:
-        """Phase in half turns at which the kick rises through a threshold below its amplitude."""
-        return (rest_velocity / self.amplitude).asin() / arb.pi()
-
 
 class Motion:
     """A particle on this base, at one precision; the unit of time is 2 / g, which makes it V.
@@ -136,9 +132,6 @@ class Motion:
         self._flown, self._velocity = ZERO, p["launch_velocity"]
         self._half_turns = self._map.half_turns_at_launch
         self._state = Enclosure(self._flown, self._velocity)
-        self._lift: arb | None = None
-        if certain_above(self._map.amplitude, self._rest_velocity, "A > v_rest", 0):
-            self._lift = self._map.liftoff(self._rest_velocity)
         self.end = p["gravity"] * problem.lasting / 2
         self.launched = self._left(rested=False)
 
@@ -183,25 +176,27 @@ class Motion:
         self._state = Enclosure(self._flown, self._velocity)
         return self._left(rested=True)
 
+    @cached_property
+    def _lifts(self) -> list[arb]:
+        """Phases at which a resting particle is lifted."""
+        return self._map.wave.rises(self._map.amplitude, self._rest_velocity, 0)
+
     def _lifted(self, impact: int) -> arb | None:
         """V at the lift-off from a rest; None at rest for good.
 
-        Without noise no rest lies between the rise of the kick through v_rest and its fall, where
+        Without noise no rest lies between a rise of the kick through v_rest and its fall, where
         w > v_rest; the whole period is the only thing to decide.
         """
-        m, lift = self._map, self._lift
+        m = self._map
         if self._problem.deviates is not None:
             if self._problem.driven:
                 return self._lifted_in_some_period(impact)
-            kick = m.amplitude * self._half_turns.sin_pi()
+            kick = m.amplitude * m.wave.velocity(self._half_turns)
             if certain_above(kick, self._rest_velocity, "A sin > v_rest", impact):
                 return self._flown
-        if lift is None:
+        if not self._lifts:
             return None
-        periods = ((self._half_turns - lift) / 2).ceil().unique_fmpz()
-        if periods is None:
-            raise UncertainError("whether a rest begins before the lift-off phase", impact)
-        return m.flown_at(lift + 2 * periods)
+        return m.flown_at(2 * next_of(self._lifts, self._half_turns / 2, impact))
 
     def _lifted_in_some_period(self, impact: int) -> arb | None:
         """V where the kick of a forcing period is first above v_rest, each with its strength."""
@@ -216,7 +211,7 @@ class Motion:
             if not certain_above(abs(strength), rest, "a kick > v_rest", impact):
                 continue
             upward = 0 if strength > 0 else 1
-            rises = replace(m, amplitude=abs(strength)).liftoff(rest) / 2
+            (rises,) = m.wave.rises(abs(strength), rest, impact)
             falls = rises.neg() + 0.5 + upward * arb(0.5) + (period + number)
             rises += upward * arb(0.5) + (period + number)
             if number or certain_above(rises, begin, "a rest before the kick rises", impact):
@@ -242,6 +237,7 @@ class PeriodMap(NamedTuple):
     a: arb
     r: arb
     turns_back: bool
+    wave: Wave
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> PeriodMap:
@@ -249,18 +245,19 @@ class PeriodMap(NamedTuple):
         p = {name: arb(value) for name, value in parameters.items()}
         kick = 2 * p["frequency"] / p["gravity"] * p["amplitude"]
         rest = p["frequency"] * p["contact_time"]
-        return cls(laws.in_periods(p), kick, rest, laws.turns_back)
+        wave = wave_of(laws.waveform)
+        return cls(laws.in_periods(p), kick, rest, laws.turns_back, wave)
 
     def speed(self, x: arb, u: arb) -> arb:
         """Speed w after the landing at phase x of the flight u."""
-        return self.restitution.kept(u) + self.a * (2 * x).sin_pi()
+        return self.restitution.kept(u) + self.a * self.wave.velocity(2 * x)
 
     def slopes(self, x: arb, u: arb) -> tuple[arb, arb]:
         """Derivatives of w by the phase x of the landing, and by u with that phase kept.
 
         The Jacobian of (x', w) by (x, u) is [[1, 1], [s, f + s]].
         """
-        return 2 * arb.pi() * self.a * (2 * x).cos_pi(), self.restitution.slope(u)
+        return self.a * self.wave.slope(2 * x), self.restitution.slope(u)
 
     def step(self, x: arb, u: arb) -> Step | None:
         """Impact of a ball of states; None where one may rest, or a decision is open."""
@@ -272,14 +269,16 @@ class PeriodMap(NamedTuple):
 
     def lost(self) -> float:
         """Bits that an impact may cost a ball, by its Jacobian."""
-        return 1.0 + math.log2(3.0 + 4.0 * math.pi * float(self.a))
+        return 1.0 + math.log2(3.0 + 2.0 * float(self.a * self.wave.bounds.steep))
 
     def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction and its normal through the impact after a flight from phase x."""
         u = flight.speed
         k, f = (float(slope) for slope in self.slopes(x + u, u))
-        s_error = 4.0 * math.pi**2 * float(self.a) * errors[0]
-        s_error += 16.0 * math.pi * EPS * float(self.a)  # both computations round
+        bounds, a = self.wave.bounds, float(self.a)
+        s_error = a * self.wave.slope_change(2 * (x + u), errors[0])
+        # both computations round
+        s_error += (8.0 + bounds.blur) * EPS * a * float(bounds.steep)
         f_error = slope_change(self.restitution, u, errors[1])
         c, s = direction
         wrong = abs(c + s) * s_error + abs(s) * f_error
@@ -292,16 +291,24 @@ class PeriodMap(NamedTuple):
         return mean_logarithm(self.restitution, self.restitution.slope, speeds, error)
 
 
-def liftoff_error(parameters: Mapping[str, float]) -> float:
+def liftoff_error(parameters: Mapping[str, float], laws: Laws) -> float:
     """Error of the phase of a lift-off after a rest that a computation in doubles makes, turns.
 
     It grows where the kick barely reaches v_rest.
     """
-    rest = 0.5 * parameters["gravity"] * parameters["contact_time"]
-    if parameters["amplitude"] <= rest:
-        return 0.0
-    ratio = rest / parameters["amplitude"]
-    slope = math.sqrt((1.0 - ratio) * (1.0 + ratio))
-    if slope * slope <= 32.0 * EPS:
-        return math.inf
-    return (8.0 * ratio / (2.0 * math.pi * slope) + 1.0) * EPS
+    with ctx.workprec(2 * FRAME_BITS):
+        wave = wave_of(laws.waveform)
+        a = arb(parameters["amplitude"])
+        rest = arb(parameters["gravity"]) * arb(parameters["contact_time"]) / 2
+        try:
+            phases = wave.rises(a, rest, 0)
+        except UncertainError:
+            return math.inf
+        worst, bounds = 0.0, wave.bounds
+        for x in phases:
+            ratio, slope = float(rest / a), abs(float(wave.slope(2 * x)))
+            off = EPS * (8.0 * ratio + bounds.blur * float(bounds.fast))
+            if slope * slope <= 4.0 * off * float(bounds.bend):
+                return math.inf
+            worst = max(worst, off / slope + EPS)
+        return worst

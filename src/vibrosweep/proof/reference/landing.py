@@ -3,27 +3,31 @@
 In the units of `vibrosweep.proof.reference.moving`, after leaving at phase x with the relative
 speed y, the particle is
 
-    G(s) = s (y - s) / 2 + alpha / (4 pi) (sin(2 pi x) (q - sin q) - cos(2 pi x) (1 - cos q))
+    G(s) = s (y - s) / 2 - (alpha / 2) (W(x + s) - W(x) - s w(x))
 
-above the base after s periods, q = 2 pi s.  G'' >= -(1 + Gamma), and for a while G'', G''' and a
-bound of the next derivative, (2 pi)^2 Gamma, give a better bound, also where both are close to 0: a
-base of little more than 1 g throws a particle for a moment.  A base of finite mass
-(`vibrosweep.proof.reference.mount`) has such bounds too.  So from any s with G(s) >= 0 a parabola
-of this curvature passes no root; steps to where it comes down converge to the first root from
-below.  While the particle is above every height of the base there is none, and a step goes to the
-end of that time at once.  The root at s = 0 is left by a step that is proved beforehand.  Once
-G > 0 at one end of an interval, G < 0 at the other and G' < 0 throughout, there is one root inside,
-and the interval Newton operator (Moore 1966) narrows it.
+above the base, of velocity w and height W (`vibrosweep.proof.reference.waves`), after s periods.
+G'' >= -(1 + Gamma), with the bound Gamma of alpha |w'| / 2, and for a while G'', G''' and a bound
+of the next derivative give a better bound, also where both are close to 0: a base of little more
+than 1 g throws a particle for a moment.  A base of finite mass (`vibrosweep.proof.reference.mount`)
+has such bounds too.
+
+So from any s with G(s) >= 0 a parabola of this curvature passes no root; steps to where it comes
+down converge to the first root from below.  While the particle is above every height of the base
+there is none, and a step goes to the end of that time at once.  The root at s = 0 is left by a step
+that is proved beforehand.  Once G > 0 at one end of an interval, G < 0 at the other and G' < 0
+throughout, there is one root inside, and the interval Newton operator (Moore 1966) narrows it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Protocol
 
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
+from vibrosweep.proof.reference.waves import Begun, Bounds, Wave, next_of
 
 # Steps; a flight takes about ten, and one that passes close above the base some dozens.
 MOST_STEPS: Final = 1000
@@ -55,59 +59,60 @@ class Course(Protocol):
 class Clearance:
     """Height above the base during flights that set out from a ball of states."""
 
-    alpha: arb  # largest velocity of the base
+    wave: Wave
+    alpha: arb  # factor of the velocity of the base
     # x, y: phase in turns and relative speed at lift-off
     x: arb
     y: arb
+    presses: Callable[[], Sequence[arb]] = tuple  # phases at which the base begins to press
+
+    @cached_property
+    def bounds(self) -> Bounds:
+        """Bounds of the shape."""
+        return self.wave.bounds
 
     @cached_property
     def gamma(self) -> arb:
-        """Largest acceleration of the base, in units of gravity."""
-        return arb.pi() * self.alpha
+        """Bound of the acceleration of the base, in units of gravity."""
+        return self.alpha * self.bounds.steep / 2
 
     @cached_property
-    def sine_cosine(self) -> tuple[arb, arb]:
-        """Sine and cosine of the phase at lift-off."""
-        sine, cosine = (2 * self.x).sin_cos_pi()
-        return sine, cosine
+    def begun(self) -> Begun:
+        """Shape at the phase of the lift-off."""
+        return self.wave.begun(2 * self.x)
 
     def height(self, s: arb) -> arb:
         """G(s)."""
-        sine, cosine = self.sine_cosine
-        half = s.sin_pi()
-        waves = sine * (2 * arb.pi() * s - (2 * s).sin_pi()) - 2 * cosine * half * half
-        return s * (self.y - s) / 2 + self.alpha / (4 * arb.pi()) * waves
+        return s * (self.y - s) / 2 - self.alpha / 2 * self.wave.rise(self.begun, s)
 
     def slope(self, s: arb) -> arb:
         """G'(s), half the speed relative to the base."""
-        sine, cosine = self.sine_cosine
-        half, half_cosine = s.sin_cos_pi()
-        return self.y / 2 - s + self.alpha * half * (sine * half - cosine * half_cosine)
+        return self.y / 2 - s - self.alpha / 2 * self.wave.gain(self.begun, s)
 
     def bend(self, s: arb) -> arb:
         """Positive where the base presses what lies on it: minus the second derivative."""
-        return 1 + self.gamma * (2 * (self.x + s)).cos_pi()
+        return 1 + self.alpha / 2 * self.wave.slope(2 * (self.x + s))
 
     def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
         """As `Course.curvature`."""
-        turn = 2 * arb.pi()
-        rate = -turn * self.gamma * (2 * (self.x + s)).sin_pi()
-        return self.bend(s), rate, turn * turn * self.gamma, 1 + self.gamma
+        if self.bounds.bend.is_zero():  # the second derivative jumps
+            return 1 + self.gamma, arb(0), arb(0), 1 + self.gamma
+        rate = self.alpha / 2 * self.wave.rate(2 * (self.x + s))
+        return self.bend(s), rate, self.alpha / 2 * self.bounds.jolt, 1 + self.gamma
 
     def start(self) -> arb | None:
         """Time before which there is no root; None where that is open."""
         if self.bend(arb(0)) < 0 and (self.y > 0 or self.y.is_zero()):
             # the base falls away until it presses again
-            presses = 1 - (-1 / self.gamma).acos() / (2 * arb.pi())
-            until = (presses - (self.x - self.x.mid().floor())).lower()
+            until = (next_of(self.presses(), self.x, 0) - self.x).lower()
             return until if until > 0 else None
         return (self.y / (2 * (1 + self.gamma))).lower() if self.y > 0 else None
 
     def above_all(self) -> tuple[arb, arb] | None:
         """Interval of time in which the particle is above every height of the base."""
-        sine, cosine = self.sine_cosine
-        u = self.y + self.alpha * sine
-        root = u * u - 2 * self.alpha / arb.pi() * (1 + cosine)
+        u = self.y + self.alpha * self.wave.velocity(2 * self.x)
+        below = self.bounds.top - self.wave.level(2 * self.x)
+        root = u * u - 4 * self.alpha * below
         if not (u > 0 and root > 0):
             return None
         return ((u - root.sqrt()) / 2).upper(), ((u + SHY * root.sqrt()) / 2).lower()

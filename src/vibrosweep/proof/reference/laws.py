@@ -16,16 +16,18 @@ from typing import Final, NamedTuple, Protocol
 from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.outside_laws import Law as OutsideLaw
 from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference._flint import arb
 
 TURNS_BACK: Final[Mapping[str, bool]] = {"rest": False, "reflect": True}
 
 
 class Laws(NamedTuple):
-    """Laws by their names."""
+    """Laws of an impact by their names, and the shape of the motion of the base."""
 
     rebound: str = "rest"
     restitution: str = "constant"
+    waveform: Waveform = SINE
 
     @property
     def turns_back(self) -> bool:

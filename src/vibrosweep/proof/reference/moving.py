@@ -1,19 +1,18 @@
 """The moving base in ball arithmetic.
 
-The base has the velocity V0 sin(omega t + phi) and the height -(V0 / omega) cos(omega t + phi),
-with V0 = A / (1 + e).  An impact leaves E(z) of the relative speed z, with the slope q = E'(z).  In
-forcing periods and speeds of g / 2 f its velocity is alpha sin(2 pi x)
-with alpha = a / (1 + e), a = 2 f A / g, and its largest acceleration is Gamma = pi alpha in units
-of gravity.  The state is the phase x and the speed y relative to the base, both at lift-off.  The
-flight to the first s > 0 at the height of the base (`vibrosweep.proof.reference.landing`) ends with
-the relative speed z, and
+The base has the velocity V0 w(x) and the height (V0 / f) W(x), with V0 = A / (1 + e) and a shape w
+(`vibrosweep.proof.reference.waves`).  An impact leaves E(z) of the relative speed z, with the slope
+q = E'(z).  In forcing periods and speeds of g / 2 f its velocity is alpha w(x) with alpha = a /
+(1 + e), a = 2 f A / g, and its acceleration G = alpha w' / 2 in units of gravity.  The state is the
+phase x and the speed y relative to the base, both at lift-off.  The flight to the first s > 0 at
+the height of the base (`vibrosweep.proof.reference.landing`) ends with the relative speed z, and
 
-    x' = x + s,        z = 2 s - y + alpha (sin(2 pi x') - sin(2 pi x)),        y' = E(z)
+    x' = x + s,        z = 2 s - y + alpha (w(x') - w(x)),        y' = E(z)
 
-By the implicit function theorem, with the angles t = 2 pi x and t' = 2 pi x',
+By the implicit function theorem
 
-    ds = (2 G_x dx + s dy) / z,            G_x = (alpha / 2) (sin t - sin t' + 2 pi s cos t)
-    dy' = q (2 (1 + Gamma cos t') ds + 2 Gamma (cos t' - cos t) dx - dy)
+    ds = (P dx + s dy) / z,            P = alpha (w(x) - w(x') + s w'(x))
+    dy' = q (2 (1 + G(x')) ds + 2 (G(x') - G(x)) dx - dy)
 
 with the determinant q y / z.
 """
@@ -22,8 +21,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.decisions import (
     UncertainError,
@@ -45,18 +46,21 @@ from vibrosweep.proof.reference.motion import (
     Step,
 )
 from vibrosweep.proof.reference.results import Flight
+from vibrosweep.proof.reference.waves import SINE_WAVE, Wave, next_of, wave_of
 
 ZERO, ONE = arb(0), arb(1)
+ROUNDED_BITS = 64  # beyond those of a frame, in which roundings of doubles are seen
 
 
-class MovingMap(NamedTuple):
+@dataclass(frozen=True)
+class MovingMap:
     """The impacts in forcing periods."""
 
     restitution: Impact
-    # alpha, gamma: largest velocity of the base, and its largest acceleration
-    alpha: arb
-    gamma: arb
+    alpha: arb  # factor of the velocity of the base
     r: arb  # relative speed at and below which a particle rests where the base presses
+    wave: Wave = SINE_WAVE
+    bits: int = field(default_factory=lambda: int(ctx.prec))  # that its numbers are worth
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> MovingMap:
@@ -64,21 +68,30 @@ class MovingMap(NamedTuple):
         p = {name: arb(value) for name, value in parameters.items()}
         alpha = 2 * p["frequency"] / p["gravity"] * p["amplitude"] / (1 + p["restitution"])
         rest = p["frequency"] * p["contact_time"]
-        return cls(laws.in_periods(p), alpha, arb.pi() * alpha, rest)
+        return cls(laws.in_periods(p), alpha, rest, wave_of(laws.waveform))
 
-    def lift_off(self, impact: int) -> arb | None:
-        """Phase at which a resting particle is left behind; None if it never is."""
-        if not certain_above(self.gamma, ONE, "the base ever falls faster than gravity", impact):
-            return None
-        return (-1 / self.gamma).acos() / (2 * arb.pi())
+    @cached_property
+    def gamma(self) -> arb:
+        """Bound of |G|."""
+        return self.alpha * self.wave.bounds.steep / 2
+
+    @cached_property
+    def ends(self) -> tuple[list[arb], list[arb]]:
+        """Phases at which the base begins to fall faster than gravity, and to press again."""
+        with ctx.workprec(max(int(ctx.prec), self.bits)):
+            return self.wave.falls(self.alpha, 0)
 
     def velocity(self, x: arb) -> arb:
         """Velocity of the base at a phase."""
-        return self.alpha * (2 * x).sin_pi()
+        return self.alpha * self.wave.velocity(2 * x)
+
+    def clearance(self, x: arb, y: arb) -> Clearance:
+        """Height above the base during flights from a ball of states."""
+        return Clearance(self.wave, self.alpha, x, y, lambda: self.ends[1])
 
     def presses(self, x: arb, impact: int) -> bool:
         """Tell whether the base presses a particle that lies on it at a phase."""
-        pressure = 1 + self.gamma * (2 * x).cos_pi()
+        pressure = 1 + self.alpha / 2 * self.wave.slope(2 * x)
         return certain_above(pressure, ZERO, "the base presses the particle", impact)
 
     def flight(self, x: arb, y: arb, impact: int, lift: arb | None = None) -> arb | None:
@@ -86,11 +99,11 @@ class MovingMap(NamedTuple):
 
         `lift` is the phase of the lift-off after a rest.
         """
-        c = Clearance(self.alpha, x, y)
+        c = self.clearance(x, y)
         if lift is None and (y < 0 or (y.is_zero() and self.presses(x, impact))):
             return None
-        # after a rest, the base falls faster than gravity until the same height on its way up
-        start = c.start() if lift is None else (1 - 2 * lift).lower()
+        # after a rest, the base falls faster than gravity until it presses again
+        start = c.start() if lift is None else (next_of(self.ends[1], lift, impact) - lift).lower()
         if start is None or not start > 0:
             raise UncertainError("whether the particle leaves the base", impact)
         return narrowed(c, first_root(c, start, impact))
@@ -100,7 +113,7 @@ class MovingMap(NamedTuple):
         if s is None:
             kept, slope = self.restitution.kept(-y), -self.restitution.slope(-y)
             return Step(ZERO, kept, ((ONE, ZERO), (ZERO, slope)), slope)
-        arrival = -2 * Clearance(self.alpha, x, y).slope(s)
+        arrival = -2 * self.clearance(x, y).slope(s)
         if not arrival > 0:
             raise UncertainError("the speed of a landing", impact)
         kept, slope = self.restitution.kept(arrival), self.restitution.slope(arrival)
@@ -108,12 +121,12 @@ class MovingMap(NamedTuple):
 
     def jacobian(self, x: arb, s: arb, arrival: arb) -> Rows:
         """Derivative of phase and speed after an impact by those before its flight."""
-        sine, cosine = (2 * x).sin_cos_pi()
-        sine_after, cosine_after = (2 * (x + s)).sin_cos_pi()
-        by_phase = self.alpha * (sine - sine_after + 2 * arb.pi() * s * cosine) / arrival
+        before, after = self.wave.slope(2 * x), self.wave.slope(2 * (x + s))
+        gained = self.wave.gain(self.wave.begun(2 * x), s)
+        by_phase = self.alpha * (s * before - gained) / arrival
         by_speed = s / arrival
-        twice = 2 * (1 + self.gamma * cosine_after)
-        turned = 2 * self.gamma * (cosine_after - cosine)
+        twice = 2 + self.alpha * after
+        turned = self.alpha * (after - before)
         slope = self.restitution.slope(arrival)
         below = slope * (twice * by_phase + turned), slope * (twice * by_speed - 1)
         return (1 + by_phase, by_speed), below
@@ -132,19 +145,20 @@ class MovingMap(NamedTuple):
 
     def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction and its normal through the impact after a flight from phase x."""
-        landing = -2 * Clearance(self.alpha, x, flight.speed).slope(flight.duration)
+        landing = -2 * self.clearance(x, flight.speed).slope(flight.duration)
         exact = self.jacobian(x, flight.duration, landing)
         near, fast = x + arb(0, errors[0]), flight.speed + arb(0, errors[1])
         # both ends of the flight are off by the error of a phase
         s = flight.duration + arb(0, 2.0 * errors[0])
-        arrival = -2 * Clearance(self.alpha, near, fast).slope(s)
+        arrival = -2 * self.clearance(near, fast).slope(s)
         rows = self.jacobian(near, s, arrival)
         c, d = direction
         along, across = _applied(exact, c, d), _applied(exact, -d, c)
         off = [c * row[0] + d * row[1] for row in rows]
         wrong = sum(float((b - a).abs_upper()) for a, b in zip(along, off, strict=True))
-        size = (1 + self.gamma) * (2 + s + self.alpha) * (1 + 1 / arrival)
-        wrong += 64.0 * EPS * float(size.abs_upper())
+        bounds = self.wave.bounds
+        size = (1 + self.gamma) * (2 + s + self.alpha * bounds.fast) * (1 + 1 / arrival)
+        wrong += (64.0 + 4.0 * bounds.blur) * EPS * float(size.abs_upper())
         return Carried(_floats(along), _floats(across), wrong, False)
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
@@ -158,18 +172,29 @@ class MovingMap(NamedTuple):
         return mean_logarithm(law, lambda z: law.slope(z) * law.share(z), speeds, 2.0 * off)
 
 
-def liftoff_error(parameters: Mapping[str, float]) -> float:
+def liftoff_error(parameters: Mapping[str, float], laws: Laws) -> float:
     """Error of the phase of a lift-off after a rest that a computation in doubles makes, turns.
 
-    It grows where the base hardly falls faster than gravity: Gamma, of a few roundings, decides.
+    It grows where the base hardly falls faster than gravity: G, of a few roundings, decides.
     """
-    gamma = float(MovingMap.from_parameters(parameters, Laws()).gamma)
-    if gamma <= 1.0 - 32.0 * EPS:
-        return 0.0
-    above = (gamma - 1.0) * (gamma + 1.0)
-    if above <= 64.0 * EPS:
-        return math.inf
-    return (16.0 / (2.0 * math.pi * math.sqrt(above)) + 2.0) * EPS
+    with ctx.workprec(FRAME_BITS + ROUNDED_BITS):
+        m = MovingMap.from_parameters(parameters, laws)
+        bounds, wave = m.wave.bounds, m.wave
+        off = EPS * (16.0 + bounds.blur * float(m.gamma))
+        try:
+            phases = m.ends[0]
+            likely = wave.falls(m.alpha * (1 + 2 * arb(off)), 0)[0]
+        except UncertainError:
+            return math.inf
+        if len(phases) < len(likely):
+            return math.inf
+        worst = 0.0
+        for x in phases if not bounds.bend.is_zero() else ():
+            slope = abs(float(m.alpha / 2 * wave.rate(2 * x)))
+            if slope * slope <= 4.0 * off * float(m.alpha / 2 * bounds.jolt):
+                return math.inf
+            worst = max(worst, off / slope + 2.0 * EPS)
+        return worst
 
 
 def _applied(rows: Rows, c: float, d: float) -> tuple[arb, arb]:
@@ -181,7 +206,13 @@ def _floats(pair: tuple[arb, arb]) -> Pair:
 
 
 def first_landing(
-    e: float, a: float, x: float, y: float, bits: int = 128, max_bits: int = 1 << 13
+    e: float,
+    a: float,
+    x: float,
+    y: float,
+    bits: int = 128,
+    max_bits: int = 1 << 13,
+    waveform: Waveform = SINE,
 ) -> tuple[arb, arb]:
     """Proved landing of one flight from exact doubles.
 
@@ -199,10 +230,11 @@ def first_landing(
     def attempt(bits: int) -> tuple[arb, arb]:
         with ctx.workprec(bits):
             alpha = arb(a) / (1 + arb(e))
-            s = MovingMap(Constant(arb(e)), alpha, arb.pi() * alpha, ZERO).flight(arb(x), arb(y), 1)
+            m = MovingMap(Constant(arb(e)), alpha, ZERO, wave_of(waveform))
+            s = m.flight(arb(x), arb(y), 1)
             if s is None:
                 return ZERO, -arb(y)
-            return s, -2 * Clearance(alpha, arb(x), arb(y)).slope(s)
+            return s, -2 * m.clearance(arb(x), arb(y)).slope(s)
 
     return decided(attempt, bits, max_bits)
 
@@ -239,7 +271,7 @@ class Motion:
         u = self._speed + m.velocity(turns)
         # a particle that falls, or that the base pushes at once, is highest at its beginning
         rising = ZERO if self._speed < 0 else u.max(ZERO)
-        square = rising * rising - 2 * m.alpha / arb.pi() * (2 * turns).cos_pi()
+        square = rising * rising + 4 * m.alpha * m.wave.level(2 * turns)
         height = self._gravity / (8 * self._frequency * self._frequency) * square
         velocity = self._gravity / (2 * self._frequency) * u
         return Left(self._flown, self._lift is not None, velocity, self._speed, height)
@@ -252,7 +284,7 @@ class Motion:
         s, rows = self._over_the_set(m, phase + self._flown, impact)
         with ctx.workprec(max(FRAME_BITS, min(ctx.prec, state.bits))):
             x = phase + state.flown
-            flight = None if s is None else narrowed(Clearance(m.alpha, x, state.speed), s)
+            flight = None if s is None else narrowed(m.clearance(x, state.speed), s)
             centre = m.impact(x, state.speed, flight, impact)
             flown, speed = state.flown + centre.duration, centre.speed
         (by_flown, by_speed), below = rows
@@ -272,7 +304,7 @@ class Motion:
         """Return the map with what is random in an impact."""
         unit = self._gravity / (2 * self._frequency)
         law = self._problem.random(self._map.restitution, impact, unit, thrown=True)
-        return self._map._replace(restitution=law)
+        return replace(self._map, restitution=law)
 
     def _over_the_set(self, m: MovingMap, x: arb, impact: int) -> tuple[arb | None, Rows]:
         """Durations and Jacobians over all states; few bits are enough in most cases."""
@@ -290,10 +322,10 @@ class Motion:
         self._lift = None
         above = certain_above(self._speed, m.r, "e z > r", impact)
         if not above and m.presses(turns, impact):
-            self._lift = m.lift_off(impact)
-            if self._lift is None:
+            if not m.ends[0]:
                 return None
-            # the base presses from minus this phase on, and up to it
-            self._flown, self._speed = self._lift + nearest_integer(turns) - self._phase, ZERO
+            lift = next_of(m.ends[0], turns, impact)
+            self._lift = lift - nearest_integer(lift)
+            self._flown, self._speed = lift - self._phase, ZERO
             self._state = Enclosure(self._flown, self._speed)
         return self._left()
