@@ -278,6 +278,11 @@ def grooves(plan: Plan) -> Outcome:
                     number("radius at which 24 balls of 10 mm fit side by side", least, "mm"),
                     number("radius of the platform", PLATFORM_RADIUS, "mm"),
                 ),
+                setting=Setting(
+                    "the laboratory",
+                    {"frequency": FREQUENCIES, "diameter_mm": DIAMETERS},
+                    {"grooves": GROOVES, "groove_depth_mm": GROOVE_DEPTH},
+                ),
             )
         ]
     )

@@ -13,7 +13,7 @@ from study.bases import HIGH_BOUNCE
 from study.claims_on_contact import DIAMETERS
 from study.estimates import Estimate, mean
 from study.samples import Plan, Setting
-from study.table4 import GROWTH, IMPERFECTIONS, study_imperfections
+from study.table4 import GROWTH, IMPERFECTIONS, SCENE, study_imperfections
 from study.verdict import ANY_BASE, Evidence, Outcome, Reading, check, number
 from vibrosweep import theory
 from vibrosweep.lab import QUANTITIES
@@ -73,7 +73,8 @@ def judged(study: xr.Dataset) -> Evidence:
         for trial in range(study.sizes["trial"]):
             one = found.isel(trial=trial)
             name = f"{one['imperfection'].item()} {one['size'].item():g} {one['units'].item()}"
-            setting = Setting(name)
+            imperfection = {one["imperfection"].item(): one["size"].item()}
+            setting = Setting(name, constants={**SCENE, **imperfection})
             errors = np.stack(
                 [one[f"{q}_error"].transpose("seed", "case").values for q in QUANTITIES]
             )
@@ -94,6 +95,7 @@ def judged(study: xr.Dataset) -> Evidence:
             number("of these, those with which Table 4 is met in some reading", _meeting(growing)),
             number("particles that could be compared, share", float(study["compared"].mean())),
         ),
+        setting=Setting("Table 1 at 23 Hz", constants=SCENE),
     )
 
 
@@ -109,10 +111,13 @@ def _meeting(readings: list[Reading]) -> Estimate:
 
 
 def _any_base(
-    reading: Reading, condition: Reading | None = None, numbers: tuple[Any, ...] = ()
+    setting: Setting,
+    reading: Reading,
+    condition: Reading | None = None,
+    numbers: tuple[Any, ...] = (),
 ) -> Outcome:
     conditions = () if condition is None else (condition,)
-    return Outcome([Evidence(ANY_BASE, (reading,), conditions, numbers)])
+    return Outcome([Evidence(ANY_BASE, (reading,), conditions, numbers, setting)])
 
 
 def height_uncertainty(plan: Plan) -> Outcome:
@@ -125,7 +130,7 @@ def height_uncertainty(plan: Plan) -> Outcome:
                 part * pixel / (1e3 * float(theory.locked_height(1, f))),
                 "at most",
                 UNCERTAINTY,
-                setting=Setting(f"{part:g} pixel"),
+                setting=Setting(f"{part:g} pixel", constants={"frequency": f, "pixels": part}),
             )
             for part in TRACKED
         ]
@@ -133,6 +138,7 @@ def height_uncertainty(plan: Plan) -> Outcome:
     )
     limit = math.sqrt(UNCERTAINTY * 9.81e3 / 8.0 / (max(TRACKED) * pixel))
     return _any_base(
+        Setting("the laboratory", {"frequency": FREQUENCIES}),
         Reading("at all of 8 to 35 Hz, a film that shows the whole platform", (*slow, *fast)),
         Reading(f"below {limit:.0f} Hz, or where flights are higher than mode 1", slow),
         (number("pixel of a film that shows the platform", pixel, "mm"),),
@@ -150,6 +156,7 @@ def masses(plan: Plan) -> Outcome:
         for mass, density in zip(MASSES, reversed(DENSITIES), strict=True)
     ]
     return _any_base(
+        Setting("Table 3", {"diameter_mm": DIAMETERS, "density_g_cm3": DENSITIES}),
         Reading(
             "solid stainless steel",
             (
@@ -177,6 +184,7 @@ def camera_from_above(plan: Plan) -> Outcome:
     slow, fast = FREQUENCIES
     what = "image of 5 % of the height of mode 1 at the rim"
     return _any_base(
+        Setting("the laboratory", {"frequency": FREQUENCIES, "distance_mm": DISTANCES}),
         Reading(
             "without perspective, as the study wants it",
             (check(what, shift(slow, math.inf), "at least", 1.0, "pixel"),),

@@ -132,6 +132,9 @@ def _evidence(evidence: Evidence) -> str:
     parts = [f"<h3>{html.escape(name)} {_badge(evidence.verdict)}</h3>"]
     if evidence.reason:
         parts.append(f'<p class="reason">{marked_up(evidence.reason)}</p>')
+    parts += [
+        f'<p class="reason">Not computed: {html.escape(one)}</p>' for one in evidence.not_computed
+    ]
     for title, readings in (("read as", evidence.readings), ("condition", evidence.conditions)):
         parts += [_reading(title, one) for one in readings]
     if evidence.numbers:

@@ -16,6 +16,7 @@ from study import (
     claims_on_laboratory,
     claims_on_order,
     claims_on_repeats,
+    claims_on_robustness,
     claims_on_scheme,
     claims_on_setup,
     claims_on_stability,
@@ -57,6 +58,10 @@ TESTS: Final[Mapping[str, Callable[[Plan], Outcome]]] = {
     "28": claims_on_setup.configuration,
     "29": claims_on_transients.replenished,
     "30": claims_on_setup.eccentric_motor,
+    "31": claims_on_robustness.persists,
+    "32": claims_on_robustness.stays_staggered,
+    "33": claims_on_robustness.heights_hardly_change,
+    "34": claims_on_robustness.excitation_separates,
 }
 
 

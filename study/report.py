@@ -16,7 +16,7 @@ import matplotlib as mpl
 from study.bases import HIGH_BOUNCE
 from study.claims_page import as_html, plain
 from study.collect import texts
-from study.verdict import ANY_BASE, Check, Claim, Evidence, Number, Picture, Reading
+from study.verdict import Check, Claim, Evidence, Number, Picture, Reading
 from vibrosweep import sweep
 from vibrosweep.errors import OutputError
 from vibrosweep.figures import style
@@ -118,6 +118,7 @@ def _evidence_data(evidence: Evidence) -> dict[str, Any]:
         "readings": [_reading_data(evidence, one) for one in evidence.readings],
         "conditions": [_reading_data(evidence, one) for one in evidence.conditions],
         "numbers": [_number_data(evidence, one) for one in evidence.numbers],
+        "not_computed": list(evidence.not_computed),
     }
 
 
@@ -142,7 +143,7 @@ def _number_data(evidence: Evidence, one: Check | Number) -> dict[str, Any]:
     """A number with base, law, ranges and null model; JSON knows no NaN and no infinity."""
     setting, value = one.setting or evidence.setting, one.value
     ends = {"value": value.value, "low": value.low, "high": value.high}
-    given = {} if evidence.base == ANY_BASE else {**setting.ranges, **setting.constants}
+    given = {**setting.ranges, **setting.constants}
     return {
         "what": plain(one.what),
         **{name: float(end) if math.isfinite(end) else None for name, end in ends.items()},

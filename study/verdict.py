@@ -131,6 +131,7 @@ class Evidence:
     conditions: Sequence[Reading] = ()  # conditions that may save it; the name says the condition
     numbers: Sequence[Number] = ()  # what else was computed
     setting: Setting = TABLE_1  # what was computed without a setting of its own
+    not_computed: Sequence[str] = ()  # what this base cannot do, in the words of the package
 
     @property
     def verdict(self) -> Verdict:

@@ -9,12 +9,14 @@ from study import (
     claims_on_heights,
     claims_on_laboratory,
     claims_on_order,
+    claims_on_robustness,
     claims_on_transients,
     claims_on_windows,
     claims_page,
     collect,
 )
 from study.bases import FIXED
+from study.disturbances import DRIVE, OWN, WAVEFORM, disturbances
 from study.samples import Plan
 
 ON_EVERY_BASE = (
@@ -31,14 +33,23 @@ SMALL = {"seeds": 3, "realizations": 8}
 
 @pytest.fixture(scope="session", autouse=True)
 def small_campaign():
-    """Two bases: the base of finite mass has tests of its own; and the smallest experiment."""
+    """Two bases: the base of finite mass has tests of its own; few disturbances; one experiment."""
     with pytest.MonkeyPatch.context() as patch:
         for module in ON_EVERY_BASE:
             patch.setattr(module, "BASES", FIXED)
         size = claims_on_laboratory.SIZE
         small = {"cases": {"A": 1, "B": 5}, "imperfections": size["imperfections"][:1]}
         patch.setattr(claims_on_laboratory, "SIZE", size | small)
+        patch.setattr(claims_on_robustness, "disturbances", few_disturbances)
+        patch.setattr(claims_on_robustness, "LONG", 100.0)
         yield
+
+
+def few_disturbances(*orbit):
+    """Of the kinds that a test compares one each: all of them take a minute to compile."""
+    every = disturbances(*orbit)
+    chosen = {OWN[1]: "5 %", DRIVE: "5 %", WAVEFORM: "parabolic"}
+    return {kind: {name: every[kind][name]} for kind, name in chosen.items()}
 
 
 @pytest.fixture(scope="session")

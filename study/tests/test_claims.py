@@ -1,5 +1,6 @@
 """Every claim is computed: known numbers, and verdicts that turn with the physics."""
 
+import html
 import math
 
 import numpy as np
@@ -19,6 +20,7 @@ from study import (
     slots,
 )
 from study.bases import FIXED, HIGH_BOUNCE, MOVING, SPRUNG
+from study.disturbances import DRIVE, LAW, OWN, WAVEFORM, disturbances, orbit, refusal
 from study.report import as_json
 from study.samples import ANY_PHASE, FIRST, MOUNT, Plan
 from study.verdict import ANY_BASE, Claim, Verdict
@@ -204,6 +206,48 @@ def test_synchronous_particles_draw_apart_on_a_base_that_recoils(monkeypatch):
     assert np.nanmin(drawn_apart) == 1.0
     gap = theory.sprung.reversing_separation(1, 0.9, 0.6, MOUNT["mass_ratio"])
     assert value(found, "two particles in one slot") == float(gap)
+
+
+@pytest.mark.parametrize("base", FIXED)
+@pytest.mark.parametrize(("restitution", "periods"), [(0.9, 1), (0.98, 20)])
+def test_the_orbit_of_a_sine_is_the_closed_form(base, restitution, periods):
+    found = orbit(base, restitution, periods, {})
+    ends = (end(periods, restitution, base=base) for end in ENDS)
+    assert found.amplitude == pytest.approx(float(np.mean(list(ends))), rel=1e-4)
+    phase = float(theory.locked_phase(periods, restitution, found.amplitude))
+    assert found.phase == pytest.approx(phase, abs=1e-9)
+
+
+def test_orbits_of_other_waveforms_and_laws_lie_where_the_model_says():
+    """Parabolic: from a = (1 - e) k to (1 + e) / 2; plastic: as the page of the laws says."""
+    unit = float(theory.locked_velocity(1))
+    found = orbit(HIGH_BOUNCE, 0.7, 1, {"waveform": "parabolic"})
+    assert found.amplitude == pytest.approx(unit * 0.5 * (0.3 + 0.85), rel=1e-4)
+    speed = {"restitution_law": "plastic", "restitution_speed": 0.5 * unit}
+    amplitude = 1.9 * unit * 0.6 / math.pi  # Gamma = 0.6
+    assert orbit(MOVING, 0.9, 1, speed, amplitude).phase == pytest.approx(0.3476165567904, abs=1e-9)
+
+
+ENDS = (theory.amplitude_min, theory.amplitude_max)
+
+
+def test_what_a_base_cannot_do_is_said_in_the_words_of_the_package(outcomes, shown):
+    assert disturbances(0.9, 1.2, 1).keys() == {*OWN, DRIVE, WAVEFORM, LAW}
+    why = refusal(MOVING, {"drive_noise": 0.05})
+    assert "would jump" in why
+    for key in ("31", "32", "33", "34"):
+        level, moving = (evidence(outcomes[key], base) for base in FIXED)
+        assert level.not_computed == ()
+        assert why in moving.not_computed
+        assert not any(DRIVE in one.name for one in moving.readings)
+    assert f"Not computed: {html.escape(why)}" in shown
+
+
+def test_which_noise_separates_particles_of_one_slot(outcomes):
+    """Noise of its own does; that of the drive pushes both alike, as a waveform does."""
+    found = evidence(outcomes["34"])
+    assert reading(found, OWN[1]).checks[0].value.value == 1.0
+    assert reading(found, DRIVE).checks[0].value.value == 0.0
 
 
 def test_the_same_whatever_the_number_of_threads(claims):
