@@ -16,7 +16,7 @@ SECONDS: Final = 1.0  # before the line, and between its versions
 
 
 class Line:
-    """Written every second, over what was written before, until it ends: what, and for how long."""
+    """Line that is rewritten every second until its end: the task, and for how long."""
 
     def __init__(self, words: str) -> None:
         self._words = words

@@ -26,7 +26,7 @@ SHAPE: Final = {
 
 
 def basin_measures(index: NDArray[np.int64], speeds: Array) -> dict[str, Any]:
-    """Variables that tell how basins interlace.
+    """Variables that measure how basins interlace.
 
     `index` of launches has the shape (launch_velocity, launch_time); it is negative where a launch
     is unsettled and has reached no attractor: such ones are left out of the entropies and of the

@@ -145,7 +145,7 @@ def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers
 def _searched_all(
     base: Any, problem: Dimensionless, wanted: Wanted, capacity: int, workers: Workers
 ) -> Closed:
-    """Search orbits of a piece with so much room for those of each point."""
+    """Search orbits of a piece with memory for so many orbits of each point."""
     size = problem.kick.size
     require_memory("orbits", size * capacity, 2 * BYTES_PER_IMPACT * wanted.impacts)
     out = empty_closed(size, capacity, wanted)

@@ -1,4 +1,4 @@
-"""The distribution of the smallest separation over realizations, and what it depends on."""
+"""Distribution of the smallest separation over realizations, and its dependence on parameters."""
 
 from __future__ import annotations
 

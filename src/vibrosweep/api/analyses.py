@@ -70,13 +70,13 @@ def windows(
         middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
         reaches the end of the scan and past the last window; ``window_ends``, a code that tells
         which ends are open in this way, and beyond which ends the condition is undetermined.  Names
-        begin with the symbol of what is scanned: ``A``, ``V0``, ``B``, ``Gamma``. Dims (condition,
-        direction, restitution): ``window_count`` and ``widest``, the index of the widest window, -1
-        without any.  Dims (condition, direction, restitution, scan): ``holds``, whether the
-        condition holds at a point of the scan, -1 where that is undetermined.  With `prove` also
-        ``min_proof``, ``max_proof`` and ``inside_proof``, dims as of ``A_min``: what is proved, or
-        why not; and ``A_min_low``, ``A_min_high``, ``A_max_low``, ``A_max_high``, which enclose
-        proved ends.
+        begin with the symbol of the forcing that is scanned: ``A``, ``V0``, ``B``, ``Gamma``. Dims
+        (condition, direction, restitution): ``window_count`` and ``widest``, the index of the
+        widest window, -1 without any.  Dims (condition, direction, restitution, scan): ``holds``,
+        whether the condition holds at a point of the scan, -1 where that is undetermined.  With
+        `prove` also ``min_proof``, ``max_proof`` and ``inside_proof``, dims as of ``A_min``: what
+        is proved, or why not; and ``A_min_low``, ``A_min_high``, ``A_max_low``, ``A_max_high``,
+        which enclose proved ends.
 
     Raises
     ------

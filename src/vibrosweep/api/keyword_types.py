@@ -83,7 +83,7 @@ class MeasureKeywords(TypedDict, total=False):
 
 
 class BatchKeywords(MotionKeywords, MeasureKeywords, total=False):
-    """A scene, its launches, and what is measured of it beside its landings."""
+    """A scene, its launches, and measures beside its landings."""
 
     launch_time: ArrayLike | None
     noise_stream: ArrayLike | None
@@ -120,7 +120,7 @@ class WindowKeywords(SweepKeywords, total=False):
 def completed(by: type[Any]) -> Callable[[F], F]:
     """Give a function whose keywords are those of a type a signature that names each of them.
 
-    Type checkers know them without; notebooks complete what the signature names.
+    Type checkers know them without; notebooks complete the names of the signature.
     """
 
     def with_signature(function: F) -> F:

@@ -198,7 +198,7 @@ def boundaries(
     -------
     xarray.Dataset
         Dims (curve, point): ``restitution`` and the forcing under its name; and the other
-        variables of `vibrosweep.branches`.  Dim curve: ``bifurcation``, what happens there.
+        variables of `vibrosweep.branches`.  Dim curve: ``bifurcation``, its kind.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def add_lines(parser: argparse.ArgumentParser) -> None:
 
 
 def lines_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Return what `add_lines` adds, as the analyses of lines take it."""
+    """Return the options of `add_lines`, as the analyses of lines take them."""
     wanted = options.impacts, options.periods
     return {"wanted": wanted, "doublings": options.doublings, "points": options.points}
 

@@ -32,7 +32,7 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
-# The same in memory, with phase and speed of arrival and what computing them needs
+# The same in memory, with phase and speed of arrival and the arrays that computing them needs
 BYTES_IN_MEMORY: Final = BYTES_PER_LANDING + 4 * 8
 # Bytes per trajectory apart from its landings, measured: launch, statistics, copies.
 BYTES_PER_TRAJECTORY: Final = 120

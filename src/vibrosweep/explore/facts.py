@@ -30,7 +30,7 @@ def named(choice: Choice) -> str:
 def facts(
     choice: Choice, observed: xr.Dataset, settled: xr.Dataset | None
 ) -> Iterator[tuple[str, str]]:
-    """Names and values of the properties of a realization, from what its choice computes."""
+    """Names and values of the properties of a realization, computed by its choice."""
     one = observed.isel(realization=0)
     begin, end = (float(one[n]) * choice.inputs["frequency"] for n in ("transient", "duration"))
     yield "base", choice.scene.base

@@ -20,7 +20,7 @@ _FOR_FILE: Final = ContextVar("for_file", default=False)
 
 
 def load_backend() -> None:
-    """Have pyplot load its backend, unless for a file, so that what it sets outlasts the style."""
+    """Have pyplot load its backend, unless for a file, so that its settings outlast the style."""
     if not _FOR_FILE.get():
         from matplotlib import pyplot
 

@@ -64,7 +64,7 @@ def mantissa_and_exponent(x: float) -> tuple[float, float]:
 
 @jit
 def log(x: float) -> float:
-    """Natural logarithm: -inf of 0, NaN of what is negative."""
+    """Natural logarithm: -inf of 0, NaN of a negative number."""
     tiny = x < SMALLEST_NORMAL
     f, k = mantissa_and_exponent(x * 2.0**54 if tiny else x)
     found = log_near_one(f, k - 54.0 if tiny else k)

@@ -88,7 +88,7 @@ def put_ahead(out: Floats, z: Floats, step: float, direction: Floats) -> None:
 
 @jit
 def normalize(direction: Floats) -> float:
-    """Make the length of a direction 1; return what it was."""
+    """Make the length of a direction 1; return its length before."""
     length = 0.0
     for value in direction:
         length += value * value

@@ -234,7 +234,7 @@ def leaving_to_repeat_falling(law: Restitution, e: float, scale: float, k: float
 
 @implements(rise_to_repeat, Plastic, Viscoelastic)
 def rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
-    # half of what the impact leaves out
+    # half of the terms that the impact leaves out
     c = arrival_to_repeat(law, e, scale, k)
     return 0.5 * (1.0 + e) * lost_speed(law, e, scale, c, 1.0)
 

@@ -197,7 +197,7 @@ def slipped(noise: Noise | None, e: float, slip: float) -> float:
 
 @jit
 def slipped_slope(noise: Noise | None, share: float, q: float, slip: float) -> float:
-    """Derivative of what an impact leaves of a speed, of which the law leaves a share."""
+    """Derivative by v of the speed that an impact leaves of v, where the law leaves a share."""
     if noise is None:
         return q
     moved = share + slip
@@ -243,7 +243,7 @@ def driven(noise: Noise | None, a: float, drive: float) -> float:
 
 @jit
 def swing(noise: Noise | None, a: float, drive: float) -> float:
-    """How far the noise of the drive has moved an amplitude, which is a now; its modulus."""
+    """Modulus of the change by which the noise of the drive has made an amplitude a."""
     if noise is None:
         return 0.0
     return _swing(noise.drive, a, drive)
@@ -256,10 +256,10 @@ def _swing(on: int | None, a: float, drive: float) -> float:
 
 @jit
 def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: float = 0.0) -> float:
-    """Bound of the rounding that noise adds to the speed after an impact, but for the amplitude's.
+    """Bound of the rounding that noise adds to the speed after an impact, apart from the amplitude.
 
-    The restitution and the kick that are drawn are products, and so is the strength of the latter,
-    of five roundings; each is added to what it changes.
+    The random parts of restitution and kick are products, and the strength of the kick has five
+    roundings; each part is added to the number that it changes.
     """
     if noise is None:
         return 0.0
@@ -271,7 +271,7 @@ def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: floa
 def clip_is_doubtful(noise: Noise | None, share: float, slip: float, error: float) -> bool:
     """Return whether the relative error of a speed decides if its restitution is 0, 1 or between.
 
-    A law's share of a speed changes by no more than the speed itself, relative.
+    The share that a law leaves has no larger relative change than the speed.
     """
     if noise is None:
         return False

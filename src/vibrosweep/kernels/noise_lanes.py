@@ -20,7 +20,7 @@ from vibrosweep.kernels.noise import Noise, Source, period_of
 
 
 class Rows(NamedTuple):
-    """A kind of noise of each impact: the rows of its strength, and of what two impacts draw."""
+    """Rows of one kind of noise: of its strength, and of the deviates of two impacts."""
 
     purpose: Word
     size: int
@@ -93,7 +93,7 @@ def _take_second(on: int | None, s: Floats, j: int, of: Rows) -> None:
 
 @jit
 def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
-    """Draw for the forcing period of the next landing, or for that which may end a rest."""
+    """Draw for the forcing period of the next landing, or for the one that may end a rest."""
     if on is not None:
         wide_vectors()
         for j in range(lanes):

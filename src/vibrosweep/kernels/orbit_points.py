@@ -1,4 +1,4 @@
-"""Memory for the points of a line of orbits, and for what is met on the way."""
+"""Memory for the points of a line of orbits, and for the events on the way."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vibrosweep.kernels.unwritten import require_written, unwritten
 
 
 class Line(NamedTuple):
-    """Points of one line in their order, and what is met on the way."""
+    """Points of one line in their order, and events on the way."""
 
     ends: Integers  # number of points, of events, and why the line ends
     z: Floats  # (point, p + 2)
@@ -24,7 +24,7 @@ class Line(NamedTuple):
 
 
 def empty_line(points: int, p: int) -> Line:
-    """Allocate room for so many points and events."""
+    """Allocate memory for so many points and events."""
     return Line(
         ends=unwritten(3, np.int64),
         z=unwritten((points, p + 2)),

@@ -51,7 +51,7 @@ class Wanted(NamedTuple):
 class Closed(NamedTuple):
     """Orbits; the first dimension of every array is (problem,), the second (orbit,) or (p, q)."""
 
-    orbits: Integers  # (problem,): their number, -1 where they find no room
+    orbits: Integers  # (problem,): their number, -1 where they exceed the capacity
     impacts: Integers  # 0 past the last orbit, as the periods
     periods: Integers
     admissible: Flags  # `NO_ORBIT` past the last one
@@ -72,7 +72,7 @@ class Closed(NamedTuple):
 
 
 def empty_closed(problems: int, capacity: int, wanted: Wanted) -> Closed:
-    """Allocate room for so many orbits of each problem, all of which `find_closed` writes."""
+    """Allocate memory for so many orbits of each problem, all of which `find_closed` writes."""
     each, pairs = (problems, capacity), (problems, wanted.impacts, wanted.periods)
     landings = (*each, wanted.impacts)
     return Closed(
@@ -147,7 +147,7 @@ def _known(i: int, times: Floats, p: int, q: int, out: Closed) -> bool:
 def _search(
     fixed: Constants, i: int, p: int, q: int, wanted: Wanted, kick: float, out: Closed
 ) -> bool:
-    """Find the orbits of (p, q), shorter ones among them; False where they find no room."""
+    """Find the orbits of (p, q), shorter ones among them; False where they exceed the capacity."""
     times, scratch, off, matrix = np.empty(p), np.empty(p), np.empty(p), np.empty((p, p))
     golden = _golden(p)
     least = wanted.seeds * 4 ** (min(p, LEAST) - 1)
@@ -182,7 +182,7 @@ def _search(
 def _keep(
     fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, out: Closed
 ) -> None:
-    """Keep a new orbit, with what is known of it from its times."""
+    """Keep a new orbit, with the properties that follow from its times."""
     k = out.orbits[i]
     out.orbits[i] += 1
     _blank(i, k, out)
@@ -213,7 +213,7 @@ def find_closed(
 ) -> None:
     """Find the closed orbits of problems first ... last - 1.
 
-    Where they find no room not all of a problem is written.
+    A problem whose orbits exceed the capacity is not written completely.
     """
     for i in range(first, last):
         out.orbits[i] = 0

@@ -154,9 +154,9 @@ def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span
 def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
     """Smallest gap between k landings of different particles, where it is below `gap`; else `gap`.
 
-    Names below zero, of what is not inside the window, are left out.  Nothing is put in order: time
-    is cut into cells of four gaps, and a landing is compared with those in its own cell and in
-    the nearer one beside it; cells that are a multiple of the table's length apart share an entry.
+    Negative names, of landings outside the window, are left out.  Nothing is put in order: time is
+    cut into cells of four gaps, and a landing is compared with those in its own cell and in the
+    nearer one beside it; cells that are a multiple of the table's length apart share an entry.
     Where the gap is infinite or below `NARROWEST`, or landings lie beyond `FARTHEST`, NaN is
     returned.
     """

@@ -224,9 +224,9 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
 def _lifted(
     noise: Noise | None, fixed: Constants, hit: Bounded, n: float, later: Instant
 ) -> StateError:
-    """Bounds of the errors of the lift-off after a rest that begins in period n; or infinite.
+    """Bounds of the errors of the lift-off after a rest that begins in period n.
 
-    They are where it is in doubt whether the rest begins before the instant of the lift-off.
+    Infinite where it is in doubt whether the rest begins before the instant of the lift-off.
     """
     if noise is not None:
         return random_liftoff_error(fixed, n, hit.x, hit.error, later)

@@ -99,7 +99,7 @@ class Case:
     @cached_property
     def cycles(self) -> Sequence[Cycle | None]:
         """Cycle of each particle: from rest to rest, or else as most of its variables state."""
-        if self.realization.deviates is not None:  # what is random never repeats
+        if self.realization.deviates is not None:  # random motion never repeats
             return [None] * len(self.orbits)
         said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]
         found = []

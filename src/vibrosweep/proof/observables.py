@@ -2,10 +2,10 @@
 
 The user's function is evaluated twice for each landing, on the proved numbers and on balls around
 them as wide as the errors that a dataset admits; both round as doubles do, operation by operation.
-The second ball then holds what the kernel can have found, and its distance from the first is
-claimed.  A function that uses more than arithmetic, or that compares a ball with a number inside
-it, is evaluated at the middle of the proved numbers instead, and as far beside it as each of them
-may be wrong: the sum of these changes is an *estimate* of the error.
+The second ball then holds every number that the kernel can have found, and its distance from the
+first is claimed.  A function that uses more than arithmetic, or that compares a ball with a number
+inside it, is evaluated at the middle of the proved numbers instead, and as far beside it as each of
+them may be wrong: the sum of these changes is an *estimate* of the error.
 """
 
 from __future__ import annotations

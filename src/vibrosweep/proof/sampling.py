@@ -169,7 +169,7 @@ def _parameter(
 
 
 def _taken(file: Any, scene: Scene) -> tuple[str, ...]:
-    """Names of the parameters of a scene, and of what is random in it."""
+    """Names of the parameters of a scene, and of its noise."""
     own = () if scene.restitution_law == CONSTANT else (*OF_RESTITUTION,)
     random = [name for name in (*NOISE, STREAM) if name in file.variables]
     return (*PARAMETERS, *own, *(MOUNT if scene.base == SPRUNG else ()), *random)

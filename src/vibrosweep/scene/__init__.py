@@ -1,1 +1,1 @@
-"""Keywords, a mapping or a sweep file to checked, frozen descriptions of what is computed."""
+"""From keywords, a mapping or a sweep file to checked, frozen descriptions of a computation."""

@@ -1,4 +1,4 @@
-"""Scenes: particles, a base, and what is measured of them."""
+"""Scenes: particles, a base, and the measures taken of them."""
 
 from __future__ import annotations
 

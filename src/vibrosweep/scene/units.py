@@ -46,7 +46,7 @@ _FACTOR: Final = re.compile(r"([A-Za-z%]+|1)(?:\^|\*\*)?([+-]?[1-9])?")
 
 
 def factor(unit: str, wanted: str) -> tuple[float, float] | None:
-    """Numerator and denominator of what a value in one unit is multiplied by for another.
+    """Numerator and denominator of the factor that converts a value from one unit to another.
 
     A unit is a product of known units with exponents, as ``mm s-1``, ``mm.s^-1`` or ``mm/s``.  None
     where the unit is not known, or measures something else.

@@ -49,7 +49,7 @@ def random_high_bounce(
 
 @jit
 def _lift_in(kick: float, r: float, after: float) -> tuple[bool, float]:
-    """Whether the kick exceeds r from some turns into a period on, with the turns until then."""
+    """Return whether the kick exceeds r later in a period than `after`, and when, in turns."""
     rises = _arcsin_turns(r / abs(kick))
     falls = 0.5 - rises
     # where it is negative the kick is upward in the second half of the period
@@ -81,10 +81,10 @@ def _first_lift(
 def first_lift_error(
     noise: Noise, fixed: Constants, n: float, x: float, error: float
 ) -> StateError:
-    """Bounds of the errors of `_first_lift`, where that of the phase x of the rest is known.
+    """Bounds of the errors of `_first_lift`, from that of the phase x of the rest.
 
     The first is infinite where it is in doubt which forcing period lifts the particle.  The kick of
-    a period takes two roundings, and its noise two, more than that without noise.
+    a period takes two more roundings than without noise, and its noise another two.
     """
     a, r, size = fixed.a, fixed.r, fixed.source.drive
     period = period_of(n, x)
@@ -147,7 +147,7 @@ def _wake_all(noise: Noise | None, s: Floats, lanes: int) -> None:
 
 @jit
 def _wake_lanes(on: int | None, noise: Noise, s: Floats, lanes: int) -> None:
-    """Ask whether the forcing period that was drawn ends the rest of a lane, as `_first_lift`."""
+    """Check whether the drawn forcing period ends the rest of a lane, as `_first_lift` does."""
     if on is not None:
         wide_vectors()
         for j in range(lanes):

@@ -261,7 +261,7 @@ def _unless_turned(
     spread: StateError,
     error: float,
 ) -> float:
-    """An error, infinite where all of that of a lift-off decides if noise turns the speed back."""
+    """Return the error, or infinity where it decides whether noise turns a lift-off back."""
     if random is None:
         return error
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)

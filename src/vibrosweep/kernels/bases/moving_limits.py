@@ -13,7 +13,8 @@ from vibrosweep.kernels.bases.shaped_search import at_phase, stretch
 from vibrosweep.kernels.sine import COSINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.shapes import TWO_PI
 
-AT_LIFT_OFF = 2.0**-48  # turns; so near to it, what leaves is as good as lifted
+# turns; a particle that leaves so near to the phase of lift-off counts as lifted
+AT_LIFT_OFF = 2.0**-48
 UPWARDS = 1.0 + 2.0**-30  # extremes of a shape are themselves rounded
 
 
@@ -46,7 +47,7 @@ def below_top(fixed: Constants, x: float, dx: float, slack: float) -> float:
 
 @generic
 def first_stretch(fixed: Constants, x: float) -> tuple[bool, float]:
-    """Return whether the base falls faster than gravity at phase x, and how long that is so yet."""
+    """Return whether the base falls faster than gravity at phase x, and for how long."""
 
 
 @implements(limits, MovingConstants)

@@ -177,7 +177,7 @@ def _keep(state: System, kept: System) -> None:
 
 @jit
 def _shrink(deviation: Floats) -> float:
-    """Bring a deviation to length 1; return the logarithm of what it was."""
+    """Bring a deviation to length 1; return the logarithm of its length before."""
     square = 0.0
     for row in range(deviation.shape[0]):
         square += deviation[row, 0] * deviation[row, 0]

@@ -29,7 +29,7 @@ SHARPER: Final = 3  # times
 WIDE: Final = (4, 5, 6, 8, 10, 12, 16, 20, 24, 30)  # boxes of radius 2^-w, in which a root is alone
 OVERLAP: Final = 0.05  # of a piece of a branch with the next one
 DEEPEST: Final = 12  # times a piece is halved
-ENLARGED: Final = 1.2  # radius of a box, relative to that of what it should hold
+ENLARGED: Final = 1.2  # radius of a box, relative to that of the points it should hold
 TRIES: Final = 4  # boxes around a piece
 Box = list[arb]
 

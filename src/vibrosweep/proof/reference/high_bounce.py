@@ -153,7 +153,7 @@ class Motion:
         return Landed(self._flown, self._half_turns, duration, None, arrival=duration)
 
     def _drawn(self, impact: int) -> BallMap:
-        """Return the map with what is random in the next impact."""
+        """Return the map with the random numbers of the next impact."""
         m = self._map
         law = self._problem.random(m.restitution, impact, ONE, thrown=False)
         period = _period(m.half_turns(self._flown + self._velocity) / 2, impact)

@@ -137,7 +137,7 @@ class Viscoelastic:
 
 
 class Random:
-    """A law with what is random in one impact: added to its share, and to the speed after it.
+    """A law under noise: random numbers are added to its share and to the speed after impact.
 
     The speed after it is turned back where it would be negative, if `thrown`.
     """
@@ -153,7 +153,7 @@ class Random:
         return self.share(v) * v + self._push
 
     def kept(self, v: arb) -> arb:
-        """Speed that is left of v, with what is added."""
+        """Speed that is left of v, with the random push."""
         left = self._left(v)
         return abs(left) if self._thrown else left
 

@@ -78,7 +78,7 @@ class Problem:
         return 1 + self.balls["drive_noise"] * self.deviates.of_period(period)
 
     def random(self, law: Impact, impact: int, unit: arb, thrown: bool) -> Impact:
-        """Return a law of restitution with what is random in an impact, counted from 1.
+        """Return a law of restitution with the random numbers of an impact, counted from 1.
 
         The unit is that of speeds.
         """

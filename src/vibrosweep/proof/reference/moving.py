@@ -301,7 +301,7 @@ class Motion:
         return Landed(self._flown, 2 * turns, duration, slopes, arrival)
 
     def _drawn(self, impact: int) -> MovingMap:
-        """Return the map with what is random in an impact."""
+        """Return the map with the random numbers of an impact."""
         unit = self._gravity / (2 * self._frequency)
         law = self._problem.random(self._map.restitution, impact, unit, thrown=True)
         return replace(self._map, restitution=law)
