@@ -96,7 +96,7 @@ _RANDOM: Final[Mapping[str, Ability]] = {
 UNDER_NOISE: Final = frozenset(
     {
         *("separation", "per_particle", "regimes", "lyapunov", "trust"),
-        *("separations", "record", "observables", "verify"),
+        *("separations", "record", "observables", "verify", "windows"),
     }
 )
 

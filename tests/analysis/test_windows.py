@@ -427,3 +427,37 @@ def test_windows_under_a_law_of_restitution():
         assert (np.abs(one - known) <= 0.5 * width * (1.0 + 1e-6)).all()
         assert (width <= 1e-9 * one).all()
     assert (found.window_count == 1).all()
+
+
+NOISY = {"restitution": 0.9, "kick_noise": 1e-3, "duration_periods": 60.0, "noise_replicas": 5}
+
+
+def test_windows_under_noise_are_shares_of_replicas():
+    """Weak noise keeps all of 10 particles within the ends without noise, and none beyond them."""
+    low, high = (float(f(1, 0.9)) for f in (theory.amplitude_min, theory.amplitude_max))
+    scan = [0.8 * low, 1.2 * low, 0.5 * (low + high), 0.9 * high, 1.3 * high]
+    found = windows(NOISY | {"amplitude": scan, "particles": 2, "tolerance": 0.01})
+    assert found.share.values.ravel().tolist() == [0.0, 1.0, 1.0, 1.0, 0.0]
+    assert found["holds"].values.ravel().tolist() == [0, 1, 1, 1, 0]
+    tail = 0.025**0.1  # Clopper and Pearson, none of 10 or all
+    assert found.share_low.values.ravel() == pytest.approx([0.0, tail, tail, tail, 0.0])
+    assert found.share_high.values.ravel() == pytest.approx([1 - tail, 1.0, 1.0, 1.0, 1 - tail])
+    assert found.A_min.item() == pytest.approx(low, rel=0.05)
+    assert 0.9 * high < found.A_max.item() < 1.3 * high
+    assert found.attrs["noise_replicas"] == 5
+    assert "noise_stream" not in found.variables
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"continuation": True}, "continuation = True: looks for orbits that repeat"),
+        ({"prove": True}, "prove = True: looks for orbits that repeat"),
+        ({"conditions": ["ordered"]}, "conditions = 'ordered': looks for orbits that repeat"),
+        ({"kick_noise": 0.0}, "noise_replicas = 5: has no meaning, since nothing is random"),
+        ({"noise_replicas": 0}, "noise_replicas = 0.*at least 1"),
+    ],
+)
+def test_what_windows_refuse_under_noise(given, words):
+    with pytest.raises(SpecError, match=words):
+        windows(NOISY | {"amplitude": [1.0, 2.0]} | given)

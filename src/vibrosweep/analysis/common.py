@@ -14,6 +14,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import ABSENT, Mistake, Word
 from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
+from vibrosweep.model.parameters import STREAM
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.times import Periods, in_seconds
 from vibrosweep.runs.notes import short_observation
@@ -77,7 +78,7 @@ def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
     """Variables without dimensions: times, and parameters that all realizations share."""
     values = {name: np.array([INPUTS[name].low]) for name in varied if name not in scene.inputs}
     found = scene.quantities(values)
-    differ = {*differing(varied, scene.forcing(varied))}
+    differ = {*differing(varied, scene.forcing(varied)), STREAM}
     differ |= FORCINGS.keys() - {*KEPT, scene.forcing(varied)}
     fixed: dict[str, Any] = {
         name: ((), values[0], coordinate_attributes(INPUTS[name]))

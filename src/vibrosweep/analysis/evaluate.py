@@ -19,6 +19,7 @@ from vibrosweep.kernels.fixed import (
     ABSENT,
     ATTRACTS,
     REPELS,
+    FixedOrbits,
     empty_fixed,
     end_errors,
     find_fixed,
@@ -72,21 +73,27 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
     same code nothing changes.
     """
     problem = dimensionless(scene.parameters(points), scene.duration)
-    k = np.full(problem.kick.size, condition.k)
-    base = base_of(*scene.mechanics)
 
     def state(sign: float) -> Codes:
-        found = empty_fixed(k.size)
-        workers.each(
-            lambda first, last: find_fixed(first, last, base, problem, k, sign, found),
-            k.size,
-            FIXED_PER_TASK,
-            found,
-        )
-        return found.state.astype(np.int64)
+        return fixed_orbits(scene, condition.k, sign, problem, workers).state.astype(np.int64)
 
     straight = state(1.0)
     return straight + STATES * state(-1.0) if may_push_back(scene.rebound) else straight
+
+
+def fixed_orbits(
+    scene: Scene, k: int, sign: float, problem: Dimensionless, workers: Workers
+) -> FixedOrbits:
+    """Orbits of k periods of each problem, without noise; `sign` is that of `find_fixed`."""
+    found, base = empty_fixed(problem.kick.size), base_of(*scene.mechanics)
+    every = np.full(problem.kick.size, k)
+    workers.each(
+        lambda first, last: find_fixed(first, last, base, problem, every, sign, found),
+        every.size,
+        FIXED_PER_TASK,
+        found,
+    )
+    return found
 
 
 def law_errors(scene: Scene, condition: Locked, points: Points) -> Array:
@@ -101,15 +108,20 @@ def law_errors(scene: Scene, condition: Locked, points: Points) -> Array:
 
 def launched(scene: Scene, condition: Condition, points: Points, workers: Workers) -> Codes:
     """Code of a condition for the scene's launches at each point; shape (point,)."""
-    needed = scene.only(**condition.measures)
     size = max(1, TRAJECTORIES_AT_A_TIME // scene.particles)
     held = []
     for start in range(0, points["restitution"].size, size):
         piece = {name: values[start : start + size] for name, values in points.items()}
-        parameters = scene.parameters(piece)
-        measured = measure(parameters, needed, workers)
-        held.append(condition.judge(_dataset(scene, parameters, measured)))
+        held.append(condition_codes(scene, condition, scene.parameters(piece), workers))
     return np.concatenate(held)
+
+
+def condition_codes(
+    scene: Scene, condition: Condition, parameters: dict[str, Array], workers: Workers
+) -> Codes:
+    """Code of a condition for the scene's launches in each realization."""
+    measured = measure(parameters, scene.only(**condition.measures), workers)
+    return condition.judge(_dataset(scene, parameters, measured))
 
 
 def lift_off_speeds(base: str, problem: Dimensionless, phase: Array, speed: Array) -> Array:

@@ -35,6 +35,7 @@ from vibrosweep.analysis.conditions import (
     Locked,
     named,
 )
+from vibrosweep.analysis.replicas import REPLICAS, Share, share_of
 from vibrosweep.analysis.window_codes import ENDS, FRESH, HELD, NO_WINDOW, code_of_ends
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
@@ -43,7 +44,7 @@ from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import NOISE, PARAMETERS
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
@@ -60,6 +61,7 @@ __all__ = [
 
 
 TOLERANCE: Final = 1e-9
+NOISY_TOLERANCE: Final = 1e-3  # where something is random
 DIRECTIONS: Final = ("up", "down")
 RESTITUTIONS, POINTS = 25, 150  # of a scan over ranges
 # Relative error of the amplitude that `model.forcing.completed` makes of another forcing: at most
@@ -92,23 +94,33 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     code = {"condition_code": "\n\n".join(condition.code for condition in own)} if own else {}
     orbits = any(_of_orbits(c) for c in conditions)
     scene = settling(sweep, float(e.max())) if orbits else sweep.scene
-    asked = sweep.windows or {}
-    tolerance, continuation = asked.get("tolerance", TOLERANCE), asked.get("continuation", False)
+    replicas, asked = _replicas(sweep, conditions), sweep.windows or {}
+    tolerance = asked.get("tolerance", NOISY_TOLERANCE if replicas else TOLERANCE)
+    continuation = asked.get("continuation", False)
     directions = DIRECTIONS if continuation else FRESH
     states = BYTES_PER_STATE * scene.particles if continuation else 0
     require_memory("points of the scan", e.size * a.size, BYTES_PER_POINT + states)
+    scan, shares = Scan(forcing, e, a), []
     with Workers(threads) as workers:
-        found = [
-            _windows(scene, condition, Scan(forcing, e, a), direction, tolerance, workers)
-            for condition in conditions
-            for direction in directions
-        ]
+        if replicas:
+            noisy = [_noisy(scene, c, scan, tolerance, replicas, workers) for c in conditions]
+            found, shares = [rows for rows, _ in noisy], [share for _, share in noisy]
+        else:
+            found = [
+                _windows(scene, condition, scan, direction, tolerance, workers)
+                for condition in conditions
+                for direction in directions
+            ]
     shape = (len(conditions), len(directions), e.size)
     table = _table(found, shape)
     held = np.array([row.codes for rows in found for row in rows], np.int8)
     held = held.reshape(*shape, a.size)
-    dataset = _dataset(scene, conditions, directions, Scan(forcing, e, a), table)
+    dataset = _dataset(scene, conditions, directions, scan, table)
     dataset[HELD.name] = (HELD.dims, held, HELD.attributes)
+    if replicas:
+        every = Share(*(np.concatenate(part) for part in zip(*shares, strict=True)))
+        dataset = dataset.assign(every.variables((*shape, a.size)))
+        dataset = dataset.assign_attrs(noise_replicas=replicas, noise_seed=scene.noise_seed)
     attributes = {"tolerance": tolerance, "notes": note_of(scene, float(e.max())) if orbits else ""}
     if not sweep.design.axes:
         sizes = f"{e.size} restitutions and {POINTS} values of {forcing} in even steps"
@@ -126,6 +138,27 @@ def _conditions(sweep: Sweep) -> list[Condition | Locked]:
         return [named(one) if isinstance(one, str) else one for one in listed]
     except ParameterError as error:
         raise sweep.refusal((Key("windows.conditions"), f": {error}")) from error
+
+
+def _replicas(sweep: Sweep, conditions: list[Condition | Locked]) -> int:
+    """Replicas of each point; 0 where nothing is random.
+
+    Raises a SpecError for what has no meaning then.
+    """
+    asked, noise = sweep.windows or {}, sweep.scene.noise(sweep.design.sampled)
+    given = asked.get("noise_replicas")
+    if not noise:
+        if given is None:
+            return 0
+        rule = f"has no meaning, since nothing is random: give one of {', '.join(NOISE)}"
+        raise sweep.refusal(Mistake("windows.noise_replicas", rule, given))
+    rule = f"looks for orbits that repeat: leave it out, or {' and '.join(noise)}"
+    for key in ("continuation", "prove"):
+        if asked.get(key):
+            raise sweep.refusal(Mistake(f"windows.{key}", rule, asked[key]))
+    if repeats := [c.name for c in conditions if isinstance(c, Condition) and _of_orbits(c)]:
+        raise sweep.refusal(Mistake("windows.conditions", rule, repeats[0]))
+    return int(given or REPLICAS)
 
 
 def _of_orbits(condition: Condition | Locked) -> bool:
@@ -186,6 +219,27 @@ def _windows(
     return [
         Row(held[row], windows_of_row(codes, edges, row, evaluate.HOLDING)) for row in range(e.size)
     ]
+
+
+def _noisy(
+    scene: Scene,
+    condition: Condition | Locked,
+    scan: Scan,
+    tolerance: float,
+    replicas: int,
+    workers: Workers,
+) -> tuple[list[Row], Share]:
+    """Windows in which a condition holds in half of the replicas, and shares at the scan."""
+    (forcing, e, a), shares = scan, []
+
+    def judge(rows: Codes, at: Array, states: Array) -> tuple[Codes, Array]:
+        points = {"restitution": e[rows], forcing: at}
+        shares.append(share_of(scene, condition, points, replicas, workers))
+        return shares[-1].codes, states
+
+    codes, edges = find_edges(judge, e.size, a, tolerance)
+    rows = [Row(codes[row], windows_of_row(codes, edges, row, (HOLDS,))) for row in range(e.size)]
+    return rows, shares[0]  # all points of the scan are judged first
 
 
 def _table(found: list[list[Row]], shape: tuple[int, int, int]) -> Array:

@@ -115,6 +115,7 @@ class WindowKeywords(SweepKeywords, total=False):
     conditions: Sequence[str | Condition] | None
     continuation: bool | None
     prove: bool | None
+    noise_replicas: int | None
 
 
 def completed(by: type[Any]) -> Callable[[F], F]:

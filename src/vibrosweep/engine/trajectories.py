@@ -29,7 +29,7 @@ from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.recorder import KINDS_RECORDED, Recorder, recorder_scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate
 from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
-from vibrosweep.kernels.statistics import KINDS, Statistics, empty_sums
+from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_sums
 from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.kernels.unwritten import require_written
@@ -130,15 +130,16 @@ def statistics(
     workers: Workers,
     cycles: Cycles | None = None,
     observer: Observer | Recorder | None = None,
+    more: Kinds = (),
 ) -> Statistics:
-    """Statistics of every trajectory, ordered by realization, then by particle.
+    """Statistics of every trajectory, ordered by realization, then by particle; `more` added.
 
     The result is in memory that the workers reuse for the next batch.  If `cycles` is given, it is
     filled, and simulation of a trajectory stops where it recurs.  An `observer`, which sees every
     landing, takes no cycles.
     """
     total = problem.kick.size * scene.particles
-    kernel, kinds = advance, (*KINDS, *kinds_of(scene))
+    kernel, kinds = advance, (*KINDS, *kinds_of(scene), *more)
     block: Callable[[], Floats] = partial(scratch, kinds)
     if isinstance(observer, Recorder):
         kinds, block = KINDS_RECORDED, recorder_scratch

@@ -97,6 +97,11 @@ def _flight(flight: Counted) -> bool:
     return True
 
 
+@jit
+def _ended(landing: Landing) -> float:
+    return landing.flight_time
+
+
 # The first two are always kept: cycles and orbits need them.
 KINDS: Final[Kinds] = (
     declare("landings", _landing, COUNT),
@@ -106,6 +111,9 @@ KINDS: Final[Kinds] = (
     declare("height_max", _height, MAX, of_flights=True),
 )
 LANDINGS, RESTS = 0, 1
+# Of the flights that end with a landing
+SHORTEST: Final = declare("flight_min", _ended, MIN)
+LONGEST: Final = declare("flight_max", _ended, MAX)
 # Over a base that lifts what rests on it when particles land, flights are counted one by one.
 KINDS_COUPLED: Final[Kinds] = (*KINDS, declare("flights", _flight, COUNT, of_flights=True))
 

@@ -345,5 +345,6 @@ SECTIONS: Final[Sections] = {
         "continuation": flag,
         "tolerance": _bracket,
         "prove": flag,
+        "noise_replicas": partial(whole, ", at least 1 and at most 1000000", 1, 10**6),
     },
 }

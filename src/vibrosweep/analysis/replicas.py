@@ -1,0 +1,149 @@
+"""Conditions where something is random: the share of replicas in which they hold.
+
+Replica r has stream r of random numbers at all points, so that shares vary smoothly with the
+parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from vibrosweep.analysis.conditions import FAILS, HOLDS, UNDETERMINED, Codes, Condition, Locked
+from vibrosweep.analysis.evaluate import (
+    TRAJECTORIES_AT_A_TIME,
+    Points,
+    condition_codes,
+    fixed_orbits,
+)
+from vibrosweep.arrays import Array
+from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.statistics import LONGEST, RESTS, SHORTEST
+from vibrosweep.model.measures import Variable
+from vibrosweep.model.parameters import STREAM, Dimensionless, Launches, dimensionless
+from vibrosweep.model.status import Status
+from vibrosweep.scene.scene import Scene
+
+REPLICAS: Final = 100
+NEAR: Final = 0.25  # forcing periods by which a flight of a locked particle may differ from k
+LEVEL: Final = 0.95  # of the interval of a share
+DIMS: Final = ("condition", "direction", "restitution", "scan")
+SHARE: Final = Variable(
+    "share",
+    DIMS,
+    "float64",
+    "1",
+    "share of replicas in which the condition holds",
+    comment="of locked(k): of replicas and particles that begin on the orbit and are locked at the "
+    "end, 0 where there is no orbit; NaN where no replica is decided",
+)
+LOW: Final = Variable(
+    "share_low", DIMS, "float64", "1", "lower end of the interval of 95 % of the share"
+)
+HIGH: Final = Variable(
+    "share_high", DIMS, "float64", "1", "upper end of the interval of 95 % of the share"
+)
+
+
+class Share(NamedTuple):
+    """How often a condition holds, and of how many independent trials; each of shape (point,)."""
+
+    held: Array
+    tried: Array
+
+    @property
+    def codes(self) -> Codes:
+        """Code for each point: the condition holds where it does in half of the trials or more."""
+        half = np.where(2.0 * self.held >= self.tried, HOLDS, FAILS)
+        return np.where(self.tried > 0.0, half, UNDETERMINED)
+
+    def variables(self, shape: tuple[int, ...]) -> Mapping[str, Any]:
+        """Shares with their intervals (Clopper & Pearson 1934), as variables of a dataset."""
+        from scipy.stats import beta  # slow to import
+
+        missed = self.tried - self.held
+        with np.errstate(invalid="ignore"):
+            share = self.held / self.tried
+        tail = 0.5 * (1.0 - LEVEL)
+        low = np.where(self.held > 0.0, beta.ppf(tail, self.held, missed + 1.0), 0.0)
+        high = np.where(missed > 0.0, beta.ppf(1.0 - tail, self.held + 1.0, missed), 1.0)
+        values = zip((SHARE, LOW, HIGH), (share, low, high), strict=True)
+        return {
+            one.name: (DIMS, np.where(self.tried > 0.0, v, np.nan).reshape(shape), one.attributes)
+            for one, v in values
+        }
+
+
+def share_of(
+    scene: Scene, condition: Condition | Locked, points: Points, replicas: int, workers: Workers
+) -> Share:
+    """How often a condition holds at each point."""
+    particles = scene.particles * replicas
+    size, total = max(1, TRAJECTORIES_AT_A_TIME // particles), points["restitution"].size
+    share = _locked if isinstance(condition, Locked) else _launched
+    found = [
+        share(scene, condition, {n: v[i : i + size] for n, v in points.items()}, replicas, workers)  # type: ignore[arg-type]
+        for i in range(0, total, size)
+    ]
+    return Share(*(np.concatenate(part) for part in zip(*found, strict=True)))
+
+
+def _repeated(parameters: Mapping[str, Array], replicas: int) -> dict[str, Array]:
+    """Parameters of every replica of some realizations, with its stream."""
+    found = {name: np.repeat(values, replicas) for name, values in parameters.items()}
+    size = parameters["restitution"].size
+    return found | {STREAM: np.tile(np.arange(replicas, dtype=np.float64), size)}
+
+
+def _launched(
+    scene: Scene, condition: Condition, points: Points, replicas: int, workers: Workers
+) -> Share:
+    """Replicas of the scene's own launches in which a condition holds."""
+    parameters = _repeated(scene.parameters(points), replicas)
+    codes = condition_codes(scene, condition, parameters, workers).reshape(-1, replicas)
+    held, tried = (codes == HOLDS).sum(axis=1), (codes != UNDETERMINED).sum(axis=1)
+    return Share(held.astype(np.float64), tried.astype(np.float64))
+
+
+def _locked(
+    scene: Scene, condition: Locked, points: Points, replicas: int, workers: Workers
+) -> Share:
+    """Particles that begin on the orbit of k periods, and are locked to it at the end.
+
+    A particle is locked while it has flown, has not rested, and every flight was within `NEAR` of k
+    periods.  Particles of a replica that share the noise of the drive are one trial.
+    """
+    k, parameters = float(condition.k), scene.parameters(points)
+    problem = dimensionless(parameters, scene.duration)._replace(noise=None)
+    phase = fixed_orbits(scene, condition.k, 1.0, problem, workers).phase
+    alive = np.isfinite(phase)
+    held, one = np.zeros(phase.size), scene.particles
+    if alive.any():
+        kept = {name: values[alive] for name, values in parameters.items()}
+        begun = np.repeat(phase[alive], replicas)
+        noisy, launch = _from_orbit(scene, _repeated(kept, replicas), begun, k)
+        found = statistics(noisy, launch, scene, workers, more=(SHORTEST, LONGEST))
+        stays = (found.landings > 0) & (found.totals[RESTS] == 0.0)
+        stays &= (found.total("flight_min") > k - NEAR) & (found.total("flight_max") < k + NEAR)
+        stays &= found.status == Status.COMPLETED
+        held[alive] = stays.reshape(alive.sum(), -1).sum(axis=1)
+    if "drive_noise" in parameters:
+        held, one = held / one, 1
+    return Share(held, np.full(phase.size, float(replicas * one)))
+
+
+def _from_orbit(
+    scene: Scene, parameters: dict[str, Array], phase: Array, k: float
+) -> tuple[Dimensionless, Launches]:
+    """Problem and launches of particles that begin with a flight of k periods at a phase.
+
+    Over any base that flight begins and ends at one height, with the absolute speed k.
+    """
+    parameters["phase"] = np.zeros_like(phase)  # the phase is that of the forcing
+    problem = dimensionless(parameters, scene.duration, scene.measures.transient)
+    shape = phase.size, scene.particles
+    at = np.ascontiguousarray(np.broadcast_to(phase[:, np.newaxis], shape))
+    return problem._replace(launch_flight=np.full(phase.size, k)), Launches(np.zeros(shape), at)
