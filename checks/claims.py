@@ -1,10 +1,10 @@
 """The verdicts on the study, from two sets of seeds.
 
-    python checks/claims.py [--realizations N] [--threads N] [--write]
+    python checks/claims.py [--realizations N] [--threads N] [--claims 4a,14] [--write]
 
 A verdict must be the same for 20 other seeds, unless one of the two says that it cannot be judged.
 Ends with 1 where one turns.  --write replaces the table of verdicts in
-docs/separations-and-claims.md by that of the first seeds.
+docs/separations-and-claims.md by that of the first seeds, --claims judges some and replaces their rows.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from accuracy import options_of, provenance, table, write_section
 sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
 
 from study.claims_page import BASES, brief_reason, plain
-from study.collect import judge_all
+from study.collect import TESTS, judge_all
 from study.samples import Plan
 from study.verdict import ANY_BASE, Verdict
 
@@ -66,20 +66,33 @@ def rows(claims):
         yield [claim.key, plain(claim.sentence) + if_so, *cells]
 
 
+def known():
+    """Cells of the rows that the table in the docs has, by claim, and the line below it."""
+    section = PAGE.read_text(encoding="utf-8").partition("<!-- begin verdicts -->\n")[2]
+    lines = section.partition("\n<!-- end verdicts -->")[0].splitlines()
+    cells = (line.strip("| ").split(" | ") for line in lines[2:] if line.startswith("|"))
+    return {key: [key, *rest] for key, *rest in cells}, lines[-1]
+
+
 def main():
-    options = options_of(__doc__, realizations=Plan.realizations, threads=2)
+    some = "numbers of claims; all by default"
+    options = options_of(__doc__, realizations=Plan.realizations, threads=2, claims=("", some))
+    keys = options.claims.split(",") if options.claims else list(TESTS)
     judged, seconds = [], []
     for first in FIRST_SEEDS:
         began = time.process_time()
-        judged.append(list(judge_all(Plan(options.threads, first, SEEDS, options.realizations))))
+        plan = Plan(options.threads, first, SEEDS, options.realizations)
+        judged.append(list(judge_all(plan, keys)))
         seconds.append(time.process_time() - began)
         print(f"seeds from {first}: {seconds[-1]:.0f} s of processor time")
     first, second = map(verdicts, judged)
     for key, verdict in first.items():
         if verdict is not second[key]:
             print(f"claim {key[0]}, {key[1]}: {verdict.value}; other seeds: {second[key].value}")
-    verdict_table = table(["", "claim", *BASES.values()], rows(judged[0]))
-    text = f"{verdict_table}\n\n{provenance(seconds[0], None)}"
+    found, origin = known() if options.claims else ({}, provenance(seconds[0], None))
+    found |= {key: [key, *rest] for key, *rest in rows(judged[0])}
+    cells = [found[key] for key in TESTS if key in found]
+    text = f"{table(['', 'claim', *BASES.values()], cells)}\n\n{origin}"
     if options.write:
         write_section("verdicts", text, PAGE)
     else:
