@@ -4,7 +4,8 @@
 
 A verdict must be the same for 20 other seeds, unless one of the two says that it cannot be judged.
 Ends with 1 where one turns.  --write replaces the table of verdicts in
-docs/separations-and-claims.md by that of the first seeds, --claims judges some and replaces their rows.
+docs/separations-and-claims.md by that of the first seeds; --claims judges some of the claims and
+replaces their rows.
 """
 
 from __future__ import annotations

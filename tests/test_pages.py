@@ -72,3 +72,19 @@ def test_every_tutorial_can_be_downloaded_and_finds_the_program(page):
 def test_every_picture_is_in_the_gallery():
     shown = re.findall(r"\(images/([^)]+)\)", (DOCS / "gallery.md").read_text(encoding="utf-8"))
     assert sorted(shown) == sorted(path.name for path in (DOCS / "images").iterdir())
+
+
+def captions():
+    """Captions of the gallery's cards by their picture, but for those of costs."""
+    page = (DOCS / "gallery.md").read_text(encoding="utf-8").partition("\n## Speed\n")[0]
+    cards = re.findall(r"\(images/([^)]+)\)\n\n(.*?)\n\n", page, flags=re.DOTALL)
+    return {picture: " ".join(words.split()) for picture, words in cards}
+
+
+@pytest.mark.parametrize("picture", sorted(captions()))
+def test_every_caption_states_its_scene(picture):
+    """Restitution, forcing, frequency, number of particles, base and law."""
+    text = captions()[picture]
+    for words in (r"\be (=|0\.)", r"\b(A|a|V0|Γ) (=|\d)", r"\bf (=|0\.)", r"\bN = ", r"\blaw\b"):
+        assert re.search(words, text) or "neither f nor" in text, words
+    assert re.search(r"study's equations|moving base|sprung base|neither f nor", text)
