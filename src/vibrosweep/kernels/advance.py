@@ -205,6 +205,7 @@ def _load(
     start: Start,
     realization: Realization,
     kinds: Kinds,
+    window: int | None,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
@@ -217,9 +218,10 @@ def _load(
     put(realization.fixed, s, j)
     load_noise(realization.fixed.base.noise, realization.fixed.source, s, j, start.particle, n_end)
     s[ROW.X_END + j] = x_end
-    n_begin, x_begin = realization.begin
-    s[ROW.N_BEGIN + j] = n_begin - n_end
-    s[ROW.X_BEGIN + j] = x_begin
+    if window is not None:
+        n_begin, x_begin = realization.begin
+        s[ROW.N_BEGIN + j] = n_begin - n_end
+        s[ROW.X_BEGIN + j] = x_begin
     s[ROW.AGE + j] = 0.0
     s[ROW.LANE + j] = start.lane
     clear(kinds, s, j)
@@ -304,7 +306,7 @@ def advance(
             if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
                 return 0
             start = Start(lane, p, launch(launches, i, p, problem.phase[i]))
-            _load(s, places[q], start, realization, out.kinds, cycles, patience)
+            _load(s, places[q], start, realization, out.kinds, window, cycles, patience)
             expect(out.kinds, out, lane)
             p += 1
             if p == particles:

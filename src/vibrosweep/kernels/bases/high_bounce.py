@@ -36,6 +36,7 @@ from vibrosweep.kernels.restitution import (
     scale_of,
     slack,
     slope,
+    straight,
 )
 from vibrosweep.kernels.waveforms import (
     LiftOffs,
@@ -101,7 +102,8 @@ def put_high_bounce(fixed: Constants, s: Floats, j: int) -> None:
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.a, fixed.r
     put_phases(fixed.base.waveform, fixed.x_lift, fixed.wait, s, j)
     s[row + 4 * STRIDE] = fixed.u_lift
-    s[ROW.SCALE + j] = fixed.scale
+    if not straight(fixed.base.restitution):
+        s[ROW.SCALE + j] = fixed.scale
 
 
 @implements(bases.take, HighBounce)
