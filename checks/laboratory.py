@@ -24,7 +24,7 @@ from vibrosweep.figures.registry import save_formats
 from vibrosweep.figures.style import for_file
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
-from vibrosweep.lab.comparison import QUANTITIES, STUDY
+from vibrosweep.lab.comparison import QUANTITIES
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.fitting import View, fit_tracks
@@ -42,7 +42,7 @@ from vibrosweep.model.locked_theory import amplitude_max
 sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
 
 from study.figures.imperfections import imperfections
-from study.table4 import study_imperfections, verdict
+from study.table4 import CASES, STUDY, study_imperfections, verdict
 
 LEVEL = View(motion="level")
 ROOT = Path(__file__).parents[1]
@@ -326,6 +326,7 @@ def cases(figures, duration):
             table.attrs |= {f"study_{q}": STUDY[q] for q in QUANTITIES}
             print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
             if figures:
+                table["case"] = [f"{letter}\nN = {count}" for letter, count in CASES.items()]
                 save_formats(
                     for_file(errors_by_case, table), figures, f"laboratory_table4_{method}"
                 )

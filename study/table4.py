@@ -18,10 +18,8 @@ import xarray as xr
 from study.bases import HIGH_BOUNCE, MOVING
 from vibrosweep.errors import TrackError
 from vibrosweep.lab import (
-    CASES,
     QUANTITIES,
     READINGS,
-    STUDY,
     Camera,
     Experiment,
     Variation,
@@ -32,6 +30,9 @@ from vibrosweep.lab import (
     prediction_errors,
 )
 
+# Cases of Table 4 by their number of particles, and the range of its errors in per cent.
+CASES: Final = {"A": 1, "B": 5, "C": 20, "D": 50}
+STUDY: Final = {"height": (3.8, 7.1), "period": (2.9, 6.0)}
 METHODS: Final = ("fit", "sign_change")
 ACCELERATION: Final = "base_acceleration"
 # Without noise, rounding or blur; what frames alone do remains.

@@ -53,7 +53,7 @@ def comparison():
     return xr.Dataset(
         {"error": (("case", "quantity", "reading"), error)},
         coords={
-            "case": ["A", "B"],
+            "case": ["N=1", "N=5"],
             "particles": ("case", [1, 5]),
             "quantity": ["height", "period"],
             "reading": ["ensemble", "particle", "worst", "flight"],
@@ -65,7 +65,7 @@ def comparison():
 def test_errors_stand_beside_the_range_of_the_study():
     figure = errors_by_case(comparison())[0].figure
     heights, periods = figure.axes
-    assert [text.get_text() for text in heights.get_xticklabels()] == ["A\nN = 1", "B\nN = 5"]
+    assert [text.get_text() for text in heights.get_xticklabels()] == ["N=1", "N=5"]
     assert [line.get_ydata().tolist() for line in periods.lines] == [
         [4.0, 12.0],
         [5.0, 13.0],

@@ -22,7 +22,7 @@ KNOWN = {"frequency": 20.0, "restitution": 0.9, "amplitude": 0.06, "contact_time
 def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, workers):
     """H_1 = g / (8 f^2) and the forcing period, whatever restitution and amplitude are."""
     table = compare([locked.tracks], Comparison(KNOWN), workers)
-    assert table["case"].values.tolist() == ["A"]
+    assert table["case"].values.tolist() == ["N=1"]
     height = float(locked_height(1, 20.0))
     for name in ("measured", "predicted"):
         np.testing.assert_allclose(table[name].values[0], [height, 0.05], rtol=2e-3)

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     impacts.add_argument("--phase", metavar="RAD", type=float, default=0.0, help="at t = 0")
     impacts.set_defaults(part=_impacts)
 
-    compare = parts.add_parser("compare", help="compare tracks with prediction, as Table 4 does")
+    compare = parts.add_parser("compare", help="compare tracks with prediction")
     _add_tracks(compare)
     for name, unit in (("frequency", "HZ"), ("restitution", "E"), ("amplitude", "M/S")):
         compare.add_argument(f"--{name}", metavar=unit, type=float, help="estimated by default")

@@ -134,11 +134,10 @@ def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
 
 @style.styled
 def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None) -> Panels:
-    """Draw the errors of Table 4 case by case, beside the range of the study.
+    """Draw the errors of `vibrosweep.lab.compare_tracks` case by case, on two axes or new ones.
 
-    Takes the result of `vibrosweep.lab.compare_tracks`, and two axes or none; its attributes
-    ``study_height`` and ``study_period``,
-    which its caller may set, hold the ranges of the study.
+    Attributes ``study_height`` and ``study_period``, which the caller may set, hold ranges of a
+    study.
     """
     panels = style.panels_on(ax, style.PAGE, 3.0, [[0, 1]])
     for axes, q in zip(panels, table["quantity"].values, strict=True):
@@ -161,11 +160,7 @@ def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = No
                 clip_on=False,
                 zorder=3,
             )
-        letters = [
-            f"{case}\nN = {count}"
-            for case, count in zip(table["case"].values, table["particles"].values, strict=True)
-        ]
-        axes.set_xticks(cases, letters)
+        axes.set_xticks(cases, [str(case) for case in table["case"].values])
         axes.set(xlim=(-0.6, cases.size - 0.4), ylabel=f"error of {q} (%)")
         axes.set_ylim(0.0, 1.15 * most)
         style.head(axes, "", columns=2)

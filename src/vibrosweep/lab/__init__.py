@@ -13,10 +13,8 @@ if TYPE_CHECKING:
     from vibrosweep.lab.camera import Camera
     from vibrosweep.lab.compare import compare_tracks
     from vibrosweep.lab.comparison import (
-        CASES,
         QUANTITIES,
         READINGS,
-        STUDY,
         comparable,
         prediction_errors,
     )
@@ -30,10 +28,8 @@ if TYPE_CHECKING:
     from vibrosweep.lab.trials import perform_trials, predicted_means
 
 __all__ = [
-    "CASES",
     "QUANTITIES",
     "READINGS",
-    "STUDY",
     "Camera",
     "Experiment",
     "Variation",
@@ -56,7 +52,7 @@ _HOMES: Final = {
     "Camera": "vibrosweep.lab.camera",
     "compare_tracks": "vibrosweep.lab.compare",
     **dict.fromkeys(
-        ("CASES", "QUANTITIES", "READINGS", "STUDY", "comparable", "prediction_errors"),
+        ("QUANTITIES", "READINGS", "comparable", "prediction_errors"),
         "vibrosweep.lab.comparison",
     ),
     "estimate": "vibrosweep.lab.estimation",

@@ -1,4 +1,4 @@
-"""Comparison of recordings with prediction, as in Table 4 of the study, with shares of errors."""
+"""Comparison of recordings with prediction, and what their errors are due to."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from vibrosweep.arrays import Array, Flags
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.comparison import (
-    CASES,
     QUANTITIES,
     READINGS,
     comparable,
@@ -132,12 +131,11 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
         groups.setdefault(tracks.sizes["particle"], []).append(_one(tracks, how, workers))
     counts = sorted(groups)
     rows = [groups[count] for count in counts]
-    letters = {number: letter for letter, number in CASES.items()}
     warnings = {one.warning for row in rows for one in row if one.warning}
     return xr.Dataset(
         {**_errors(rows), **_means(rows)},
         coords={
-            "case": [letters.get(count, f"N={count}") for count in counts],
+            "case": [f"N={count}" for count in counts],
             "particles": ("case", counts),
             "quantity": list(QUANTITIES),
             "units": ("quantity", ["m", "s"]),

@@ -1,8 +1,8 @@
-"""Measured and predicted heights and periods, in the form of Table 4 of the study.
+"""Measured and predicted heights and periods.
 
-The error of a quantity is |measured - predicted| / measured.  The study does not state which values
-it compares, so every reading is computed: the mean over all particles, the mean of each particle,
-and each flight.
+The error of a quantity is |measured - predicted| / measured.  It depends on which values are
+compared, so every reading is computed: the mean over all particles, the mean of each particle, and
+each flight.
 """
 
 from __future__ import annotations
@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED
 
-# Cases of Table 4 by their number of particles, and the range of its errors in per cent.
-CASES: Final = {"A": 1, "B": 5, "C": 20, "D": 50}
-STUDY: Final = {"height": (3.8, 7.1), "period": (2.9, 6.0)}
 QUANTITIES: Final = ("height", "period")
 READINGS: Final = ("ensemble", "particle", "worst", "flight")
 # Particles are compared if at least this share of their time and of their landings was measured.

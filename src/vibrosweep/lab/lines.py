@@ -85,17 +85,14 @@ def agreement_lines(found: xr.Dataset) -> list[str]:
 
 
 def table_lines(table: xr.Dataset) -> list[str]:
-    """Tabulate a comparison in the form of Table 4, and below it other readings of its errors."""
+    """Tabulate a comparison, and below it other readings of its errors."""
     lines = [
-        f"{'case':6}{'N':>4}{'repeats':>9}{'compared':>10}  {'quantity':10}{'measured':>11}"
+        f"{'case':10}{'repeats':>9}{'compared':>10}  {'quantity':10}{'measured':>11}"
         f"{'predicted':>11}{'error %':>9}{'frames %':>10}{'pixels %':>10}{'params %':>10}"
     ]
     for case in table["case"].values:
         row = table.sel(case=case)
-        head = (
-            f"{case:6}{int(row['particles']):>4}{int(row['repeats']):>9}"
-            f"{100.0 * float(row['compared']):>8.0f} %"
-        )
+        head = f"{case:10}{int(row['repeats']):>9}{100.0 * float(row['compared']):>8.0f} %"
         for q in table["quantity"].values:
             one = row.sel(quantity=q, reading="particle")
             numbers = [float(one[name]) for name in ("measured", "predicted")]
@@ -113,9 +110,6 @@ def table_lines(table: xr.Dataset) -> list[str]:
         for q in table["quantity"].values:
             error = table["error"].sel(case=case, quantity=q)
             shown = ", ".join(f"{r} {float(error.sel(reading=r)):.2f} %" for r in READINGS)
-            if f"study_{q}" in table.attrs:
-                low, high = table.attrs[f"study_{q}"]
-                shown += f"; the study: {low} to {high} %"
             lines.append(f"  {case} {q}: {shown}")
     moves = table.attrs["base_motion"] == "moving"
     forcing = "base_acceleration" if moves else "amplitude"
