@@ -10,7 +10,7 @@ import xarray as xr
 
 import vibrosweep
 from vibrosweep import simulate
-from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.errors import DataError, ParameterError, ShortObservationWarning, SpecError
 from vibrosweep.mistakes import PYTHON
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import IMPACTS, RECORD
@@ -69,6 +69,11 @@ def test_realizations_and_particles_do_not_depend_on_their_company():
                 assert np.array_equal(one, alone[name].values[0, 0], equal_nan=True)
 
 
+def test_a_base_that_no_shaker_drives_is_noted():
+    strong = simulate(base_displacement=0.5, frequency=25.0, duration=0.2)
+    assert "up to 1258 g" in strong.attrs["notes"]
+
+
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
 def test_phase_and_speed_of_arrival_give_the_rebound(base):
     """The law w = e v + A sin(2 pi x), which w - V = e (v + V) is with A = (1 + e) V0."""
@@ -85,13 +90,18 @@ def test_phase_and_speed_of_arrival_give_the_rebound(base):
 
 def test_measures_are_those_of_a_sweep():
     scene = {"amplitude": [1.2, 2.0], "particles": 2, "duration_periods": 500, "lyapunov": True}
-    swept, found = vibrosweep.sweep(**scene), simulate(**scene)
-    again = simulate(swept, regimes=True, lyapunov=True)
+    swept = vibrosweep.sweep(**scene)
+    with pytest.warns(ShortObservationWarning, match="500 are observed"):
+        found = simulate(**scene)
+    with pytest.warns(ShortObservationWarning):
+        again = simulate(swept, regimes=True, lyapunov=True)
     for name in ("regime", "cycle_periods", "lyapunov_largest", "lyapunov_max", "orbit_count"):
         assert np.array_equal(found[name], swept[name], equal_nan=True)
         assert np.array_equal(again[name], swept[name], equal_nan=True)
     assert found.cycle_periods.values[0, 0] == 1
-    assert vibrosweep.rectangle(simulate(**scene, ragged=True)).identical(found)
+    with pytest.warns(ShortObservationWarning):
+        ragged = simulate(**scene, ragged=True)
+    assert vibrosweep.rectangle(ragged).identical(found)
     with pytest.raises(SpecError, match="regimes = True: "):
         simulate(regimes=True, base="sprung", mass_ratio=0.1, mount_frequency=3.0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any, Unpack
 
@@ -10,13 +11,17 @@ import xarray as xr
 from vibrosweep.analysis.ragged import ragged_variables, wasted
 from vibrosweep.api.keyword_types import BatchKeywords, completed
 from vibrosweep.api.replay import replayed
+from vibrosweep.arrays import Array
 from vibrosweep.engine.arrivals import impacts
 from vibrosweep.engine.landings import launch_times, record_landings, require_room
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.forcing import only_parameters, refuse_extreme
+from vibrosweep.errors import ShortObservationWarning
+from vibrosweep.model.forcing import ACCELERATION, only_parameters, refuse_extreme
 from vibrosweep.model.measures import IMPACTS, MEASURES, RECORD, Variable
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.runs.driver import thread_count
+from vibrosweep.runs.notes import short_observation, strong_forcing
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given, seed_of
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.keywords import batch
@@ -108,11 +113,11 @@ def simulate(
         for: ``regime``, ``cycle_periods`` and ``cycle_impacts``, ``lyapunov_largest``, and all
         others of the measures, as in a sweep.  NaN past the last landing, and for the lift-off of a
         particle that rests for good, or for a forcing period past the end.  The attribute ``notes``
-        says where more than half of the places are empty.  If `ragged`, the dim landing in place of
-        the first three, and trajectory in place of two, with ``realization_index`` and
-        ``particle_index``.
-        Parameters that differ between realizations are coordinates, the others variables without
-        dims.
+        says where more than half of the places are empty, where the base is driven more strongly
+        than by any shaker, and where the observation is too short for the regimes.  If `ragged`,
+        the dim landing in place of the first three, and trajectory in place of two, with
+        ``realization_index`` and ``particle_index``.  Parameters that differ between realizations
+        are coordinates, the others variables without dims.
 
     Raises
     ------
@@ -129,6 +134,9 @@ def simulate(
     -----
     OtherKernelsWarning
         The code that computed the result differs from the one that follows it now.
+    ShortObservationWarning
+        Regimes are asked for, and orbits may be called unsettled because they are observed too
+        briefly.
 
     Examples
     --------
@@ -169,7 +177,12 @@ def simulate(
         variables: dict[str, Any] = ragged_variables(found, own, frequency.size, scene.particles)
     else:
         variables = {name: (v.dims, found[name], v.attributes) for name, v in own.items()}
-    note = "" if ragged else wasted(found["impact_count"])
+    remarks = [
+        strong_forcing(float(quantities[ACCELERATION].max()), forcing),
+        "" if ragged else wasted(found["impact_count"]),
+        _short(measured, quantities),
+    ]
+    note = "; ".join(filter(None, remarks))
     return xr.Dataset(
         variables | fixed,
         along,
@@ -184,6 +197,16 @@ def simulate(
             **periods_given(scene.duration),
         },
     )
+
+
+def _short(scene: Scene, quantities: Mapping[str, Array]) -> str:
+    """Warn and return a remark if regimes are asked for of too short an observation."""
+    if not scene.measures.regimes or scene.restitution_law != CONSTANT:
+        return ""
+    ends = float(quantities["restitution"].max()), float(quantities["frequency"].min())
+    if note := short_observation(scene.base, *ends, scene.duration):
+        warnings.warn(note, ShortObservationWarning, stacklevel=3)
+    return note
 
 
 def _variables_of(scene: Scene) -> Mapping[str, Variable]:

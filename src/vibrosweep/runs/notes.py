@@ -49,7 +49,11 @@ def _strong_forcing(spec: Sweep, design: Realizations) -> str:
     lowest = {name: _ends(spec, design, name)[0] for name in ("restitution", "gravity")}
     highest = {name: _ends(spec, design, name)[1] for name in (forcing, "frequency")}
     given = {name: np.array([value]) for name, value in (lowest | highest).items()}
-    acceleration = float(completed(given, spec.scene.waveform)[ACCELERATION][0])
+    return strong_forcing(float(completed(given, spec.scene.waveform)[ACCELERATION][0]), forcing)
+
+
+def strong_forcing(acceleration: float, forcing: str) -> str:
+    """Return a remark if a base is driven more strongly, in g, than any shaker; else empty."""
     if acceleration <= STRONGEST:
         return ""
     units = "g" if forcing == ACCELERATION else INPUTS[forcing].units
