@@ -77,10 +77,7 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "frequency_jitter": Ability(
         (HIGH_BOUNCE,), "cannot be computed with base = {base}; leave it out"
     ),
-    **dict.fromkeys(
-        ("restitution_spread", "restitution_exponent"),
-        Ability(APART, "cannot be computed with base = {base}; leave it out"),
-    ),
+    "restitution_spread": Ability(APART, "cannot be computed with base = {base}; leave it out"),
 }
 _RANDOM: Final[Mapping[str, Ability]] = {
     **dict.fromkeys(("restitution_noise", "kick_noise"), Ability(APART, "needs base = {others}")),
@@ -101,10 +98,23 @@ UNDER_NOISE: Final = frozenset(
 )
 
 
-# Analyses of a constant restitution alone
-OF_CONSTANT: Final = (
-    *("energy_balance", "heights_against_restitution", "slot_decay", "explore", "laboratory"),
-)
+# Analyses of a constant restitution alone, each with the reason
+OF_CONSTANT: Final[Mapping[str, str]] = {
+    "heights_against_restitution": "compares heights with those of a constant restitution",
+    "slot_decay": "compares a decay with the multipliers of a constant restitution",
+    "explore": "draws closed forms of a constant restitution",
+}
+# Reasons why an analysis cannot be had where something is random
+REPEATS: Final = "looks for orbits that repeat, and random motion never does"
+WHY_NOT_RANDOM: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), REPEATS),
+    "sobol": "would take what is random for the effect of parameters",
+    "energy_balance": "takes the kick of every impact from the forcing alone",
+    "heights_against_restitution": "compares heights with closed forms that know no noise",
+    "slot_decay": "fits a decay that noise ends",
+    "explore": "computes points again without their streams of random numbers",
+    "laboratory": "draws its own imperfections",
+}
 
 
 def refusal(
@@ -130,8 +140,8 @@ def refusal(
         return _refused_law(base, law)
     if restitution not in ("", CONSTANT) and analysis in OF_CONSTANT:
         return (
-            f'cannot be had with restitution_law = "{restitution}" yet: take restitution_law = '
-            f'"{CONSTANT}"'
+            f'{OF_CONSTANT[analysis]}, not of restitution_law = "{restitution}": take '
+            f'restitution_law = "{CONSTANT}"'
         )
     if waveform and waveform not in SHAPED:
         return f'waveform = "{waveform}": must be {_quoted(SHAPED)}'
@@ -153,7 +163,8 @@ def refusal(
             )
     asked = measure or analysis
     if noise and asked and asked not in UNDER_NOISE:
-        return f"cannot be had where something is random: leave out {' and '.join(noise)}"
+        why = WHY_NOT_RANDOM.get(asked, "describes orbits that repeat")
+        return f"{why}: leave out {' and '.join(noise)}"
     return ""
 
 

@@ -104,3 +104,17 @@ def test_a_particle_at_rest_for_good_flies_no_more():
     each = flights(record, 0, "test")
     assert np.all(each.end[each.particle == 0] < 2.0)
     assert np.all(each.end > each.start)
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+def test_each_impact_has_the_restitution_of_its_law(base):
+    """Kick and loss of each impact explain its rebound: the balance is the sum of its parts."""
+    record = simulate(
+        base=base, amplitude=1.2, restitution=0.9, restitution_law="plastic",
+        restitution_speed=1.0, duration=20.0, launch_time=[0.1, 0.4],
+    )  # fmt: skip
+    found = energy_balance(record)
+    parts = found.end_effect + found.flight_effect + found.rest_effect
+    assert abs(found.balance - parts).max() < 1e-13
+    other = energy_balance(record.assign_attrs(restitution_law="constant"))
+    assert abs(other.balance - parts).max() > 0.01

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
+from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.flights import contradicts
 from vibrosweep.lab.impacts import find_impacts, impacts_of
@@ -177,7 +177,8 @@ def test_residuals_larger_than_noise_widen_the_errors_and_are_said():
         repeats=1,
         transient=0.0,
         duration=6.0,
-        variation=Variation(restitution_exponent=0.25),
+        restitution_law="plastic",
+        restitution_speed=0.2,
     )
     found = find_impacts(perform_trials(plan)[0].tracks, frequency=20.0, motion="moving")
     one = estimate(found, frequency=20.0)

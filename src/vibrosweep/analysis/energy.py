@@ -7,11 +7,12 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import moves, require_scene
+from vibrosweep.analysis.base_motion import moves, require_scene, restitution_law
 from vibrosweep.analysis.record_flights import arrival_speeds, base_motion
 from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
 
 __all__ = ["energy_balance"]
 
@@ -38,7 +39,8 @@ def energy_balance(
     the particle bounces.  Over n landings the mean kick therefore exceeds the mean loss
     (1 - e) v by exactly (v_last - v_first) / n, which vanishes over a cycle of a periodic orbit
     without rests.  A rest breaks the balance, since v' is then not e v + U.  The balance of energy
-    over such a cycle is <v'^2 - v^2> = 0.
+    over such a cycle is <v'^2 - v^2> = 0.  Under a law of restitution e is that of each impact;
+    over a moving base, where the kick is (1 + e) times its velocity, that of the kick too.
 
     Over a moving base a flight ends at another height and with another speed than it began, so
     that speeds change in flight too.  Energy does not: the sum of its changes at impacts and rests,
@@ -114,7 +116,7 @@ _MEANS: Final = {
 def _balances(record: xr.Dataset, realization: int, since: float, impacts: int | None) -> Array:
     """Return the means of `_MEANS`, numbers of landings and rests; shape (quantity, particle)."""
     one = record.isel(realization=realization)
-    e, amplitude, frequency, phase, gravity = (
+    nominal, amplitude, frequency, phase, gravity = (
         float(one[name]) for name in ("restitution", "amplitude", "frequency", "phase", "gravity")
     )
     base = base_motion(one, "energy_balance")
@@ -125,7 +127,10 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
         known &= time >= since
     if impacts is not None:
         known &= np.cumsum(known[:, ::-1], axis=1)[:, ::-1] <= impacts
+    e = _restitution(one, nominal, before + base.velocity(time))
     kick = amplitude * np.sin(2.0 * np.pi * frequency * time + phase)
+    if moves(record):  # with the velocity A / (1 + e) of the nominal restitution
+        kick = kick * ((1.0 + e) / (1.0 + nominal))
     rested = (one["rested"].values == 1) & known
     unabsorbed = np.where(rested, after - e * before - kick, 0.0)
     lost = np.zeros_like(before)
@@ -150,3 +155,12 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
             )
         ]
     return np.stack([*mean, count, rested.sum(axis=1)])
+
+
+def _restitution(one: xr.Dataset, e: float, relative: Array) -> Array:
+    """Restitution of impacts with these relative speeds."""
+    law = restitution_law(one)
+    if law == CONSTANT:
+        return np.full_like(relative, e)
+    speed = float(one["restitution_speed"])
+    return restitution_at(np.nan_to_num(np.maximum(relative, 0.0)), e, law, speed)

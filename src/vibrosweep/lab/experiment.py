@@ -52,9 +52,6 @@ class Variation:
     restitution_spread
         Standard deviation of the restitution among the particles; they stay the same in all
         repeats.
-    restitution_exponent
-        Exponent p of the decrease of the restitution with the speed v of impact, as
-        (2 f v / g)^-p; 1/4 for spheres that yield (Johnson 1985, Contact Mechanics, section 11.5).
     level_spread
         Standard deviation in m, among the particles, of the height of the base below them, as of
         a tilted base or view.
@@ -70,7 +67,6 @@ class Variation:
     frequency_setting: float = 0.0
     amplitude_setting: float = 0.0
     restitution_spread: float = 0.0
-    restitution_exponent: float = 0.0
     level_spread: float = 0.0
 
 

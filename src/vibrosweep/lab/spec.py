@@ -101,7 +101,6 @@ _SECTIONS: Final[Sections] = {
             ("frequency_setting", 0.2, ""),
             ("amplitude_setting", 0.2, ""),
             ("restitution_spread", 0.2, ""),
-            ("restitution_exponent", 0.5, ""),
             ("level_spread", 1.0, "m"),
         )
     },

@@ -23,7 +23,15 @@ from vibrosweep.lab.experiment import Experiment
 from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating, recoiling
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
-from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS, SPRUNG, dimensionless, launches
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    OF_RESTITUTION,
+    PARAMETERS,
+    SPRUNG,
+    dimensionless,
+    launches,
+)
+from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC, VISCOELASTIC
 from vibrosweep.model.times import amount
 from vibrosweep.scene.scene import Scene
 
@@ -84,7 +92,8 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
     variation, rng = experiment.variation, np.random.default_rng(same)
     drawn = rng.standard_normal((2, experiment.scene.particles))
     restitution = experiment.parameters["restitution"] + variation.restitution_spread * drawn[0]
-    beads = _Beads(np.clip(restitution, 0.0, 1.0), variation.level_spread * drawn[1])
+    least = LEAST_VISCOELASTIC if experiment.scene.restitution_law == VISCOELASTIC else 0.0
+    beads = _Beads(np.clip(restitution, least, 1.0), variation.level_spread * drawn[1])
     return [_trial(experiment, beads, seed, f"trial {k + 1}") for k, seed in enumerate(repeats)]
 
 
@@ -124,7 +133,6 @@ def _landings(
     numbers: Mapping[str, float],
     restitution: Array,
     walk: Array,
-    softening: float = 0.0,
 ) -> tuple[Record, Surface]:
     """Landings of particles of given restitutions, and the base that they land on.
 
@@ -138,7 +146,8 @@ def _landings(
             track = base_track(alone, scene, workers)
         record = Record._make(found[name][0] for name in Record._fields)
         return record, recoiling(track, frequency, amount(scene.duration))
-    given = {name: np.full(restitution.size, numbers[name]) for name in PARAMETERS}
+    names = (*PARAMETERS, *(name for name in OF_RESTITUTION if name in numbers))
+    given = {name: np.full(restitution.size, numbers[name]) for name in names}
     given["restitution"] = restitution
     if scene.base != HIGH_BOUNCE:  # all share one base, whose velocity A / (1 + e) is that given
         given["amplitude"] *= (1.0 + restitution) / (1.0 + numbers["restitution"])
@@ -146,7 +155,7 @@ def _landings(
     begin = launches(scene.launch, scene.particles, parameters["frequency"][:1])
     problem = dimensionless(parameters, scene.duration)
     batch = Batch(base_of(*scene.mechanics), problem, begin)
-    record = wandering_record(batch, walk, frequency, numbers["gravity"], softening)
+    record = wandering_record(batch, walk, frequency, numbers["gravity"])
     return record, LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers)
 
 
@@ -172,8 +181,7 @@ def _trial(experiment: Experiment, beads: _Beads, seed: np.random.SeedSequence, 
     begin, end = experiment.window
     periods = math.ceil(end * numbers["frequency"]) + 3
     walk = phase_walk(walking, variation.frequency_jitter, periods)
-    softening = variation.restitution_exponent
-    record, surface = _landings(scene, numbers, beads.restitution, walk, softening)
+    record, surface = _landings(scene, numbers, beads.restitution, walk)
     time = begin + np.arange(round((end - begin) * camera.frame_rate)) / camera.frame_rate
     motions = _motions(scene, numbers, record, surface)
     filmed = film(heights(motions, time, camera.exposure) + beads.level, camera, filming)

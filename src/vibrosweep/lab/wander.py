@@ -28,8 +28,6 @@ from vibrosweep.kernels.record import (
 
 # Each step multiplies the error by the relative change of a period, which is far below 1.
 INVERSIONS: Final = 30
-# Speed, as a flight in forcing periods, below which the restitution is constant.
-SLOWEST: Final = 1e-6
 # Most landings of a particle in a recording: those of ten hours at 20 Hz
 MOST_LANDINGS: Final = 2**20
 
@@ -71,9 +69,7 @@ def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
 
 
 @kernel
-def _fill(
-    batch: Batch, walk: Floats, softening: float, frequency: float, unit: float, out: Record
-) -> bool:
+def _fill(batch: Batch, walk: Floats, frequency: float, unit: float, out: Record) -> bool:
     """Write the landings of particle p with the parameters of realization p; return if all fit."""
     base, problem, launches = batch
     no_landings(out, 0, launches.whole.shape[1])
@@ -91,11 +87,7 @@ def _fill(
                 ended = True
                 break
             turns, phase = _phase(n, x, walk)
-            w = rebound(fixed, phase, v)
-            # over both bases the rebound speed is e v plus a part due to their motion
-            e = min(fixed.e * max(v, SLOWEST) ** -softening, 1.0)
-            w += (e - fixed.e) * v
-            turns, phase, u, leaves = lift_off(fixed, turns, phase, w)
+            turns, phase, u, leaves = lift_off(fixed, turns, phase, rebound(fixed, phase, v))
             write_landing(out, p, k, scale, n, x, not leaves)
             if turns == np.inf:
                 ended = True
@@ -108,21 +100,18 @@ def _fill(
     return True
 
 
-def wandering_record(
-    batch: Batch, walk: Floats, frequency: float, gravity: float, softening: float = 0.0
-) -> Record:
+def wandering_record(batch: Batch, walk: Floats, frequency: float, gravity: float) -> Record:
     """Record every landing of particles that may differ in restitution, under a wandering forcing.
 
     The problem of the batch holds arrays of shape (particle,), its launches have the shape (1,
     particle); arrays of the record are of shape (particle, impact).  Beyond the ends of the `walk`,
-    a `phase_walk`, the phase continues as in the last period.  `softening` is the exponent p of the
-    restitution e (2 f v / g)^-p, at most 1, at an impact with relative speed v.  Raises a
-    ParameterError if the landings of a particle do not fit in memory.
+    a `phase_walk`, the phase continues as in the last period.  Raises a ParameterError if the
+    landings of a particle do not fit in memory.
     """
     capacity = 1024
     while capacity <= MOST_LANDINGS:
         out = empty_record(batch.launches.whole.shape[1], capacity)
-        if _fill(batch, walk, softening, frequency, gravity / (2.0 * frequency), out):
+        if _fill(batch, walk, frequency, gravity / (2.0 * frequency), out):
             used = int(np.isfinite(out.landing_time).sum(axis=1).max(initial=1))
             return Record._make(np.ascontiguousarray(values[:, :used]) for values in out)
         capacity *= 2
