@@ -6,7 +6,8 @@ They are registered when the package is imported; the functions they call are im
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 from vibrosweep.store.kinds import ResultKind, register_kind
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from vibrosweep.figures.canvas import Panels
+    from vibrosweep.proof.verification import Report
 
 _PROVES: Final = "the reference proves landings of single trajectories from their launch, and"
 _OF_A_CAMERA: Final = "it holds measurements of a camera, which nothing can prove"
@@ -66,6 +68,12 @@ def _orbit_figure(orbits: xr.Dataset) -> Axes:
     from vibrosweep.figures import periodic_orbits
 
     return periodic_orbits(orbits)
+
+
+def _verify_orbits(path: Path, **options: Any) -> Report:
+    from vibrosweep.proof.closed_orbits import verify_orbits
+
+    return verify_orbits(path, **options)
 
 
 def _line_lines(lines: xr.Dataset) -> Iterable[str]:
@@ -141,7 +149,8 @@ ORBITS: Final = register_kind(
         _orbit_lines,
         _orbit_figure,
         "periodic_orbits",
-        unverified=f"{_PROVES} this holds periodic orbits, whether they attract or not",
+        unverified="",
+        verify=_verify_orbits,
     )
 )
 BRANCHES: Final = register_kind(

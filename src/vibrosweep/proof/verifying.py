@@ -71,7 +71,7 @@ def verify(
     Parameters
     ----------
     path
-        Result of a sweep.
+        Result of a sweep, or of `vibrosweep.orbits`.
     observables
         Observables of the result to compare, as they were given to `vibrosweep.run`: the file does
         not hold their functions.  Each must give a number of a landing (`landings` is given).  It
@@ -124,6 +124,13 @@ def verify(
             f"{path}: is a result of {kind.command}, which cannot be verified: {kind.unverified}"
         )
     given = observables_of(observables)
+    if kind.verify is not None:
+        if given:
+            raise ParameterError(
+                f"observables: a result of {kind.command} has none; leave them out"
+            )
+        report: Report = kind.verify(source, sample=sample, seed=seed, advance=advance)
+        return report
     drawn, record, setting, axes = read_sample(source, sample, seed, given)
     coupled = drawn.scene.base == SPRUNG
     if max_landings is None:

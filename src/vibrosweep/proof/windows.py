@@ -9,32 +9,38 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.analysis.conditions import Locked, named
-from vibrosweep.analysis.orbit_lines import Line, Plane
+from vibrosweep.analysis.orbit_lines import AT_CORNER, AT_YIELDING, Line, Plane
 from vibrosweep.analysis.window_codes import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.continuation import BORN
-from vibrosweep.kernels.extended import DOUBLING, FIX_E, GRAZE, REST, SADDLE_NODE
-from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.kernels.extended import (
+    CORNER,
+    DOUBLING,
+    FIX_E,
+    GRAZE,
+    REST,
+    SADDLE_NODE,
+    YIELD,
+)
+from vibrosweep.model.forcing import AMPLITUDE, FORCINGS
 from vibrosweep.model.measures import Variable
-from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE_NAME
+from vibrosweep.proof.closed_orbits import orbit_of, setting_of
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.closed import (
     BITS,
-    EARLIER,
     NOT_ATTRACTING,
     NOT_ENCLOSED,
-    RESTING,
     Event,
-    Orbit,
     cover,
     prove_event,
 )
+from vibrosweep.proof.reference.orbit_equations import EARLIER, RESTING, Orbit
 from vibrosweep.scene.scene import Scene
 
-NO_ORBIT, TOUCHES, UNPROVED, ELSEWHERE, LAW = range(3, 8)
+NO_ORBIT, TOUCHES, UNPROVED, ELSEWHERE, FORCING, SWITCH = range(3, 9)
 ENDS: Final = (
     (NO_WINDOW, "no_window"),
     (PROVED, "proved"),
@@ -43,7 +49,8 @@ ENDS: Final = (
     (TOUCHES, "touches_base_or_rests"),
     (UNPROVED, "not_enclosed"),
     (ELSEWHERE, "not_in_the_bracket"),
-    (LAW, "no_proof_for_this_law_or_waveform"),
+    (FORCING, "waveform_needs_amplitude_or_base_velocity"),
+    (SWITCH, "corner_of_the_waveform_or_yielding"),
 )
 REASONS: Final = {"": PROVED, EARLIER: 2, RESTING: 3, NOT_ENCLOSED: 4, NOT_ATTRACTING: 5}
 UNBOUNDED: Final = 6
@@ -56,6 +63,7 @@ INSIDE: Final = (
     (5, "attraction_not_proved"),
     (UNBOUNDED, "ends_not_proved"),
 )
+OF_ANY_SHAPE: Final = (AMPLITUDE, "base_velocity")  # forcings that no shape rescales
 POINTS: Final = 10_000  # of a branch to each side
 MULTIPLIER: Final = {SADDLE_NODE: 1, DOUBLING: -1}
 
@@ -115,10 +123,9 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
     k = _mode(one)
     if not k:
         return _Proof(NO_ORBIT, NO_ORBIT, UNBOUNDED)
-    laws = scene.rebound, scene.waveform.name, scene.restitution_law
-    if laws != ("rest", SINE_NAME, CONSTANT):
-        return _Proof(LAW, LAW, UNBOUNDED)
     forcing, e = str(one.attrs["forcing"]), float(one["restitution"])
+    if scene.waveform.name != SINE_NAME and forcing not in OF_ANY_SHAPE:
+        return _Proof(FORCING, FORCING, UNBOUNDED)
     symbol = FORCINGS[forcing].symbol
     ends = [float(one[f"{symbol}_{name}"]) for name in ("min", "max")]
     widths = [float(one[f"{symbol}_{name}_bracket"]) for name in ("min", "max")]
@@ -128,8 +135,9 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
     if line is None:
         return _Proof(UNPROVED, UNPROVED, UNBOUNDED)
     with ctx.workprec(BITS):
-        rest = arb(scene.inputs["frequency"]) * arb(scene.inputs["contact_time"])
-        orbit = Orbit(scene.base, arb(e), 1, k, rest)
+        laws = scene.rebound, scene.restitution_law
+        setting = setting_of(scene.base, *laws, scene.waveform)
+        orbit = orbit_of(setting, {**scene.inputs, "restitution": e}, 1, k)
     sides = sorted((_side(line, row, step) for step in (-1, 1)), key=lambda s: line.z[s[0], -1])
     codes, boxes, events = [OPEN_END] * 2, [(math.nan, math.nan)] * 2, []
     # the last column, the drive, becomes the kick
@@ -139,7 +147,11 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
             continue
         guess = points[at].tolist()
         proved = prove_event(orbit, MULTIPLIER[met], guess) if met in MULTIPLIER else None
-        codes[i] = TOUCHES if met in (GRAZE, REST) else UNPROVED
+        codes[i] = UNPROVED
+        if met in (GRAZE, REST):
+            codes[i] = TOUCHES
+        elif met in (CORNER, YIELD):
+            codes[i] = SWITCH
         if proved:
             boxes[i] = low, high = _doubles(proved, forcing, scene, orbit)
             near = low - 0.5 * widths[i] <= ends[i] <= high + 0.5 * widths[i]
@@ -177,9 +189,11 @@ def _side(line: Line, row: int, step: int) -> tuple[int, int]:
     at = row
     for at in range(row, line.z.shape[0] if step > 0 else -1, step):
         for event in line.events:
-            if np.array_equal(event.z, line.z[at]):
+            ends = event.kind not in (CORNER, YIELD, BORN)
+            if ends and np.array_equal(event.z, line.z[at]):
                 return at, event.kind
-    return at, BORN
+    lost = line.ends[step > 0]
+    return at, {AT_CORNER: CORNER, AT_YIELDING: YIELD}.get(lost, BORN)
 
 
 def _doubles(event: Event, forcing: str, scene: Scene, orbit: Orbit) -> tuple[float, float]:

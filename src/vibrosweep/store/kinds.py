@@ -51,6 +51,9 @@ class ResultKind:
         Why there is no figure, and what to do instead.
     unverified
         Why ``vibrosweep verify`` does not check such a result; empty where it does.
+    verify
+        Function from the path and the keywords ``sample``, ``seed`` and ``advance`` of
+        `vibrosweep.verify` to its report; None where results are those of a sweep, or unverified.
 
     Examples
     --------
@@ -66,6 +69,7 @@ class ResultKind:
     stem: str = ""
     undrawn: str = "results of this kind have no figure"
     unverified: str = "verify proves results of vibrosweep run alone"
+    verify: Callable[..., Any] | None = None
 
     def axes(self, result: xr.Dataset) -> Axes | NDArray[Any]:
         """Draw a result; a DataError where results of this kind have no figure."""

@@ -1,10 +1,8 @@
 """Closed orbits, their bifurcations and branches of them, proved by Krawczyk's method.
 
-A point holds the p landing times of an orbit, in forcing periods, and the kick a.  The equations
-are those of the page on periodic orbits, in units of section "dimensionless form": each impact
-turns the speed at the end of one flight into that at the beginning of the next one.  They are
-evaluated in balls with derivatives of first order; the multipliers of the orbit are in the trace T
-and the determinant D of the Jacobian of a cycle, 1 - m T + D = 0 where one of them is m = 1 or -1.
+The equations are those of `vibrosweep.proof.reference.orbit_equations`.  The multipliers of an
+orbit are in the trace T and the determinant D of the Jacobian of a cycle, 1 - m T + D = 0 where one
+of them is m = 1 or -1.
 
 For a box Z around m, C near the inverse of F'(m), Krawczyk's operator
 
@@ -20,7 +18,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference._flint import arb, arb_mat, ctx
-from vibrosweep.proof.reference.jets import Jet, variables, waves
+from vibrosweep.proof.reference.jets import Jet, variables
+from vibrosweep.proof.reference.orbit_equations import Box, Cycle, Orbit, cycle
 
 BITS: Final = 160
 NEWTON: Final = 6  # steps in the middle of boxes, from a double
@@ -31,26 +30,6 @@ OVERLAP: Final = 0.05  # of a piece of a branch with the next one
 DEEPEST: Final = 12  # times a piece is halved
 ENLARGED: Final = 1.2  # radius of a box, relative to that of the points it should hold
 TRIES: Final = 4  # boxes around a piece
-Box = list[arb]
-
-
-class Orbit(NamedTuple):
-    """An orbit without rests, by its base, restitution, impacts and periods."""
-
-    base: str  # "high-bounce" or "moving"
-    e: arb
-    p: int
-    q: int
-    rest: arb  # speed at and below which a particle rests
-
-
-class Cycle(NamedTuple):
-    """Values of the equations of an orbit at a point or over a box."""
-
-    off: list[Jet]  # speeds after the impacts, which are off by so much
-    trace: Jet
-    determinant: arb
-    takes: str  # reason why a particle may not take the orbit; empty where it takes it
 
 
 @dataclass(frozen=True)
@@ -60,61 +39,6 @@ class Event:
     multiplier: int
     box: Box  # holds it
     alone: Box  # holds no other one
-
-
-def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
-    """Equations and multipliers of an orbit."""
-    p, e, a = orbit.p, orbit.e, z[orbit.p]
-    times = [*z[:p], z[0] + orbit.q]
-    sines, cosines = zip(*(waves(one) for one in times[:p]), strict=True)
-    zero = Jet(arb(0), [arb(0)] * (p + 1))
-    off = [zero] * p
-    one = zero + 1
-    m = (one, zero, zero, one)
-    takes = ""
-    for i in range(p):
-        j = (i + 1) % p
-        s = times[i + 1] - times[i]
-        sine, cosine = sines[j], cosines[j]
-        if orbit.base == "high-bounce":
-            y = v = s
-            w = e * v + a * sine
-            k = 2 * arb.pi() * a * cosine
-            step = (one, one, k, k + e)
-        else:
-            alpha = a / (1 + e)
-            gained = alpha * (sine - sines[i])  # speed of the base
-            rise = alpha * (cosines[i] - cosine) / (2 * arb.pi())  # twice its height
-            y = s - alpha * sines[i] + rise / s
-            v = 2 * s - y + gained
-            w = e * v
-            pull, after = (2 * arb.pi() * alpha * one for one in (cosines[i], cosine))
-            y_s = v / s
-            y_x = gained / s - pull
-            v_s, v_x = 2 - y_s + after, after - pull - y_x
-            by_x, by_y = -y_x / y_s, 1 / y_s
-            step = (1 + by_x, by_y, e * (v_x + v_s * by_x), e * v_s * by_y)
-            takes = takes or _meets_base(alpha.v, y.v + (alpha * sines[i]).v, cosines[i].v)
-        off[i] = off[i] + y
-        off[j] = off[j] - w
-        if not w.v > orbit.rest:
-            takes = takes or RESTING
-        m = (
-            step[0] * m[0] + step[1] * m[2],
-            step[0] * m[1] + step[1] * m[3],
-            step[2] * m[0] + step[3] * m[2],
-            step[2] * m[1] + step[3] * m[3],
-        )
-    determinant = e ** (p if orbit.base == "high-bounce" else 2 * p)
-    return Cycle(off, m[0] + m[3], determinant, takes)
-
-
-def _meets_base(alpha: arb, u: arb, cosine: arb) -> str:
-    """Reason why a flight that begins with the absolute speed u may land earlier, or ""."""
-    gamma, w = arb.pi() * alpha, arb.pi() * u
-    concave = gamma <= 1
-    fast = u > 0 and w * w >= gamma * gamma + 2 * gamma * (1 + cosine)
-    return "" if concave or fast else EARLIER
 
 
 class _System(NamedTuple):
@@ -213,25 +137,34 @@ def prove_event(orbit: Orbit, multiplier: int, guess: Sequence[float]) -> Event 
         return Event(multiplier, box, box)
 
 
-def prove_orbit(orbit: Orbit, guess: Sequence[float], kick: arb) -> tuple[Box, Cycle] | None:
-    """Prove an orbit near a guess of its landing times; its multipliers are those of the result."""
+class Proved(NamedTuple):
+    """A proved orbit."""
+
+    box: Box  # holds its landing times, and the kick
+    cycle: Cycle
+    slopes: list[list[float]]  # moduli of the derivatives of the times by the equations
+
+
+def prove_orbit(orbit: Orbit, guess: Sequence[float], kick: arb) -> Proved | None:
+    """Prove an orbit near a guess of its landing times, at a kick that a ball holds."""
     with ctx.workprec(BITS):
         n = orbit.p + 1
         direction = [arb(int(i == n - 1)) for i in range(n)]
         origin = [arb(0)] * (n - 1) + [kick.mid()]
-        system = _System(orbit, 0, direction, origin)
+        system = _System(orbit, 0, direction, origin, kick - kick.mid())
         middle = _newton(system, [*(arb(one) for one in guess), kick.mid()])
-        proved = _krawczyk(system, middle, [SHARP] * n)
-        if proved is None:
+        radii = [SHARP + kick.rad()] * n
+        proved, inverse = _krawczyk(system, middle, radii, TRIES), _inverse(system, middle)
+        if proved is None or inverse is None:
             return None
-        return proved[0], cycle(orbit, variables(proved[0]))
+        box = proved[0]
+        slopes = [[float(abs(inverse[i, k]).upper()) for k in range(n)] for i in range(n - 1)]
+        return Proved(box, cycle(orbit, variables(box)), slopes)
 
 
 # Reasons why a branch is not covered
 NOT_ENCLOSED: Final = "the branch is not enclosed"
 NOT_ATTRACTING: Final = "attraction is not proved"
-EARLIER: Final = "an earlier landing is not excluded"
-RESTING: Final = "a rest is not excluded"
 
 
 class _Piece(NamedTuple):
@@ -303,15 +236,17 @@ def _piece(
     def passes(point: Box) -> bool:
         return _holds(whole, point) and bool(abs(_along(line, point)) <= half)
 
-    found = cycle(orbit, variables(box))
+    found, centre = cycle(orbit, variables(box)), cycle(orbit, variables(middle))
     if found.takes:
         return found.takes
-    change = zip(found.trace.d, box, middle, strict=True)
-    centre = cycle(orbit, variables(middle)).trace.v
-    trace = centre + sum((d * (b - m) for d, b, m in change), arb(0))
+    if not abs(found.determinant.v) < 1:
+        return NOT_ATTRACTING
     for multiplier in (1, -1):
+        over, at = (1 - multiplier * one.trace + one.determinant for one in (found, centre))
+        change = zip(over.d, box, middle, strict=True)
+        value = at.v + sum((d * (b - m) for d, b, m in change), arb(0))
         alone = any(_holds(e.alone, box) for e in events if e.multiplier == multiplier)
-        if not (alone or 1 - multiplier * trace + found.determinant > 0):
+        if not (alone or value > 0):
             return NOT_ATTRACTING
     if joint is not None and not passes(joint):
         return NOT_ENCLOSED

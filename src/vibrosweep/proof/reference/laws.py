@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.outside_laws import Law as OutsideLaw
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference._flint import arb
+from vibrosweep.proof.reference.jets import Jet
 
 TURNS_BACK: Final[Mapping[str, bool]] = {"rest": False, "reflect": True}
 
@@ -61,6 +62,9 @@ class Impact(Protocol):
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
 
+    def bend(self, v: arb) -> arb:
+        """Derivative of `slope`; NaN where it has none, or none is known."""
+
 
 class Constant(NamedTuple):
     """The same share of any speed."""
@@ -78,6 +82,10 @@ class Constant(NamedTuple):
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
         return self.e
+
+    def bend(self, v: arb) -> arb:
+        """Derivative of `slope`."""
+        return arb(0)
 
 
 class Plastic(NamedTuple):
@@ -102,6 +110,12 @@ class Plastic(NamedTuple):
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
         return self._chosen(v, self.e, lambda: 0.75 * self.e * (self.speed / v).sqrt().sqrt())
+
+    def bend(self, v: arb) -> arb:
+        """Derivative of `slope`, which jumps at the kink."""
+        if v < self.speed:
+            return arb(0)
+        return -0.25 * self.slope(v) / v if v > self.speed else arb("nan")
 
 
 class Viscoelastic:
@@ -129,11 +143,12 @@ class Viscoelastic:
 
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
+        return _slope_at(self._scaled(v))
+
+    def bend(self, v: arb) -> arb:
+        """Derivative of `slope`."""
         y = self._scaled(v)
-        top, higher, by_top, by_higher = _terms(y)
-        bottom = top + higher
-        fall = y * (by_top * higher - top * by_higher) / bottom
-        return (top + fall / 10) / bottom
+        return _slope_at(Jet(y, [arb(1)])).d[0] * y / (10 * v)
 
 
 class Random:
@@ -167,8 +182,20 @@ class Random:
             return found
         return -found if self._left(v) < 0 else found.union(-found)
 
+    def bend(self, v: arb) -> arb:
+        """NaN: orbits that repeat have nothing random."""
+        return arb("nan")
 
-def _terms(y: arb) -> tuple[arb, arb, arb, arb]:
+
+def _slope_at(y: Any) -> Any:
+    """Slope of a ball y, or of a jet."""
+    top, higher, by_top, by_higher = _terms(y)
+    bottom = top + higher
+    fall = y * (by_top * higher - top * by_higher) / bottom
+    return (top + fall / 10) / bottom
+
+
+def _terms(y: Any) -> tuple[Any, Any, Any, Any]:
     """Numerator of P, its denominator less that, and their derivatives."""
     n1, d2, d3, d4 = arb("0.501086"), arb("1.15345"), arb("0.577977"), arb("0.532178")
     higher = y * y * (d2 + y * (d3 + y * d4))
@@ -212,6 +239,10 @@ class Outside:
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
         return self._slope(self._e, v / self._speed)
+
+    def bend(self, v: arb) -> arb:
+        """NaN: a law says how much its slope changes, but not how."""
+        return arb("nan")
 
 
 OF_SPEED: Final[Mapping[str, Callable[[arb, arb], Impact]]] = {

@@ -1,0 +1,264 @@
+"""Verify periodic orbits: enclose each in ball arithmetic and compare every number of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.parameters import OF_RESTITUTION
+from vibrosweep.model.restitution_laws import CONSTANT, law_in
+from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, Waveform
+from vibrosweep.proof.judgement import Judgement, judge
+from vibrosweep.proof.reference._flint import arb, ctx
+from vibrosweep.proof.reference.closed import BITS, Proved, prove_orbit
+from vibrosweep.proof.reference.jets import Jet, variables
+from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.proof.reference.motion import EPS
+from vibrosweep.proof.reference.orbit_equations import Orbit
+from vibrosweep.proof.reference.shapes import SINE, Motion
+from vibrosweep.proof.verification import Outcome, Report, State
+from vibrosweep.runs.progress import Advance
+from vibrosweep.scene.waveform import stored
+from vibrosweep.store.kinds import load_dataset
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Roundings of an equation of an orbit, in units of 2^-52 of the numbers in it
+ROUNDINGS: Final = 64.0
+PLACES: Final = 128  # of a flight, at which it is looked for below the base
+SEARCHED: Final = "it tells how orbits were searched, which nothing proves"
+COMPLETE: Final = "no proof tells whether there are more orbits"
+YES, NO, RESTS = 1, 0, -1
+OF_LANDINGS: Final = ("impact_phase", "flight_time", "rebound_velocity", "arrival_velocity")
+JUDGED: Final = (
+    *("cycle_impacts", "cycle_periods", "admissible", "stable"),
+    *("multiplier_real", "multiplier_imaginary", *OF_LANDINGS),
+)
+UNKNOWN: Final = {
+    **dict.fromkeys(("seeds", "late_orbits"), SEARCHED),
+    **dict.fromkeys(("orbit_count", "saddle_points", "other_points", "balanced"), COMPLETE),
+}
+
+
+class Setting(NamedTuple):
+    """What orbits share."""
+
+    base: str
+    laws: Laws
+    motion: Motion
+
+
+def setting_of(base: str, rebound: str, restitution_law: str, waveform: Waveform) -> Setting:
+    """Return the base, the laws and the motion as the reference takes them."""
+    motion = SINE
+    if waveform.name != SINE_NAME:
+        motion = Motion(waveform.tones if waveform.name == HARMONICS_NAME else ())
+    return Setting(base, Laws(rebound, restitution_law), motion)
+
+
+def orbit_of(setting: Setting, inputs: Mapping[str, float], p: int, q: int) -> Orbit:
+    """Return an orbit of p impacts in q periods at some parameters, as the reference takes it."""
+    names = ("restitution", "frequency", "gravity", *OF_RESTITUTION)
+    given = {name: arb(inputs[name]) for name in names if name in inputs}
+    law = None if setting.laws.restitution == CONSTANT else setting.laws.in_periods(given)
+    rest = arb(inputs["contact_time"]) * given["frequency"]
+    turns_back = setting.laws.turns_back
+    return Orbit(setting.base, given["restitution"], p, q, rest, setting.motion, law, turns_back)
+
+
+def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Report:
+    """Enclose the orbits of some realizations and judge all numbers of them.
+
+    Krawczyk's method proves that there is one orbit near each that the file holds, and encloses it.
+    The error that is admitted is an estimate: that of some roundings in each equation.  Raises a
+    ParameterError for a size or a seed that cannot be used.
+    """
+    for name, value, low in (("sample", sample, 1), ("seed", seed, 0)):
+        if value < low:
+            raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
+    found = load_dataset(path)
+    dims, shape = found["orbit_count"].dims, found["orbit_count"].shape
+    total = math.prod(shape)
+    rows = np.arange(total)
+    if sample < total:
+        rows = np.sort(np.random.default_rng(seed).choice(total, sample, replace=False))
+    attributes = found.attrs
+    setting = setting_of(
+        attributes["base"], attributes["rebound"], law_in(attributes), stored(attributes)
+    )
+    outcomes = []
+    for done, row in enumerate(rows):
+        place = dict(zip(dims, np.unravel_index(int(row), shape), strict=True))
+        outcomes.append(_outcome(int(row), found.isel(place), setting))
+        advance(done + 1, rows.size)
+    return Report(
+        path=str(path),
+        total=total,
+        seed=seed,
+        outcomes=outcomes,
+        claimed=False,
+        coupled=False,
+        coordinates=[],
+        names=[*JUDGED, *UNKNOWN],
+        unknown=UNKNOWN,
+        estimated=[],
+    )
+
+
+def _outcome(row: int, one: xr.Dataset, setting: Setting) -> Outcome:
+    """Judge the orbits of one realization."""
+    names = ("restitution", "frequency", "gravity", "contact_time", "amplitude", *OF_RESTITUTION)
+    inputs = {name: float(one[name]) for name in names if name in one.variables}
+    judgements: list[Judgement] = []
+    landings, proofs = 0, 0
+    with ctx.workprec(BITS):
+        kick = 2 * arb(inputs["frequency"]) * arb(inputs["amplitude"]) / arb(inputs["gravity"])
+        held = np.flatnonzero(one["cycle_impacts"].values)
+        for k in held:
+            own = one.isel(orbit=int(k))
+            p, q = int(own["cycle_impacts"]), int(own["cycle_periods"])
+            times = float(own["impact_phase"][0]) + inputs["frequency"] * np.cumsum(
+                [0.0, *own["flight_time"].values[: p - 1]]
+            )
+            orbit = orbit_of(setting, inputs, p, q)
+            proved = prove_orbit(orbit, times.tolist(), kick)
+            if proved is None:
+                judgements += [Judgement(name, None, math.nan, None) for name in JUDGED]
+                continue
+            proofs += 1
+            landings += p
+            unit = inputs["gravity"] / (2.0 * inputs["frequency"])
+            judged = _judged(own, orbit, proved, 1.0 / inputs["frequency"], unit)
+            judgements += [
+                replace(j, complaint=f"of orbit {k} {j.complaint}" if j.complaint else "")
+                for j in judged
+            ]
+    state = State.COMPARED if proofs or not held.size else State.UNDECIDED
+    return Outcome(row, state, landings, judgements if proofs else ())
+
+
+def _judged(
+    own: xr.Dataset, orbit: Orbit, proved: Proved, period: float, unit: float
+) -> Iterator[Judgement]:
+    """Judge the numbers of a proved orbit; period in s, unit of speeds in m/s."""
+    p, q, n = orbit.p, orbit.q, orbit.p + 1
+    found, times = proved.cycle, variables(proved.box)
+    size = 1.0 + q + _most(proved.box[p])
+    # of the equations, and of the kick; of the times, and of the kick
+    offs = [*[ROUNDINGS * EPS * size] * p, ROUNDINGS * EPS * _most(proved.box[p])]
+    errors = [sum(s * o for s, o in zip(row, offs, strict=True)) for row in proved.slopes]
+    errors.append(offs[p])
+
+    def claim(value: Jet, beside: float = 1.0) -> float:
+        moved = sum(_most(value.d[k]) * errors[k] for k in range(n))
+        return float(moved + ROUNDINGS * EPS * (_most(value.v) + beside))
+
+    yield judge("cycle_impacts", None, p, p if _primitive(orbit, proved.box) else None, 0.0)
+    yield judge("cycle_periods", None, q, q, 0.0)
+    for name, proof in (("admissible", _taken(orbit, proved)), ("stable", _stable(proved))):
+        held = int(own[name])
+        known = proof is not None
+        yield judge(name, None, held, held if proof is None else proof, 0.0 if known else None)
+    for i, flight in enumerate(found.flights):
+        phase = float(own["impact_phase"][i])
+        turns = times[i].v - round(float(times[i].v.mid()) - phase)
+        yield judge("impact_phase", None, phase, turns, errors[i] + EPS)
+        lasts = (times[i + 1] if i < p - 1 else times[0] + q) - times[i]
+        for name, value, scale in (
+            ("flight_time", lasts, period),
+            ("rebound_velocity", flight.leaves, unit),
+            ("arrival_velocity", flight.arrives, unit),
+        ):
+            size_of = scale * claim(value, size)
+            yield judge(name, None, float(own[name][i]), arb(scale) * value.v, size_of)
+    yield from _multipliers(own, proved, claim)
+
+
+def _most(value: arb) -> float:
+    return float(value.abs_upper())
+
+
+def _primitive(orbit: Orbit, box: list[arb]) -> bool:
+    """Return whether an orbit is certainly not a shorter one, run several times."""
+    p, q = orbit.p, orbit.q
+    return all(
+        any(not (box[i + d] - box[i] - arb(q * d) / p).contains(0) for i in range(p - d))
+        for d in range(1, p)
+        if p % d == 0 and (q * d) % p == 0
+    )
+
+
+def _stable(proved: Proved) -> int | None:
+    """Tell whether both multipliers are inside the unit circle; None where that is not certain."""
+    t, d = proved.cycle.trace.v, proved.cycle.determinant.v
+    if abs(t) < 1 + d and abs(d) < 1:
+        return YES
+    return NO if abs(t) > 1 + d or abs(d) > 1 else None
+
+
+def _taken(orbit: Orbit, proved: Proved) -> int | None:
+    """Tell whether a particle takes an orbit, in the codes of the result; None if uncertain."""
+    found = proved.cycle
+    if any(one.after.v <= orbit.rest and one.presses > 0 for one in found.flights):
+        return RESTS
+    if not found.takes:
+        return YES
+    leaves = all(one.after.v > orbit.rest for one in found.flights)
+    return NO if leaves and any(_lands_earlier(orbit, proved, i) for i in range(orbit.p)) else None
+
+
+def _lands_earlier(orbit: Orbit, proved: Proved, i: int) -> bool:
+    """Return whether a flight is certainly below the base at one of some places."""
+    box, flight = proved.box, proved.cycle.flights[i]
+    ends = [*box[: orbit.p], box[0] + orbit.q]
+    alpha, lasts = box[orbit.p] / (1 + orbit.e), ends[i + 1] - ends[i]
+    begun = orbit.motion.at(Jet(ends[i], [])).height.v
+    for k in range(1, PLACES):
+        s = lasts * k / PLACES
+        risen = orbit.motion.at(Jet(ends[i] + s, [])).height.v - begun
+        if s * (flight.leaves.v - s) < alpha * risen:
+            return True
+    return False
+
+
+def _multipliers(
+    own: xr.Dataset, proved: Proved, claim: Callable[[Jet, float], float]
+) -> Iterator[Judgement]:
+    """Judge the roots of z^2 - T z + D, the one of larger modulus first."""
+    trace, determinant = proved.cycle.trace, proved.cycle.determinant
+    size = math.prod(_widest(flight.step) for flight in proved.cycle.flights)
+    off_t, off_d = claim(trace, size), claim(determinant, size)
+    half, square = trace.v / 2, trace.v * trace.v / 4 - determinant.v
+    names = ("multiplier_real", "multiplier_imaginary")
+    held = [[float(v) for v in own[name].values] for name in names]
+    if square > 0 and not half.contains(0):
+        root = square.sqrt()
+        larger = half + root if half > 0 else half - root
+        off = 0.5 * off_t + (0.5 * _most(trace.v) * off_t + off_d) / float(root.abs_lower())
+        smaller = determinant.v / larger
+        off_smaller = (off_d + _most(smaller) * off) / float(larger.abs_lower())
+        exact = [(larger, arb(0), off), (smaller, arb(0), off_smaller)]
+    elif square < 0:
+        root = (-square).sqrt()
+        off = 0.5 * off_t + (0.5 * _most(trace.v) * off_t + off_d) / float(root.abs_lower())
+        # of conjugates the one with the positive imaginary part comes first
+        exact = [(half, root, off), (half, -root, off)]
+    else:
+        yield from (Judgement(name, None, math.nan, None) for name in names)
+        return
+    for k, (real, imaginary, off) in enumerate(exact):
+        yield judge(names[0], None, held[0][k], real, off)
+        yield judge(names[1], None, held[1][k], imaginary, off)
+
+
+def _widest(step: tuple[Jet, ...]) -> float:
+    """Norm of the derivatives over a flight."""
+    xx, xu, ux, uu = (_most(one.v) for one in step)
+    return max(xx + xu, ux + uu)
