@@ -1,11 +1,14 @@
 """``vibrosweep windows``, ``bifurcation`` and ``basins``: what they write, what they refuse."""
 
+from pathlib import Path
+
 import pytest
 import xarray as xr
 
 from vibrosweep import theory
 from vibrosweep.cli import main
 
+SWEEPS = Path(__file__).parents[1] / "sweeps"
 SPEC = """
 title = "Windows of a test"
 [scene]
@@ -157,6 +160,22 @@ def test_a_diagram_and_its_picture_are_written(
     with xr.open_dataset(output, engine="h5netcdf") as found:
         assert 8 in found[variable].shape
         assert found.attrs["title"] == "A grid of a test"
+    assert output.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("orbits", "1 in 1 period"),
+        ("branches", "period doubling at 3.57576764885 m s-1"),
+        ("boundaries", "saddle node"),
+    ],
+)
+def test_the_examples_of_orbits_are_computed_and_drawn(command, words, tmp_path, capsys):
+    output = tmp_path / "found.h5"
+    limits = ["--impacts", "1", "--periods", "1"]
+    assert main([command, str(SWEEPS / f"{command}.toml"), "-o", str(output), *limits]) == 0
+    assert words in capsys.readouterr().out
     assert output.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
 

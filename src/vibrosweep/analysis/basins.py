@@ -46,6 +46,7 @@ Codes = NDArray[np.int64]
 
 BYTES_PER_LAUNCH: Final = 300
 BYTES_KEPT: Final = 16
+MOST_LINES: Final = 12  # of attractors along a parameter, in the summary
 PLANE: Final = ("launch_velocity", "launch_time")
 ALONG: Final = ("restitution", *FORCINGS)
 SHAPES: Final = {  # words and form of a line
@@ -214,7 +215,9 @@ def name_of(attractor: xr.Dataset) -> str:
 def summary(found: xr.Dataset) -> Iterator[str]:
     """Say which fraction of the launches leads to each attractor, and how basins interlace."""
     along = str(found.attrs.get("along", ""))
-    for i in range(found.sizes["attractor"]):
+    count = found.sizes["attractor"]
+    shown = min(count, MOST_LINES) if along else count
+    for i in range(shown):
         one = found.isel(attractor=i)
         if along:
             held = one["fraction"] > 0.0
@@ -227,6 +230,9 @@ def summary(found: xr.Dataset) -> Iterator[str]:
         else:
             low, high = float(one["fraction_low"]), float(one["fraction_high"])
             yield f"{name_of(one):32}{float(one['fraction']):.2%} ({low:.2%} to {high:.2%})"
+    if shown < count:
+        rest = found["fraction"][:, shown:].sum("attractor")
+        yield f"{f'{count - shown} others':32}{float(rest.min()):.2%} to {float(rest.max()):.2%}"
     for name, (words, form) in SHAPES.items():
         values = np.atleast_1d(found[name].values)
         values = values[np.isfinite(values)]

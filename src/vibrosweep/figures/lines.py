@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["NEEDS", "orbit_boundaries", "orbit_branches"]
 
 NEEDS: Final = data.Needs(("bifurcation", "cycle_impacts", "cycle_periods", "admissible"))
+GRAZE, REST = 2, 3  # codes of `bifurcation`
 AT_BORDER: Final = 1e-9  # of stability, where a stable part of a branch ends
 # By the codes of `bifurcation`: the marker of a point, the dashes of a curve, and the name
 KINDS: Final = (
@@ -176,7 +177,8 @@ def orbit_boundaries(
             one = boundaries.isel(curve=i)
             code = int(one["bifurcation"])
             name = f"{_name(kind)}, {KINDS[code][2]}"
-            taken = one["admissible"].values == 1
+            # where a particle just grazes or rests, rounding decides whether it takes the orbit
+            taken = (one["admissible"].values == 1) | (code in (GRAZE, REST))
             for chosen, width in ((np.ones_like(taken), 0.5), (taken, 1.3)):
                 edge = [withStroke(linewidth=width + 1.0, foreground="black")]
                 axes.plot(
