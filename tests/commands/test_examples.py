@@ -52,7 +52,7 @@ def test_all_are_copied_and_none_is_replaced_unasked(tmp_path, capsys):
 def test_an_unknown_name_is_refused(tmp_path, capsys):
     assert main(["examples", "papers", "-o", str(tmp_path)]) == 2
     message = capsys.readouterr().err
-    assert "no example is called papers; there are basins, bifurcation" in message
+    assert "no example is called papers; there are basin_shares, basins" in message
     assert contents(tmp_path) == {}
 
 
