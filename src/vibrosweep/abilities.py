@@ -58,7 +58,7 @@ _OF_PARTICLES: Final[Mapping[bool | None, Ability]] = {
     ),
 }
 ANALYSES: Final[Mapping[str, Ability]] = {
-    "windows": Ability(APART, _FOLLOWED, (SINE_NAME,)),
+    "windows": Ability(APART, _FOLLOWED),
     "bifurcation": Ability(APART, _FOLLOWED),
     "basins": Ability(APART, _FOLLOWED),
     "orbits": Ability(APART, _FOLLOWED),
@@ -142,6 +142,11 @@ def refusal(
         return (
             f'{OF_CONSTANT[analysis]}, not of restitution_law = "{restitution}": take '
             f'restitution_law = "{CONSTANT}"'
+        )
+    if analysis == "windows" and not {restitution, waveform} & {"", CONSTANT, SINE_NAME}:
+        return (
+            f'cannot be had with waveform = "{waveform}" and restitution_law = "{restitution}" '
+            f'together yet: take restitution_law = "{CONSTANT}", or waveform = "{SINE_NAME}"'
         )
     if waveform and waveform not in SHAPED:
         return f'waveform = "{waveform}": must be {_quoted(SHAPED)}'

@@ -149,27 +149,30 @@ def test_a_base_that_does_not_implement_a_waveform_refuses_it():
 
 
 def test_a_mode_has_two_windows_one_of_which_ends_in_a_fold():
-    """Closed forms of locked orbits, a w(x) = (1 - e) k, and particles launched beside them."""
+    """Windows of all branches, and particles launched on the orbit of each."""
     one, e = waveform(TWO_TONES), 0.85
-    x = np.linspace(0.0, 1.0, 1_000_001)
-    with np.errstate(divide="ignore"):
-        a = (1.0 - e) / one.velocity(x)
-    stable = (a > 0.0) & (a * one.slope(x) < 0.0) & (a * one.slope(x) > -2.0 * (1.0 + e))
-    edges = np.flatnonzero(np.diff(stable.astype(int)))
-    ends = sorted(tuple(np.sort(a[[low + 1, high]])) for low, high in edges.reshape(-1, 2))
-    assert np.array(ends) == pytest.approx(np.array([(0.1688, 0.2855), (0.2852, 0.6657)]), abs=5e-5)
-    middle = np.array([0.5 * (low + high) for low, high in edges.reshape(-1, 2)], int)
-    found = vs.sweep(
-        waveform=TWO_TONES,
-        gravity=2.0,
-        restitution=e,
+    scene = {"waveform": TWO_TONES, "gravity": 2.0, "restitution": e}
+    found = vs.windows(**scene, amplitude=np.linspace(0.1, 1.0, 19), conditions=["locked(1)"])
+    low, high = (found[name].values.ravel() for name in ("A_min", "A_max"))
+    assert low == pytest.approx([0.1688, 0.2852], abs=5e-5)
+    assert high == pytest.approx([0.2855, 0.6657], abs=5e-5)
+    assert (found.A_max_bracket.values < 1e-11).all()
+    held = found.holds.values.ravel()
+    np.testing.assert_array_equal(
+        held, (found.scan.values > low[0]) & (found.scan.values < high[1])
+    )
+    a, x = 0.5 * (low + high), np.linspace(0.0, 1.0, 1_000_001)
+    off = [kick * one.velocity(x) - (1.0 - e) for kick in a]
+    falls = [x[1:][(y[:-1] > 0.0) & (y[1:] <= 0.0)] for y in off]
+    swept = vs.sweep(
+        **scene,
         launch_velocity=1.001,
         duration=3000.0,
-        amplitude=a[middle].tolist(),
+        amplitude=a.tolist(),
         particles=2,
-        launch=x[middle].tolist(),
+        launch=[float(falls[0][0]), float(falls[1][-1])],
         regimes=True,
     )
     for k in range(2):  # each particle is launched on the orbit of one of the amplitudes
         for name, value in (("cycle_impacts", 1), ("cycle_periods", 1), ("cycle_rests", 0)):
-            assert found[name].values[k, k] == value
+            assert swept[name].values[k, k] == value

@@ -4,7 +4,8 @@ A coarse scan over the forcing finds between which of its points a condition beg
 hold; all these edges, of all restitutions, are then bisected together.  A window narrower than the
 step of the scan may hide between two of its points: the scan is the resolution.  Locked orbits are
 the exception, for a scan also sees where they exist without being stable: every window of a locked
-orbit that is wider than the tolerance is found.
+orbit that is wider than the tolerance is found.  Under another waveform than the sine a mode may
+have several windows, which may overlap: those of all branches are listed, in closed form.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from vibrosweep.analysis.conditions import (
     named,
 )
 from vibrosweep.analysis.replicas import REPLICAS, Share, share_of
+from vibrosweep.analysis.shaped_windows import rows_of_shape
 from vibrosweep.analysis.window_codes import ENDS, FRESH, HELD, NO_WINDOW, code_of_ends
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
@@ -46,6 +48,7 @@ from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
 from vibrosweep.model.parameters import NOISE, PARAMETERS
 from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.shapes import SINE
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
 
@@ -192,6 +195,9 @@ def _windows(
 ) -> list[Row]:
     """Windows of one condition in one direction, a list for each restitution."""
     forcing, e, a = scan
+    if isinstance(condition, Locked) and scene.waveform != SINE:
+        rows = [rows_of_shape(scene, condition.k, forcing, float(one), a, workers) for one in e]
+        return [Row(*row) for row in rows]
 
     def judge(rows: Codes, at: Array, states: Array) -> tuple[Codes, Array]:
         points = {"restitution": e[rows], forcing: at}

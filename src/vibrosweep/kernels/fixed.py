@@ -122,3 +122,22 @@ def find_fixed(
                 if fixed_attracts(fixed, x, k[t]):
                     out.state[t] = ATTRACTS
                     break
+
+
+@kernel
+def orbits_hold(
+    first: int,
+    last: int,
+    base: Base,
+    problem: Dimensionless,
+    k: Integers,
+    x: Floats,
+    out: FixedOrbits,
+) -> None:
+    """Tell whether orbits of k periods that land at phases x and attract are there at all.
+
+    Of problems first ... last - 1; the particle of one may rest, or land earlier.
+    """
+    for t in range(first, last):
+        holds = fixed_holds(constants(base, problem, t), x[t], float(k[t]))
+        out.state[t], out.phase[t] = ATTRACTS if holds else ABSENT, x[t]

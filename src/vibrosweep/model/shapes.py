@@ -69,20 +69,20 @@ class Waveform:
         if self.name == PARABOLIC_NAME:
             y, rises = _folded(x)
             return np.asarray(np.where(rises, 2.0 * y * y - 0.125, 0.125 - 2.0 * y * y))
-        return self._sum(x, -1)
+        return self.derivative(x, -1)
 
     def velocity(self, x: ArrayLike) -> Array:
         """W', which is w, at phases in turns."""
         if self.name == PARABOLIC_NAME:
             y, rises = _folded(x)
             return np.asarray(np.where(rises, 4.0 * y, -4.0 * y))
-        return self._sum(x, 0)
+        return self.derivative(x, 0)
 
     def slope(self, x: ArrayLike) -> Array:
         """Derivative of w by the phase in turns."""
         if self.name == PARABOLIC_NAME:
             return np.asarray(np.where(_folded(x)[1], 4.0, -4.0))
-        return self._sum(x, 1)
+        return self.derivative(x, 1)
 
     @property
     def highest(self) -> float:
@@ -107,8 +107,8 @@ class Waveform:
     def _tones(self) -> tuple[Tone, ...]:
         return self.tones or ((1, 1.0, 0.0),)
 
-    def _sum(self, x: ArrayLike, order: int) -> Array:
-        """Derivative of w of an order; of order -1 the integral of mean zero."""
+    def derivative(self, x: ArrayLike, order: int) -> Array:
+        """Derivative of an order of harmonics w; of order -1 the integral of mean zero."""
         x = np.asarray(x, dtype=np.float64)
         found = np.zeros_like(x)
         for h, weight, phase in self._tones:
@@ -167,10 +167,10 @@ def zeros(waveform: Waveform, order: int, level: float = 0.0) -> Array:
     bounds = [waveform.sum_of(order + 1) * 1.001, waveform.sum_of(order + 2) * 1.001]
 
     def value(x: Array) -> Array:
-        return waveform._sum(x, order) - level
+        return waveform.derivative(x, order) - level
 
     def slope(x: Array) -> Array:
-        return waveform._sum(x, order + 1)
+        return waveform.derivative(x, order + 1)
 
     most = max(h for h, _, _ in waveform.tones)
     edges = np.linspace(0.0, 1.0, 16 * most + 1) - OFF  # no edge where a zero is likely

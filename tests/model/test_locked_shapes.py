@@ -1,0 +1,72 @@
+"""Windows of locked orbits of any waveform against closed forms and their definition."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vibrosweep.model.locked_shapes import DOUBLING, FOLD, locked_windows
+from vibrosweep.model.shapes import SINE, Waveform
+
+TWO = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
+
+
+def steepest(base, e):
+    return 2.0 * (1.0 + e) if base == "high-bounce" else 4.0 * (1.0 + e * e) / (1.0 + e)
+
+
+def test_two_tones_have_two_windows_that_overlap():
+    first, second = locked_windows(TWO, 1, 0.85, "high-bounce")
+    assert (first.low, first.high) == pytest.approx((0.1688, 0.2855), abs=5e-5)
+    assert (second.low, second.high) == pytest.approx((0.2852, 0.6657), abs=5e-5)
+    assert (first.ends, second.ends) == (FOLD, DOUBLING)
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+@pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
+def test_a_sine_has_the_windows_of_its_closed_form(base, e):
+    for k in (1, 2, 3):
+        (window,) = locked_windows(SINE, k, e, base)
+        need = (1.0 - e) * k
+        end = math.hypot(need, steepest(base, e) / (2.0 * math.pi))
+        assert abs(window.low - need) <= window.low_error < 1e-13
+        assert abs(window.high - end) <= window.high_error < 1e-11
+
+
+def test_the_parabolic_shape_is_born_at_its_corner():
+    (window,) = locked_windows(Waveform("parabolic"), 1, 0.7, "high-bounce")
+    assert (window.low, window.high) == pytest.approx((0.3, 0.85), abs=1e-15)
+    (moving,) = locked_windows(Waveform("parabolic"), 1, 0.7, "moving")
+    gammas = 2.0 * np.array([moving.low, moving.high]) / 1.7
+    assert gammas == pytest.approx([2.0 * 0.3 / 1.7, 2.0 * 1.49 / 1.7**2], abs=1e-14)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-2.0, 2.0), st.floats(-3.0, 3.0)), min_size=1, max_size=5),
+    st.floats(0.0, 1.0),
+    st.sampled_from(["high-bounce", "moving"]),
+)
+def test_the_orbit_attracts_inside_and_nowhere_else(tones, e, base):
+    tones = tuple((h, c, psi) for h, (c, psi) in enumerate(tones, 1) if abs(c) > 1e-2)
+    if not tones:
+        return
+    shape, limit = Waveform("harmonics", tones), steepest(base, e)
+    x = np.linspace(0.0, 1.0, 2001)
+    w, slope = shape.velocity(x), shape.slope(x)
+    need = 1.0 - e
+    if need < 1e-3:
+        return
+    with np.errstate(divide="ignore"):
+        a = need / w
+    stable = (w > 1e-6) & (slope < -1e-6) & (-a * slope < limit * (1.0 - 1e-6))
+    windows = locked_windows(shape, 1, e, base)
+    inside = np.zeros(x.size, bool)
+    for one in windows:
+        assert 0.0 < one.low < one.high
+        for shift in (0.0, 1.0, -1.0):
+            within = (x + shift > one.from_phase) & (x + shift < one.to_phase)
+            assert (-a[within] * slope[within] < limit * (1.0 + 1e-6)).all()
+            inside |= within
+    assert not (stable & ~inside).any()
