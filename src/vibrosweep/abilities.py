@@ -80,7 +80,7 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "restitution_spread": Ability(APART, "cannot be computed with base = {base}; leave it out"),
 }
 _RANDOM: Final[Mapping[str, Ability]] = {
-    **dict.fromkeys(("restitution_noise", "kick_noise"), Ability(APART, "needs base = {others}")),
+    **dict.fromkeys(("restitution_noise", "kick_noise"), _ANYWHERE),
     "drive_noise": Ability(
         (HIGH_BOUNCE,),
         "needs base = {others}: a base that moves would jump where its amplitude changes; take "
@@ -92,7 +92,7 @@ _RANDOM: Final[Mapping[str, Ability]] = {
 # compare realizations that differ in nothing but a parameter, or follow one trajectory again
 UNDER_NOISE: Final = frozenset(
     {
-        *("separation", "per_particle", "regimes", "lyapunov", "trust"),
+        *("separation", "per_particle", "regimes", "lyapunov", "trust", "ordering"),
         *("separations", "record", "observables", "verify", "windows"),
     }
 )
@@ -167,6 +167,8 @@ def refusal(
                 f"{_quoted(ability.waveforms)}"
             )
     asked = measure or analysis
+    if noise and base == SPRUNG and analysis == "verify":
+        return f"follows coupled particles without deviates: leave out {' and '.join(noise)}"
     if noise and asked and asked not in UNDER_NOISE:
         why = WHY_NOT_RANDOM.get(asked, "describes orbits that repeat")
         return f"{why}: leave out {' and '.join(noise)}"

@@ -36,6 +36,7 @@ from vibrosweep.kernels.coupled.motion_record import MotionRecord, Track, empty_
 from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
 from vibrosweep.kernels.falling import restitution_of
+from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.record import Record, Scale, Units, empty_record
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
@@ -120,8 +121,8 @@ def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     """Return the batch in dimensionless form."""
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
-    law = restitution_of(scene.restitution_law)
-    return Coupled(problem, mounts(parameters, law), launch)
+    law, noise = restitution_of(scene.restitution_law), noise_of(problem.noise, scene.noise_seed)
+    return Coupled(problem, mounts(parameters, law, noise), launch)
 
 
 def _order(whole: PerRealization, frequency: Array) -> Measured:
@@ -202,7 +203,12 @@ class Neighbours:
     landings: int  # on the way
 
 
-def carry_on(parameters: Mapping[str, Array], begin: Neighbours, periods: float) -> Neighbours:
+def carry_on(
+    parameters: Mapping[str, Array],
+    begin: Neighbours,
+    periods: float,
+    restitution_law: str = CONSTANT,
+) -> Neighbours:
     """Carry a state in which all particles fly on for some forcing periods: the Floquet map.
 
     Its matrix is multiplied from the left.  The parameters are those of `measure_coupled`, of one
@@ -216,7 +222,7 @@ def carry_on(parameters: Mapping[str, Array], begin: Neighbours, periods: float)
     state.now[NOW.X] = begin.phase
     state.now[NOW.D], state.now[NOW.B] = begin.deviation
     rode = np.zeros_like(state.mode)
-    law = restitution_of(CONSTANT)
+    law = restitution_of(restitution_law)
     landings = carry(state, problem, mounts(parameters, law), 0, periods, rode, matrix)
     if landings < 0:
         raise ParameterError("the next landing could not be found: the parameters are too extreme")

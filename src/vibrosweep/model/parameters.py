@@ -189,6 +189,7 @@ class Mounts(NamedTuple):
     natural: Array  # nu = f0 / f, natural frequency of the mount in units of that of the forcing
     damping: Array  # zeta, damping ratio of the mount
     restitution: Any  # law of restitution, as kernels take it
+    noise: Any = None  # what is random in impacts, as kernels take it
 
 
 class Launches(NamedTuple):
@@ -266,10 +267,10 @@ def taken(problem: Dimensionless, which: Any) -> Dimensionless:
     return Dimensionless(*map(row, problem))
 
 
-def mounts(parameters: Mapping[str, Array], restitution: Any) -> Mounts:
+def mounts(parameters: Mapping[str, Array], restitution: Any, noise: Any = None) -> Mounts:
     """Change the mounts of realizations to the dimensionless form, from frequency and `MOUNT`."""
     ratio, frequency, damping = (parameters[name] for name in MOUNT)
-    return Mounts(ratio, frequency / parameters["frequency"], damping, restitution)
+    return Mounts(ratio, frequency / parameters["frequency"], damping, restitution, noise)
 
 
 def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Array, Array]:

@@ -26,6 +26,7 @@ from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases.exponential import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
+from vibrosweep.kernels.noise import SILENT, Noise, Source, source_of
 from vibrosweep.kernels.restitution import Restitution, ratio, scale_of
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
@@ -51,6 +52,9 @@ class Mount(NamedTuple):
     mu: float
     w: float
     zeta: float
+    # What is random in impacts, and the noise of this realization
+    noise: Noise | None = None
+    source: Source = SILENT
 
 
 class Load(NamedTuple):
@@ -127,6 +131,8 @@ def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
         mounts.mass_ratio[i],
         TWO_PI * mounts.natural[i],
         mounts.damping[i],
+        mounts.noise,
+        source_of(problem.noise, problem.end_count, i),
     )
 
 
@@ -294,6 +300,18 @@ def recoil(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
     share = ratio(fixed.law, fixed.e, fixed.scale, c)
     mass = fixed.mu / (1.0 + riders * fixed.mu)
     return mass / (1.0 + mass) * (c if sticks else (1.0 + share) * c)
+
+
+@jit
+def recoil_from(noise: Noise | None, fixed: Mount, riders: int, c: float, w: float) -> float:
+    """Speed that a bounce from the approach speed c takes, which leaves with the relative speed w.
+
+    Without noise w is E(c).
+    """
+    if noise is None:
+        return recoil(fixed, riders, c, False)
+    mass = fixed.mu / (1.0 + riders * fixed.mu)
+    return mass / (1.0 + mass) * (c + w)
 
 
 @jit

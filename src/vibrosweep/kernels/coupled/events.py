@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from vibrosweep.kernels._jit import jit, part
-from vibrosweep.kernels.bases.sprung import Load, Mount, bounds, recoil
+from vibrosweep.kernels.bases.sprung import Load, Mount, bounds, recoil, recoil_from
 from vibrosweep.kernels.coupled.search import (
     ROUNDING,
     First,
@@ -35,6 +35,7 @@ from vibrosweep.kernels.coupled.state import (
     let_pass,
     under,
 )
+from vibrosweep.kernels.noise import draw_of, slipped, thrown
 from vibrosweep.kernels.restitution import ratio
 
 TRIES = 20000  # times that particles are looked at before the next event is given up
@@ -174,7 +175,10 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
     t = max(particle[PARTICLE.SAFE, who], 0.0)
     motion = let_pass(state, load, t)
     c = max(-particle[PARTICLE.SPEED, who], 0.0)
-    w = ratio(fixed.law, fixed.e, fixed.scale, c) * c
+    share, number = ratio(fixed.law, fixed.e, fixed.scale, c), particle[PARTICLE.IMPACTS, who]
+    draw = draw_of(fixed.noise, fixed.source, who, number, 0.0)
+    w = thrown(fixed.noise, slipped(fixed.noise, share, draw.slip) * c, draw.push)
+    particle[PARTICLE.IMPACTS, who] += 1.0
     scale = max(particle[PARTICLE.SCALE, who], fixed.r)
     if abs(w - fixed.r) <= ROUNDING * scale or c <= math.sqrt(ROUNDING) * scale:
         state.now[NOW.UNDECIDED] += 1.0
@@ -187,10 +191,10 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
         after = under(state, fixed, load.riders + 1)
         _expect(state, after, kick, False)
         return Event(EVENT.STICK, who, t, c, False), after
-    alone = recoil(fixed, 0, c, False)
+    alone = recoil_from(fixed.noise, fixed, 0, c, w)
     # nothing pulls riders down with the base; they stay on it below the threshold of rest
     dropped = load.riders > 0 and alone > fixed.r
-    kick = alone if dropped else recoil(fixed, load.riders, c, False)
+    kick = alone if dropped else recoil_from(fixed.noise, fixed, load.riders, c, w)
     _push(state, kick)
     after = under(state, fixed, 0) if dropped else load
     _expect(state, after, kick, not dropped)

@@ -38,6 +38,7 @@ class Particle(NamedTuple):
     SCALE: int  # speed relative to the base at its lift-off
     N: int  # whole periods and phase of its launch, then of its last lift-off
     X: int
+    IMPACTS: int  # so far
 
 
 class Now(NamedTuple):
@@ -124,6 +125,7 @@ def begin(state: System, fixed: Mount, problem: Dimensionless, launches: Launche
         mode[j] = MODE.WAITING
         for row in (PARTICLE.HEIGHT, PARTICLE.SPEED, PARTICLE.ABOVE, PARTICLE.SCALE):
             particle[row, j] = 0.0
+        particle[PARTICLE.IMPACTS, j] = 0.0
         if _between(particle, j, first) < 0.0:
             first = j
     for place in range(now.size):
