@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, kernel, uncached, wide_vectors
+from vibrosweep.kernels._jit import Floats, Integers, jit, uncached, uncounted, wide_vectors
 from vibrosweep.kernels.bases import (
     Base,
     Constants,
@@ -263,7 +263,7 @@ def _write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -
         out.status[lane] = NON_FINITE
 
 
-@kernel
+@uncounted
 def advance(
     share: Share,
     batch: Batch,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, uncounted
 from vibrosweep.kernels.bases import (
     Base,
     Constants,
@@ -68,7 +68,7 @@ def _end_error(fixed: Constants, v: float) -> float:
     return 2.0 * rounding * v + 3.0 * change + 6.0 * rounding
 
 
-@kernel
+@uncounted
 def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
     """Bounds of the errors, as kicks, that a law of restitution adds to the ends of windows.
 
@@ -96,7 +96,7 @@ def _solve(fixed: Constants, x: float, k: float, sign: float) -> tuple[bool, flo
     return False, np.nan
 
 
-@kernel
+@uncounted
 def find_fixed(
     first: int,
     last: int,

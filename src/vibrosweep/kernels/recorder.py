@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, implements, kernel, wide_vectors
+from vibrosweep.kernels._jit import Floats, Integers, implements, uncounted, wide_vectors
 from vibrosweep.kernels.bases import Base, speed, take
 from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE, VECTOR
 from vibrosweep.kernels.observer import note, observe
@@ -80,7 +80,7 @@ def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> Non
         out.rebound_velocity[k] = s[NOTED.SPEED + j] * velocity if leaves else np.nan
 
 
-@kernel
+@uncounted
 def leave_rest_empty(out: Record, first: Integers, landings: Integers) -> None:
     """Mark the places past the last landing of each trajectory as empty."""
     for t in range(landings.size):

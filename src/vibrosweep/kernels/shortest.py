@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
+from vibrosweep.kernels._jit import Floats, Integers, jit, uncounted
 from vibrosweep.kernels.bases import Base, constants
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.settle import SAME_ORBIT
@@ -33,7 +33,7 @@ def _plain(x: float) -> float:
     return x + 1.0 if x < SAME_ORBIT - 0.5 else x
 
 
-@kernel
+@uncounted
 def shortest_flights(
     first: int,
     last: int,

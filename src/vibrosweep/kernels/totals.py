@@ -18,7 +18,7 @@ from typing import Any
 
 from numba.extending import overload
 
-from vibrosweep.kernels._jit import OF_A_PIECE, Floats, fma, kernel, prefetch
+from vibrosweep.kernels._jit import OF_A_PIECE, Floats, fma, prefetch, uncounted
 from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.lanes import ROWS, STRIDE, aligned
 from vibrosweep.kernels.statistics import (
@@ -278,7 +278,7 @@ def add_up(
     yield "out.status[i] = status if least >= 0 else least"
 
 
-@kernel
+@uncounted
 def combine(first: int, last: int, particles: int, each: Statistics, out: Statistics) -> None:
     """Combine the particles of realizations first ... last - 1."""
     for i in range(first, last):

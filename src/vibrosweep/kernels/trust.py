@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, jit, kernel
+from vibrosweep.kernels._jit import Floats, jit, uncounted
 from vibrosweep.kernels.bases import (
     Constants,
     Flight,
@@ -289,7 +289,7 @@ def _follow(
     return until, np.inf, np.inf
 
 
-@kernel
+@uncounted
 def trust(first: int, last: int, batch: Batch, tolerance: Floats, budget: int, out: Trust) -> None:
     """Bound the errors of trajectories first ... last - 1, whose slots alone are written.
 
