@@ -8,7 +8,7 @@ from flint import arb, ctx
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from vibrosweep.kernels import bases
+from vibrosweep.kernels import bases, growth
 from vibrosweep.kernels.advance import Options, Share, advance, memory_around
 from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.bases.error_bounds import StateError
@@ -16,7 +16,8 @@ from vibrosweep.kernels.cycles import empty_cycles, empty_rests
 from vibrosweep.kernels.exponents import EXACT
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch_speed
 from vibrosweep.kernels.rounding import ROUNDING
-from vibrosweep.kernels.settle import empty_orbits, settle
+from vibrosweep.kernels.settle import Search, settle
+from vibrosweep.kernels.settled import empty_orbits
 from vibrosweep.kernels.statistics import empty_statistics
 from vibrosweep.kernels.totals import scratch
 from vibrosweep.kernels.trust import empty_trust, trust
@@ -257,7 +258,8 @@ def followed(problem_of):
         advance(Share(700, 700, advance(Share(0, 700, 0), *given)), *given)
         found.append((out, cycles))
     orbits = empty_orbits(700)
-    settle(0, 700, batch, found[0][0]._replace(kinds=()), found[0][1], 600_000, 1, orbits)
+    plain, search = found[0][0]._replace(kinds=()), Search(600_000, 1)
+    settle(0, 700, batch, plain, found[0][1], search, np.empty(growth.SIZE), orbits)
     return e, gamma, found[0][0], found[1][0], orbits
 
 

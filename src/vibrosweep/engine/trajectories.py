@@ -18,6 +18,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observable_values import kinds_of
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
+from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import Base, fitted
@@ -28,7 +29,8 @@ from vibrosweep.kernels.observer import Observer, observer_scratch
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.recorder import KINDS_RECORDED, Recorder, recorder_scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate
-from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
+from vibrosweep.kernels.settle import Search, settle
+from vibrosweep.kernels.settled import Orbits, empty_orbits
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_sums
 from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
@@ -195,11 +197,11 @@ def _orbits(
     orbits = empty_orbits(each.status.size)
 
     batch = Batch(base_in(scene, problem), problem, launch)
-    exponents = int(scene.measures.lyapunov)
+    search = Search(scene.budget, int(scene.measures.lyapunov))
     plain = each._replace(kinds=())  # one machine code, whatever statistics are chosen
 
     def task(first: int, last: int) -> None:
-        settle(first, last, batch, plain, cycles, scene.budget, exponents, orbits)
+        settle(first, last, batch, plain, cycles, search, np.empty(growth.SIZE), orbits)
 
     workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64, orbits)
     return orbits

@@ -12,10 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep.kernels import growth
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
+from vibrosweep.kernels._jit import Floats, jit, uncounted
 from vibrosweep.kernels.bases import (
     Constants,
     Instant,
@@ -28,10 +27,10 @@ from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.exponents import Exponent, State, cycle_exponents
 from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
 from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.kernels.settled import Orbits
 from vibrosweep.kernels.statistics import LANDINGS, RESTS, Statistics
 from vibrosweep.kernels.tangent import stretch
 from vibrosweep.kernels.trust import is_certain
-from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.status import Regime
 
 # Periods.  Two particles on the same orbit differ by the rounding error of an impact divided by 1 -
@@ -50,62 +49,13 @@ UNSETTLED = int(Regime.UNSETTLED)
 APERIODIC = int(Regime.APERIODIC)
 
 
-class Orbits(NamedTuple):
-    """Orbits that trajectories settle on, each array of shape (trajectory,)."""
+class Search(NamedTuple):
+    """What is followed to find orbits."""
 
-    regime: Flags  # `vibrosweep.model.status.Regime`
-    # impacts, periods, rests: impacts, forcing periods and rests in one cycle; 0 where no
-    # recurrence was found
-    impacts: Integers
-    periods: Integers
-    rests: Integers
-    # 1 where rounding may have changed a decision along the cycle, 0 where it cannot have, -1 where
-    # there is no cycle
-    uncertain: Flags
-    # Time in forcing periods from which on the orbit is known to repeat, of one with rests that of
-    # the first lift-off from rest; NaN if it is not
-    since: Floats
-    # whole, phase, flight: a state from which the orbit can be continued: whole periods and phase
-    # of a lift-off, and its speed relative to the base, in units of g / (2 f), which over a base at
-    # rest is the duration of the flight that follows.  On a cycle, the representative: the state
-    # with the smallest speed, which is the same for all particles on one orbit, up to rounding.  At
-    # rest for good, the last landing, with a speed of 0.  NaN if the trajectory was not simulated.
-    whole: Floats
-    phase: Floats
-    flight: Floats
-    # The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle
-    multiplier: NDArray[np.complex128]
-    # largest, largest_error: largest Lyapunov exponent per impact, and the standard error of its
-    # mean, or the rounding error to first order where multipliers give it; -inf with error 0 of a
-    # cycle with a rest, and at rest for good; NaN where the window sees one rest and no cycle is
-    # closed.  The error is infinite where the cycle is uncertain.
-    largest: Floats
-    largest_error: Floats
-    # total, total_error: sum of both exponents per impact, from the areas of the frames that are
-    # carried along, and the bound of its rounding error; -inf with error 0 also without restitution
-    total: Floats
-    total_error: Floats
-
-
-def empty_orbits(trajectories: int) -> Orbits:
-    """Allocate the orbits of a batch."""
-    impacts, periods, rests = (unwritten(trajectories, np.int64) for _ in range(3))
-    regime, uncertain = (unwritten(trajectories, np.int8) for _ in range(2))
-    since, whole, phase, flight, *exponents = (unwritten(trajectories) for _ in range(8))
-    multiplier = unwritten(trajectories, np.complex128)
-    return Orbits(
-        regime,
-        impacts,
-        periods,
-        rests,
-        uncertain,
-        since,
-        whole,
-        phase,
-        flight,
-        multiplier,
-        *exponents,
-    )
+    budget: int  # largest number of impacts of a trajectory
+    # 1 for exponents of every orbit; with 0 only those are followed that may turn out to rest again
+    # and again, or to be aperiodic
+    exponents: int
 
 
 class Rests(NamedTuple):
@@ -282,26 +232,24 @@ def _write_nothing(t: int, out: Orbits) -> None:
     out.largest[t] = out.largest_error[t] = out.total[t] = out.total_error[t] = np.nan
 
 
-@kernel
+@uncounted
 def settle(
     first: int,
     last: int,
     batch: Batch,
     each: Statistics,
     cycles: Cycles,
-    budget: int,
-    exponents: int,
+    search: Search,
+    g: Floats,
     out: Orbits,
 ) -> None:
     """Determine the orbits that trajectories first ... last - 1 of a batch settle on.
 
-    Statistics and cycles are as `advance` left them.  With `exponents` 0, only orbits that may turn
-    out to rest again and again, or to be aperiodic, are followed; exponents of the others are not
-    computed.  Only the slots first ... last - 1 are written.
+    Statistics and cycles are as `advance` left them.  Only the slots first ... last - 1 are
+    written; `g` is memory of `growth.SIZE` numbers that no other thread uses.
     """
     base, problem, launches = batch
-    particles = launches.whole.shape[1]
-    g = np.empty(growth.SIZE)
+    particles, (budget, exponents) = launches.whole.shape[1], search
     # realization and lift-off whose orbit with rests was judged, and the result
     judged, x_judged, doubtful = -1, np.nan, 0
     for t in range(first, last):
