@@ -124,7 +124,7 @@ def find_fixed(
                     break
 
 
-@kernel
+@uncounted
 def orbits_hold(
     first: int,
     last: int,
