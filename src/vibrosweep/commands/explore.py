@@ -27,6 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="write one file that works without this program, instead of serving the page",
     )
+    parser.add_argument(
+        "--boundaries",
+        metavar="BORDERS.h5",
+        type=Path,
+        help="result of vibrosweep boundaries, whose curves are drawn over the plane",
+    )
     parser.add_argument("--force", action="store_true", help="replace an existing PAGE.html")
     parser.add_argument(
         "--port", metavar="N", type=_port, default=0, help="of this machine; default: a free one"
@@ -54,6 +60,10 @@ def _explore(options: argparse.Namespace) -> None:
     from vibrosweep.explore.points import open_points
 
     points = open_points(options.result)
+    if options.boundaries is not None:
+        from vibrosweep.explore.borders import with_borders
+
+        points = with_borders(points, options.boundaries)
     if options.output is not None:
         from vibrosweep.explore.static import write_page
 

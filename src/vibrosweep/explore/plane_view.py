@@ -55,7 +55,8 @@ class PlaneView:
         self.dashed = empty_source("xs", "ys")
         self.names = empty_source("x", "y", "text")
         self.chosen = empty_source("x", "y")
-        self.closed_forms = (self.solid, self.dashed, self.names)
+        self.borders = empty_source("xs", "ys", "name", "dash")
+        self.curves = (self.solid, self.dashed, self.names, self.borders)
         self.why_no_curves = ""
         self.figure = self._figure()
         self.show()
@@ -81,6 +82,9 @@ class PlaneView:
         self.dots.nonselection_glyph.fill_alpha = 0.15
         for source, dash in ((self.solid, "solid"), (self.dashed, "dashed")):
             plot.multi_line("xs", "ys", source=source, line_color="black", line_dash=dash)
+        lines = {"line_dash": "dash", "line_width": 2.0, "line_color": "#c2006f"}
+        drawn = plot.multi_line("xs", "ys", source=self.borders, **lines)
+        plot.add_tools(HoverTool(renderers=[drawn], tooltips=[("orbit", "@name")]))
         words = plot.text("x", "y", "text", source=self.names, text_align="center", **SMALL)
         words.glyph.update(background_fill_color="white", background_fill_alpha=0.85, padding=2)
         ring = {"size": 15, "fill_color": None, "line_color": "#d00000", "line_width": 2.5}
@@ -200,6 +204,13 @@ class PlaneView:
         for source, is_upper in ((self.solid, False), (self.dashed, True)):
             shown = [end for end in ends if end.is_upper == is_upper]
             source.data = {"xs": [end.x for end in shown], "ys": [end.y for end in shown]}
+        borders = [one for one in self.points.borders if {self.x, self.y} <= one.values.keys()]
+        self.borders.data = {
+            "xs": [one.values[self.x] for one in borders],
+            "ys": [one.values[self.y] for one in borders],
+            "name": [one.name for one in borders],
+            "dash": [one.dash for one in borders],
+        }
         places = [
             _place(end, limits(self.values(self.x)), limits(self.values(self.y)), i)
             for i, end in enumerate(ends)

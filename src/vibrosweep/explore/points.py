@@ -32,6 +32,8 @@ from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 if TYPE_CHECKING:
     import xarray as xr
 
+    from vibrosweep.explore.borders import Border
+
 
 # Variables that colour the plane at first, where they were measured
 COLOURS: Final = ("dt_min", "rebound_height_max")
@@ -70,6 +72,7 @@ class Points:
     colour: str
     # Warning about realizations that are simulated again; empty if none is needed
     remark: str = ""
+    borders: tuple[Border, ...] = ()  # curves that are drawn over a plane of their parameters
 
     @property
     def heading(self) -> str:

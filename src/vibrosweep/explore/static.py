@@ -133,7 +133,7 @@ class _Page:
 
     def _arguments(self, pickers: list[Select], marks: ColumnDataSource) -> dict[str, Any]:
         plane, points = self.plane, self.points
-        curves = [r for r in plane.figure.renderers if r.data_source in plane.closed_forms]
+        curves = [r for r in plane.figure.renderers if r.data_source in plane.curves]
         return {
             "motions": self.motions,
             "kept": self.kept,

@@ -1,0 +1,72 @@
+"""Curves of bifurcations, as `vibrosweep.boundaries` traces them, to be drawn over a plane."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from vibrosweep.arrays import Array
+from vibrosweep.errors import DataError
+from vibrosweep.explore.labels import legible
+from vibrosweep.explore.points import Points
+from vibrosweep.store.kinds import load_dataset, read_kind
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+BOUNDARIES: Final = "boundaries"
+DASHES: Final = {"saddle_node": "solid", "period_doubling": "dashed", "corner": "solid"}
+# Bifurcations at which rounding decides whether a particle takes the orbit
+TIES: Final = ("grazing", "rest")
+
+
+class Border(NamedTuple):
+    """A curve; NaN where no particle takes its orbit."""
+
+    name: str
+    dash: str
+    values: Mapping[str, Array]  # restitution and forcing
+
+
+def with_borders(points: Points, path: Path) -> Points:
+    """Return the points with the curves of a file of boundaries.
+
+    Raises a DataError where the file holds something else, or curves of another scene.
+    """
+    kind = read_kind(path)
+    if kind.name != BOUNDARIES:
+        raise DataError(f"{path}: is a result of {kind.command}; give one of vibrosweep boundaries")
+    found = load_dataset(path)
+    scene = points.base_choice.scene
+    for name, own in (
+        ("base", scene.base),
+        ("rebound", scene.rebound),
+        ("waveform", scene.waveform.text),
+        ("restitution_law", scene.restitution_law),
+    ):
+        if found.attrs[name] != own:
+            raise DataError(f"{path}: has {name} = {found.attrs[name]!r}, the result {own!r}")
+    for name in ("frequency", "gravity"):
+        every = points.columns[name].values if name in points.columns else scene.inputs[name]
+        if np.any(np.asarray(every) != float(found[name])):
+            raise DataError(f"{path}: has {name} = {float(found[name]):g}, the result another one")
+    borders = tuple(_border(found.isel(curve=i)) for i in range(found.sizes["curve"]))
+    return replace(points, borders=borders)
+
+
+def _border(one: xr.Dataset) -> Border:
+    told = one["bifurcation"].attrs
+    meanings = dict(
+        zip(np.atleast_1d(told["flag_values"]), told["flag_meanings"].split(), strict=True)
+    )
+    meaning = meanings[int(one["bifurcation"])]
+    taken = (one["admissible"].values == 1) | (meaning in TIES)
+    names = ("restitution", str(one.attrs["forcing"]))
+    values = {name: np.where(taken, one[name].values, np.nan) for name in names}
+    p, q = int(one["cycle_impacts"]), int(one["cycle_periods"])
+    name = f"{p} in {q} period{'s' if q > 1 else ''}: {legible(meaning.replace('_', ' '))}"
+    return Border(name, DASHES.get(meaning, "dotdash"), values)
