@@ -6,6 +6,7 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.errors import SpecError
 from vibrosweep.model.shapes import Waveform
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import parse_spec, read_spec
 from vibrosweep.scene.traces import Traced, measured
@@ -68,6 +69,33 @@ def test_a_result_needs_its_trace_no_more(tmp_path):
     assert "# measured" in sweep.text
     with pytest.raises(SpecError, match="cannot be read"):
         read_spec(tmp_path / "sweep.toml")
+
+
+def test_a_run_goes_on_and_is_found_again_without_its_trace(tmp_path):
+    time = np.arange(0.0, 1.0, 5e-4)
+    trace = written(tmp_path / "shaker.csv", time, motion(time, "height"))
+    asked = '{ trace = "shaker.csv", column = "height", harmonics = 2 }'
+    sweep, out = tmp_path / "sweep.toml", tmp_path / "out.h5"
+    sweep.write_text(
+        f'title = "Two tones"\n[scene]\nduration = 0.5\nwaveform = {asked}\n'
+        f'[sample]\ndesign = "grid"\nrestitution = [0.5, 0.6, 0.7]\n'
+    )
+
+    def stop(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(read_spec(sweep), out, threads=1, chunk=1, advance=stop)
+    whole = vs.run(sweep, tmp_path / "whole.h5").load()
+    trace.unlink()
+    with vs.run(sweep, out) as found:
+        assert found.waveform == whole.waveform
+        np.testing.assert_array_equal(found.impact_count, whole.impact_count)
+    with vs.run(sweep, out) as again:  # the finished result of this very sweep
+        assert again.sizes["restitution"] == 3
+    sweep.write_text(sweep.read_text().replace("0.7", "0.8"))
+    with pytest.raises(SpecError, match="cannot be read"):
+        vs.run(sweep, out)
 
 
 def test_frequency_and_forcing_that_are_given_stay(tmp_path, monkeypatch):

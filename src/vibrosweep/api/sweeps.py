@@ -15,10 +15,10 @@ from vibrosweep.errors import ExistingOutputError, ParameterError
 from vibrosweep.kernels.observer import compiled
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import count, require_switch, run_sweep, thread_count
-from vibrosweep.runs.finished import cleared, is_of, origin
+from vibrosweep.runs.finished import cleared, is_of, kept_text, origin
 from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.runs.progress import showing
-from vibrosweep.scene.sweep import Sweep
+from vibrosweep.scene.sweep import Sweep, read_spec
 from vibrosweep.store.disk import check_output, path_of
 from vibrosweep.store.rundir import replaces
 
@@ -190,7 +190,11 @@ def run(
     50
     """
     path = path_of("output", output)
-    checked = _with_observables(as_sweep(spec, {}), observables)
+    if isinstance(spec, str | os.PathLike):
+        asked = read_spec(spec, lambda: kept_text(path))
+    else:
+        asked = as_sweep(spec, {})
+    checked = _with_observables(asked, observables)
     chunk = None if chunk is None else count("chunk", chunk)
     require_switch("force", force)
     require_switch("progress", progress)

@@ -47,8 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def perform(options: argparse.Namespace) -> None:
     from vibrosweep.scene.sweep import read_spec
 
-    spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
+    spec = read_spec(options.spec, lambda: _kept(output))
     if not _to_compute(options, spec, output):
         print(
             f"{output}: is the finished result of exactly this sweep; the parts that its run left "
@@ -88,6 +88,13 @@ def perform(options: argparse.Namespace) -> None:
     print("\n".join(summary.lines()))
     unchanged = options.retry_failed and not again
     print(f"{output} is as it was" if unchanged else f"written to {output}")
+
+
+def _kept(output: Path) -> str:
+    """Text of the sweep that an output or its unfinished run holds."""
+    from vibrosweep.runs.finished import kept_text
+
+    return kept_text(output)
 
 
 def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:

@@ -113,9 +113,8 @@ def run_sweep(
                         output, directory, spec, design, pieces, workers, force=force
                     )
             columns = column_kinds(spec, design)
-            manifest = Manifest(
-                identity(spec), design.realizations, plan.chunk, columns, replaces=force
-            )
+            size = design.realizations, plan.chunk
+            manifest = Manifest(identity(spec), *size, columns, force, spec.text)
             write_manifest(directory, manifest)
         else:
             design = open_design(spec)

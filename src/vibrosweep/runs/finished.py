@@ -22,6 +22,19 @@ def is_of(spec: Sweep, path: Path) -> bool:
     return _changes(spec, path) == []
 
 
+def kept_text(output: Path) -> str:
+    """Text of the sweep that an unfinished run of an output holds, or the output; empty without."""
+    directory = run_directory(output)
+    manifest = read_manifest(directory) if directory.exists() else None
+    if manifest is not None:
+        return manifest.text
+    try:
+        with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
+            return str(file.attrs.get("sweep_file", ""))
+    except DataError:
+        return ""
+
+
 def cleared(spec: Sweep, output: Path) -> bool:
     """Remove the parts that a killed run left beside the finished result of this sweep.
 

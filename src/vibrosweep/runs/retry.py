@@ -100,7 +100,7 @@ def retry_failed(
             with Workers(threads) as workers:
                 plan = make_plan(spec, workers, chunk, at_least=at_least, rows=rows)
             columns = column_kinds(spec, design)
-            manifest = Manifest(now, len(rows), plan.chunk, columns, replaces=force)
+            manifest = Manifest(now, len(rows), plan.chunk, columns, force, spec.text)
             write_manifest(directory, manifest)
         if manifest is None:
             with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -28,6 +28,7 @@ SHARED: Final = (
     *("base", "waveform", "noise_seed"),
 )
 HDF5: Final = b"\x89HDF"  # the first bytes of a result
+WRITTEN_FOR: Final = "# written for\n"  # before the text of a file whose trace was fitted
 
 
 @dataclass(frozen=True)
@@ -81,10 +82,33 @@ class Sweep:
         return {"particle": self.scene.particles, **own}
 
 
-def read_spec(path: str | os.PathLike[str]) -> Sweep:
-    """Read and validate a sweep file; a SpecError lists all mistakes."""
+def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = None) -> Sweep:
+    """Read and validate a sweep file; a SpecError lists all mistakes.
+
+    Where it asks for a trace that is not there, `kept` gives the text of a result or an unfinished
+    run, whose harmonics are taken if it is of this very file.
+    """
     source = Path(path)
-    return parse_spec(read_text(source), source)
+    text = read_text(source)
+    if kept is not None and _lacks_trace(text, source):
+        held = kept()
+        _, _, written = held.partition(WRITTEN_FOR)
+        text = held if written and written == _quoted(text) else text
+    return parse_spec(text, source)
+
+
+def _lacks_trace(text: str, source: Path) -> bool:
+    """Return whether a sweep file asks for a trace that is not there."""
+    try:
+        asked = tomllib.loads(text)["scene"]["waveform"]["trace"]
+        return not (source.parent / asked).exists()
+    except (ValueError, RecursionError, KeyError, TypeError):  # no trace, or what is refused later
+        return False
+
+
+def _quoted(text: str) -> str:
+    """Return a text as a comment."""
+    return "".join(f"# {line}\n" for line in text.splitlines())
 
 
 def read_text(source: Path) -> str:
@@ -132,7 +156,7 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
     traced = _measured(tables, source, mistakes)
     if traced:  # so that the text needs no trace
         scene = {**data["scene"], **traced}
-        quoted = "".join(f"# {line}\n" for line in ("written for", *text.splitlines()) if text)
+        quoted = WRITTEN_FOR + _quoted(text) if text else ""
         text = text_of({**data, "title": title or "", "scene": scene}) + quoted
     sweep = _assembled(tables, source, mistakes)
     sweep = replace(sweep, title=title or "", text=text)
