@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, jit, wide_vectors
+from vibrosweep.kernels._jit import Floats, jit, part, wide_vectors
 from vibrosweep.kernels.bases import Constants, Instant, constants, contact_time
 from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
 from vibrosweep.kernels.lanes import LANES
@@ -114,7 +114,7 @@ def start(work: Workspace, batch: Batch, i: int) -> Window:
     return Window(late, begin, Instant(0.0, problem.end_phase[i]))
 
 
-@jit
+@part
 def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> None:
     """Find the next landing of each lane; take those up to the stop and leave the others be."""
     n_stop, x_stop = stop
@@ -137,7 +137,7 @@ def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> Non
         s[STATE.NUMBER + j] += 1.0 if due else 0.0
 
 
-@jit
+@part
 def append_due(s: Floats, lanes: int, listed: Floats, k: int) -> int:
     """Append the landings that were due to a list of k; return its length."""
     for j in range(lanes):  # each lane is written, and overwritten unless it was due
@@ -147,7 +147,7 @@ def append_due(s: Floats, lanes: int, listed: Floats, k: int) -> int:
     return k
 
 
-@jit
+@part
 def due_first(s: Floats, lanes: int) -> int:
     """Move the lanes that were due to the front of their block; return how many there are."""
     front = 0
@@ -162,7 +162,7 @@ def due_first(s: Floats, lanes: int) -> int:
     return front
 
 
-@jit
+@part
 def compare(
     listed: Floats, k: int, latest: Listed, gap: float, shared: int
 ) -> tuple[Listed, float, int]:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Floats, Integers, jit
+from vibrosweep.kernels._jit import Floats, Integers, part
 from vibrosweep.kernels.lanes import LANES, STRIDE, aligned
 
 FEW = 24  # a cell with more landings is sorted by itself
@@ -91,7 +91,7 @@ def workspace(particles: int) -> Workspace:
     )
 
 
-@jit
+@part
 def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
     """Put the ordered landings start ... stop - 1 exactly in the order of time.
 
@@ -117,7 +117,7 @@ def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
         gap = 1 if gap == 2 else gap * 5 // 11
 
 
-@jit
+@part
 def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span: float) -> None:
     """Put the k landings that were found into the order of time.
 
@@ -150,7 +150,7 @@ def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span
     _sort(listed, 0, k, 1)
 
 
-@jit
+@part
 def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
     """Smallest gap between k landings of different particles, where it is below `gap`; else `gap`.
 
