@@ -33,7 +33,7 @@ NEEDS: Final = (
 def energy_balance(
     record: xr.Dataset, *, since: float = 0.0, impacts: int | None = None
 ) -> xr.Dataset:
-    """Mean kick against mean loss of every particle (Eq. 26).
+    """Mean kick against mean loss of every particle, as equation 26 of the study states it.
 
     Each landing with speed v and kick U = A sin(2 pi f t + phi) is followed by v' = e v + U where
     the particle bounces.  Over n landings the mean kick therefore exceeds the mean loss
