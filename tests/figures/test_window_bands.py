@@ -142,7 +142,7 @@ def test_a_bifurcation_diagram_shows_every_impact_and_exponent():
     shown = np.concatenate([np.asarray(c.get_offsets()) for c in upper.collections])
     assert shown.shape == (2 * 15 * 2 * 5, 2)
     assert np.nanmax(shown[:, 1]) == pytest.approx(float(diagram["rebound_velocity"].max()))
-    assert "speed at lift-off" in upper.get_ylabel()
+    assert "velocity at lift-off" in upper.get_ylabel()
     heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in lower.lines])
     assert np.isfinite(heights).all()
     assert lower.get_ylim()[0] < heights.min()

@@ -59,7 +59,7 @@ class Impacts(NamedTuple):
 DIRECTIONS: Final = ("up", "down")
 BYTES_PER_IMPACT, BYTES_PER_ORBIT = 18, 130
 OBSERVABLES: Final = {
-    "rebound_velocity": ("speed", "m s-1", "speed at lift-off"),
+    "rebound_velocity": ("speed", "m s-1", "velocity at lift-off"),
     "rebound_height": ("height", "m", "rebound height"),
     "flight_time": ("time", "s", "flight time"),
     "impact_phase": ("phase", "1", "phase of the forcing at landing, turns"),

@@ -191,7 +191,7 @@ def _lines(
             _words("multiplier, imaginary part"),
         ),
         "impact_phase": (landing, phase, _words("phase of the impact, turns")),
-        "rebound_velocity": (landing, speed * unit, _words("speed at lift-off", "m s-1")),
+        "rebound_velocity": (landing, speed * unit, _words("velocity at lift-off", "m s-1")),
     }
 
 

@@ -225,7 +225,7 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
         "rebound_velocity": (
             landing,
             found.speed * speed,
-            {"units": "m s-1", "long_name": "speed at lift-off"},
+            {"units": "m s-1", "long_name": "velocity at lift-off"},
         ),
         "arrival_velocity": (
             landing,

@@ -623,8 +623,9 @@ RECORD: Final[Mapping[str, Variable]] = {
             "rebound_velocity",
             _RPI,
             "m s-1",
-            "speed at lift-off",
-            "absolute, also where the base moves; NaN where there is no time of lift-off",
+            "velocity at lift-off, upwards",
+            "that of the particle, not relative to the base; negative where a base that falls is "
+            "left downwards; NaN where there is no time of lift-off",
         ),
         _code(
             "rested",
@@ -654,8 +655,8 @@ IMPACTS: Final[Mapping[str, Variable]] = {
             _RPI,
             "m s-1",
             "speed of arrival, downwards",
-            "absolute, also where the base moves; negative where the base catches up with a "
-            "particle that rises",
+            "that of the particle, not relative to the base; negative where the base catches up "
+            "with a particle that rises",
         ),
     )
 }
