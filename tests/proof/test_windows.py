@@ -147,6 +147,29 @@ def test_windows_are_proved_from_end_to_end(base):
     assert "attraction inside 2 of 2" in first
 
 
+def test_windows_are_proved_under_a_law_of_restitution():
+    """On the map mode 1 lives from v - E(v), v = g / 2f, to the same beside v (1 + E'(v)) / pi."""
+    found = vs.windows(
+        restitution=0.9,
+        amplitude=np.linspace(0.1, 6.0, 30),
+        restitution_law="plastic",
+        restitution_speed=4.0,
+        duration=2000.0,
+        prove=True,
+    )
+    one = found.isel(condition=0, direction=0, restitution=0, window=0)
+    v = 4.905
+    left = 0.9 * v * (4.0 / v) ** 0.25
+    for name, end in (
+        ("min", v - left),
+        ("max", math.hypot(v - left, (v + 0.75 * left) / math.pi)),
+    ):
+        assert int(one[f"{name}_proof"]) == PROVED
+        assert float(one[f"A_{name}_low"]) == pytest.approx(end, rel=1e-14)
+        assert 0.0 < float(one[f"A_{name}_high"] - one[f"A_{name}_low"]) < 1e-14
+    assert int(one.inside_proof) == PROVED
+
+
 @pytest.mark.parametrize(
     ("name", "symbol", "scale"),
     [

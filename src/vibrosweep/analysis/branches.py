@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.closed_orbits import MOST_IMPACTS, MOST_PERIODS, multipliers
+from vibrosweep.analysis.closed_orbits import MOST_IMPACTS, MOST_PERIODS, cycle_name, multipliers
 from vibrosweep.analysis.common import attributes, grid_axes, require_ability, shared
 from vibrosweep.analysis.orbit_lines import (
     ENDS,
@@ -265,5 +265,4 @@ def summary(found: xr.Dataset) -> Iterator[str]:
             text = "; ".join(met) or "no bifurcation"
         else:
             text = kinds[int(one["bifurcation"])].replace("_", " ")
-        name = f"{p} in {q} period{'s' if q > 1 else ''}"
-        yield f"{name:18}{int(one[along].count())} points ({why}); {text}"
+        yield f"{cycle_name(p, q):18}{int(one[along].count())} points ({why}); {text}"

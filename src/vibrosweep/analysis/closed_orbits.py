@@ -274,6 +274,11 @@ def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> di
     return {"orbit_count": (("realization",), found.orbits, count), **data}
 
 
+def cycle_name(impacts: int, periods: int) -> str:
+    """Return the words for an orbit of so many impacts in so many forcing periods."""
+    return f"{impacts} in {periods} period{'s' if periods > 1 else ''}"
+
+
 def summary(found: xr.Dataset) -> Iterator[str]:
     """Describe the orbits in a line for each number of impacts and periods, and the search."""
     p, q = found["cycle_impacts"].values, found["cycle_periods"].values
@@ -283,11 +288,10 @@ def summary(found: xr.Dataset) -> Iterator[str]:
         for periods in found["periods"].values:
             own = (p == impacts) & (q == periods)
             if own.any():
-                name = f"{impacts} in {periods} period{'s' if periods > 1 else ''}"
                 taken = own & (found["admissible"].values == ADMISSIBLE)
                 yield (
-                    f"{name:24}{own.sum()} orbits at {points} points, {taken.sum()} of them "
-                    f"admissible, {(own & stable).sum()} of these stable"
+                    f"{cycle_name(impacts, periods):24}{own.sum()} orbits at {points} points, "
+                    f"{taken.sum()} of them admissible, {(own & stable).sum()} of these stable"
                 )
     late, balanced = int(found["late_orbits"].sum()), found["balanced"].values
     missed = int(np.count_nonzero(balanced == 0))

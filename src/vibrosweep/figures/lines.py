@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
+from vibrosweep.analysis.closed_orbits import cycle_name
 from vibrosweep.figures import data, style
 from vibrosweep.figures.plane import parameter_plane
 
@@ -75,7 +76,7 @@ def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
             stable = modulus[:, :1] <= 1.0 + AT_BORDER
             axes.plot(at, speed, color=colour, linewidth=0.6)
             axes.plot(at, np.where(stable, speed, np.nan), color=colour, linewidth=1.8)
-        axes.plot([], [], color=colour, label=_name(kind))
+        axes.plot([], [], color=colour, label=cycle_name(*kind))
     _mark_events(axes, branches, along)
     axes.set_xlabel(data.label(branches, along))
     axes.set_ylabel(data.label(branches, "rebound_velocity"))
@@ -176,7 +177,7 @@ def orbit_boundaries(
         for i in rows:
             one = boundaries.isel(curve=i)
             code = int(one["bifurcation"])
-            name = f"{_name(kind)}, {KINDS[code][2]}"
+            name = f"{cycle_name(*kind)}, {KINDS[code][2]}"
             # where a particle just grazes or rests, rounding decides whether it takes the orbit
             taken = (one["admissible"].values == 1) | (code in (GRAZE, REST))
             for chosen, width in ((np.ones_like(taken), 0.5), (taken, 1.3)):
@@ -207,10 +208,6 @@ def _by_kind(lines: xr.Dataset, dim: str) -> dict[tuple[int, int], list[int]]:
         kind = int(lines["cycle_impacts"][i]), int(lines["cycle_periods"][i])
         found.setdefault(kind, []).append(i)
     return dict(sorted(found.items()))
-
-
-def _name(kind: tuple[int, int]) -> str:
-    return f"{kind[0]} in {kind[1]} period{'s' if kind[1] > 1 else ''}"
 
 
 def _explain(axes: Axes, lines: xr.Dataset) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from matplotlib.axes import Axes
 
+from vibrosweep.analysis.closed_orbits import cycle_name
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
@@ -132,7 +133,6 @@ def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
     size = 1.2 if many else 4.5
     for kind, colour in zip(kinds, colours, strict=True):
         own = taken & (p == kind[0]) & (q == kind[1])
-        name = f"{kind[0]} in {kind[1]} period{'s' if kind[1] > 1 else ''}"
         for chosen, filled in ((own & ~stable, False), (own & stable, True)):
             axes.plot(
                 across[chosen].ravel(),
@@ -146,7 +146,7 @@ def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
                 rasterized=many,
                 zorder=3.0 + filled,
             )
-        axes.plot([], [], "o", color=colour, markersize=4.5, label=name)
+        axes.plot([], [], "o", color=colour, markersize=4.5, label=cycle_name(*kind))
     for name, face in (("stable", "0.3"), ("unstable", "white")):
         axes.plot([], [], "o", markeredgecolor="0.3", markerfacecolor=face, label=name)
 
