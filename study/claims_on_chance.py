@@ -10,7 +10,6 @@ import xarray as xr
 from study.bases import FIXED, HIGH_BOUNCE, MOVING
 from study.claims_on_windows import STRONG
 from study.estimates import Estimate, mean
-from study.figures.chance import distributions_of_z
 from study.samples import (
     ANY_PHASE,
     FEW,
@@ -25,6 +24,7 @@ from study.samples import (
 )
 from study.verdict import Check, Evidence, Number, Outcome, Picture, Reading, check, number
 from vibrosweep.analysis import order_against_chance, separations_against_chance
+from vibrosweep.figures import separations_over_chance
 from vibrosweep.figures.style import for_file
 
 # From when to when landings count, s
@@ -62,9 +62,9 @@ def repulsion(plan: Plan) -> Outcome:
                 "claim24_separations_against_chance",
                 "Smallest separation dt_min in 100 s in units of what chance gives, z = Λ dt_min "
                 "with the phases found; e 0.80 to 0.98, A 4 to 12 m/s, f = 1 Hz, N = 5 and 20; the "
-                "study's equations under the law reflect, and a moving base. The black curve is "
-                "chance; repulsion would lie below it.",
-                for_file(distributions_of_z, {name: _known(each) for name, each in curves.items()}),
+                "study's equations under the law reflect, and a moving base; without realizations "
+                "that rest or chatter. The black curve is chance; repulsion would lie below it.",
+                for_file(separations_over_chance, list(curves.values()), list(curves)),
             )
         ],
     )

@@ -131,7 +131,7 @@ def stays_staggered(plan: Plan) -> Outcome:
             base,
             [(RESTITUTION, n, None) for n in POPULATIONS],
             test,
-            lambda n, kind: f"{n} particles, each in a slot of its own; {kind}",
+            lambda n, kind: f"{kind} ({n} particles, each in a slot of its own)",
         )
 
     return Outcome([evidence(base) for base in FIXED])
@@ -148,7 +148,7 @@ def heights_hardly_change(plan: Plan) -> Outcome:
             same = np.abs(rise / float(theory.locked_height(1)) - 1.0) <= HARDLY
             return nearly_all(what, same, setting)
 
-        locked = _judged(base, (TABLE_1,), test, lambda k, kind: f"locked to mode {k}; {kind}")
+        locked = _judged(base, (TABLE_1,), test, lambda k, kind: f"{kind} (locked to mode {k})")
         return Evidence(
             base, locked.readings, _on_average(plan, base), not_computed=locked.not_computed
         )
@@ -186,7 +186,7 @@ def _on_average(plan: Plan, base: str) -> list[Reading]:
             what = "change of the median of the greatest rise in 12 s, relative"
             checks.append(check(what, change, "at most", HARDLY, setting=setting))
         if checks:
-            readings.append(Reading(f"in the median over e, A and launches; {kind}", checks))
+            readings.append(Reading(f"{kind} (in the median over e, A and launches)", checks))
     return readings
 
 

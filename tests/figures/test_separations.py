@@ -1,11 +1,16 @@
 """Figures of analyses refuse what is no result of them."""
 
+import numpy as np
 import pytest
 import xarray as xr
 
 from vibrosweep.errors import DataError
 from vibrosweep.figures.sensitivity import sobol_bars
-from vibrosweep.figures.separations import decay_in_a_slot, separation_distributions
+from vibrosweep.figures.separations import (
+    decay_in_a_slot,
+    separation_distributions,
+    separations_over_chance,
+)
 
 OTHER = xr.Dataset({"separation": ("particle", [1.0])})
 
@@ -13,6 +18,25 @@ OTHER = xr.Dataset({"separation": ("particle", [1.0])})
 def test_what_is_no_distribution_is_refused():
     with pytest.raises(DataError, match=r"result of separation_distribution.*cumulative_fraction"):
         separation_distributions([OTHER], ["other"], 1e-4)
+
+
+def test_what_is_not_compared_with_chance_is_refused():
+    with pytest.raises(DataError, match=r"result of separations_against.*dt_min_over_chance"):
+        separations_over_chance([OTHER], ["other"])
+
+
+def test_realizations_without_chance_are_left_out_and_counted():
+    z = xr.Dataset({"dt_min_over_chance": ("realization", [2.0, np.nan, 0.5])})
+    axes = separations_over_chance([z, z.isel(realization=[1])], ["some", "none"])
+    some, none, chance = axes.lines
+    np.testing.assert_array_equal(some.get_xdata(), [0.5, 2.0])
+    np.testing.assert_array_equal(some.get_ydata(), [0.5, 1.0])
+    assert none.get_xdata().size == 0
+    assert [one.get_label() for one in (some, none)] == [
+        "some: 2 of 3 realizations",
+        "none: 0 of 1 realizations",
+    ]
+    np.testing.assert_allclose(chance.get_ydata(), 1.0 - np.exp(-chance.get_xdata()))
 
 
 def test_what_is_no_decay_is_refused():

@@ -34,7 +34,11 @@ if TYPE_CHECKING:
     from vibrosweep.figures.restitution import height_against_restitution
     from vibrosweep.figures.returns import return_map
     from vibrosweep.figures.sensitivity import sobol_bars
-    from vibrosweep.figures.separations import decay_in_a_slot, separation_distributions
+    from vibrosweep.figures.separations import (
+        decay_in_a_slot,
+        separation_distributions,
+        separations_over_chance,
+    )
     from vibrosweep.figures.window_bands import stability_windows
 
 __all__ = [
@@ -52,6 +56,7 @@ __all__ = [
     "return_map",
     "save_all",
     "separation_distributions",
+    "separations_over_chance",
     "sobol_bars",
     "stability_windows",
     "style",
@@ -70,7 +75,8 @@ _HOMES: Final = {
     "return_map": "vibrosweep.figures.returns",
     "sobol_bars": "vibrosweep.figures.sensitivity",
     **dict.fromkeys(
-        ("decay_in_a_slot", "separation_distributions"), "vibrosweep.figures.separations"
+        ("decay_in_a_slot", "separation_distributions", "separations_over_chance"),
+        "vibrosweep.figures.separations",
     ),
     "stability_windows": "vibrosweep.figures.window_bands",
 }

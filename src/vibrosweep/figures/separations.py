@@ -14,7 +14,7 @@ from vibrosweep.figures import data, style
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "decay_in_a_slot", "separation_distributions"]
+__all__ = ["NEEDS", "decay_in_a_slot", "separation_distributions", "separations_over_chance"]
 
 NEEDS: Final = data.Needs(
     ("dt_min", "collision_free", "contact_time", "duration"), known=("dt_min",)
@@ -91,6 +91,69 @@ def separation_distributions(
     axes.set_xlabel(r"smallest separation $\Delta t_{\mathrm{min}}$ (s)")
     axes.set_ylabel("fraction of realizations\nwith at most this")
     style.head(axes, "")
+    return axes
+
+
+@style.styled
+def separations_over_chance(
+    found: Sequence[xr.Dataset], names: Sequence[str], *, ax: Axes | None = None
+) -> Axes:
+    """Draw distributions of the smallest separation in units of chance, and that of chance.
+
+    Realizations to which chance has no meaning are left out, and counted in the legend.
+
+    Parameters
+    ----------
+    found
+        Result of `vibrosweep.analysis.order_against_chance` or `separations_against_chance` for
+        each curve.
+    names
+        Names of the curves.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+
+    Raises
+    ------
+    DataError
+        A dataset is no result of these analyses.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import separations_against_chance
+    >>> from vibrosweep.figures import separations_over_chance
+    >>> sweep = vs.sweep(amplitude=(4.0, 9.0), rebound="reflect", realizations=50, particles=5,
+    ...                  separation=True, per_particle=True)
+    >>> axes = separations_over_chance([separations_against_chance(sweep)], ["five particles"])
+    >>> axes.get_xscale()
+    'log'
+    """
+    for one in found:
+        name = "dt_min_over_chance"
+        require(one, "separations_over_chance", name, source="separations_against_chance")
+    axes = style.axes_on(ax, style.MEDIUM, 2.9)
+    for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
+        every = one["dt_min_over_chance"].values
+        z = np.sort(every[np.isfinite(every)])
+        axes.step(
+            z,
+            np.arange(1, z.size + 1) / max(1, z.size),
+            where="post",
+            color=colour,
+            label=f"{name}: {z.size} of {every.size} realizations",
+        )
+    z = np.geomspace(1e-3, 10.0, 200)
+    axes.plot(z, -np.expm1(-z), color="black", linewidth=1.2, label="chance: $1 - e^{-z}$")
+    axes.set_xscale("log")
+    axes.set(xlim=(1e-3, 10.0), ylim=(0.0, 1.02))
+    axes.set_xlabel(r"$z = \Lambda\,\Delta t_{\mathrm{min}}$")
+    axes.set_ylabel("fraction of realizations\nwith at most this")
+    style.head(axes, "", columns=1)
     return axes
 
 
