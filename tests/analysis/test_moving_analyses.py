@@ -157,3 +157,17 @@ def test_a_launch_one_period_later_is_one_slot_further(plane):
     periods = plane["cycle_periods"].values[now["basin"].values]
     shifted = np.mod(now["slot"].values + 1, np.maximum(periods, 1))
     np.testing.assert_array_equal(later["slot"].values[recurs], shifted[recurs])
+
+
+def test_states_are_relative_to_the_base_as_it_moves():
+    """With harmonics, too: what a continued scan or a basin hands on is a state of the shape."""
+    shape = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
+    scene = keyword_spec({"base": "moving", "waveform": shape, "particles": 3}).scene
+    parameters = scene.parameters({"amplitude": np.array([1.2, 2.0])})
+    states = launch_states(scene, parameters)
+    phase, speed = np.moveaxis(states, -1, 0)
+    kick = 2.0 * parameters["amplitude"] / parameters["gravity"]
+    base = kick / (1.0 + parameters["restitution"])
+    launched = 2.0 * parameters["launch_velocity"] / parameters["gravity"]
+    w = scene.waveform.velocity(phase)
+    assert speed == pytest.approx(launched[:, np.newaxis] - base[:, np.newaxis] * w, abs=1e-14)

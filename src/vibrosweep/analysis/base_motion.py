@@ -12,8 +12,8 @@ from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, SPRUNG
-from vibrosweep.model.restitution_laws import law_in
-from vibrosweep.model.shapes import SINE, Waveform, name_in
+from vibrosweep.model.restitution_laws import CONSTANT, law_in
+from vibrosweep.model.shapes import SINE, SINE_NAME, Waveform, name_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,6 +80,11 @@ def recoils(dataset: xr.Dataset) -> bool:
 def waveform_name(dataset: xr.Dataset) -> str:
     """Return the waveform of a dataset, one of `WAVEFORMS`; by default the sine."""
     return name_in(dataset.attrs)
+
+
+def has_closed_forms(dataset: xr.Dataset) -> bool:
+    """Tell whether the closed forms of a sine and a constant restitution hold of a dataset."""
+    return waveform_name(dataset) == SINE_NAME and restitution_law(dataset) == CONSTANT
 
 
 def require_scene(dataset: xr.Dataset, analysis: str) -> None:

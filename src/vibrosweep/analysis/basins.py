@@ -289,7 +289,7 @@ def _shortest(
     )
     landed, speed = (np.full(first.size, np.nan) for _ in range(2))
     landed[recurs] = found.landed
-    speed[recurs] = lift_off_speeds(scene.base, firsts, found.left, found.speed)
+    speed[recurs] = lift_off_speeds(scene, firsts, found.left, found.speed)
     return landed, speed * (scene.inputs["gravity"] / (2.0 * scene.inputs["frequency"]))
 
 

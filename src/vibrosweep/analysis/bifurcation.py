@@ -33,6 +33,7 @@ from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
+from vibrosweep.model.shapes import SINE, TWO_PI
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
@@ -167,8 +168,9 @@ def _impacts(
     if scene.base != HIGH_BOUNCE:
         velocity = (problem.kick / (1.0 + problem.restitution))[:, np.newaxis]
         unit = gravity / (4.0 * np.pi * frequency**2)
-        rising = np.maximum(speed, 0.0)
-        height = rising**2 / (2.0 * gravity) - unit * velocity * np.cos(2.0 * np.pi * left)
+        rising, wave = np.maximum(speed, 0.0), scene.waveform
+        level = -np.cos(2.0 * np.pi * left) if wave == SINE else TWO_PI * wave.height(left)
+        height = rising**2 / (2.0 * gravity) + unit * velocity * level
         time = (out.landing_time[:, 1:] - left) / frequency
     # a particle that rests for good makes no impact
     landed = np.where(np.isnan(left), np.nan, out.landing_time[:, :samples])

@@ -37,6 +37,7 @@ from vibrosweep.model.parameters import (
     taken,
 )
 from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.shapes import SINE
 from vibrosweep.scene.scene import Scene
 
 Codes = NDArray[np.int64]
@@ -124,15 +125,16 @@ def condition_codes(
     return condition.judge(_dataset(scene, parameters, measured))
 
 
-def lift_off_speeds(base: str, problem: Dimensionless, phase: Array, speed: Array) -> Array:
+def lift_off_speeds(scene: Scene, problem: Dimensionless, phase: Array, speed: Array) -> Array:
     """Absolute speed of states whose speed is relative to the base, in units of g / (2 f).
 
     Phase in turns and speed are those of lift-off; the problem's arrays must broadcast with them.
     """
-    if base == HIGH_BOUNCE:
+    if scene.base == HIGH_BOUNCE:
         return speed
-    alpha = problem.kick / (1.0 + problem.restitution)
-    return np.asarray(speed + alpha * np.sin(2.0 * np.pi * phase))
+    alpha, shape = problem.kick / (1.0 + problem.restitution), scene.waveform
+    w = np.sin(2.0 * np.pi * phase) if shape == SINE else shape.velocity(phase)
+    return np.asarray(speed + alpha * w)
 
 
 def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
@@ -146,7 +148,7 @@ def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     phase = launch.phase + problem.phase
     phase -= np.rint(phase)
-    at_rest = lift_off_speeds(scene.base, problem, phase, np.zeros_like(phase))
+    at_rest = lift_off_speeds(scene, problem, phase, np.zeros_like(phase))
     return np.stack([phase, problem.launch_flight - at_rest], axis=-1)
 
 
@@ -161,7 +163,7 @@ def batch_from(
     repeated = {name: np.repeat(values, states.shape[1]) for name, values in parameters.items()}
     repeated["phase"] = np.zeros_like(phase)  # phases of the states are those of the forcing
     problem = dimensionless(repeated, scene.duration, scene.measures.transient)
-    problem = problem._replace(launch_flight=lift_off_speeds(scene.base, problem, phase, speed))
+    problem = problem._replace(launch_flight=lift_off_speeds(scene, problem, phase, speed))
     return problem, Launches(np.zeros((phase.size, 1)), phase[:, np.newaxis])
 
 

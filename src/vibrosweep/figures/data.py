@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import moves, recoils, restitution_law
+from vibrosweep.analysis.base_motion import moves, recoils, restitution_law, waveform_name
 from vibrosweep.analysis.records import per_realization
 from vibrosweep.analysis.requirements import refused_ragged, remedy
 from vibrosweep.arrays import Array
@@ -18,6 +18,7 @@ from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import known
 from vibrosweep.model.parameters import MOUNT, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -204,6 +205,8 @@ def conditions(dataset: xr.Dataset) -> str:
         parts.append("reflect law")
     if restitution_law(dataset) != CONSTANT:
         parts.append(f"{restitution_law(dataset)} restitution")
+    if (shape := waveform_name(dataset)) != SINE_NAME:
+        parts.append("base of harmonics" if shape == HARMONICS_NAME else f"{shape} base")
     if recoils(dataset):
         parts.append("sprung base")
     elif moves(dataset):

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from vibrosweep.analysis.base_motion import base_name, recoils, restitution_law, waveform_name
+from vibrosweep.analysis.base_motion import base_name, has_closed_forms, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.paint import Points
 from vibrosweep.figures.window_curves import Forcing, draw_windows
 from vibrosweep.model.forcing import ACCELERATION
-from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
@@ -79,7 +77,7 @@ def parameter_plane(
     points = paint.scatter_points(data.quantity(sweep, "restitution"), vertical)
     axes.set(xlabel=data.label(sweep, "restitution"), ylabel=label)
     _set_view(axes, points)
-    plain = waveform_name(sweep) == SINE_NAME and restitution_law(sweep) == CONSTANT
+    plain = has_closed_forms(sweep)
     if plain and not recoils(sweep):
         draw_windows(axes, forcing, over=points.cells is not None)
     _paint_variable(axes, points, values, sweep, variable)

@@ -10,10 +10,9 @@ from matplotlib.collections import PathCollection
 from matplotlib.colors import LogNorm
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import moves, recoils, restitution_law
+from vibrosweep.analysis.base_motion import has_closed_forms, moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
@@ -94,7 +93,7 @@ def height_against_restitution(sweep: xr.Dataset, *, ax: Axes | None = None) -> 
         _draw_launches(axes, restitution, rebound, flight)
     if not moves(sweep):
         _draw_launch_height(axes, sweep, unit)
-    elif not recoils(sweep) and restitution_law(sweep) == CONSTANT:
+    elif not recoils(sweep) and has_closed_forms(sweep):
         _draw_bands(axes, one_height, top)
     if not recoils(sweep):
         _draw_plateaus(axes, one_height, top)

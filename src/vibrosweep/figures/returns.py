@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 from vibrosweep import theory
 from vibrosweep.analysis.base_motion import (
     base_name,
+    has_closed_forms,
     moves,
     recoils,
-    restitution_law,
-    waveform_name,
 )
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.model.window_begin import lower_end
 
 if TYPE_CHECKING:
@@ -93,7 +90,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
     # over a moving base a particle may still be rising when it lands
     lowest = min(float(np.min(before, initial=0.0)), float(np.min(after, initial=0.0)))
-    plain = waveform_name(one) == SINE_NAME and restitution_law(one) == CONSTANT
+    plain = has_closed_forms(one)
     if plain and not recoils(one):
         _draw_strip(axes, one, lowest, top)
         _draw_locked(axes, one, top)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.typing import ColorType
 
-from vibrosweep.analysis.base_motion import base_name, moves
+from vibrosweep.analysis.base_motion import base_name, has_closed_forms, moves
 from vibrosweep.analysis.conditions import UNDETERMINED
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
@@ -111,7 +111,8 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
         float(windows["gravity"]),
         name,
     )
-    draw_windows(axes, forcing, over=True, modes=modes)
+    if has_closed_forms(windows):
+        draw_windows(axes, forcing, over=True, modes=modes)
     # beside their remark only two entries fit in a row
     lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
     turned = is_locked and windows.attrs.get("rebound") == "reflect"
