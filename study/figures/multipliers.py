@@ -53,5 +53,5 @@ def decay_per_impact(restitution: float, measured: xr.Dataset, *, ax: Axes | Non
     axes.set(xlim=(low, 1.15 * high), ylim=(restitution - 0.02, 1.1))
     axes.set_xlabel("amplitude $A$ (m s$^{-1}$)")
     axes.set_ylabel("change per impact")
-    style.head(axes, "")
+    style.head(axes, "", columns=2)
     return axes
