@@ -147,6 +147,22 @@ def test_windows_are_proved_from_end_to_end(base):
     assert "attraction inside 2 of 2" in first
 
 
+def test_overlapping_windows_under_two_tones_are_proved_with_their_folds():
+    """At e = 0.85, k = 1: 0.1688 to 0.2855, where it ends in a fold, and 0.2852 to 0.6657."""
+    unit = 4.905
+    found = vs.windows(
+        restitution=0.85,
+        amplitude=np.linspace(0.02, 1.2, 60) * unit,
+        waveform={"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]},
+        duration=3000.0,
+        prove=True,
+    ).isel(condition=0, direction=0, restitution=0)
+    assert set(found.min_proof.values) == set(found.max_proof.values) == {PROVED}
+    assert found.inside_proof.values.tolist() == [PROVED, PROVED]
+    assert found.A_min_low.values / unit == pytest.approx([0.1688, 0.2852], abs=5e-5)
+    assert found.A_max_high.values / unit == pytest.approx([0.2855, 0.6657], abs=5e-5)
+
+
 def test_windows_are_proved_under_a_law_of_restitution():
     """On the map mode 1 lives from v - E(v), v = g / 2f, to the same beside v (1 + E'(v)) / pi."""
     found = vs.windows(
