@@ -73,6 +73,14 @@ autosummary_generate = True
 templates_path = ["_templates"]
 numpydoc_show_class_members = False
 
+# Parts of signatures that Sphinx writes from values, and how they are written in the source
+UNREADABLE = {
+    r"TypeAliasForwardRef\('(\w+)'\)": r"\1",
+    r"Dialect\([^)]*\)": "PYTHON",
+    r"<function (\w+)( at \w+)?>": r"\1",
+    r"(\*args|\*\*kwargs): ~typing\.~P": r"\1",
+    r"~P\b": "P",
+}
 SENTENCE = 45  # characters of a table's cell
 FUNCTION = re.compile(r"<mi>(sin|cos|tan|ln|log)</mi>(<mo[^>]*>&#x00028;)?")
 NUMBER = re.compile(r"[-+\d.,e]+( %)?")
@@ -128,11 +136,19 @@ def _spaced(found: re.Match[str]) -> str:
     return function + (found[2] or "")
 
 
-def plain_aliases(
-    app: Sphinx, what: str, name: str, thing: object, options: object, given: str | None, out: str
-) -> tuple[str | None, str]:
-    """Write "ArrayLike | None" in a signature as it stands in the source."""
-    return (given and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", given)), out
+def readable(
+    app: Sphinx,
+    what: str,
+    name: str,
+    thing: object,
+    options: object,
+    given: str | None,
+    out: str | None,
+) -> tuple[str | None, str | None]:
+    """Write the parts of a signature that Sphinx makes of values as they stand in the source."""
+    for found, instead in UNREADABLE.items():
+        given, out = (part and re.sub(found, instead, part) for part in (given, out))
+    return given, out
 
 
 def as_written(app: Sphinx, thing: object, bound: bool) -> None:
@@ -159,4 +175,4 @@ def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("mathml", (inline, None), (display, None))
     app.connect("doctree-resolved", mark_tables)
     app.connect("autodoc-before-process-signature", as_written)
-    app.connect("autodoc-process-signature", plain_aliases)
+    app.connect("autodoc-process-signature", readable)
