@@ -76,8 +76,8 @@ def texts() -> dict[str, Any]:
     return {key: " ".join(text.split()) for key, text in found.items()} | {"claims": claims}
 
 
-def judge_all(plan: Plan, keys: Iterable[str] = TESTS) -> Iterator[Claim]:
-    """Compute the outcomes of claims, one after the other."""
+def judge_all(plan: Plan, keys: Iterable[str] | None = None) -> Iterator[Claim]:
+    """Compute the outcomes of claims, all by default, one after the other."""
     words = texts()["claims"]
-    for key in keys:
+    for key in TESTS if keys is None else keys:
         yield Claim(key=key, **words[key], outcome=TESTS[key](plan))
