@@ -9,11 +9,12 @@ import vibrosweep as vs
 from vibrosweep.api.result_kinds import ORBITS
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.proof.closed_orbits import orbit_of, setting_of
+from vibrosweep.proof.closed_orbits import Setting, orbit_of
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.closed import prove_event, prove_orbit
 from vibrosweep.proof.reference.jets import variables
-from vibrosweep.proof.reference.orbit_equations import RESTING
+from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.proof.reference.orbit_equations import RESTING, cycle
 from vibrosweep.store.saving import save_result
 
 SINE, PARABOLIC = Waveform(), Waveform("parabolic")
@@ -24,7 +25,7 @@ BASES = ("high-bounce", "moving")
 
 def orbit(base="high-bounce", waveform=SINE, law="constant", rebound="rest", speed=None, q=1):
     inputs = UNIT if speed is None else {**UNIT, "restitution_speed": speed}
-    return orbit_of(setting_of(base, rebound, law, waveform), inputs, 1, q)
+    return orbit_of(Setting(base, Laws(rebound, law), waveform), inputs, 1, q)
 
 
 def phase_where_it_falls(waveform, value):
@@ -110,20 +111,14 @@ def test_reflection_turns_the_speed_and_the_determinant():
     )
 
 
-def test_a_corner_of_the_parabolic_waveform_has_no_slope():
-    with ctx.workprec(100):
-        (beside, at, beyond) = (
-            PARABOLIC_MOTION.at(variables([arb(x, 1e-3)])[0]) for x in (0.2, 0.25, -0.4)
-        )
-        assert float(beside.slope.v) == 4.0
-        assert float(beyond.slope.v) == -4.0
-        assert float(beyond.w.v) == pytest.approx(4.0 * -0.1)
-        assert at.w.v.contains(1)
-        assert not at.slope.d[0].is_finite()
-        assert at.w.v.overlaps(arb(1) - arb(1e-3) * 4)
-
-
-PARABOLIC_MOTION = setting_of("high-bounce", "rest", "constant", PARABOLIC).motion
+def test_at_a_corner_of_the_parabolic_waveform_an_orbit_is_proved_and_no_bifurcation():
+    """Its slope jumps there, and with it the multipliers."""
+    own = orbit(waveform=PARABOLIC)
+    assert prove_orbit(own, [0.25 + 1e-9], arb(0.2) * (1 + arb(2) ** -40)) is not None
+    with ctx.workprec(160):
+        (flight,) = cycle(own, variables([arb(0.25, 1e-3), arb(0.2)])).flights
+        assert not flight.step[2].d[0].is_finite()
+        assert flight.after.v.contains(1)
 
 
 def test_an_orbit_that_rests_is_not_taken():

@@ -13,7 +13,7 @@ import numpy as np
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
-from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, Waveform
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.closed import BITS, Proved, prove_orbit
@@ -21,7 +21,7 @@ from vibrosweep.proof.reference.jets import Jet, variables
 from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.orbit_equations import Orbit
-from vibrosweep.proof.reference.shapes import SINE, Motion
+from vibrosweep.proof.reference.waves import wave_of
 from vibrosweep.proof.verification import Outcome, Report, State
 from vibrosweep.runs.progress import Advance
 from vibrosweep.scene.waveform import stored
@@ -52,25 +52,18 @@ class Setting(NamedTuple):
 
     base: str
     laws: Laws
-    motion: Motion
-
-
-def setting_of(base: str, rebound: str, restitution_law: str, waveform: Waveform) -> Setting:
-    """Return the base, the laws and the motion as the reference takes them."""
-    motion = SINE
-    if waveform.name != SINE_NAME:
-        motion = Motion(waveform.tones if waveform.name == HARMONICS_NAME else ())
-    return Setting(base, Laws(rebound, restitution_law), motion)
+    waveform: Waveform
 
 
 def orbit_of(setting: Setting, inputs: Mapping[str, float], p: int, q: int) -> Orbit:
     """Return an orbit of p impacts in q periods at some parameters, as the reference takes it."""
     names = ("restitution", "frequency", "gravity", *OF_RESTITUTION)
-    given = {name: arb(inputs[name]) for name in names if name in inputs}
-    law = None if setting.laws.restitution == CONSTANT else setting.laws.in_periods(given)
-    rest = arb(inputs["contact_time"]) * given["frequency"]
-    turns_back = setting.laws.turns_back
-    return Orbit(setting.base, given["restitution"], p, q, rest, setting.motion, law, turns_back)
+    with ctx.workprec(BITS):
+        given = {name: arb(inputs[name]) for name in names if name in inputs}
+        law = None if setting.laws.restitution == CONSTANT else setting.laws.in_periods(given)
+        rest = arb(inputs["contact_time"]) * given["frequency"]
+        wave, turns_back = wave_of(setting.waveform), setting.laws.turns_back
+        return Orbit(setting.base, given["restitution"], p, q, rest, wave, law, turns_back)
 
 
 def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Report:
@@ -90,9 +83,8 @@ def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Re
     if sample < total:
         rows = np.sort(np.random.default_rng(seed).choice(total, sample, replace=False))
     attributes = found.attrs
-    setting = setting_of(
-        attributes["base"], attributes["rebound"], law_in(attributes), stored(attributes)
-    )
+    laws = Laws(attributes["rebound"], law_in(attributes))
+    setting = Setting(attributes["base"], laws, stored(attributes))
     outcomes = []
     for done, row in enumerate(rows):
         place = dict(zip(dims, np.unravel_index(int(row), shape), strict=True))
@@ -219,10 +211,10 @@ def _lands_earlier(orbit: Orbit, proved: Proved, i: int) -> bool:
     box, flight = proved.box, proved.cycle.flights[i]
     ends = [*box[: orbit.p], box[0] + orbit.q]
     alpha, lasts = box[orbit.p] / (1 + orbit.e), ends[i + 1] - ends[i]
-    begun = orbit.motion.at(Jet(ends[i], [])).height.v
+    begun = orbit.wave.level(2 * ends[i])
     for k in range(1, PLACES):
         s = lasts * k / PLACES
-        risen = orbit.motion.at(Jet(ends[i] + s, [])).height.v - begun
+        risen = orbit.wave.level(2 * (ends[i] + s)) - begun
         if s * (flight.leaves.v - s) < alpha * risen:
             return True
     return False

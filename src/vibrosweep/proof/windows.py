@@ -27,7 +27,7 @@ from vibrosweep.kernels.extended import (
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.shapes import SINE_NAME
-from vibrosweep.proof.closed_orbits import orbit_of, setting_of
+from vibrosweep.proof.closed_orbits import Setting, orbit_of
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.closed import (
     BITS,
@@ -37,6 +37,7 @@ from vibrosweep.proof.reference.closed import (
     cover,
     prove_event,
 )
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.orbit_equations import EARLIER, RESTING, Orbit
 from vibrosweep.scene.scene import Scene
 
@@ -135,8 +136,8 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
     if line is None:
         return _Proof(UNPROVED, UNPROVED, UNBOUNDED)
     with ctx.workprec(BITS):
-        laws = scene.rebound, scene.restitution_law
-        setting = setting_of(scene.base, *laws, scene.waveform)
+        laws = Laws(scene.rebound, scene.restitution_law)
+        setting = Setting(scene.base, laws, scene.waveform)
         orbit = orbit_of(setting, {**scene.inputs, "restitution": e}, 1, k)
     sides = sorted((_side(line, row, step) for step in (-1, 1)), key=lambda s: line.z[s[0], -1])
     codes, boxes, events = [OPEN_END] * 2, [(math.nan, math.nan)] * 2, []

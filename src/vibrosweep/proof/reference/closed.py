@@ -84,7 +84,10 @@ def _newton(system: _System, guess: Sequence[arb]) -> Box:
             break
         values = arb_mat([[jet.v.mid()] for jet in system.at(z)[0]])
         step = inverse * values
-        z = [(one - step[i, 0]).mid() for i, one in enumerate(z)]
+        moved = [(one - step[i, 0]).mid() for i, one in enumerate(z)]
+        if not all(one.is_finite() for one in moved):
+            break
+        z = moved
     return z
 
 
@@ -110,6 +113,8 @@ def _krawczyk(
         image = [m - moved[i, 0] + shrunk[i, 0] for i, m in enumerate(middle)]
         if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
             return image, box
+        if not all(one.is_finite() for one in image):
+            return None
         radii = [ENLARGED * (k - m).abs_upper() + SHARP for k, m in zip(image, middle, strict=True)]
     return None
 

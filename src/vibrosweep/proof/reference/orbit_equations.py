@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.jets import Jet
 from vibrosweep.proof.reference.laws import Constant, Impact
-from vibrosweep.proof.reference.shapes import SINE, Motion, Moved
+from vibrosweep.proof.reference.waves import SINE_WAVE, Wave
 
 Box = list[arb]
 # Why it is not certain that a particle takes an orbit
@@ -29,9 +29,17 @@ class Orbit(NamedTuple):
     p: int
     q: int
     rest: arb  # speed at and below which a particle rests
-    motion: Motion = SINE
+    wave: Wave = SINE_WAVE
     law: Impact | None = None  # of restitution, where it is not constant
     turns_back: bool = False  # an impact that ends below zero
+
+
+class Moved(NamedTuple):
+    """The motion of the base at a phase."""
+
+    w: Jet
+    height: Jet  # W
+    slope: Jet  # w'
 
 
 class Flight(NamedTuple):
@@ -62,7 +70,7 @@ def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
     """Equations and multipliers of an orbit."""
     p, a = orbit.p, z[orbit.p]
     times = [*z[:p], z[0] + orbit.q]
-    moves = [orbit.motion.at(one) for one in times[:p]]
+    moves = [_moved(orbit.wave, one) for one in times[:p]]
     fly = _bounce if orbit.base == "high-bounce" else _fly
     one, zero = 0 * a + 1, 0 * a
     m, determinant, takes = (one, zero, zero, one), one, ""
@@ -81,6 +89,19 @@ def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
         )
     off = [own.begins - flights[i - 1].after for i, own in enumerate(flights)]
     return Cycle(off, flights, m[0] + m[3], determinant, takes)
+
+
+def _moved(wave: Wave, turns: Jet) -> Moved:
+    """Motion of the base, with derivatives; the slope has none at a corner."""
+    h = 2 * turns.v
+    level, velocity, slope = wave.level(h), wave.velocity(h), wave.slope(h)
+    jumps = wave.bounds.bend == 0 and slope.rad() > 0
+    rate = arb("nan") if jumps else wave.rate(h)
+    return Moved(
+        Jet(velocity, [slope * d for d in turns.d]),
+        Jet(level, [velocity * d for d in turns.d]),
+        Jet(slope, [rate * d for d in turns.d]),
+    )
 
 
 def _impact(orbit: Orbit, v: Jet) -> tuple[Jet, Jet]:
@@ -114,18 +135,18 @@ def _fly(orbit: Orbit, a: Jet, s: Jet, first: Moved, last: Moved) -> Flight:
     leaves = y + alpha * first.w
     # the speeds of a cycle leave the product of all w / v, each the restitution e(v)
     shrinks = q * (orbit.e if orbit.law is None else w / v)
-    meets = _meets_base(orbit.motion, alpha.v, leaves.v, first.height.v)
+    meets = _meets_base(orbit.wave, alpha.v, leaves.v, first.height.v)
     presses = 1 + alpha.v * last.slope.v / 2
     return Flight(y, leaves, v, w, step, shrinks, presses, meets)
 
 
-def _meets_base(motion: Motion, alpha: arb, u: arb, height: arb) -> str:
+def _meets_base(wave: Wave, alpha: arb, u: arb, height: arb) -> str:
     """Why an earlier landing of a flight is possible, which begins with the absolute speed u.
 
     None is where the height above the base is concave; nor where the particle, when it comes down
     to the highest level of the base, falls faster than the base ever moves.
     """
-    concave = alpha * motion.bound(1) <= 2
-    top, drop = alpha * motion.bound(0), alpha * (motion.bound(-1) - height)
-    fast = u > 0 and u * u >= 4 * drop + top * top
+    concave = alpha * wave.bounds.steep <= 2
+    most, drop = alpha * wave.bounds.fast, alpha * (wave.bounds.top - height)
+    fast = u > 0 and u * u >= 4 * drop + most * most
     return "" if concave or fast else EARLIER
