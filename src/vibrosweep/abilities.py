@@ -69,7 +69,7 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "record": _ANYWHERE,
     "observables": _ANYWHERE,
     "heights_against_restitution": Ability(APART, _INDEPENDENT),
-    **dict.fromkeys(("energy_balance", "slot_decay"), Ability(APART, _INDEPENDENT, (SINE_NAME,))),
+    **dict.fromkeys(("energy_balance", "slot_decay"), Ability(APART, _INDEPENDENT)),
     "verify": _ANYWHERE,
     "laboratory": Ability(BASES, "", (SINE_NAME,)),
     "explore": _ANYWHERE,

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from vibrosweep.analysis import energy_balance, slot_decay
 from vibrosweep.kernels.harmonics import shape_of
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.waveforms import Parabolic, kick_slope, left_out, lift_offs, velocity
@@ -176,3 +177,18 @@ def test_a_mode_has_two_windows_one_of_which_ends_in_a_fold():
     for k in range(2):  # each particle is launched on the orbit of one of the amplitudes
         for name, value in (("cycle_impacts", 1), ("cycle_periods", 1), ("cycle_rests", 0)):
             assert swept[name].values[k, k] == value
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+def test_balance_and_decay_follow_the_waveform(base):
+    """Of two particles in one slot: kicks balance losses, and Jacobians predict their approach."""
+    given = {"waveform": TWO_TONES, "gravity": 2.0, "restitution": 0.85, "amplitude": 0.5}
+    given |= {"base": base, "launch_velocity": 1.0, "launch_time": [0.45, 0.46], "duration": 400.0}
+    record = vs.simulate(**given)
+    found = energy_balance(record, since=300.0)
+    assert np.abs(found["balance"].values).max() < 1e-9
+    assert np.abs(found["energy_balance"].values).max() < 1e-9
+    decay = slot_decay(record)
+    fitted, predicted = (float(decay[f"modulus_{name}"][0]) for name in ("fitted", "predicted"))
+    assert predicted == pytest.approx(0.85**0.5 if base == "high-bounce" else 0.85, abs=1e-6)
+    assert fitted == pytest.approx(predicted, abs=5e-3)

@@ -12,6 +12,8 @@ from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.scene.waveform import stored
 
 __all__ = ["slot_decay"]
 
@@ -42,7 +44,8 @@ def slot_decay(
     the orbit, real or complex.  Both coefficients are fitted by least squares, each equation
     weighted by the size of its separations (Prony's method).  They are compared with the
     multipliers of the product of the Jacobians along the last p impacts:
-    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over a base that stays; see
+    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over a base that stays, or with the
+    derivative of another waveform; see
     `_moving_jacobian` for one that moves.
 
     Parameters
@@ -131,14 +134,14 @@ def _one(
     predicted = np.nan
     if first.size > p and not rested and equations:
         turns = frequency * first[-p - 1 :] + phase / (2.0 * np.pi)
-        a = 2.0 * frequency * amplitude / gravity
+        a, shape = 2.0 * frequency * amplitude / gravity, stored(record.attrs)
         if moves(record):
             speed = 2.0 * frequency / gravity * one["rebound_velocity"].values[pair[0]]
             left = speed[first.size - p - 1 : first.size - 1]
             each = zip(turns[:-1], turns[1:], left, strict=True)
-            predicted = _leading([_moving_jacobian(*flight, e, a) for flight in each])
+            predicted = _leading([_moving_jacobian(*flight, e, a, shape) for flight in each])
         else:
-            predicted = _leading([_jacobian(x, e, a) for x in turns[1:]])
+            predicted = _leading([_jacobian(x, e, a, shape) for x in turns[1:]])
     periods = np.ptp(first[-p - 1 :]) if first.size > p else np.nan
     with np.errstate(divide="ignore", invalid="ignore"):
         decay_time = -periods / np.log(predicted)
@@ -174,26 +177,35 @@ def _fit(d: Array) -> tuple[float, float, int]:
     return float(np.max(np.abs(roots))), float(-c0), int(rows.size)
 
 
-def _jacobian(x: float, e: float, a: float) -> Array:
+def _slope(x: float, a: float, shape: Waveform) -> float:
+    """Derivative of the kick at phase x."""
+    sine = shape == SINE
+    return float(2.0 * np.pi * a * np.cos(2.0 * np.pi * x) if sine else a * shape.slope(x))
+
+
+def _jacobian(x: float, e: float, a: float, shape: Waveform) -> Array:
     """Derivative of phase and speed after an impact at phase x by those before its flight."""
-    slope = 2.0 * np.pi * a * np.cos(2.0 * np.pi * x)
+    slope = _slope(x, a, shape)
     return np.array([[1.0, 1.0], [slope, e + slope]])
 
 
-def _moving_jacobian(begin: float, end: float, u: float, e: float, a: float) -> Array:
+def _moving_jacobian(
+    begin: float, end: float, u: float, e: float, a: float, shape: Waveform
+) -> Array:
     """The same over a moving base, for a flight of initial speed u between two phases.
 
-    With s = end - begin and the relative speed of arrival z = 2 s - u + alpha sin(2 pi end), the
-    duration s changes by alpha (sin(2 pi begin) - sin(2 pi end)) / z with the phase of the
-    beginning and by s / z with the speed; the next speed is e (2 s - u) + a sin(2 pi end).
+    With s = end - begin and the relative speed of arrival z = 2 s - u + alpha w(end), the duration
+    s changes by alpha (w(begin) - w(end)) / z with the phase of the beginning and by s / z with the
+    speed; the next speed is e (2 s - u) + a w(end).
     """
-    s, sine = end - begin, np.sin(2.0 * np.pi * np.array([begin, end]))
+    s, both = end - begin, np.array([begin, end])
+    w = np.sin(2.0 * np.pi * both) if shape == SINE else shape.velocity(both)
     alpha = a / (1.0 + e)
-    z = 2.0 * s - u + alpha * sine[1]
-    longer = np.array([alpha * (sine[0] - sine[1]) / z, s / z])
+    z = 2.0 * s - u + alpha * w[1]
+    longer = np.array([alpha * (w[0] - w[1]) / z, s / z])
     phase = longer + np.array([1.0, 0.0])
     speed = e * (2.0 * longer - np.array([0.0, 1.0]))
-    return np.stack([phase, speed + 2.0 * np.pi * a * np.cos(2.0 * np.pi * end) * phase])
+    return np.stack([phase, speed + _slope(end, a, shape) * phase])
 
 
 def _leading(jacobians: list[Array]) -> float:

@@ -13,6 +13,8 @@ from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
+from vibrosweep.model.shapes import SINE
+from vibrosweep.scene.waveform import stored
 
 __all__ = ["energy_balance"]
 
@@ -35,10 +37,10 @@ def energy_balance(
 ) -> xr.Dataset:
     """Mean kick against mean loss of every particle, as equation 26 of the study states it.
 
-    Each landing with speed v and kick U = A sin(2 pi f t + phi) is followed by v' = e v + U where
-    the particle bounces.  Over n landings the mean kick therefore exceeds the mean loss
-    (1 - e) v by exactly (v_last - v_first) / n, which vanishes over a cycle of a periodic orbit
-    without rests.  A rest breaks the balance, since v' is then not e v + U.  The balance of energy
+    Each landing with speed v and kick U = A sin(2 pi f t + phi), or A w of another waveform, is
+    followed by v' = e v + U where the particle bounces.  Over n landings the mean kick therefore
+    exceeds the mean loss (1 - e) v by exactly (v_last - v_first) / n, which vanishes over a cycle
+    of a periodic orbit without rests.  A rest breaks the balance, since v' is then not e v + U.  The balance of energy
     over such a cycle is <v'^2 - v^2> = 0.  Under a law of restitution e is that of each impact;
     over a moving base, where the kick is (1 + e) times its velocity, that of the kick too.
 
@@ -128,7 +130,11 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
     if impacts is not None:
         known &= np.cumsum(known[:, ::-1], axis=1)[:, ::-1] <= impacts
     e = _restitution(one, nominal, before + base.velocity(time))
-    kick = amplitude * np.sin(2.0 * np.pi * frequency * time + phase)
+    shape = stored(one.attrs)
+    if shape == SINE:
+        kick = amplitude * np.sin(2.0 * np.pi * frequency * time + phase)
+    else:
+        kick = amplitude * shape.velocity(frequency * time + phase / (2.0 * np.pi))
     if moves(record):  # with the velocity A / (1 + e) of the nominal restitution
         kick = kick * ((1.0 + e) / (1.0 + nominal))
     rested = (one["rested"].values == 1) & known
