@@ -136,7 +136,7 @@ def _of_setting(plan: Plan, base: str, setting: Setting) -> Iterator[tuple[str, 
 def _stable(
     plan: Plan, base: str, drawn: dict[str, Any], scene: dict[str, Any]
 ) -> dict[str, Flags]:
-    """Which realizations are stable, by what that may mean; particles bounce on in all of them."""
+    """Stable realizations, for each meaning of stable; particles bounce on in all of them."""
     if base == SPRUNG:
         found = measured(plan, base, drawn, duration=42.0, **scene)
         return {"every particle bounces on": found["at_rest_count"].values == 0}

@@ -233,7 +233,7 @@ def _contact_time(one: Check) -> float:
 def _gains(
     plan: Plan, base: str, setting: Setting, window: str
 ) -> dict[str, tuple[Estimate, Estimate]]:
-    """What a larger amplitude gives of height and separation.
+    """Height and separation at a larger amplitude.
 
     The share of realizations that gain, and the gain of the mean over realizations, relative.
     """

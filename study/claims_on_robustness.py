@@ -100,7 +100,7 @@ def persists(plan: Plan) -> Outcome:
 
 
 def _stay_locked(record: xr.Dataset) -> Flags:
-    """Whether every flight lasts one period, within a quarter, until the end, and none rests."""
+    """Return whether all flights last one period, within a quarter, until the end; none rests."""
     landing = record["landing_time"].values[:, 0]
     flights = landing[:, 1:] - record["liftoff_time"].values[:, 0, :-1]
     with np.errstate(invalid="ignore"):

@@ -192,7 +192,7 @@ def _window_deviation(plan: Plan, base: str) -> float:
 def returns(
     plan: Plan, base: str, k: Array, e: Array, amplitude: Array, offset: float = 1e-3
 ) -> Flags:
-    """Whether launches `offset` periods off the locked orbits of mode k come to lie on them.
+    """Return whether launches `offset` periods off the locked orbits of mode k reach them.
 
     Where the orbit does not exist the launch is at the phase of the strongest kick.
     """

@@ -88,7 +88,7 @@ def _badge(verdict: Verdict) -> str:
 
 
 def brief_reason(evidence: Evidence) -> str:
-    """Which of two things "cannot be judged" is."""
+    """Reason for which a claim cannot be judged, in two or three words."""
     if evidence.verdict is not Verdict.UNDECIDED:
         return ""
     return "settings differ" if "differs between" in evidence.reason else "too few data"

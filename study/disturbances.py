@@ -1,4 +1,4 @@
-"""What a real table adds to the study: noise, another waveform, e that falls with speed.
+"""Disturbances of a real table: noise, another waveform, e that falls with speed.
 
 Sizes of noise are relative; speeds of the laws of restitution are relative to that of the orbit, so
 that `restitution` is what it is about there.

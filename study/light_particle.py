@@ -101,7 +101,7 @@ def regimes(plan: Plan, parameters: Mapping[str, Any]) -> NDArray[Any]:
 def returns(
     plan: Plan, k: Array, restitution: Array, amplitude: Array, offset: float
 ) -> NDArray[np.bool_]:
-    """Whether launches `offset` periods off the locked orbits of mode k come to lie on them."""
+    """Return whether launches `offset` periods off the locked orbits of mode k reach them."""
     phase = landing_phase(k, restitution, amplitude)
     columns = {
         "restitution": restitution,

@@ -48,7 +48,7 @@ def write(
 
 
 def provenance(threads: int | None) -> dict[str, str]:
-    """What is stated of program, libraries, machine and time: that of a sweep on these threads."""
+    """Program, libraries, machine and time, as a sweep on these threads records them."""
     found = sweep(threads=threads, progress=False).attrs
     return {name: str(found[name]) for name in ORIGIN if name in found}
 

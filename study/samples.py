@@ -1,4 +1,4 @@
-"""What is drawn at random for the claims: ranges, contact times, masses, seeds.
+"""Random samples for the claims: ranges, contact times, masses, seeds.
 
 The study states none of them.  Ranges, contact times, the law of rebound and the base of finite
 mass are choices of this package, so that a verdict must be the same for all of them.
@@ -43,7 +43,7 @@ MOUNT: Final = {"mass_ratio": 0.003, "mount_frequency": 0.37, "mount_damping": 0
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is computed."""
+    """Numbers of samples that are computed."""
 
     threads: int = 1  # the result does not depend on it
     # first_seed, seeds: seeds are first_seed, first_seed + 1, ...; each stands for one random
@@ -60,7 +60,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a number was computed under: ranges from which samples are drawn, and constants."""
+    """Conditions of a number: ranges from which samples are drawn, and constants."""
 
     name: str  # on the page
     # Ends of restitution, amplitude (m s-1) and what else is drawn
@@ -186,7 +186,7 @@ def mount(base: str) -> dict[str, Any]:
 
 
 def irregular(found: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether a particle's motion is aperiodic, and whether that is known; shape (realization,).
+    """Flags of aperiodic motion of a particle, and of those not known; shape (realization,).
 
     It is not known where a particle has not settled and its landings in the window are too few for
     an exponent.  `found` holds regimes and per-particle results.

@@ -25,7 +25,7 @@ def populations(base: str, largest: int = POPULATIONS[-1]) -> tuple[int, ...]:
 
 
 def own_slots_setting(base: str) -> Setting:
-    """What `own_slots` is computed under."""
+    """Setting under which `own_slots` is computed."""
     if base == SPRUNG:
         return Setting("slots of their own", constants=LIGHT)
     given = {"restitution": RESTITUTION, "amplitude": "middle of the window of mode N"}

@@ -1,4 +1,4 @@
-"""Which imperfections, at what size, produce the errors of the study's Table 4, and their growth.
+"""Imperfections, and their size, that produce the errors of the study's Table 4 and their growth.
 
 Each imperfection acts alone on an experiment that is otherwise perfect, in all four cases; the
 prediction is that of the perfect experiment.
@@ -226,7 +226,7 @@ def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[lis
 
 
 def in_band(study: xr.Dataset) -> xr.Dataset:
-    """Whether an imperfection explains Table 4: dims (trial, procedure, reading).
+    """Flags of the trials that explain Table 4: dims (trial, procedure, reading).
 
     For ``height`` and ``period``: ``*_in_band``, the errors of all cases lie inside the study's
     range; ``*_grows``, the error of the last case exceeds that of the first by more than a

@@ -29,7 +29,7 @@ ROOM: Final = 3.0
 
 
 class Verdict(Enum):
-    """What the evidence says."""
+    """Verdict on a claim."""
 
     HOLDS = "holds"
     CONDITIONAL = "holds under a condition"
@@ -61,7 +61,7 @@ class Check:
 
     @property
     def passed(self) -> bool | None:
-        """Whether the interval is on the right side of the bound; None if it is on neither."""
+        """Return whether the interval meets the bound; None if it does so in part."""
         low, high = self.value.low, self.value.high
         if math.isnan(low) or math.isnan(high):
             return None
@@ -82,12 +82,12 @@ class Reading:
 
     @property
     def usable(self) -> bool:
-        """Whether flights stay in a room."""
+        """Return whether flights stay below the ceiling of a room."""
         return self.height <= ROOM
 
     @property
     def by_setting(self) -> dict[str, bool | None]:
-        """Whether it passes under each setting; one without a case to test says nothing."""
+        """Return whether it passes under each setting that has a case to test."""
         settings: dict[str, list[bool | None]] = {}
         for one in self.checks:
             if one.value.cases != 0:
@@ -97,7 +97,7 @@ class Reading:
 
     @property
     def passed(self) -> bool | None:
-        """Whether it passes under every setting (True), under none (False), or neither (None)."""
+        """Return True if it passes under every setting, False if under none, None otherwise."""
         found = set(self.by_setting.values())
         return found.pop() if len(found) == 1 else None
 
@@ -124,14 +124,14 @@ def _all_passed(each: Sequence[bool | None]) -> bool | None:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What was computed for one claim under one base."""
+    """Evidence for one claim under one base."""
 
     base: str  # key of a base, or `ANY_BASE`
     readings: Sequence[Reading]  # ways to read the claim as stated, at least one
     conditions: Sequence[Reading] = ()  # conditions that may save it; the name says the condition
-    numbers: Sequence[Number] = ()  # what else was computed
-    setting: Setting = TABLE_1  # what was computed without a setting of its own
-    not_computed: Sequence[str] = ()  # what this base cannot do, in the words of the package
+    numbers: Sequence[Number] = ()  # further computed numbers
+    setting: Setting = TABLE_1  # of all numbers without a setting of their own
+    not_computed: Sequence[str] = ()  # the package's refusals on this base
 
     @property
     def verdict(self) -> Verdict:
@@ -170,7 +170,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was computed for one claim: evidence for each base that matters, and figures."""
+    """Evidence for one claim on each base that matters, and its figures."""
 
     evidence: Sequence[Evidence]
     pictures: Sequence[Picture] = ()

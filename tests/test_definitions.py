@@ -39,7 +39,7 @@ def test_realizations_do_not_depend_on_what_was_computed_before(base):
 
 
 def test_the_campaign_sees_a_stay_that_is_left_out(monkeypatch):
-    """Where the window begins in a stay, or ends in one."""
+    """A window may begin or end in a stay."""
     monkeypatch.setattr(definitions.Recorded, "stay_ends", lambda own, landed: landed[0])
     rng, wrong = np.random.default_rng(21), []
     with Workers(1) as workers:

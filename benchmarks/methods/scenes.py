@@ -144,17 +144,17 @@ class Point:
     Attributes
     ----------
     scene, method, setting
-        What was run.
+        Scene, method and its setting.
     threads
         Threads that shared the trajectories.
     trajectories, impacts
-        What the timed run covered.
+        Numbers covered by the timed run.
     seconds
         Wall time of the fastest timed run.
     error
         Largest landing-time error over the proved trajectories, s.
     note
-        What the reader must know about this point.
+        Note for the reader on this point.
     partial
         Whether it covers fewer landings than the scene has.
     step

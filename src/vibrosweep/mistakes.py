@@ -76,7 +76,7 @@ IMPACT_BUDGET: Final = Word("impact_budget=", "impact_budget=", "--impact-budget
 
 @dataclass(frozen=True)
 class Dialect:
-    """How keys, values and words are written."""
+    """Styles in which keys, values and words are written."""
 
     key: Callable[[str], str]
     value: Callable[[object], str]

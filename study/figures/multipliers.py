@@ -1,4 +1,4 @@
-"""How fast offsets from a locked orbit decay."""
+"""Figure of the rate at which offsets from a locked orbit decay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long particles move irregularly before they rest."""
+"""Figure of the time for which particles move irregularly before they rest."""
 
 from __future__ import annotations
 

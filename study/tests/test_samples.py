@@ -1,4 +1,4 @@
-"""What is drawn: the same for the same seed, in the ranges, seed after seed."""
+"""Samples: the same for the same seed, in the ranges, seed after seed."""
 
 import numpy as np
 import pytest

@@ -64,7 +64,7 @@ def test_a_package_without_them_says_so(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_an_installed_package_has_them_inside(tmp_path, monkeypatch, capsys, inside):
-    """Where both are present, those inside the package are taken."""
+    """Examples inside the package are preferred to those beside it."""
     places = (tmp_path / "package" / "sweeps", tmp_path / "sweeps")
     for place in places[0 if inside else 1 :]:
         place.mkdir(parents=True)

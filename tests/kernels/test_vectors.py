@@ -1,4 +1,4 @@
-"""How wide vectors are, and that hot loops become vector code on every kind of processor."""
+"""Widths of vectors; hot loops become vector code on every kind of processor."""
 
 import os
 import subprocess

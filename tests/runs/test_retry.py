@@ -189,7 +189,7 @@ impact_budget = {budget}
 
 @pytest.mark.parametrize("other", ["", "regimes = true\nlyapunov = true\nper_particle = true"])
 def test_bounds_that_the_budget_cut_off_are_said_and_computed_again(tmp_path, output, other):
-    """Where a cycle lets the status complete, its error bounds still follow every landing."""
+    """The error bounds of a run that a cycle completes still follow every landing."""
     small, large = (parse_spec(LONG.format(budget=budget, other=other)) for budget in (300, 10**6))
     run_sweep(small, output, threads=1)
     before = xr.load_dataset(output)

@@ -1,4 +1,4 @@
-"""How wide basins are, and how they interlace: intervals, entropies, the uncertainty exponent."""
+"""Widths of basins, and their mixing: intervals, entropies, the uncertainty exponent."""
 
 from __future__ import annotations
 

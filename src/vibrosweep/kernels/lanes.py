@@ -25,7 +25,7 @@ GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 
 
 class LaneRows(NamedTuple):
-    """Where the rows of the scratch memory begin, in order; PHASES and CONSTANTS are several.
+    """First indices of the rows of the scratch memory; PHASES and CONSTANTS are several.
 
     Those from X_END on take part in every impact, and so do some of `statistics`, which follow.
     """

@@ -41,7 +41,7 @@ class Observer(NamedTuple):
 
 
 class Noted(NamedTuple):
-    """Where the rows begin, behind all others, that hold the last landing of each lane."""
+    """Index of the first row, behind all others, that holds the last landing of each lane."""
 
     PHASE: int
     TIME: int

@@ -19,7 +19,7 @@ Places = NDArray[np.int32]
 
 
 class StateRows(NamedTuple):
-    """Where the rows of a block of lanes begin: the state, then the landing in question."""
+    """First indices of the rows of a block of lanes: the state, then the landing in question."""
 
     X: int  # after the last landing taken: phase, whole periods, speed, and which particle
     N: int

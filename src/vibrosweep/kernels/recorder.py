@@ -30,7 +30,7 @@ class Recorder(NamedTuple):
 
 
 class Noted(NamedTuple):
-    """Where the rows of the last landing of each lane begin, behind those of `KINDS_RECORDED`."""
+    """First indices of the rows of the last landing of each lane, behind `KINDS_RECORDED`."""
 
     SEEN: int
     RESTS: int

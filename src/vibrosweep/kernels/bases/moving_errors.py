@@ -61,7 +61,7 @@ class Landed(NamedTuple):
 
 
 class Change(NamedTuple):
-    """How much the derivatives of s and z by x and y may change over the states in an error."""
+    """Bounds of the change of the derivatives of s and z by x and y over the states in an error."""
 
     s_x: float
     s_y: float
