@@ -117,9 +117,9 @@ def test_a_function_is_an_observable_and_a_particle_at_rest_has_none():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"observable": "height"}, "observable = 'height': must be one of"),
-        ({"observable": 3}, "observable = 3: must be one of"),
-        ({"samples": 0}, "samples = 0: must be a whole number, at least 1"),
+        ({"observable": "height"}, "observable = 'height':"),
+        ({"observable": 3}, "observable = 3:"),
+        ({"samples": 0}, "samples = 0:"),
     ],
 )
 def test_mistakes_are_named(given, words):

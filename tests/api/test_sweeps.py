@@ -89,7 +89,7 @@ def test_mistakes_of_the_call_itself():
         vs.sweep("sweep.toml", particles=3)
     with pytest.raises(ParameterError, match="int: is no sweep"):
         vs.sweep(3)
-    with pytest.raises(ParameterError, match="threads = 0: must be a whole number"):
+    with pytest.raises(ParameterError, match="threads = 0:"):
         vs.sweep(threads=0)
     with pytest.raises(ParameterError, match=r"record: .* vibrosweep\.run"):
         vs.sweep(record={})

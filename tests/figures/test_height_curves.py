@@ -126,7 +126,7 @@ def test_launch_times_may_differ_between_realizations(make_record):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"particles": [20]}, "particles = .20.: .* numbers from 0 to 19"),
+        ({"particles": [20]}, "particles = .20.:"),
         ({"particles": []}, "give at least one"),
         ({"realization": 1}, "realization = 1"),
         ({"until": 13.0}, "at most 12 s"),

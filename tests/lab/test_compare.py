@@ -115,13 +115,13 @@ def test_what_cannot_be_compared_is_said(locked, irregular, trial, workers):
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"draws": 1}, ParameterError, "draws = 1: must be at least 2"),
-        ({"method": "parabola"}, TrackError, "method = 'parabola': must be one of fit, sign"),
-        ({"rebound": "stick"}, ParameterError, "rebound = 'stick': must be one of rest, reflect"),
-        ({"view": View(motion="up")}, TrackError, "motion = 'up': must be one of detect"),
-        ({"view": View(exposure=2.0)}, TrackError, r"exposure = 2\.0: must be at least 0"),
-        ({"view": View(frequency=-1.0)}, ParameterError, r"frequency = -1\.0: must be at least"),
-        ({"known": {"gravity": 0.0}}, ParameterError, r"gravity = 0\.0: must be at least"),
+        ({"draws": 1}, ParameterError, "draws = 1:"),
+        ({"method": "parabola"}, TrackError, "method = 'parabola':"),
+        ({"rebound": "stick"}, ParameterError, "rebound = 'stick':"),
+        ({"view": View(motion="up")}, TrackError, "motion = 'up':"),
+        ({"view": View(exposure=2.0)}, TrackError, r"exposure = 2\.0:"),
+        ({"view": View(frequency=-1.0)}, ParameterError, r"frequency = -1\.0:"),
+        ({"known": {"gravity": 0.0}}, ParameterError, r"gravity = 0\.0:"),
     ],
 )
 def test_what_cannot_be_asked_is_refused(locked, workers, change, error, message):

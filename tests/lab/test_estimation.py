@@ -106,10 +106,10 @@ def test_bounces_that_no_parameters_describe_are_refused(recordings):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"frequency": 0.0}, r"frequency = 0\.0: must be at least"),
-        ({"frequency": np.nan}, "frequency = nan: must be at least"),
+        ({"frequency": 0.0}, r"frequency = 0\.0:"),
+        ({"frequency": np.nan}, "frequency = nan:"),
         ({"frequency_range": (30.0, 10.0)}, "must rise, in Hz"),
-        ({"frequency_range": (0.0, 10.0)}, r"frequency_range = 0\.0: must be at least"),
+        ({"frequency_range": (0.0, 10.0)}, r"frequency_range = 0\.0:"),
     ],
 )
 def test_frequencies_that_cannot_be(found, options, message):
