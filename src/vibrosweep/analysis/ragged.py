@@ -86,7 +86,7 @@ def rectangle(record: xr.Dataset) -> xr.Dataset:
     shape = tuple(int(record[name].values[-1]) + 1 for name in OF_TRAJECTORIES)
     count = record["impact_count"].values
     there = np.arange(count.max(initial=0)) < count[:, np.newaxis]
-    own: dict[str, Any] = {}
+    rectangles: dict[str, Any] = {}
     for dims, ragged_dim in RAGGED_DIM.items():
         names = [n for n, one in record.data_vars.items() if one.dims == (ragged_dim,)]
         for name in (str(n) for n in names if n not in OF_TRAJECTORIES):
@@ -97,5 +97,5 @@ def rectangle(record: xr.Dataset) -> xr.Dataset:
                 full[there] = values
                 values = full
             attributes = {k: v for k, v in record[name].attrs.items() if k != SAMPLES}
-            own[name] = (dims, values.reshape(*shape, *values.shape[1:]), attributes)
-    return record.drop_vars([*own, *OF_TRAJECTORIES]).assign(own)
+            rectangles[name] = (dims, values.reshape(*shape, *values.shape[1:]), attributes)
+    return record.drop_vars([*rectangles, *OF_TRAJECTORIES]).assign(rectangles)

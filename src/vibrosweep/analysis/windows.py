@@ -93,8 +93,10 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     e = axes.get("restitution", np.array([sweep.scene.inputs.get("restitution", np.nan)]))
     if a.size < 2:
         raise sweep.refusal(Mistake(f"sample.{forcing}", "must be two or more values", a.tolist()))
-    own = [c for c in conditions if isinstance(c, Condition) and c not in NAMED.values()]
-    code = {"condition_code": "\n\n".join(condition.code for condition in own)} if own else {}
+    defined = [c for c in conditions if isinstance(c, Condition) and c not in NAMED.values()]
+    code = (
+        {"condition_code": "\n\n".join(condition.code for condition in defined)} if defined else {}
+    )
     orbits = any(_of_orbits(c) for c in conditions)
     scene = settling(sweep, float(e.max())) if orbits else sweep.scene
     replicas, asked = _replicas(sweep, conditions), sweep.windows or {}

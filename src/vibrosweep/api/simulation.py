@@ -154,7 +154,7 @@ def simulate(
         scene, arrays = replayed(result, keywords)
     asked = {key: bool(keywords.get(key)) for key in MEASURES}
     measured, scene = scene.with_measures(**asked, observables=()), scene.recorded()
-    own = {**RECORD, **IMPACTS, **_variables_of(measured)}
+    recorded = {**RECORD, **IMPACTS, **_variables_of(measured)}
     require_room(max((v.size for v in arrays.values()), default=1), scene.particles)
     quantities = scene.timed(arrays)
     forcing, frequency = scene.forcing(), quantities["frequency"]
@@ -174,9 +174,11 @@ def simulate(
         times = launch_times(scene.launch, scene.particles, float(frequency[0]))
         along["launch_time"] = ("particle", times, LAUNCH_TIME)
     if ragged:
-        variables: dict[str, Any] = ragged_variables(found, own, frequency.size, scene.particles)
+        variables: dict[str, Any] = ragged_variables(
+            found, recorded, frequency.size, scene.particles
+        )
     else:
-        variables = {name: (v.dims, found[name], v.attributes) for name, v in own.items()}
+        variables = {name: (v.dims, found[name], v.attributes) for name, v in recorded.items()}
     remarks = [
         strong_forcing(float(quantities[ACCELERATION].max()), forcing),
         "" if ragged else wasted(found["impact_count"]),

@@ -141,6 +141,6 @@ def _named(basins: xr.Dataset) -> tuple[list[str], Array]:
     names = [name_of(basins.isel(attractor=i)) for i in range(fraction.shape[0])]
     if len(names) <= NAMED:
         return names, fraction
-    own = NAMED - 1
-    shares = np.concatenate([fraction[:own], fraction[own:].sum(axis=0, keepdims=True)])
-    return [*names[:own], f"{len(names) - own} others"], shares
+    kept = NAMED - 1
+    shares = np.concatenate([fraction[:kept], fraction[kept:].sum(axis=0, keepdims=True)])
+    return [*names[:kept], f"{len(names) - kept} others"], shares

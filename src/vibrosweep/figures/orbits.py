@@ -132,8 +132,8 @@ def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
     many = int(taken.sum()) > style.MANY // 10
     size = 1.2 if many else 4.5
     for kind, colour in zip(kinds, colours, strict=True):
-        own = taken & (p == kind[0]) & (q == kind[1])
-        for chosen, filled in ((own & ~stable, False), (own & stable, True)):
+        of_kind = taken & (p == kind[0]) & (q == kind[1])
+        for chosen, filled in ((of_kind & ~stable, False), (of_kind & stable, True)):
             axes.plot(
                 across[chosen].ravel(),
                 speed[chosen].ravel(),

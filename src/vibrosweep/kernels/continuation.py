@@ -119,8 +119,8 @@ def _locate_birth(
         z[i] = 0.5 * (middle[i] + middle[i + short] - 0.5 * q)
     z[short], z[short + 1] = middle[p], middle[p + 1]
     far = math.inf
-    own = Range(short, q // 2, span.condition, span.relative, 0.0, 0.0, 0.0, 0.0, 0.0, far, far)
-    if not correct(base, problem, own, z, DOUBLING, z.copy(), z, work_for(short)):
+    half = Range(short, q // 2, span.condition, span.relative, 0.0, 0.0, 0.0, 0.0, 0.0, far, far)
+    if not correct(base, problem, half, z, DOUBLING, z.copy(), z, work_for(short)):
         return False
     for i in range(short):
         new[i], new[i + short] = z[i], z[i] + q // 2

@@ -108,8 +108,8 @@ def base_of(
     else:
         shape = shape_of(waveform)
         made = SHAPED_OF[base](law=LAW_OF[rebound], waveform=shape, noise=noise)
-    own = restitution_of(restitution)
-    return made if restitution == CONSTANT else made._replace(restitution=own)
+    chosen = restitution_of(restitution)
+    return made if restitution == CONSTANT else made._replace(restitution=chosen)
 
 
 @jit

@@ -37,15 +37,15 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
     title, tables = read_tables(data, mistakes, _SECTIONS)
     refuse(mistakes)
     given = with_defaults({**data.get("scene", {}), **data.get("measure", {})})
-    own: dict[str, dict[str, Any]] = {"scene": {}, "measure": {}}
+    of_table: dict[str, dict[str, Any]] = {"scene": {}, "measure": {}}
     for name, value in given.items():
-        own["measure" if name in WINDOW else "scene"][name] = value
+        of_table["measure" if name in WINDOW else "scene"][name] = value
     numbers = tables.get("scene", {}).get("particles", (given.get("particles"),))
-    own["scene"].pop("particles", None)
+    of_table["scene"].pop("particles", None)
     experiments = []
     for number in numbers:
-        scene = {"particles": number, **own["scene"]} if number else own["scene"]
-        sweep = checked({"title": str(source), **own, "scene": scene}, text, source, mistakes)
+        scene = {"particles": number, **of_table["scene"]} if number else of_table["scene"]
+        sweep = checked({"title": str(source), **of_table, "scene": scene}, text, source, mistakes)
         try:
             experiments.append(
                 Experiment(

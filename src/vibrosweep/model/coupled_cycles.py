@@ -118,9 +118,9 @@ def _before(particle: NDArray[np.int64], periods: int) -> tuple[NDArray[np.intp]
     """Index of each particle's impact before each impact, and the shift of its time."""
     index, shift = np.empty(particle.size, dtype=np.intp), np.zeros(particle.size)
     for i in np.unique(particle):
-        own = np.flatnonzero(particle == i)
-        index[own] = np.roll(own, 1)
-        shift[own[0]] = periods
+        impacts = np.flatnonzero(particle == i)
+        index[impacts] = np.roll(impacts, 1)
+        shift[impacts[0]] = periods
     return index, shift
 
 
@@ -257,9 +257,9 @@ def is_clear(cycle: Cycle) -> bool:
     surface = base.drive(at)[0] + (free @ left[last, :, np.newaxis])[:, 0, 0]
     height = base.drive(cycle.time)[0] + cycle.deviation[:, 0]
     for i in np.unique(cycle.particle):
-        own = np.flatnonzero(cycle.particle == i)
-        last, s = _since(cycle.time[own], at, periods)
-        j = own[last]
+        impacts = np.flatnonzero(cycle.particle == i)
+        last, s = _since(cycle.time[impacts], at, periods)
+        j = impacts[last]
         if (height[j] + (cycle.speed[j] - s) * s < surface - ROUNDING).any():
             return False
     return True

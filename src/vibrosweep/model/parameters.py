@@ -251,8 +251,8 @@ def _strengths(parameters: Mapping[str, Array], per_velocity: Array) -> Strength
     if kick is not None:
         kick = (1.0 + parameters["restitution"]) * per_velocity * kick
     # copies, as of the restitution
-    own = (parameters.get(name) for name in ("restitution_noise", "drive_noise"))
-    restitution, drive = (None if values is None else np.array(values) for values in own)
+    sizes = (parameters.get(name) for name in ("restitution_noise", "drive_noise"))
+    restitution, drive = (None if values is None else np.array(values) for values in sizes)
     return Strengths(restitution, kick, drive, np.array(parameters[STREAM], np.float64))
 
 

@@ -50,8 +50,12 @@ class Measures:
     def variables(self) -> tuple[Variable, ...]:
         """Variables of a result, in their order."""
         taken = (measure for key, measure in MEASURES.items() if getattr(self, key))
-        own = (one.variable for one in self.observables)
-        return (*ALWAYS, *(variable for measure in taken for variable in measure.variables), *own)
+        observed = (one.variable for one in self.observables)
+        return (
+            *ALWAYS,
+            *(variable for measure in taken for variable in measure.variables),
+            *observed,
+        )
 
     @property
     def observable_names(self) -> set[str]:

@@ -27,8 +27,8 @@ def deviates_of(seed: int, stream: float, particle: int) -> Deviates:
 
     @cache
     def block(purpose: Word, index: int) -> Array:
-        found, own = np.empty(BLOCK), 0.0 if purpose == OF_DRIVE else float(particle)
-        draw(key_of(seed), stream, own, float(index * BLOCK), purpose, found)
+        found, of_particle = np.empty(BLOCK), 0.0 if purpose == OF_DRIVE else float(particle)
+        draw(key_of(seed), stream, of_particle, float(index * BLOCK), purpose, found)
         return found
 
     def of(purpose: Word, number: int) -> float:

@@ -100,7 +100,7 @@ def _drawn(
     if size < total:
         chosen = rows = np.sort(np.random.default_rng(seed).choice(total, size, replace=False))
     here = provenance(threads=1)
-    own = [one.name for one in observables]
+    observed = [one.name for one in observables]
     names = [n for n in VARIABLES if n in file.variables]
     scene = _scene(file, file.attrs)
     return Sample(
@@ -111,7 +111,7 @@ def _drawn(
         current=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
         coordinates=_coordinates(file, chosen),
-        others=_others(file, (*VARIABLES, *SWEEP_COORDINATES, *own), identity),
+        others=_others(file, (*VARIABLES, *SWEEP_COORDINATES, *observed), identity),
         observables={one: read_rows(file, one.name, chosen) for one in observables},
     )
 
@@ -170,9 +170,9 @@ def _parameter(
 
 def _taken(file: Any, scene: Scene) -> tuple[str, ...]:
     """Names of the parameters of a scene, and of its noise."""
-    own = () if scene.restitution_law == CONSTANT else (*OF_RESTITUTION,)
+    of_law = () if scene.restitution_law == CONSTANT else (*OF_RESTITUTION,)
     random = [name for name in (*NOISE, STREAM) if name in file.variables]
-    return (*PARAMETERS, *own, *(MOUNT if scene.base == SPRUNG else ()), *random)
+    return (*PARAMETERS, *of_law, *(MOUNT if scene.base == SPRUNG else ()), *random)
 
 
 def _record(file: Any, sample: Sample) -> Sample:
@@ -183,11 +183,11 @@ def _record(file: Any, sample: Sample) -> Sample:
         "impact_budget": sample.scene.measures.impact_budget,
     }
     scene = _scene(group, {**group.attrs, **shared})
-    own = {n: np.atleast_1d(group.variables[n][...]) for n in _taken(group, scene)}
+    values = {n: np.atleast_1d(group.variables[n][...]) for n in _taken(group, scene)}
     return Sample(
         total=1,
         rows=rows,
-        parameters={STREAM: np.zeros(1)} | own if own.keys() & NOISE else own,
+        parameters={STREAM: np.zeros(1)} | values if values.keys() & NOISE else values,
         scene=scene,
         current=sample.current,
         stored={name: group.variables[name][...] for name in RECORD},
@@ -234,8 +234,8 @@ def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
     """Raise for data that no sweep can have written, before a kernel takes them."""
     scene, known = sample.scene, {**PARAMETERS, **OF_RESTITUTION, **MOUNT, **NOISE}
-    own = {n: v for n, v in sample.parameters.items() if n in known}
-    bad = [n for n, v in own.items() if not np.all(known[n].accepts(v))]
+    given = {n: v for n, v in sample.parameters.items() if n in known}
+    bad = [n for n, v in given.items() if not np.all(known[n].accepts(v))]
     times = () if isinstance(scene.launch, str) else scene.launch
     if math.isnan(amount(scene.measures.transient)) or not all(
         math.isfinite(time) for time in (amount(scene.duration), *times)

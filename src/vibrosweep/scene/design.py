@@ -200,8 +200,8 @@ def register_design(name: str, place: Place, points: str | Points = "uniform") -
     >>> bool(0.05 < found.amplitude.median() < 0.2)
     True
     """
-    own = [place] if isinstance(points, str) else [place, points]
-    code = "\n".join(part for one in own for part in parts(one, f"design {name!r}"))  # type: ignore[arg-type]
+    functions = [place] if isinstance(points, str) else [place, points]
+    code = "\n".join(part for one in functions for part in parts(one, f"design {name!r}"))  # type: ignore[arg-type]
     if name in (GRID, TABLE) or (name in DESIGNS and not DESIGNS[name].source):
         raise ParameterError(f"design {name!r}: is there already; choose another name")
     if isinstance(points, str) and points not in DESIGNS:

@@ -78,8 +78,8 @@ def read_tables(
     the remaining keys can still be judged.  By default the tables are those of a sweep file.
     """
     sections = sections or SECTIONS
-    own: dict[str, Check] = {name: partial(_table, name) for name in sections}
-    top = _sound("", data, {"title": _title, **own}, mistakes, sections)
+    of_tables: dict[str, Check] = {name: partial(_table, name) for name in sections}
+    top = _sound("", data, {"title": _title, **of_tables}, mistakes, sections)
     tables = {
         name: _sound(name, top[name], checks, mistakes, sections)
         for name, checks in sections.items()

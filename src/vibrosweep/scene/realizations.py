@@ -76,8 +76,8 @@ def _require_random(sweep: Sweep, noise: tuple[str, ...]) -> None:
     """Raise a TableError where the base, or a measure, cannot be had with the noise of a table."""
     base, measures = sweep.scene.base, sweep.scene.measures
     asked = [key for key in MEASURES if getattr(measures, key)]
-    own = refusal(base, noise=noise, waveform=sweep.scene.waveform.name)
-    wrong = [own, *(refusal(base, measure=m, noise=noise) for m in asked)]
+    of_scene = refusal(base, noise=noise, waveform=sweep.scene.waveform.name)
+    wrong = [of_scene, *(refusal(base, measure=m, noise=noise) for m in asked)]
     for about, text in zip(("", *(f"{key} " for key in asked)), wrong, strict=True):
         if text:
             raise TableError(f"{sweep.design.table}: {', '.join(noise)}: {about}{text}")

@@ -78,8 +78,10 @@ class Sweep:
     @property
     def sizes(self) -> dict[str, int]:
         """Lengths of the dimensions of a result, apart from that of realizations."""
-        own = {along: len(values) for along, values in self.scene.measures.observable_dims.items()}
-        return {"particle": self.scene.particles, **own}
+        observed = {
+            along: len(values) for along, values in self.scene.measures.observable_dims.items()
+        }
+        return {"particle": self.scene.particles, **observed}
 
 
 def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = None) -> Sweep:

@@ -52,13 +52,13 @@ class _System(NamedTuple):
 
     def at(self, z: Sequence[arb]) -> tuple[list[Jet], Cycle]:
         """Equations at a point, or over a box."""
-        own = variables(z)
-        found = cycle(self.orbit, own)
+        point = variables(z)
+        found = cycle(self.orbit, point)
         if self.multiplier:
             last = 1 - self.multiplier * found.trace + found.determinant
         else:
             last = Jet(arb(0), [arb(0)] * len(z)) - self.place
-            for one, start, share in zip(own, self.origin, self.direction, strict=True):
+            for one, start, share in zip(point, self.origin, self.direction, strict=True):
                 last = last + (one - start) * share
         return [*found.off, last], found
 
