@@ -60,6 +60,7 @@ def test_every_sweep_of_the_repository_is_sound(path):
 
 def test_all_sweeps_are_there():
     names = "basins bifurcation bifurcation_reflect laboratory million paper plane population"
+    names += " basin_shares boundaries branches orbits"
     names += " inelastic moving ordering shaker noisy_lock steel_ball two_tones"
     names += (
         " return_map sensitivity separations single_ball twenty_balls windows windows_hysteresis"
