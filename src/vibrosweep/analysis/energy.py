@@ -40,9 +40,10 @@ def energy_balance(
     Each landing with speed v and kick U = A sin(2 pi f t + phi), or A w of another waveform, is
     followed by v' = e v + U where the particle bounces.  Over n landings the mean kick therefore
     exceeds the mean loss (1 - e) v by exactly (v_last - v_first) / n, which vanishes over a cycle
-    of a periodic orbit without rests.  A rest breaks the balance, since v' is then not e v + U.  The balance of energy
-    over such a cycle is <v'^2 - v^2> = 0.  Under a law of restitution e is that of each impact;
-    over a moving base, where the kick is (1 + e) times its velocity, that of the kick too.
+    of a periodic orbit without rests.  A rest breaks the balance, since v' is then not e v + U.
+    The balance of energy over such a cycle is <v'^2 - v^2> = 0.  Under a law of restitution e is
+    that of each impact; over a moving base, where the kick is (1 + e) times its velocity, that of
+    the kick too.
 
     Over a moving base a flight ends at another height and with another speed than it began, so
     that speeds change in flight too.  Energy does not: the sum of its changes at impacts and rests,
