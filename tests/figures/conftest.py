@@ -125,6 +125,9 @@ def measure(record, separation=True):
         sweep["dt_min"] = ("realization", gaps)
         sweep["base_shared"] = ("realization", shared)
         sweep["collision_free"] = ("realization", 1 - shared)
+        sweep["particle_impact_count"] = record["impact_count"]
+        sweep["rest_count"] = record["rested"].sum(("particle", "impact"))
+        sweep["at_rest_count"] = 0 * sweep["rest_count"]
     return describe(sweep)
 
 

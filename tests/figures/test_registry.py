@@ -8,6 +8,8 @@ import pytest
 from PIL import Image
 
 from vibrosweep import open_record, open_sweep
+from vibrosweep.analysis import separations_against_chance
+from vibrosweep.cli import main
 from vibrosweep.errors import OutputError
 from vibrosweep.figures.registry import FIGURES, available, missing, save_all
 from vibrosweep.figures.style import for_file
@@ -18,6 +20,7 @@ STEMS = [
     "fig3_height_against_restitution",
     "fig4_return_map",
     "separation_distribution",
+    "separation_over_chance",
     "parameter_plane",
 ]
 
@@ -36,6 +39,7 @@ def test_without_a_record_its_section_is_asked_for(sweep):
     assert available(sweep, None) == [
         "height_against_restitution",
         "separation_distribution",
+        "separation_over_chance",
         "parameter_plane",
     ]
     assert missing(sweep, None)["return_map"] == (
@@ -59,6 +63,20 @@ def test_a_fixed_parameter_is_missing_not_an_error(twenty, make_sweep):
     }
     fixed = make_sweep(1, 2)
     assert set(missing(fixed, twenty)) == {"height_against_restitution", "parameter_plane"}
+
+
+def test_separations_against_chance_need_what_is_measured_of_each_particle(sweep):
+    without = sweep.drop_vars("particle_impact_count")
+    assert "separation_over_chance" not in available(without, None)
+    assert missing(without, None)["separation_over_chance"] == (
+        "figure separation_over_chance needs the variable particle_impact_count: "
+        "set per_particle = true in the [measure] section of the sweep file"
+    )
+    legend = for_file(FIGURES["separation_over_chance"].draw, sweep).axes[0].get_legend()
+    known = int(separations_against_chance(sweep)["dt_min_over_chance"].notnull().sum())
+    every = sweep.sizes["realization"]
+    assert 0 < known < every
+    assert legend.get_texts()[0].get_text() == f"this sweep: {known} of {every} realizations"
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +124,7 @@ def test_only_what_is_available_is_written_and_a_file_that_cannot_be_is_named(sw
     assert {path.name for path in tmp_path.glob("*.png")} == {
         "fig3_height_against_restitution.png",
         "separation_distribution.png",
+        "separation_over_chance.png",
         "parameter_plane.png",
     }
 
@@ -138,3 +157,12 @@ def test_a_result_without_landings_or_with_huge_heights_has_figures(compute, sce
             one = FIGURES[name]
             figure = for_file(one.draw, record if one.source == "record" else sweep)
             figure.draw_without_rendering()
+
+
+def test_the_command_reads_of_single_particles_what_figures_need(compute, tmp_path, capsys):
+    sample = '[sample]\ndesign = "grid"\nrestitution = [0.8, 0.9]\n'
+    path = compute(
+        f"[scene]\nparticles = 2\n{sample}[measure]\nseparation = true\nper_particle = true\n"
+    )
+    assert main(["figures", str(path), "-o", str(tmp_path)]) == 0
+    assert "separation_over_chance.png" in capsys.readouterr().out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -32,7 +32,7 @@ def perform(options: argparse.Namespace) -> None:
 
 def _draw(path: Path, directory: Path) -> None:
     from vibrosweep.api.results import has_record, open_record, open_sweep
-    from vibrosweep.figures.registry import missing, save_all, save_formats
+    from vibrosweep.figures.registry import FIGURES, missing, save_all, save_formats
     from vibrosweep.figures.style import for_file
     from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
@@ -41,8 +41,8 @@ def _draw(path: Path, directory: Path) -> None:
         figure = for_file(kind.axes, load_dataset(path))
         print("\n".join(map(str, save_formats(figure, directory, kind.stem or kind.name))))
         return
-    # no figure of a sweep shows single particles, which may be many
-    sweep = _loaded(path, open_sweep, "particle")
+    needed = {name for entry in FIGURES.values() for name in entry.needs.variables}
+    sweep = _loaded(path, open_sweep, lambda sweep: _without_particles(sweep, needed))
     record = _loaded(path, open_record) if has_record(path) else None
     for written in save_all(sweep, record, directory):
         print(written)
@@ -50,10 +50,20 @@ def _draw(path: Path, directory: Path) -> None:
         print(f"left out: {sentence}")
 
 
-def _loaded(path: Path, opener: Callable[[Path], xr.Dataset], *without: str) -> xr.Dataset:
-    """Read what figures are drawn from, but not along the dimensions `without`."""
+def _without_particles(sweep: xr.Dataset, needed: Collection[str]) -> xr.Dataset:
+    """Leave out what no figure needs of single particles, which may be many."""
+    of_particles = [name for name, one in sweep.variables.items() if "particle" in one.dims]
+    return sweep.drop_vars([name for name in of_particles if name not in needed])
+
+
+def _loaded(
+    path: Path,
+    opener: Callable[[Path], xr.Dataset],
+    part: Callable[[xr.Dataset], xr.Dataset] = lambda dataset: dataset,
+) -> xr.Dataset:
+    """Read what figures are drawn from, or part of it."""
     with opener(path) as dataset:
         try:
-            return dataset.drop_dims(without, errors="ignore").load()
+            return part(dataset).load()
         except (OSError, RuntimeError) as error:
             raise DataError(f"{path}: is damaged; compute it again with vibrosweep run") from error

@@ -67,6 +67,12 @@ def _separation_distribution(sweep: xr.Dataset) -> Axes:
     return separations.separation_distributions([separation_distribution(sweep)], [name], contact)
 
 
+def _separation_over_chance(sweep: xr.Dataset) -> Axes:
+    from vibrosweep.analysis.chance import separations_against_chance  # loads xarray
+
+    return separations.separations_over_chance([separations_against_chance(sweep)], ["this sweep"])
+
+
 FIGURES: Final[Mapping[str, FigureEntry]] = {
     entry.name: entry
     for entry in (
@@ -109,6 +115,14 @@ FIGURES: Final[Mapping[str, FigureEntry]] = {
             "sweep",
             separations.NEEDS,
             _separation_distribution,
+        ),
+        FigureEntry(
+            "separation_over_chance",
+            "separation_over_chance",
+            "smallest separation in units of what chance gives",
+            "sweep",
+            separations.NEEDS_FOR_CHANCE,
+            _separation_over_chance,
         ),
         FigureEntry(
             "parameter_plane",

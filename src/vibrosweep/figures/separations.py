@@ -14,10 +14,28 @@ from vibrosweep.figures import data, style
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "decay_in_a_slot", "separation_distributions", "separations_over_chance"]
+__all__ = [
+    "NEEDS",
+    "NEEDS_FOR_CHANCE",
+    "decay_in_a_slot",
+    "separation_distributions",
+    "separations_over_chance",
+]
 
 NEEDS: Final = data.Needs(
     ("dt_min", "collision_free", "contact_time", "duration"), known=("dt_min",)
+)
+NEEDS_FOR_CHANCE: Final = data.Needs(
+    (
+        "dt_min",
+        "particle_impact_count",
+        "rest_count",
+        "at_rest_count",
+        "frequency",
+        "duration",
+        "transient",
+    ),
+    known=("dt_min",),
 )
 
 # s; smaller separations are drawn at the left edge
