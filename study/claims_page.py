@@ -88,15 +88,17 @@ def _badge(verdict: Verdict) -> str:
 
 
 def brief_reason(evidence: Evidence) -> str:
-    """Reason for which a claim cannot be judged, in two or three words."""
+    """Reason for which a claim cannot be judged, with the settings that are unlike the others."""
     if evidence.verdict is not Verdict.UNDECIDED:
         return ""
-    return "settings differ" if "differs between" in evidence.reason else "too few data"
+    readings = (*evidence.readings, *evidence.conditions)
+    unlike = dict.fromkeys(name for one in readings for name in one.unlike)
+    return f"settings differ ({' / '.join(unlike)})" if unlike else "too few data"
 
 
 def _summary_row(claim: Claim) -> str:
     found = {
-        one.base: f"{_badge(one.verdict)} <small>{brief_reason(one)}</small>"
+        one.base: f"{_badge(one.verdict)} <small>{marked_up(brief_reason(one))}</small>"
         for one in claim.outcome.evidence
     }
     if ANY_BASE in found:

@@ -117,6 +117,13 @@ class Reading:
             return f"it differs between settings: passes under {passes}; missed under {misses}"
         return f"too few data{f' under {few}' if few else ''}"
 
+    @property
+    def unlike(self) -> tuple[str, ...]:
+        """Settings that come out unlike most others; none where no two of them differ."""
+        found = self.by_setting.items()
+        sides = [[name for name, passed in found if passed is one] for one in (True, False)]
+        return tuple(min(sides, key=len))
+
 
 def _all_passed(each: Sequence[bool | None]) -> bool | None:
     return False if False in each else None if None in each else True

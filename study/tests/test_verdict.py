@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from study.claims_page import brief_reason
 from study.estimates import Estimate
 from study.samples import Setting
 from study.verdict import (
@@ -118,6 +119,14 @@ def test_a_verdict_that_is_open_says_why():
     differs = Evidence("moving", [Reading("one", [under("a", PASSED), under("b", MISSED)])])
     assert differs.reason == ("one: it differs between settings: passes under a; missed under b")
     assert Evidence("moving", [Reading("one", [PASSED])]).reason == ""
+
+
+def test_settings_that_come_out_unlike_most_others_are_named():
+    checks = [under("a", PASSED), under("b", MISSED), under("c", PASSED), under("d", OPEN)]
+    assert Reading("one", checks).unlike == ("b",)
+    assert Reading("one", checks[::2]).unlike == ()
+    few, differs = (Evidence("moving", [Reading("one", each)]) for each in (checks[2:], checks))
+    assert (brief_reason(few), brief_reason(differs)) == ("too few data", "settings differ (b)")
 
 
 def test_flights_higher_than_a_room_are_no_usable_condition():
