@@ -121,8 +121,8 @@ class Reading:
     def unlike(self) -> tuple[str, ...]:
         """Settings that come out unlike most others; none where no two of them differ."""
         found = self.by_setting.items()
-        sides = [[name for name, passed in found if passed is one] for one in (True, False)]
-        return tuple(min(sides, key=len))
+        passes, misses = ([name for name, one in found if one is want] for want in (True, False))
+        return tuple(passes if len(passes) < len(misses) else misses)
 
 
 def _all_passed(each: Sequence[bool | None]) -> bool | None:
