@@ -113,7 +113,9 @@ WHY_NOT_RANDOM: Final[Mapping[str, str]] = {
     "heights_against_restitution": "compares heights with closed forms that know no noise",
     "slot_decay": "fits a decay that noise ends",
     "explore": "computes points again without their streams of random numbers",
-    "laboratory": "draws its own imperfections",
+    **dict.fromkeys(
+        ("laboratory", "frequency_jitter", "restitution_spread"), "draws its own imperfections"
+    ),
 }
 
 

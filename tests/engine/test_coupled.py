@@ -10,6 +10,7 @@ from vibrosweep.engine import coupled
 from vibrosweep.engine.coupled import base_track, measure_coupled
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.coupled.counting import work_for
 from vibrosweep.kernels.coupled.sequence import clear, landings, note
 from vibrosweep.kernels.listing import Listed
@@ -222,7 +223,7 @@ def test_a_separation_of_equal_numbers_once_unknown_stays_unknown():
     for time, who in ((0.1, 0), (0.2, 0), (0.3, 1), (0.4, 1)):
         # the first landing of particle 1 meets a memory in which that of particle 0 is lost
         landing = Listed(0.0, time, 1e-4, float(who))
-        order = note(memory, order, landing, False, (0.0, 0.0))
+        order = note(memory, order, landing, False, Instant(0.0, 0.0))
     assert memory.numbered[1, 0] == 0.4
     assert np.isnan(order.same)
 

@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.coupled.sequence import clear, close, lacks_memory, landings, note
 from vibrosweep.kernels.listing import Listed
 
@@ -41,8 +42,8 @@ def one_by_one(who, times, stays, places):
         if lacks_memory(memory, j, seen):
             return one_by_one(who, times, stays, 2 * places)
         name = float(j if seen else -1 - j)
-        order = note(memory, order, Listed(0.0, time, stay, name), False, (0.0, BEGIN))
-    return close(memory, order, (0.0, BEGIN))
+        order = note(memory, order, Listed(0.0, time, stay, name), False, Instant(0.0, BEGIN))
+    return close(memory, order, Instant(0.0, BEGIN))
 
 
 @given(scenes(), st.integers(1, 5))

@@ -108,7 +108,7 @@ def recorded(
 def record_bytes(
     parameters: Mapping[str, Array], scene: Scene, workers: Workers
 ) -> tuple[int, int]:
-    """Bytes of a record of landings, and of memory while it is made.
+    """Bytes of a record of landings in a file, and of memory while it is made.
 
     Arguments and errors are those of `record_landings`.
     """
@@ -116,7 +116,7 @@ def record_bytes(
     realizations, capacity = parameters["frequency"].size, int(landings.max())
     return (
         BYTES_PER_LANDING * landings.size * capacity,
-        _needed(realizations, scene.particles, capacity),
+        _needed(realizations, scene.particles, capacity, BYTES_PER_LANDING),
     )
 
 
@@ -132,9 +132,11 @@ def require_room(realizations: int, particles: int, landings: int = 0) -> None:
         )
 
 
-def _needed(realizations: int, particles: int, landings: int) -> int:
+def _needed(
+    realizations: int, particles: int, landings: int, of_each: int = BYTES_IN_MEMORY
+) -> int:
     """Bytes of memory for a record with this many landings of each trajectory."""
-    each = BYTES_PER_TRAJECTORY + BYTES_IN_MEMORY * landings
+    each = BYTES_PER_TRAJECTORY + of_each * landings
     return realizations * (BYTES_PER_REALIZATION + particles * each)
 
 
