@@ -171,7 +171,8 @@ def test_a_bad_table_leaves_nothing(compute, tmp_path):
 
 
 # long ones, and those that are drawn by commands of their own
-NOT_RUN = re.compile("million|plane|basins|bifurcation|windows|shaker")
+# long, or the files of other commands, whose own tests run them
+NOT_RUN = re.compile("million|plane|basin|bifurcation|boundaries|branches|orbits|windows|shaker")
 # the same sweep for another number of particles, whose figures are drawn once
 NUMBERED = re.compile(r"_\d+$")
 
