@@ -73,7 +73,7 @@ def judged(study: xr.Dataset) -> Evidence:
         for trial in range(study.sizes["trial"]):
             one = found.isel(trial=trial)
             name = f"{one['imperfection'].item()} {one['size'].item():g} {one['units'].item()}"
-            name = name.removesuffix(" 1")  # unit of a pure number
+            name = name.removesuffix(" 1")  # the unit of a pure number
             imperfection = {one["imperfection"].item(): one["size"].item()}
             setting = Setting(name, constants={**SCENE, **imperfection})
             errors = np.stack(

@@ -88,7 +88,7 @@ def _badge(verdict: Verdict) -> str:
 
 
 def brief_reason(evidence: Evidence) -> str:
-    """Reason for which a claim cannot be judged, with the settings that are unlike the others."""
+    """Reason why a claim cannot be judged, with the settings that differ from most others."""
     if evidence.verdict is not Verdict.UNDECIDED:
         return ""
     readings = (*evidence.readings, *evidence.conditions)

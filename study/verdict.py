@@ -119,7 +119,7 @@ class Reading:
 
     @property
     def unlike(self) -> tuple[str, ...]:
-        """Settings that come out unlike most others; none where no two of them differ."""
+        """Settings whose outcome differs from that of most others; empty if all agree."""
         found = self.by_setting.items()
         passes, misses = ([name for name, one in found if one is want] for want in (True, False))
         return tuple(passes if len(passes) < len(misses) else misses)

@@ -98,21 +98,21 @@ UNDER_NOISE: Final = frozenset(
 )
 
 
-# Analyses of a constant restitution alone, each with the reason
+# Analyses that take a constant restitution only, each with the reason
 OF_CONSTANT: Final[Mapping[str, str]] = {
     "heights_against_restitution": "compares heights with those of a constant restitution",
     "slot_decay": "compares a decay with the multipliers of a constant restitution",
     "explore": "draws closed forms of a constant restitution",
 }
-# Reasons why an analysis cannot be had where something is random
+# Reasons why an analysis is refused under noise
 REPEATS: Final = "looks for orbits that repeat, and random motion never does"
 WHY_NOT_RANDOM: Final[Mapping[str, str]] = {
     **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), REPEATS),
-    "sobol": "would take what is random for the effect of parameters",
+    "sobol": "would take noise for an effect of the parameters",
     "energy_balance": "takes the kick of every impact from the forcing alone",
-    "heights_against_restitution": "compares heights with closed forms that know no noise",
-    "slot_decay": "fits a decay that noise ends",
-    "explore": "computes points again without their streams of random numbers",
+    "heights_against_restitution": "compares heights with closed forms, which hold without noise",
+    "slot_decay": "fits a decay, which noise ends",
+    "explore": "computes points again, but without their streams of random numbers",
     **dict.fromkeys(
         ("laboratory", "frequency_jitter", "restitution_spread"), "draws its own imperfections"
     ),

@@ -83,7 +83,7 @@ def waveform_name(dataset: xr.Dataset) -> str:
 
 
 def has_closed_forms(dataset: xr.Dataset) -> bool:
-    """Tell whether the closed forms of a sine and a constant restitution hold of a dataset."""
+    """Tell whether closed forms, of a sine and a constant restitution, hold for a dataset."""
     return waveform_name(dataset) == SINE_NAME and restitution_law(dataset) == CONSTANT
 
 

@@ -46,7 +46,7 @@ Codes = NDArray[np.int64]
 
 BYTES_PER_LAUNCH: Final = 300
 BYTES_KEPT: Final = 16
-MOST_LINES: Final = 12  # of attractors along a parameter, in the summary
+MOST_LINES: Final = 12  # of a summary along a parameter, one for each attractor
 PLANE: Final = ("launch_velocity", "launch_time")
 ALONG: Final = ("restitution", *FORCINGS)
 SHAPES: Final = {  # words and form of a line

@@ -275,7 +275,7 @@ def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> di
 
 
 def cycle_name(impacts: int, periods: int) -> str:
-    """Return the words for an orbit of so many impacts in so many forcing periods."""
+    """Return the name of an orbit by its numbers of impacts and forcing periods."""
     return f"{impacts} in {periods} period{'s' if periods > 1 else ''}"
 
 

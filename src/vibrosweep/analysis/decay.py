@@ -44,9 +44,8 @@ def slot_decay(
     the orbit, real or complex.  Both coefficients are fitted by least squares, each equation
     weighted by the size of its separations (Prony's method).  They are compared with the
     multipliers of the product of the Jacobians along the last p impacts:
-    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over a base that stays, or with the
-    derivative of another waveform; see
-    `_moving_jacobian` for one that moves.
+    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over a base that stays; another waveform w
+    has its slope w' in place of 2 pi c.  See `_moving_jacobian` for a base that moves.
 
     Parameters
     ----------

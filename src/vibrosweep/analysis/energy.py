@@ -42,8 +42,8 @@ def energy_balance(
     exceeds the mean loss (1 - e) v by exactly (v_last - v_first) / n, which vanishes over a cycle
     of a periodic orbit without rests.  A rest breaks the balance, since v' is then not e v + U.
     The balance of energy over such a cycle is <v'^2 - v^2> = 0.  Under a law of restitution e is
-    that of each impact; over a moving base, where the kick is (1 + e) times its velocity, that of
-    the kick too.
+    the restitution of each impact, also in the kick over a moving base, which is (1 + e) times the
+    velocity of the base.
 
     Over a moving base a flight ends at another height and with another speed than it began, so
     that speeds change in flight too.  Energy does not: the sum of its changes at impacts and rests,
@@ -136,7 +136,7 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
         kick = amplitude * np.sin(2.0 * np.pi * frequency * time + phase)
     else:
         kick = amplitude * shape.velocity(frequency * time + phase / (2.0 * np.pi))
-    if moves(record):  # with the velocity A / (1 + e) of the nominal restitution
+    if moves(record):  # whose peak velocity is A / (1 + e) with the nominal e
         kick = kick * ((1.0 + e) / (1.0 + nominal))
     rested = (one["rested"].values == 1) & known
     unabsorbed = np.where(rested, after - e * before - kick, 0.0)

@@ -1,4 +1,4 @@
-"""Conditions where something is random: the share of replicas in which they hold.
+"""Conditions under noise: the share of replicas in which they hold.
 
 Replica r has stream r of random numbers at all points, so that shares vary smoothly with the
 parameters.
@@ -37,8 +37,8 @@ SHARE: Final = Variable(
     "float64",
     "1",
     "share of replicas in which the condition holds",
-    comment="of locked(k): of replicas and particles that begin on the orbit and are locked at the "
-    "end, 0 where there is no orbit; NaN where no replica is decided",
+    comment="for locked(k) the share of replicas and particles that begin on the orbit and are "
+    "locked at the end, 0 where there is no orbit; NaN where no replica is decided",
 )
 LOW: Final = Variable(
     "share_low", DIMS, "float64", "1", "lower end of the interval of 95 % of the share"
@@ -49,9 +49,9 @@ HIGH: Final = Variable(
 
 
 class Share(NamedTuple):
-    """How often a condition holds, and of how many independent trials; each of shape (point,)."""
+    """Numbers of independent trials in which a condition holds, and of all that are decided."""
 
-    held: Array
+    held: Array  # each of shape (point,)
     tried: Array
 
     @property
@@ -80,7 +80,7 @@ class Share(NamedTuple):
 def share_of(
     scene: Scene, condition: Condition | Locked, points: Points, replicas: int, workers: Workers
 ) -> Share:
-    """How often a condition holds at each point."""
+    """Count the trials in which a condition holds at each point."""
     particles = scene.particles * replicas
     size, total = max(1, TRAJECTORIES_AT_A_TIME // particles), points["restitution"].size
     share = _locked if isinstance(condition, Locked) else _launched
@@ -92,7 +92,7 @@ def share_of(
 
 
 def _repeated(parameters: Mapping[str, Array], replicas: int) -> dict[str, Array]:
-    """Parameters of every replica of some realizations, with its stream."""
+    """Parameters and stream of every replica of some realizations."""
     found = {name: np.repeat(values, replicas) for name, values in parameters.items()}
     size = parameters["restitution"].size
     return found | {STREAM: np.tile(np.arange(replicas, dtype=np.float64), size)}
@@ -111,7 +111,7 @@ def _launched(
 def _locked(
     scene: Scene, condition: Locked, points: Points, replicas: int, workers: Workers
 ) -> Share:
-    """Particles that begin on the orbit of k periods, and are locked to it at the end.
+    """Count the particles that begin on the orbit of k periods and are locked to it at the end.
 
     A particle is locked while it has flown, has not rested, and every flight was within `NEAR` of k
     periods.  Particles of a replica that share the noise of the drive are one trial.
@@ -140,7 +140,7 @@ def _from_orbit(
 ) -> tuple[Dimensionless, Launches]:
     """Problem and launches of particles that begin with a flight of k periods at a phase.
 
-    Over any base that flight begins and ends at one height, with the absolute speed k.
+    Over any base that flight begins and ends at the same height, so that its absolute speed is k.
     """
     parameters["phase"] = np.zeros_like(phase)  # the phase is that of the forcing
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)

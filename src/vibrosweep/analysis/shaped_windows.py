@@ -1,8 +1,8 @@
 """Windows of locked orbits under another waveform than the sine, one for each branch.
 
-Their ends are in closed form (`vibrosweep.model.locked_shapes`), apart from those where the
-particle would land earlier, or rest.  These are looked for along the phases of each window, at
-`PHASES` of them, and bisected.
+Their ends have closed forms (`vibrosweep.model.locked_shapes`), apart from those beyond which the
+particle would land earlier, or rest.  Such ends are searched at `PHASES` phases of each window, and
+bisected.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PHASES: Final = 257
 HALVINGS: Final = 45
 PER_TASK: Final = 256
 BEYOND: Final = {FOLD: ABSENT, NONE: None}
-CONVERTED: Final = 2.0**-49  # relative error of a forcing that is made of a kick
+CONVERTED: Final = 2.0**-49  # relative error of a forcing computed from a kick
 
 Holds = Callable[[Array, Array], NDArray[np.bool_]]  # of phases and kicks
 
@@ -56,7 +56,7 @@ def rows_of_shape(
 def _windows(
     scene: Scene, k: int, forcing: str, e: float, values: Array, workers: Workers
 ) -> list[Window]:
-    """Windows, without those beyond the ends of `values`."""
+    """Windows that overlap the range of `values`."""
     one = {"restitution": np.array([e]), forcing: np.ones(1)}
     unit = float(dimensionless(scene.parameters(one), scene.duration).kick[0])
     base = base_of(*scene.mechanics)
@@ -93,7 +93,7 @@ def _meets(window: Window, unit: float, first: float, last: float) -> bool:
 
 
 def _scaled(window: Window, unit: float, first: float, last: float) -> Window:
-    """Return a window of kicks as one of the forcing; open where it goes beyond the scan."""
+    """Return a window of kicks as one of the forcing, open where it extends beyond the scan."""
     lower, upper = window.lower / unit, window.upper / unit
     low_width = window.lower_bracket / unit + 2.0 * CONVERTED * lower
     high_width = window.upper_bracket / unit + 2.0 * CONVERTED * upper
@@ -107,7 +107,7 @@ def _scaled(window: Window, unit: float, first: float, last: float) -> Window:
 def _held(
     scene: Scene, window: LockedWindow, sign: float, need: float, holds: Holds
 ) -> list[Window]:
-    """Parts of a window of kicks in which the orbit lands neither earlier nor rests."""
+    """Parts of a window of kicks in which the particle neither lands earlier nor rests."""
     part = np.linspace(0.0, 1.0, PHASES)
 
     def place(part: Array) -> tuple[Array, Array]:

@@ -64,7 +64,7 @@ __all__ = [
 
 
 TOLERANCE: Final = 1e-9
-NOISY_TOLERANCE: Final = 1e-3  # where something is random
+NOISY_TOLERANCE: Final = 1e-3  # under noise
 DIRECTIONS: Final = ("up", "down")
 RESTITUTIONS, POINTS = 25, 150  # of a scan over ranges
 # Relative error of the amplitude that `model.forcing.completed` makes of another forcing: at most
@@ -146,9 +146,9 @@ def _conditions(sweep: Sweep) -> list[Condition | Locked]:
 
 
 def _replicas(sweep: Sweep, conditions: list[Condition | Locked]) -> int:
-    """Replicas of each point; 0 where nothing is random.
+    """Number of replicas of each point; 0 without noise.
 
-    Raises a SpecError for what has no meaning then.
+    Raises a SpecError for keys that have no meaning with, or without, noise.
     """
     asked, noise = sweep.windows or {}, sweep.scene.noise(sweep.design.sampled)
     given = asked.get("noise_replicas")
@@ -237,7 +237,7 @@ def _noisy(
     replicas: int,
     workers: Workers,
 ) -> tuple[list[Row], Share]:
-    """Windows in which a condition holds in half of the replicas, and shares at the scan."""
+    """Windows where a condition holds in half of the replicas, and shares at points of the scan."""
     (forcing, e, a), shares = scan, []
 
     def judge(rows: Codes, at: Array, states: Array) -> tuple[Codes, Array]:

@@ -61,13 +61,13 @@ def windows(
             True to prove, in ball arithmetic, the ends of ``locked(k)`` as bifurcations of its
             orbit, and attraction between them; False by default.  Needs python-flint.
         tolerance
-            Largest width of the bracket around an end, relative to it; 1e-9 by default, 1e-3 where
-            something is random.
+            Largest width of the bracket around an end, relative to it; 1e-9 by default, 1e-3 under
+            noise.
         noise_replicas
-            Where something is random, the number of replicas of each point, 100 by default.
-            Replica r has stream r of random numbers at all points.  A condition then holds where it
-            does in half of them; ``locked(k)`` is of particles that begin on its orbit: they
-            stay locked while they do not rest and every flight is within a quarter of k periods.
+            Under noise, the number of replicas of each point, 100 by default.  Replica r has stream
+            r of random numbers at all points.  A condition then holds where it holds in half of the
+            replicas or more.  For ``locked(k)`` particles begin on the locked orbit; one is
+            locked while it does not rest and each of its flights lasts k periods to within 1/4.
 
     Returns
     -------
@@ -82,9 +82,9 @@ def windows(
         whether the condition holds at a point of the scan, -1 where that is undetermined.  With
         `prove` also ``min_proof``, ``max_proof`` and ``inside_proof``, dims as of ``A_min``: what
         is proved, or why not; and ``A_min_low``, ``A_min_high``, ``A_max_low``, ``A_max_high``,
-        which enclose proved ends.  Where something is random also ``share``, ``share_low`` and
-        ``share_high``, dims as of ``holds``: the share of replicas in which the condition holds, of
-        ``locked(k)`` of replicas and particles, with its interval of 95 % (Clopper & Pearson 1934).
+        which enclose proved ends.  Under noise also ``share``, ``share_low`` and ``share_high``
+        with the dims of ``holds``: the share of replicas (for ``locked(k)`` of replicas and
+        particles) for which the condition holds, with its 95 % interval (Clopper & Pearson 1934).
 
     Raises
     ------

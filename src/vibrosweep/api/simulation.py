@@ -113,11 +113,11 @@ def simulate(
         for: ``regime``, ``cycle_periods`` and ``cycle_impacts``, ``lyapunov_largest``, and all
         others of the measures, as in a sweep.  NaN past the last landing, and for the lift-off of a
         particle that rests for good, or for a forcing period past the end.  The attribute ``notes``
-        says where more than half of the places are empty, where the base is driven more strongly
-        than by any shaker, and where the observation is too short for the regimes.  If `ragged`,
-        the dim landing in place of the first three, and trajectory in place of two, with
-        ``realization_index`` and ``particle_index``.  Parameters that differ between realizations
-        are coordinates, the others variables without dims.
+        says if more than half of the places are empty, if the base is driven more strongly than by
+        any shaker, and if the observation is too short for the regimes.  If `ragged`, the dim
+        landing replaces (realization, particle, impact), and trajectory (realization, particle),
+        with ``realization_index`` and ``particle_index``.  Parameters that differ between
+        realizations are coordinates, the others variables without dims.
 
     Raises
     ------
@@ -135,8 +135,8 @@ def simulate(
     OtherKernelsWarning
         The code that computed the result differs from the one that follows it now.
     ShortObservationWarning
-        Regimes are asked for, and orbits may be called unsettled because they are observed too
-        briefly.
+        Regimes are asked for, but orbits may be called unsettled because the observation is too
+        short.
 
     Examples
     --------
@@ -202,7 +202,7 @@ def simulate(
 
 
 def _short(scene: Scene, quantities: Mapping[str, Array]) -> str:
-    """Warn and return a remark if regimes are asked for of too short an observation."""
+    """Warn and return a remark if the observation is too short for the regimes asked for."""
     if not scene.measures.regimes or scene.restitution_law != CONSTANT:
         return ""
     ends = float(quantities["restitution"].max()), float(quantities["frequency"].min())

@@ -51,7 +51,7 @@ def _draw(path: Path, directory: Path) -> None:
 
 
 def _without_particles(sweep: xr.Dataset, needed: Collection[str]) -> xr.Dataset:
-    """Leave out what no figure needs of single particles, which may be many."""
+    """Leave out variables of single particles that no figure needs: particles may be many."""
     of_particles = [name for name, one in sweep.variables.items() if "particle" in one.dims]
     return sweep.drop_vars([name for name in of_particles if name not in needed])
 

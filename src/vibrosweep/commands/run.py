@@ -91,7 +91,7 @@ def perform(options: argparse.Namespace) -> None:
 
 
 def _kept(output: Path) -> str:
-    """Text of the sweep that an output or its unfinished run holds."""
+    """Text of the sweep file that an output, or its unfinished run, holds."""
     from vibrosweep.runs.finished import kept_text
 
     return kept_text(output)

@@ -134,7 +134,7 @@ def statistics(
     observer: Observer | Recorder | None = None,
     more: Kinds = (),
 ) -> Statistics:
-    """Statistics of every trajectory, ordered by realization, then by particle; `more` added.
+    """Statistics of every trajectory, and `more`, ordered by realization, then by particle.
 
     The result is in memory that the workers reuse for the next batch.  If `cycles` is given, it is
     filled, and simulation of a trajectory stops where it recurs.  An `observer`, which sees every

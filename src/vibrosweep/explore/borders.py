@@ -1,4 +1,4 @@
-"""Curves of bifurcations, as `vibrosweep.boundaries` traces them, to be drawn over a plane."""
+"""Curves of bifurcations from a result of `vibrosweep.boundaries`, to draw over a plane."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BOUNDARIES: Final = "boundaries"
 DASHES: Final = {"saddle_node": "solid", "period_doubling": "dashed", "corner": "solid"}
-# Bifurcations at which rounding decides whether a particle takes the orbit
+# Events at which rounding decides whether a particle takes the orbit
 TIES: Final = ("grazing", "rest")
 
 

@@ -134,7 +134,7 @@ def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
 
 @style.styled
 def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None) -> Panels:
-    """Draw the errors of `vibrosweep.lab.compare_tracks` case by case, on two axes or new ones.
+    """Draw the errors that `vibrosweep.lab.compare_tracks` finds, case by case, on two axes.
 
     Attributes ``study_height`` and ``study_period``, which the caller may set, hold ranges of a
     study.

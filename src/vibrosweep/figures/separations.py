@@ -116,9 +116,9 @@ def separation_distributions(
 def separations_over_chance(
     found: Sequence[xr.Dataset], names: Sequence[str], *, ax: Axes | None = None
 ) -> Axes:
-    """Draw distributions of the smallest separation in units of chance, and that of chance.
+    """Draw distributions of the smallest separation over its mean under chance, and chance itself.
 
-    Realizations to which chance has no meaning are left out, and counted in the legend.
+    Realizations in which this ratio has no meaning are left out; the legend says how many remain.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Comparison of recordings with prediction, and what their errors are due to."""
+"""Comparison of recordings with prediction, and sources of the errors."""
 
 from __future__ import annotations
 

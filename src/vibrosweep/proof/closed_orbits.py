@@ -1,4 +1,4 @@
-"""Verify periodic orbits: enclose each in ball arithmetic and compare every number of it."""
+"""Verify periodic orbits: enclose each in ball arithmetic and compare all its numbers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 # Roundings of an equation of an orbit, in units of 2^-52 of the numbers in it
 ROUNDINGS: Final = 64.0
-PLACES: Final = 128  # of a flight, at which it is looked for below the base
+PLACES: Final = 128  # along a flight, at which its height above the base is tested
 SEARCHED: Final = "it tells how orbits were searched, which nothing proves"
 COMPLETE: Final = "no proof tells whether there are more orbits"
 YES, NO, RESTS = 1, 0, -1
@@ -48,7 +48,7 @@ UNKNOWN: Final = {
 
 
 class Setting(NamedTuple):
-    """What orbits share."""
+    """Base, laws and waveform of all orbits of a file."""
 
     base: str
     laws: Laws
@@ -56,7 +56,7 @@ class Setting(NamedTuple):
 
 
 def orbit_of(setting: Setting, inputs: Mapping[str, float], p: int, q: int) -> Orbit:
-    """Return an orbit of p impacts in q periods at some parameters, as the reference takes it."""
+    """Return an orbit of p impacts in q periods at some parameters, for the proof."""
     names = ("restitution", "frequency", "gravity", *OF_RESTITUTION)
     with ctx.workprec(BITS):
         given = {name: arb(inputs[name]) for name in names if name in inputs}
@@ -67,10 +67,10 @@ def orbit_of(setting: Setting, inputs: Mapping[str, float], p: int, q: int) -> O
 
 
 def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Report:
-    """Enclose the orbits of some realizations and judge all numbers of them.
+    """Enclose the orbits of some realizations and judge all their numbers.
 
-    Krawczyk's method proves that there is one orbit near each that the file holds, and encloses it.
-    The error that is admitted is an estimate: that of some roundings in each equation.  Raises a
+    Krawczyk's method proves that exactly one orbit is near each orbit of the file, and encloses it.
+    The error that is admitted is an estimate, of `ROUNDINGS` roundings in each equation.  Raises a
     ParameterError for a size or a seed that cannot be used.
     """
     for name, value, low in (("sample", sample, 1), ("seed", seed, 0)):
@@ -143,7 +143,7 @@ def _judged(
     p, q, n = orbit.p, orbit.q, orbit.p + 1
     found, times = proved.cycle, variables(proved.box)
     size = 1.0 + q + _most(proved.box[p])
-    # of the equations, and of the kick; of the times, and of the kick
+    # `offs`: errors of the equations and of the kick; `errors`: of the times and of the kick
     offs = [*[ROUNDINGS * EPS * size] * p, ROUNDINGS * EPS * _most(proved.box[p])]
     errors = [sum(s * o for s, o in zip(row, offs, strict=True)) for row in proved.slopes]
     errors.append(offs[p])
@@ -178,7 +178,7 @@ def _most(value: arb) -> float:
 
 
 def _primitive(orbit: Orbit, box: list[arb]) -> bool:
-    """Return whether an orbit is certainly not a shorter one, run several times."""
+    """Return whether an orbit is certainly not a shorter one, repeated several times."""
     p, q = orbit.p, orbit.q
     return all(
         any(not (box[i + d] - box[i] - arb(q * d) / p).contains(0) for i in range(p - d))
@@ -207,7 +207,7 @@ def _taken(orbit: Orbit, proved: Proved) -> int | None:
 
 
 def _lands_earlier(orbit: Orbit, proved: Proved, i: int) -> bool:
-    """Return whether a flight is certainly below the base at one of some places."""
+    """Return whether a flight is certainly below the base at one of `PLACES`."""
     box, flight = proved.box, proved.cycle.flights[i]
     ends = [*box[: orbit.p], box[0] + orbit.q]
     alpha, lasts = box[orbit.p] / (1 + orbit.e), ends[i + 1] - ends[i]
@@ -240,7 +240,7 @@ def _multipliers(
     elif square < 0:
         root = (-square).sqrt()
         off = 0.5 * off_t + (0.5 * _most(trace.v) * off_t + off_d) / float(root.abs_lower())
-        # of conjugates the one with the positive imaginary part comes first
+        # the conjugate with the positive imaginary part comes first
         exact = [(half, root, off), (half, -root, off)]
     else:
         yield from (Judgement(name, None, math.nan, None) for name in names)

@@ -64,7 +64,8 @@ INSIDE: Final = (
     (5, "attraction_not_proved"),
     (UNBOUNDED, "ends_not_proved"),
 )
-OF_ANY_SHAPE: Final = (AMPLITUDE, "base_velocity")  # forcings that no shape rescales
+# Forcings whose ratio to the kick is the same for all waveforms
+OF_ANY_SHAPE: Final = (AMPLITUDE, "base_velocity")
 POINTS: Final = 10_000  # of a branch to each side
 MULTIPLIER: Final = {SADDLE_NODE: 1, DOUBLING: -1}
 

@@ -23,7 +23,7 @@ def is_of(spec: Sweep, path: Path) -> bool:
 
 
 def kept_text(output: Path) -> str:
-    """Text of the sweep that an unfinished run of an output holds, or the output; empty without."""
+    """Text of the sweep file that an output, or its unfinished run, holds; empty without them."""
     directory = run_directory(output)
     manifest = read_manifest(directory) if directory.exists() else None
     if manifest is not None:

@@ -28,7 +28,7 @@ SHARED: Final = (
     *("base", "waveform", "noise_seed"),
 )
 HDF5: Final = b"\x89HDF"  # the first bytes of a result
-WRITTEN_FOR: Final = "# written for\n"  # before the text of a file whose trace was fitted
+WRITTEN_FOR: Final = "# written for\n"  # heads the original text of a file with a fitted trace
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ class Sweep:
 def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = None) -> Sweep:
     """Read and validate a sweep file; a SpecError lists all mistakes.
 
-    Where it asks for a trace that is not there, `kept` gives the text of a result or an unfinished
-    run, whose harmonics are taken if it is of this very file.
+    If the file of its trace is missing, `kept` gives the text that a result or an unfinished run
+    holds.  The harmonics in that text are taken if it was written for this very sweep file.
     """
     source = Path(path)
     text = read_text(source)
@@ -100,11 +100,11 @@ def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = Non
 
 
 def _lacks_trace(text: str, source: Path) -> bool:
-    """Return whether a sweep file asks for a trace that is not there."""
+    """Return whether a sweep file names a trace whose file is missing."""
     try:
         asked = tomllib.loads(text)["scene"]["waveform"]["trace"]
         return not (source.parent / asked).exists()
-    except (ValueError, RecursionError, KeyError, TypeError):  # no trace, or what is refused later
+    except (ValueError, RecursionError, KeyError, TypeError):  # no trace, or a mistake told later
         return False
 
 

@@ -53,7 +53,8 @@ class ResultKind:
         Why ``vibrosweep verify`` does not check such a result; empty where it does.
     verify
         Function from the path and the keywords ``sample``, ``seed`` and ``advance`` of
-        `vibrosweep.verify` to its report; None where results are those of a sweep, or unverified.
+        `vibrosweep.verify` to its report; None for results of a sweep, and for those that it does
+        not check.
 
     Examples
     --------

@@ -41,7 +41,7 @@ class Manifest:
     # Type and shape of each column, as returned by `kinds`; every part must have exactly these
     columns: Mapping[str, str]
     replaces: bool = False  # True if an existing output is to be replaced at the end
-    text: str = ""  # of the sweep, as a result holds it
+    text: str = ""  # the sweep file, as a result holds it
 
     @property
     def key(self) -> str:

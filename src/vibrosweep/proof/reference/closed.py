@@ -147,11 +147,11 @@ class Proved(NamedTuple):
 
     box: Box  # holds its landing times, and the kick
     cycle: Cycle
-    slopes: list[list[float]]  # moduli of the derivatives of the times by the equations
+    slopes: list[list[float]]  # moduli of derivatives of the times by errors of the equations
 
 
 def prove_orbit(orbit: Orbit, guess: Sequence[float], kick: arb) -> Proved | None:
-    """Prove an orbit near a guess of its landing times, at a kick that a ball holds."""
+    """Prove an orbit near a guess of its landing times, for all kicks in a ball."""
     with ctx.workprec(BITS):
         n = orbit.p + 1
         direction = [arb(int(i == n - 1)) for i in range(n)]

@@ -183,7 +183,7 @@ class Random:
         return -found if self._left(v) < 0 else found.union(-found)
 
     def bend(self, v: arb) -> arb:
-        """NaN: orbits that repeat have nothing random."""
+        """NaN: this derivative serves closed orbits only, and they are without noise."""
         return arb("nan")
 
 
@@ -241,7 +241,7 @@ class Outside:
         return self._slope(self._e, v / self._speed)
 
     def bend(self, v: arb) -> arb:
-        """NaN: a law says how much its slope changes, but not how."""
+        """NaN: such a law bounds the change of its slope, but does not give its derivative."""
         return arb("nan")
 
 

@@ -16,7 +16,7 @@ from vibrosweep.proof.reference.laws import Constant, Impact
 from vibrosweep.proof.reference.waves import SINE_WAVE, Wave
 
 Box = list[arb]
-# Why it is not certain that a particle takes an orbit
+# Reasons why a particle may not take an orbit
 EARLIER: Final = "an earlier landing is not excluded"
 RESTING: Final = "a rest is not excluded"
 
@@ -31,7 +31,7 @@ class Orbit(NamedTuple):
     rest: arb  # speed at and below which a particle rests
     wave: Wave = SINE_WAVE
     law: Impact | None = None  # of restitution, where it is not constant
-    turns_back: bool = False  # an impact that ends below zero
+    turns_back: bool = False  # whether a rebound downwards is turned back, as under `reflect`
 
 
 class Moved(NamedTuple):
@@ -53,17 +53,17 @@ class Flight(NamedTuple):
     step: tuple[Jet, Jet, Jet, Jet]
     shrinks: Jet  # factor of the determinant of a cycle
     presses: arb  # acceleration in g with which the base presses a particle after the impact
-    meets: str  # why an earlier landing is possible; empty where it is not
+    meets: str  # reason why it may land earlier; empty where it does not
 
 
 class Cycle(NamedTuple):
-    """What the equations of an orbit say at a point or over a box."""
+    """Equations and multipliers of an orbit, evaluated at a point or over a box."""
 
-    off: list[Jet]  # speeds after the impacts, which are off by so much
+    off: list[Jet]  # residuals of the equations: errors of the speeds after the impacts
     flights: list[Flight]
     trace: Jet
     determinant: Jet
-    takes: str  # why it is not certain that a particle takes the orbit; empty where it is
+    takes: str  # reason why a particle may not take the orbit; empty where it takes it
 
 
 def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
@@ -105,7 +105,7 @@ def _moved(wave: Wave, turns: Jet) -> Moved:
 
 
 def _impact(orbit: Orbit, v: Jet) -> tuple[Jet, Jet]:
-    """What an impact at a relative speed leaves of it, and the derivative of that."""
+    """Relative speed that an impact leaves of another one, and its derivative by that."""
     law = orbit.law or Constant(orbit.e)
     slope = law.slope(v.v)
     bend = law.bend(v.v)
@@ -133,7 +133,7 @@ def _fly(orbit: Orbit, a: Jet, s: Jet, first: Moved, last: Moved) -> Flight:
     v_s, v_x = 2 - y_s + alpha * last.slope, alpha * last.slope - gained / s
     step = (1 - y_x / y_s, 1 / y_s, q * (v_x - v_s * y_x / y_s), q * v_s / y_s)
     leaves = y + alpha * first.w
-    # the speeds of a cycle leave the product of all w / v, each the restitution e(v)
+    # over a cycle the speeds cancel but for the product of all w / v, each the restitution e(v)
     shrinks = q * (orbit.e if orbit.law is None else w / v)
     meets = _meets_base(orbit.wave, alpha.v, leaves.v, first.height.v)
     presses = 1 + alpha.v * last.slope.v / 2
@@ -141,9 +141,9 @@ def _fly(orbit: Orbit, a: Jet, s: Jet, first: Moved, last: Moved) -> Flight:
 
 
 def _meets_base(wave: Wave, alpha: arb, u: arb, height: arb) -> str:
-    """Why an earlier landing of a flight is possible, which begins with the absolute speed u.
+    """Reason why a flight that begins with the absolute speed u may land earlier, or "".
 
-    None is where the height above the base is concave; nor where the particle, when it comes down
+    It cannot where its height above the base is concave, nor where the particle, when it comes down
     to the highest level of the base, falls faster than the base ever moves.
     """
     concave = alpha * wave.bounds.steep <= 2
