@@ -122,7 +122,10 @@ def record_bytes(
 
 def require_room(realizations: int, particles: int, landings: int = 0) -> None:
     """Raise a ParameterError if a record needs more than half of this machine's memory."""
-    needed, available = _needed(realizations, particles, landings), physical_memory()
+    needed, available = (
+        _needed(realizations, particles, landings, BYTES_IN_MEMORY),
+        physical_memory(),
+    )
     if needed > available / 2:
         raise ParameterError(
             f"the record of {realizations * particles} trajectories with {landings} or more "
@@ -132,9 +135,7 @@ def require_room(realizations: int, particles: int, landings: int = 0) -> None:
         )
 
 
-def _needed(
-    realizations: int, particles: int, landings: int, of_each: int = BYTES_IN_MEMORY
-) -> int:
+def _needed(realizations: int, particles: int, landings: int, of_each: int) -> int:
     """Bytes of memory for a record with this many landings of each trajectory."""
     each = BYTES_PER_TRAJECTORY + of_each * landings
     return realizations * (BYTES_PER_REALIZATION + particles * each)
