@@ -88,26 +88,17 @@ _RANDOM: Final[Mapping[str, Ability]] = {
         (SINE_NAME,),
     ),
 }
-# Measures and analyses that can be had where something is random; all others look for what repeats,
-# compare realizations that differ in nothing but a parameter, or follow one trajectory again
-UNDER_NOISE: Final = frozenset(
-    {
-        *("separation", "per_particle", "regimes", "lyapunov", "trust", "ordering"),
-        *("separations", "record", "observables", "verify", "windows"),
-    }
-)
-
-
 # Analyses that take a constant restitution only, each with the reason
 OF_CONSTANT: Final[Mapping[str, str]] = {
     "heights_against_restitution": "compares heights with those of a constant restitution",
     "slot_decay": "compares a decay with the multipliers of a constant restitution",
     "explore": "draws closed forms of a constant restitution",
 }
-# Reasons why an analysis is refused under noise
+# Measures and analyses that cannot be had where something is random, each with the reason
 REPEATS: Final = "looks for orbits that repeat, and random motion never does"
 WHY_NOT_RANDOM: Final[Mapping[str, str]] = {
     **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), REPEATS),
+    "joint": "describes orbits that repeat",
     "sobol": "would take noise for an effect of the parameters",
     "energy_balance": "takes the kick of every impact from the forcing alone",
     "heights_against_restitution": "compares heights with closed forms, which hold without noise",
@@ -171,9 +162,8 @@ def refusal(
     asked = measure or analysis
     if noise and base == SPRUNG and analysis == "verify":
         return f"follows coupled particles without deviates: leave out {' and '.join(noise)}"
-    if noise and asked and asked not in UNDER_NOISE:
-        why = WHY_NOT_RANDOM.get(asked, "describes orbits that repeat")
-        return f"{why}: leave out {' and '.join(noise)}"
+    if noise and asked in WHY_NOT_RANDOM:
+        return f"{WHY_NOT_RANDOM[asked]}: leave out {' and '.join(noise)}"
     return ""
 
 
@@ -203,10 +193,22 @@ def table() -> Iterator[str]:
     for one in _choices():
         ((kind, name),) = one.items()
         kept = (_kept(base, one) for base in BASES)
-        random = kind in ("measure", "analysis") and name not in UNDER_NOISE
         shown = name if isinstance(name, str) else name[0]
         what = "restitution_law" if kind == "restitution" else kind
-        yield f"| {what} `{shown}` | {' | '.join(kept)} | {'no' if random else 'yes'} |"
+        yield f"| {what} `{shown}` | {' | '.join(kept)} | {_kept_under_noise(one)} |"
+
+
+def _kept_under_noise(one: dict[str, Any]) -> str:
+    """Say over which bases something can be had under noise, and which noise it excludes."""
+    had = [base for base in BASES if not refusal(base, **one)]
+    pairs = [pair for pair in product(had, NOISE) if not refusal(pair[0], noise=pair[1:])]
+    kept = [pair for pair in pairs if not refusal(pair[0], **{"noise": pair[1:], **one})]
+    if not kept:
+        return "no"
+    bases = [f"`{base}`" for base in had if base in dict(kept)]
+    missing = {noise for _, noise in pairs} - {noise for _, noise in kept}
+    without = [f"not `{noise}`" for noise in sorted(missing)]
+    return ", ".join((*(bases if len(bases) < len(had) else []), *without)) or "yes"
 
 
 def _kept(base: str, one: dict[str, Any]) -> str:

@@ -62,7 +62,8 @@ def test_a_sweep_file_asks_for_a_measure_by_its_key(key):
     base = "sprung" if MEASURES[key].coupled else "high-bounce"
     mount = "mass_ratio = 0.01\nmount_frequency = 1.0\n" if MEASURES[key].coupled else ""
     text = f'title = "x"\n[scene]\nbase = "{base}"\n{mount}[measure]\n'
-    assert parse_spec(f"{text}{key} = true").scene.measures == Measures(**{key: True}).over(base)
+    found = parse_spec(f"{text}{key} = true").scene.measures
+    assert found == Measures(**{key: True}).over(base, "constant")
     with pytest.raises(SpecError, match=f"measure.{key} = 1: must be true or false"):
         parse_spec(f"{text}{key} = 1")
 

@@ -31,9 +31,10 @@ SCENE = Realization(
     },
 )
 MEASURED = ProvedMeasures(
-    values={"dt_min": arb("0.5"), "dt_min_same_index": None},
+    values={"dt_min": arb("0.5"), "dt_min_same_index": None, "impact_speed_max": arb(4)},
     fastest=arb(4),
     flights=[Flight(arb("1.6"), arb("0.8"), arb("1.6"), None)],
+    landed=[Flight(arb("1.6"), arb("0.8"), arb("1.6"), None)],
     longest=30,
     edge=arb("0.1"),
     launch_depth=Fraction(-1, 4),
@@ -48,6 +49,7 @@ def test_claims_of_a_window_that_is_clear():
     assert found["rebound_height_max"] == pytest.approx((2 * 4 * 1e-5 + 1e-10) / 20, rel=1e-6)
     assert found["flight_time_mean"] == pytest.approx(2 * 1e-5 / 10, rel=1e-6)
     assert found["dt_min"] == pytest.approx(2e-6, rel=1e-6)
+    assert found["impact_speed_max"] == pytest.approx((1 + 2 * 1) * 1e-5, rel=1e-6)
     assert None not in found.values()
 
 

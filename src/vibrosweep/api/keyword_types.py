@@ -78,6 +78,7 @@ class MeasureKeywords(TypedDict, total=False):
     trust: bool | None
     ordering: bool | None
     joint: bool | None
+    impact_speed: bool | None
     tolerance: float | None
     impact_budget: int | None
 

@@ -19,7 +19,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ShortObservationWarning
 from vibrosweep.model.forcing import ACCELERATION, only_parameters, refuse_extreme
 from vibrosweep.model.measures import IMPACTS, MEASURES, RECORD, Variable
-from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.restitution_laws import CONSTANT, VISCOELASTIC
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.notes import short_observation, strong_forcing
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given, seed_of
@@ -99,7 +99,7 @@ def simulate(
         impact_budget
             Landings after which a particle is given up, rounded up to a multiple of 6; its status
             says so.
-        regimes, lyapunov, trust, separation, per_particle, ordering, joint
+        regimes, lyapunov, trust, separation, per_particle, ordering, joint, impact_speed
             True to measure as `vibrosweep.sweep` does, from ``transient`` or ``transient_periods``
             on: ``regimes=True`` for the regime of each particle and the period of its cycle,
             ``lyapunov=True`` for exponents as well.
@@ -153,6 +153,7 @@ def simulate(
     else:
         scene, arrays = replayed(result, keywords)
     asked = {key: bool(keywords.get(key)) for key in MEASURES}
+    asked["impact_speed"] |= scene.restitution_law == VISCOELASTIC
     measured, scene = scene.with_measures(**asked, observables=()), scene.recorded()
     recorded = {**RECORD, **IMPACTS, **_variables_of(measured)}
     require_room(max((v.size for v in arrays.values()), default=1), scene.particles)

@@ -94,7 +94,7 @@ def sweep(
             Columns of the table to use, all by default.
         transient, transient_periods
             Beginning of the window that measures cover, in s or in forcing periods.
-        separation, per_particle, regimes, lyapunov, trust, ordering, joint
+        separation, per_particle, regimes, lyapunov, trust, ordering, joint, impact_speed
             Measures beside landings, heights and flight times: True or False.
         tolerance, impact_budget
             Error in s up to which `trust` trusts a landing; impacts after which a particle is

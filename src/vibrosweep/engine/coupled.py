@@ -11,6 +11,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import (
     Measured,
     height_unit,
+    impact_speeds,
     of_launches,
     of_particles,
     of_realizations,
@@ -62,6 +63,8 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     heights = launched.reshape(-1, particles) * height_unit(parameters)[:, np.newaxis]
     highest = found["rebound_height_max"]
     found["flight_height_max"] = of_launches(scene, parameters, heights, highest)
+    if scene.measures.impact_speed:
+        found |= impact_speeds(sums, parameters, scene.restitution_law)
     if scene.measures.per_particle:
         found |= of_particles(each, parameters, particles)
     found |= observable_values(

@@ -13,6 +13,8 @@ from vibrosweep.engine.launched import launched_in_window
 from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
+from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
+from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 Measured = dict[str, NDArray[Any]]
@@ -69,6 +71,18 @@ def of_launches(
     launched = launched_in_window(scene, parameters["frequency"])
     reached = np.where(launched, heights, -np.inf).max(axis=1)
     return np.asarray(np.fmax(highest, np.where(reached > -np.inf, reached, np.nan)))
+
+
+def impact_speeds(found: Statistics, parameters: Mapping[str, Array], law: str) -> Measured:
+    """Greatest speeds of impact of realizations, and whether the law of restitution holds there."""
+    speed = found.total("impact_speed") * (parameters["gravity"] / (2.0 * parameters["frequency"]))
+    lost = found.status == Status.NON_FINITE
+    speed = np.where(lost | (found.landings == 0), np.nan, speed)
+    with np.errstate(invalid="ignore"):
+        outside = speed > fastest_in_range(law, parameters["restitution"], parameters.get(SPEED))
+    decided = outside | (found.status == Status.COMPLETED)
+    inside = np.where(decided, ~outside, UNDETERMINED)
+    return {"impact_speed_max": speed, "law_in_range": inside.astype(np.int8)}
 
 
 def separations_in_units(found: Separations, frequency: Array) -> Measured:

@@ -12,6 +12,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import (
     Measured,
     height_unit,
+    impact_speeds,
     of_launches,
     of_particles,
     of_realizations,
@@ -77,6 +78,8 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     heights = _launch_heights(parameters, problem, launch, scene.waveform if moves else None)
     highest = measured["rebound_height_max"]
     measured["flight_height_max"] = of_launches(scene, parameters, heights, highest)
+    if measures.impact_speed:
+        measured |= impact_speeds(found.whole, parameters, scene.restitution_law)
     if measures.per_particle and found.each is not None:
         measured |= of_particles(found.each, parameters, particles, *of_base)
     if found.orbits is not None:

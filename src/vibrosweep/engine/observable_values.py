@@ -15,15 +15,16 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.observer import Observer, compiled
-from vibrosweep.kernels.statistics import Kinds, Statistics, statistic_of
+from vibrosweep.kernels.statistics import IMPACT_SPEED, Kinds, Statistics, statistic_of
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 
 def kinds_of(scene: Scene) -> Kinds:
-    """Statistics of the observables that give a number of each landing."""
-    return tuple(compiled(one) for one in scene.measures.observables if one.landings)
+    """Statistics that a scene asks for: of measures, and of observables of a number by landing."""
+    measured = (IMPACT_SPEED,) if scene.measures.impact_speed else ()
+    return (*measured, *(compiled(one) for one in scene.measures.observables if one.landings))
 
 
 def observable_values(

@@ -102,6 +102,11 @@ def _ended(landing: Landing) -> float:
     return landing.flight_time
 
 
+@jit
+def _arrival(landing: Landing) -> float:
+    return landing.arrival
+
+
 # The first two are always kept: cycles and orbits need them.
 KINDS: Final[Kinds] = (
     declare("landings", _landing, COUNT),
@@ -114,6 +119,7 @@ LANDINGS, RESTS = 0, 1
 # Of the flights that end with a landing
 SHORTEST: Final = declare("flight_min", _ended, MIN)
 LONGEST: Final = declare("flight_max", _ended, MAX)
+IMPACT_SPEED: Final = declare("impact_speed", _arrival, MAX)
 # Over a base that lifts what rests on it when particles land, flights are counted one by one.
 KINDS_COUPLED: Final[Kinds] = (*KINDS, declare("flights", _flight, COUNT, of_flights=True))
 

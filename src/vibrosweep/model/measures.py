@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC
 from vibrosweep.model.status import Regime, Status
 
 UNDETERMINED: Final = -1
@@ -505,6 +506,30 @@ _JOINT: Final = Measure(
     coupled=True,
 )
 
+_IMPACT_SPEED: Final = Measure(
+    "greatest speed of impact, and whether the law of restitution holds there; always measured "
+    'with restitution_law = "viscoelastic"',
+    "0.1 ns",
+    (
+        _real(
+            "impact_speed_max",
+            _R,
+            "m s-1",
+            "greatest speed of impact",
+            "relative to the base, of the landings in the window; NaN without any",
+        ),
+        _code(
+            "law_in_range",
+            _R,
+            "every impact is within the range of the law of restitution",
+            (*_UNDECIDED, (0, "outside"), (1, "inside")),
+            "of the landings in the window: outside where the viscoelastic law gives "
+            f"e(v) < {LEAST_VISCOELASTIC:g}; other laws hold at any speed",
+            judged="in_range",
+        ),
+    ),
+)
+
 _TRUST: Final = Measure(
     "bounds of the errors of landings",
     "40 ns over 12 periods, 30 ns over 1000",
@@ -547,6 +572,7 @@ MEASURES: Final[Mapping[str, Measure]] = {
     "trust": _TRUST,
     "ordering": _ORDERING,
     "joint": _JOINT,
+    "impact_speed": _IMPACT_SPEED,
 }
 OPTIONS: Final[Mapping[str, Option]] = {
     "transient": Option(

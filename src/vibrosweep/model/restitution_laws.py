@@ -109,6 +109,15 @@ def _root_at(e: Array) -> Array:
     return y
 
 
+def fastest_in_range(law: str, restitution: Array, restitution_speed: Array | None) -> Array:
+    """Speed (m s-1) up to which a law of restitution holds; infinite where at any."""
+    if law != VISCOELASTIC or restitution_speed is None:
+        return np.full_like(restitution, np.inf)
+    with np.errstate(divide="ignore"):
+        ratio = _root_at(np.asarray(LEAST_VISCOELASTIC)) / _root_at(restitution)
+    return np.asarray(restitution_speed * ratio**10)
+
+
 def law_in(attributes: Mapping[str, Any]) -> str:
     """Return the law of restitution in attributes of a result; by default the constant one."""
     return str(attributes.get("restitution_law", CONSTANT))

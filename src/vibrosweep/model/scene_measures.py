@@ -9,6 +9,7 @@ from typing import Final
 from vibrosweep.model.measures import ALWAYS, MEASURES, TRANSIENT_PERIODS, Variable
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import SPRUNG
+from vibrosweep.model.restitution_laws import VISCOELASTIC
 from vibrosweep.model.times import Time
 
 
@@ -28,6 +29,7 @@ class Measures:
     trust: bool = False
     ordering: bool = False
     joint: bool = False
+    impact_speed: bool = False
     tolerance: float = 1e-9
     impact_budget: int = 10_000_000
     observables: tuple[Observable, ...] = ()
@@ -42,9 +44,14 @@ class Measures:
         for other in MEASURES[key].requires:
             self._ask(other)
 
-    def over(self, base: str) -> Measures:
-        """Return these measures with those that are always taken over this base."""
-        return replace(self, ordering=True) if base == SPRUNG else self
+    def over(self, base: str, restitution_law: str) -> Measures:
+        """Return these measures with those that are always taken over this base, by this law."""
+        limited = restitution_law == VISCOELASTIC
+        return replace(
+            self,
+            ordering=self.ordering or base == SPRUNG,
+            impact_speed=self.impact_speed or limited,
+        )
 
     @property
     def variables(self) -> tuple[Variable, ...]:

@@ -79,6 +79,9 @@ class Estimate(NamedTuple):
                 claimed[name] = self.height + size
             elif plain.startswith(("flight_time", "dt_min", "gap_")):
                 claimed[name] = 2.0 * self.time + 4.0 * EPS / frequency + size
+            elif plain == "impact_speed_max":
+                unit = realization.parameters["gravity"] / (2.0 * frequency)
+                claimed[name] = (self.relative + 8.0 * EPS) * unit + size
             elif plain in HARMONICS:
                 turned = 2.0 * math.pi * float(HARMONICS[plain]) * self.time * frequency
                 claimed[name] = turned + rounding

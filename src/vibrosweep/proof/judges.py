@@ -14,6 +14,7 @@ import numpy as np
 
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, RESOLUTION, UNDETERMINED, VARIABLES
 from vibrosweep.model.observables import Observable
+from vibrosweep.model.restitution_laws import fastest_in_range
 from vibrosweep.model.status import Regime, Status
 from vibrosweep.proof.bounds import change_of_bound, untrusted
 from vibrosweep.proof.case import Case
@@ -218,6 +219,13 @@ def _resolved(case: Case, name: str) -> float:
     return UNDETERMINED if math.isnan(gap) else int(gap > RESOLUTION)
 
 
+def _in_range(case: Case, name: str) -> float:
+    p, law = case.realization.parameters, case.realization.laws.restitution
+    speed, e = p.get("restitution_speed"), np.asarray(p["restitution"])
+    most = fastest_in_range(law, e, None if speed is None else np.asarray(speed))
+    return int(not case.stored["impact_speed_max"] > most)
+
+
 def _orbits(case: Case, name: str) -> float:
     return len(set(case.stored["orbit"].tolist()) - {-1})
 
@@ -306,6 +314,7 @@ JUDGES: Final[dict[str, Judge]] = {
     "total": Judge(_measure, _follows(_total)),
     "greatest": Judge(_measure, _follows(_greatest)),
     "negation": Judge(_measure, _follows(_negation)),
+    "in_range": _followed(_in_range),
     "resolved": _followed(_resolved),
     "bound": Judge(_landing_bound, _landing_bound),
     "trusted_until": Judge(_trusted_until),

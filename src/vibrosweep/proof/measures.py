@@ -22,6 +22,7 @@ from vibrosweep.proof.statistics import (
     Flights,
     Landing,
     Proved,
+    arrivals_of,
     flights_of,
     landings_of,
     largest,
@@ -50,6 +51,7 @@ class ProvedMeasures:
     values: dict[str, Proved | list[Proved]]
     fastest: arb | None  # largest rebound speed in the window, m s-1; None without any flight
     flights: Sequence[Flight]  # those that follow landings in the window
+    landed: Sequence[Flight]  # those that end with landings in the window
     longest: int  # largest number of flights of one particle
     # Smallest distance of a landing from the beginning of the window in s; None where no landing
     # can be before it
@@ -82,6 +84,10 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
     overlap = _overlap(landings, begin)
     shared = int(overlap is not None and bool(overlap.mid() >= 0))
     values: dict[str, Proved | list[Proved]] = dict(statistics(whole, frequency))
+    landed = list(arrivals_of(trajectories, begin))
+    unit = arb(realization.parameters["gravity"]) / (2 * frequency)
+    fastest = largest(arrival for _, arrival in landed)
+    values["impact_speed_max"] = None if fastest is None else fastest * unit
     values["flight_height_max"] = largest_height(whole, realization, trajectories)
     values["at_rest_count"] = sum(t.at_rest for t in trajectories)
     values["dt_min"] = _closest(seen)
@@ -96,6 +102,7 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
         values |= _ordering(realization, trajectories, landings, begin)
     return ProvedMeasures(
         values=values,
+        landed=[flight for flight, _ in landed],
         fastest=largest(abs(speed) for speed in whole.speeds),
         flights=whole.flights,
         longest=max(len(flights.speeds) for flights in each),

@@ -7,7 +7,7 @@ arithmetic here, and the largest error that the bounds of a dataset allow it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import reduce
 from typing import NamedTuple, TypeAlias
@@ -69,6 +69,18 @@ def flights_of(landings: Iterable[Landing]) -> Flights:
     speeds = [x.speed for x in listed if x.speed is not None]
     flights = [x.flight for x in listed if x.flight is not None]
     return Flights(len(listed), sum(x.rested for x in listed), speeds, flights)
+
+
+def arrivals_of(
+    trajectories: Sequence[Trajectory], begin: arb
+) -> Iterator[tuple[Flight, arb]]:
+    """Yield the flight and the speed of arrival, in units of g / 2 f, of each landing since."""
+    for trajectory in trajectories:
+        flight: Flight | None = trajectory.launch
+        for impact in trajectory.impacts:
+            if flight is not None and impact.landing_time >= begin:
+                yield flight, impact.arrival
+            flight = impact.flight
 
 
 def statistics(flights: Flights, frequency: arb) -> dict[str, Proved]:

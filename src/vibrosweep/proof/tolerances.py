@@ -110,6 +110,11 @@ class Bounds(NamedTuple):
         windowed = statistics_claims(
             error, realization, measured.flights, measured.fastest, measured.longest
         ) | _separations(dt, measured, period)
+        unit = realization.parameters["gravity"] / (2.0 * realization.parameters["frequency"])
+        landed = (self.landing_errors(realization, flight).arrival for flight in measured.landed)
+        fastest: Any = measured.values["impact_speed_max"]
+        rounding = 4.0 * EPS * (0.0 if fastest is None else float(fastest))
+        windowed["impact_speed_max"] = max(landed, default=0.0) * unit + rounding
         if reaches(measured.edge, dt + 4.0 * EPS * period):
             windowed = dict.fromkeys(windowed)
         # only a late window over staggered launches compares anything that is rounded

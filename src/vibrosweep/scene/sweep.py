@@ -241,7 +241,10 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
         text="",
         source=source,
         scene=Scene(
-            **settings, measures=measures.over(base), inputs=fixed, given=frozenset(numbers)
+            **settings,
+            measures=measures.over(base, settings["restitution_law"]),
+            inputs=fixed,
+            given=frozenset(numbers),
         ),
         design=Design(
             kind,
