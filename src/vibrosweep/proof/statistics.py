@@ -71,9 +71,7 @@ def flights_of(landings: Iterable[Landing]) -> Flights:
     return Flights(len(listed), sum(x.rested for x in listed), speeds, flights)
 
 
-def arrivals_of(
-    trajectories: Sequence[Trajectory], begin: arb
-) -> Iterator[tuple[Flight, arb]]:
+def arrivals_of(trajectories: Sequence[Trajectory], begin: arb) -> Iterator[tuple[Flight, arb]]:
     """Yield the flight and the speed of arrival, in units of g / 2 f, of each landing since."""
     for trajectory in trajectories:
         flight: Flight | None = trajectory.launch
