@@ -7,7 +7,16 @@ import pytest
 
 import vibrosweep as vs
 from together import combinations, together
-from vibrosweep.abilities import ANALYSES, BASES, OF_CONSTANT, SHAPED, cells, refusal, table
+from vibrosweep.abilities import (
+    ANALYSES,
+    BASES,
+    OF_CONSTANT,
+    SHAPED,
+    WITHOUT_MEANING,
+    cells,
+    refusal,
+    table,
+)
 from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
 from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.explore.points import open_points
@@ -187,6 +196,30 @@ def test_a_law_that_somebody_adds_is_refused_where_no_base_implements_it(base, m
     if base in BASE_OF:
         with pytest.raises(vs.errors.ParameterError, match="softening"):
             base_of(base, "softening")
+
+
+@pytest.mark.parametrize("analysis", WITHOUT_MEANING)
+def test_a_keyword_without_a_meaning_is_refused(analysis):
+    given = dict.fromkeys(WITHOUT_MEANING[analysis], True)
+    with pytest.raises(SpecError) as listed:
+        getattr(vs, analysis)(amplitude=1.0, **given)
+    told = {mistake.key for mistake in listed.value.mistakes}
+    assert {key.rpartition(".")[2] for key in told} == given.keys()
+
+
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        ({"restitution": [0.8, 0.9], "seed": 1}, "sample.seed"),
+        ({"design": {"restitution": [0.8, 0.9]}, "seed": 1}, "sample.seed"),
+        ({"noise_seed": 1}, "scene.noise_seed"),
+        ({"tolerance": 1e-6}, "measure.tolerance"),
+    ],
+)
+def test_a_key_that_needs_another_one_is_refused_without_it(given, key):
+    with pytest.raises(SpecError) as listed:
+        keyword_spec(given)
+    assert [mistake.key for mistake in listed.value.mistakes] == [key]
 
 
 def test_every_analysis_can_be_had_over_some_base():

@@ -94,6 +94,14 @@ OF_CONSTANT: Final[Mapping[str, str]] = {
     "slot_decay": "compares a decay with the multipliers of a constant restitution",
     "explore": "draws closed forms of a constant restitution",
 }
+# Keywords without a meaning to an analysis, which has points and measures of its own; a sweep file
+# may hold them for other commands
+_OF_OTHERS: Final = (*MEASURES, "tolerance", "record", "windows")
+WITHOUT_MEANING: Final[Mapping[str, tuple[str, ...]]] = {
+    **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), _OF_OTHERS),
+    "windows": (*MEASURES, "record", "realizations", "seed"),
+    "sobol": ("design", "record", "windows"),
+}
 # Measures and analyses that cannot be had where something is random, each with the reason
 REPEATS: Final = "looks for orbits that repeat, and random motion never does"
 WHY_NOT_RANDOM: Final[Mapping[str, str]] = {

@@ -102,7 +102,7 @@ def test_separations_of_keywords_and_of_a_result():
     [
         (lambda: vs.windows(amplitude=1.0, restitution=[0.8]), SpecError, "a list of values"),
         (
-            lambda: vs.windows(amplitude=(1.0, 2.0), phase=(0.0, 1.0), realizations=2),
+            lambda: vs.windows(amplitude=(1.0, 2.0), phase=(0.0, 1.0)),
             SpecError,
             "phase",
         ),

@@ -5,7 +5,7 @@ All take the keywords of `vibrosweep.sweep`, or the path of a sweep file, or a m
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Unpack
 
 import xarray as xr
@@ -21,7 +21,6 @@ from vibrosweep.api.keyword_types import (
     completed,
 )
 from vibrosweep.api.proved import windows_found
-from vibrosweep.model.forcing import INPUTS
 from vibrosweep.runs.driver import count, thread_count
 
 __all__ = ["basins", "bifurcation", "sobol", "windows"]
@@ -48,9 +47,10 @@ def windows(
         as many periods as they take to settle; and
 
         amplitude, base_velocity, base_displacement, base_acceleration
-            One of them: points of the coarse scan (m s-1, m s-1, m, 1), a list of two or more.
+            One of them: points of the coarse scan (m s-1, m s-1, m, 1), a list of two or more; of
+            a range, a tuple, 150 even steps.
         restitution
-            A number or a list.
+            A number or a list; of a range, a tuple, 25 even steps.
         conditions
             A list of ``"locked(k)"``, ``"ordered"``, ``"periodic"``, ``"separated"``,
             ``"collision_free"`` and ``"regular"``; by default ``["locked(1)"]``.
@@ -110,7 +110,7 @@ def windows(
     >>> bool((abs(one.A_max - closed) <= one.A_max_bracket).all())
     True
     """
-    checked = as_sweep(spec, keywords, "windows", windows={})
+    checked = as_sweep(spec, keywords, "windows", 1, windows={})
     return warned(windows_found(checked, thread_count(threads)))
 
 
@@ -172,7 +172,7 @@ def bifurcation(
     FrozenList(['direction', 'amplitude', 'particle', 'sample'])
     """
     samples = count("samples", samples)
-    checked = as_sweep(spec, keywords)
+    checked = as_sweep(spec, keywords, "bifurcation", 1)
     return warned(follow_orbits(checked, observable, samples, thread_count(threads)))
 
 
@@ -228,7 +228,7 @@ def basins(
     >>> found.basin.dims, found.basin.shape
     (('launch_velocity', 'launch_time'), (3, 20))
     """
-    return warned(find_basins(as_sweep(spec, keywords), thread_count(threads)))
+    return warned(find_basins(as_sweep(spec, keywords, "basins", 1), thread_count(threads)))
 
 
 @completed(by=SweepKeywords)
@@ -290,7 +290,5 @@ def sobol(
     >>> found.total_order.dims, found.parameter.values.tolist()
     (('output', 'parameter'), ['restitution', 'amplitude'])
     """
-    given = spec if isinstance(spec, Mapping) else keywords
-    ranged = any(name in INPUTS and isinstance(value, tuple) for name, value in given.items())
-    checked = as_sweep(spec, keywords, **({"realizations": SOBOL_SAMPLE} if ranged else {}))
+    checked = as_sweep(spec, keywords, "sobol", SOBOL_SAMPLE)
     return warned(sobol_indices(checked, outputs, confidence, thread_count(threads)))

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from vibrosweep.errors import DataError, ParameterError, ShortObservationWarning
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import Sweep, read_spec
 
@@ -20,24 +21,35 @@ __all__ = ["Spec", "as_sweep", "warned"]
 Spec = str | os.PathLike[str] | Mapping[str, Any]
 
 
-def as_sweep(spec: Spec | None, keywords: Mapping[str, Any], *first: str, **defaults: Any) -> Sweep:
+def as_sweep(
+    spec: Spec | None,
+    keywords: Mapping[str, Any],
+    analysis: str = "",
+    realizations: int | None = None,
+    **defaults: Any,
+) -> Sweep:
     """Return the sweep that a path, a mapping or a result asks for, or keywords without any.
 
-    `first` is that of `keyword_spec`; `defaults` complete keywords, a mapping or a result, but not
-    a file.  Raises a SpecError that lists all mistakes, a ParameterError where there are keywords
-    beside a file or a mapping, or `spec` is none of these, and a DataError where a dataset does not
-    hold the sweep that it was computed from.
+    `analysis` is that of `keyword_spec`.  `realizations`, where there are ranges, and `defaults`
+    complete keywords, a mapping or a result, but not a file.  Raises a SpecError that lists all
+    mistakes, a ParameterError where there are keywords beside a file or a mapping, or `spec` is
+    none of these, and a DataError where a dataset does not hold the sweep that it was computed
+    from.
     """
+    if spec is not None and hasattr(spec, "attrs"):
+        completed = {**defaults, **_sweep_of(spec.attrs), **keywords}
+        return keyword_spec(completed, analysis, keywords)
+    stated = spec if isinstance(spec, Mapping) else keywords
+    if any(name in INPUTS and isinstance(value, tuple) for name, value in stated.items()):
+        defaults["realizations"] = realizations
     if spec is None:
-        return keyword_spec({**defaults, **keywords}, *first)
-    if hasattr(spec, "attrs"):
-        return keyword_spec({**defaults, **_sweep_of(spec.attrs), **keywords}, *first)
+        return keyword_spec({**defaults, **keywords}, analysis, keywords)
     if keywords:
         raise ParameterError(
             f"{', '.join(keywords)}: not beside a sweep file or a mapping; write it there"
         )
     if isinstance(spec, Mapping):
-        return keyword_spec({**defaults, **spec}, *first)
+        return keyword_spec({**defaults, **spec}, analysis)
     if isinstance(spec, str | os.PathLike):
         return read_spec(spec)
     raise ParameterError(

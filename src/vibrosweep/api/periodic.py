@@ -81,7 +81,7 @@ def orbits(
     ([1.0, 2.0], True)
     """
     return find_orbits(
-        as_sweep(spec, keywords),
+        as_sweep(spec, keywords, "orbits"),
         thread_count(threads),
         impacts=count("impacts", impacts),
         periods=count("periods", periods),
@@ -154,7 +154,7 @@ def branches(
     True
     """
     return follow_branches(
-        as_sweep(spec, keywords),
+        as_sweep(spec, keywords, "branches", 1),
         thread_count(threads),
         wanted=(count("impacts", impacts), count("periods", periods)),
         doublings=_not_negative("doublings", doublings),
@@ -216,7 +216,7 @@ def boundaries(
     [1, 0]
     """
     return trace_boundaries(
-        as_sweep(spec, keywords),
+        as_sweep(spec, keywords, "boundaries", 1),
         thread_count(threads),
         wanted=(count("impacts", impacts), count("periods", periods)),
         doublings=_not_negative("doublings", doublings),

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from vibrosweep.abilities import WITHOUT_MEANING
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest
 from vibrosweep.model.forcing import INPUTS
@@ -33,15 +34,25 @@ HOMES: Final = ("scene", "sample", "measure")
 LONG: Final = 10
 
 
-def keyword_spec(given: Mapping[str, Any], *first: str) -> Sweep:
+def keyword_spec(
+    given: Mapping[str, Any], analysis: str = "", stated_for_it: Collection[str] = ()
+) -> Sweep:
     """Validate keywords, or a mapping of them that may hold whole tables of a sweep file.
 
     None stands for a keyword that is not given; a mapping under the name of a table of a sweep file
-    means what it means there.  Keywords are looked for in the tables `first` before all others.  A
-    SpecError lists all mistakes, each with its keyword; a ParameterError tells of masked values.
+    means what it means there.  Keywords are looked for in the table of an `analysis` before all
+    others; those that are stated for it and have no meaning to it are mistakes, unless they are
+    False.  A SpecError lists all mistakes, each with its keyword; a ParameterError tells of masked
+    values.
     """
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes = Mistakes(dialect=PYTHON, given=stated)
+    for name in WITHOUT_MEANING.get(analysis, ()):
+        if name in stated_for_it and stated.get(name, False) is not False:
+            homes = (f"{home}.{name}" for home in HOMES if name in SECTIONS[home])
+            rule = f"has no meaning for {analysis}"
+            mistakes.add_broken(next(homes, name), rule, stated.pop(name), "leave it out")
+    first = [analysis] if analysis in SECTIONS else []
     data = _tables(stated, (*first, *HOMES), mistakes)
     sweep = checked(data, "", None, mistakes)
     return sweep if sweep.text else replace(sweep, text=text_of(data))

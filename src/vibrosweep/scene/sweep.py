@@ -209,6 +209,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     base = settings["base"]
     rules.check_given(base, settings["restitution_law"], scene, sample, mistakes)
     measures = Measures(**tables.get("measure", {}))
+    rules.check_needed(scene, sample, tables.get("measure", {}), mistakes)
     noise = rules.noise_homes(numbers, sample, varied)
     rules.check_measures(base, settings["waveform"], noise, measures, mistakes)
     # one forcing only, also where two were reported
