@@ -68,7 +68,7 @@ def visited(base, problem, x, impacts):
 
 
 def orbit_states(states: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """States of orbits of sweeps/paper.toml: e 0.80-0.98, A 0.2-3.5 m/s, 1 Hz, 9.81 m/s2."""
+    """States of orbits of sweeps/paper.toml: $e$ 0.80-0.98, $A$ 0.2-3.5 m/s, 1 Hz, 9.81 m/s²."""
     impacts = 50
     size = -(-states // impacts)
     e, a = rng.uniform(0.80, 0.98, size), rng.uniform(0.2, 3.5, size) * 2.0 / 9.81
@@ -79,7 +79,7 @@ def orbit_states(states: int, rng: np.random.Generator) -> list[np.ndarray]:
 
 
 def box_states(states: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """States with all digits from wide ranges: e 0-1, a 0.01-10, u 0.001-100 periods."""
+    """States with all digits from wide ranges: $e$ 0-1, $a$ 0.01-10, $u$ 0.001-100 periods."""
     odd = 1.0 - 1e-7 * math.pi  # fills the last digits, which a generator leaves zero
     x, e = rng.uniform(-0.5, 0.5, states) * odd, rng.uniform(0.0, 1.0, states) * odd
     return [x, 10.0 ** rng.uniform(-3.0, 2.0, states), e, 10.0 ** rng.uniform(-2.0, 1.0, states)]
@@ -128,19 +128,19 @@ def step_rows(given: list[np.ndarray]) -> list[list[str]]:
     safe = ~coarse | (np.abs(phase) >= 0.125)
     ulp_x, ulp_w, ulp_larger = np.spacing(np.abs(phase)), np.spacing(w), np.spacing(larger)
     moved = 2.0 * np.pi * a * np.abs(np.cos(2.0 * np.pi * phase)) * TURN_HALF_ULP
-    both = "w not below half its larger term"
+    both = "$w$ not below half its larger term"
     return [
-        share("x', ulp of x'", "all", errors.phase, ulp_x),
-        share("x', ulp of x'", "unless \\|x + u\\| wraps to \\|x'\\| < 1/8",
+        share("$x'$, ulp of $x'$", "all", errors.phase, ulp_x),
+        share("$x'$, ulp of $x'$", "unless \\|x + u\\| wraps to \\|x'\\| < 1/8",
               errors.phase[safe], ulp_x[safe]),
-        share("x', ulp of a turn (2^-53)", "all", errors.phase, 2.0**-53),
-        share("w at the computed x', ulp of w", "all", errors.own, ulp_w),
-        share("w at the computed x', ulp of w", both, errors.own[whole], ulp_w[whole]),
-        share("w at the computed x', ulp of its larger term", "all", errors.own, ulp_larger),
-        share("w at the exact x', ulp of w", "all", errors.full, ulp_w),
-        share("w at the exact x', ulp of w", both, errors.full[whole], ulp_w[whole]),
-        share("w at the exact x', ulp of its larger term and what 2^-54 turns of phase move",
-              "all", errors.full, ulp_larger + moved),
+        share("$x'$, ulp of a turn ($2^{-53}$)", "all", errors.phase, 2.0**-53),
+        share("$w$ at the computed $x'$, ulp of $w$", "all", errors.own, ulp_w),
+        share("$w$ at the computed $x'$, ulp of $w$", both, errors.own[whole], ulp_w[whole]),
+        share("$w$ at the computed $x'$, ulp of its larger term", "all", errors.own, ulp_larger),
+        share("$w$ at the exact $x'$, ulp of $w$", "all", errors.full, ulp_w),
+        share("$w$ at the exact $x'$, ulp of $w$", both, errors.full[whole], ulp_w[whole]),
+        share("$w$ at the exact $x'$, ulp of its larger term and what $2^{-54}$ turns of phase "
+              "move", "all", errors.full, ulp_larger + moved),
     ]  # fmt: skip
 
 
@@ -234,9 +234,13 @@ def locked_row(k: int, e: float, a: float, impacts: int) -> tuple[list[str], flo
     return cells, excess
 
 
-UNBOUNDED = ("x', ulp of x'", "w at the computed x', ulp of w", "w at the exact x', ulp of w")
+UNBOUNDED = (
+    "$x'$, ulp of $x'$",
+    "$w$ at the computed $x'$, ulp of $w$",
+    "$w$ at the exact $x'$, ulp of $w$",
+)
 STEP_HEAD = ("quantity and unit", "states", "number", "within 1", "within 2", "largest")
-LOCKED_HEAD = ("k", "e", "a", "phase, turns", "impacts", "error, turns", "started beside",
+LOCKED_HEAD = ("$k$", "$e$", "$a$", "phase, turns", "impacts", "error, turns", "started beside",
                "forced", "excess", "naive form")  # fmt: skip
 SHORT = (0, 1, 2, 4, 5, 6, 7, 9)  # columns of the report
 

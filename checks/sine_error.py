@@ -203,7 +203,7 @@ def main() -> None:
     text = (
         f"Proved for every phase: error at most {proved.absolute:.3e}, or {proved.ulp:.3f} ulp of "
         f"the sine, or {proved.relative:.3f} half ulp relative to it "
-        f"(phases from 2^-960 turns on; 0 is exact). "
+        f"(phases from $2^{{-960}}$ turns on; 0 is exact). "
         f"Largest of {total.size:,} phases: {total.absolute:.3e}, and {total.ulp:.3f} ulp.\n\n"
         f"{provenance(time.perf_counter() - began, options.seed)}"
     )

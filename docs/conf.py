@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
+from enum import EnumType
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -54,20 +55,35 @@ nb_execution_timeout = 180
 nb_merge_streams = True
 
 
-def own_members(path: str) -> list[str]:
-    """Members that a class itself describes: methods, properties, codes; not its fields."""
+def public(path: str) -> object:
+    """What a dotted name stands for."""
     home, _, name = path.rpartition(".")
-    thing = getattr(import_module(home), name)
+    return getattr(import_module(home), name)
+
+
+def own_members(path: str) -> list[str]:
+    """Methods and properties of a class itself, not its fields and codes."""
+    thing = public(path)
     if not isinstance(thing, type):
         return []
-    kinds = (FunctionType, property, cached_property, thing)
-    shown = [name for name in vars(thing) if not name.startswith("_")]
-    return [name for name in shown if isinstance(getattr(thing, name), kinds)]
+    shown = {n: v for n, v in vars(thing).items() if not n.startswith("_")}
+    for field in getattr(thing, "__dataclass_fields__", ()):
+        shown.pop(field, None)  # its default
+    return [n for n, v in shown.items() if isinstance(v, (FunctionType, property, cached_property))]
+
+
+def codes(path: str) -> list[tuple[str, int, str]]:
+    """Names, numbers and sentences of the codes of a class that has any."""
+    thing = public(path)
+    return [(c.name, c.value, c.sentence) for c in thing] if isinstance(thing, EnumType) else []
 
 
 PAGE = (HERE / "reference" / "python.rst").read_text("utf-8")
 LISTED = re.findall(r"^   (vibrosweep\.[\w.]+)$", PAGE, re.MULTILINE)
-autosummary_context = {"own_members": {path: own_members(path) for path in LISTED}}
+autosummary_context = {
+    "own_members": {path: own_members(path) for path in LISTED},
+    "codes": {path: codes(path) for path in LISTED},
+}
 autodoc_type_aliases = {"ArrayLike": "ArrayLike", "NDArray": "NDArray", "Array": "NDArray"}
 autosummary_generate = True
 templates_path = ["_templates"]
@@ -83,7 +99,9 @@ UNREADABLE = {
 }
 SENTENCE = 45  # characters of a table's cell
 FUNCTION = re.compile(r"<mi>(sin|cos|tan|ln|log)</mi>(<mo[^>]*>&#x00028;)?")
-NUMBER = re.compile(r"[-+\d.,e]+( %)?")
+NUMBER = re.compile(r"[-+\d.,e]+( %)?( (to|of) [-+\d.,e]+( %)?)?")
+NAME = re.compile(r">[^<>\s]{12,}<")  # a word that is alone in its element
+JOINT = re.compile(r"(?<=\w)[._/(=](?=[^\W\d]\w\w)")
 BAR = re.compile("<mo[^>]*>&#x0007C;</mo>")
 
 html_theme = "pydata_sphinx_theme"
@@ -158,21 +176,40 @@ def as_written(app: Sphinx, thing: object, bound: bool) -> None:
 
 
 def mark_tables(app: Sphinx, document: Element, name: str) -> None:
-    """Tell tables of sentences, which wrap on a phone, from others, and numbers, which never do."""
+    """Tell tables of sentences from others, and numbers, which never wrap.
+
+    On a phone a row of sentences is a list, in which each entry begins with the name of its column.
+    """
     from docutils import nodes
 
     for table in document.findall(nodes.table):
         cells = list(table.findall(nodes.entry))
-        if any(len(cell.astext()) > SENTENCE for cell in cells):
-            table["classes"].append("prose")
         for cell in cells:
             if NUMBER.fullmatch(cell.astext()):
                 cell["classes"].append("number")
+        if any(len(cell.astext()) > SENTENCE for cell in cells):
+            table["classes"].append("prose")
+            head, *rows = table.findall(nodes.row)
+            for row in rows:
+                for column, cell in list(zip(head, row, strict=False))[1:]:
+                    if column.children and cell.children:
+                        title = nodes.inline("", "", classes=["column"])
+                        title += [node.deepcopy() for node in column[0].children]
+                        cell[0].insert(0, title)
+
+
+def breakable(app: Sphinx, error: Exception | None) -> None:
+    """Let long names break after their dots and underscores, and nowhere else."""
+    for page in Path(app.outdir).rglob("*.html"):
+        text = page.read_text("utf-8")
+        text = NAME.sub(lambda word: JOINT.sub(r"\g<0><wbr>", word[0]), text)
+        page.write_text(text, "utf-8")
 
 
 def setup(app: Sphinx) -> None:
-    """Draw formulas as MathML, mark tables, and shorten signatures."""
+    """Draw formulas as MathML, mark tables, break names, and shorten signatures."""
     app.add_html_math_renderer("mathml", (inline, None), (display, None))
     app.connect("doctree-resolved", mark_tables)
+    app.connect("build-finished", breakable)
     app.connect("autodoc-before-process-signature", as_written)
     app.connect("autodoc-process-signature", readable)

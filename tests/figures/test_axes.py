@@ -46,17 +46,29 @@ def test_what_is_given_is_drawn_on_and_returned(drawings):
     assert list(figures.sobol_bars(INDICES, ax=[left, right])) == [left, right]
 
 
-def test_legends_stand_inside_where_nothing_makes_room_for_them(drawings):
+def test_legends_and_labels_have_room_on_the_axes_of_a_user(drawings):
     for layout in (None, "constrained"):
         figure, every = pyplot.subplots(2, 2, figsize=(11.0, 9.0), layout=layout)
         for (name, dataset), axes in zip(drawings.items(), every.ravel(), strict=True):
             getattr(figures, name)(dataset, ax=axes)
         figure.canvas.draw()
         for axes in every.ravel():
-            legend, around = axes.get_legend().get_window_extent(), axes.get_window_extent()
-            assert (legend.y1 <= around.y1) == (layout is None)
-            assert legend.x0 >= around.x0 - 1.0
-            assert legend.x1 <= around.x1 or layout
+            assert axes.get_legend().get_window_extent().y0 >= axes.get_window_extent().y1 - 1.0
+        around = [axes.get_tightbbox() for axes in every.ravel()]
+        assert [one.count_overlaps(around) for one in around] == [1] * 4  # with itself
+        assert all(one.x0 >= 0.0 and one.x1 <= figure.bbox.x1 for one in around)
+
+
+def test_what_a_user_placed_stays_and_has_the_legend_inside(twenty):
+    adjusted = pyplot.figure()
+    adjusted.subplots_adjust(left=0.2)
+    for axes in (pyplot.figure().add_axes((0.1, 0.1, 0.8, 0.8)), adjusted.subplots()):
+        placed = axes.get_position(original=True).bounds
+        figures.return_map(twenty, ax=axes)
+        legend, around = axes.get_legend().get_window_extent(), axes.get_window_extent()
+        assert axes.get_position(original=True).bounds == placed
+        assert legend.y1 <= around.y1
+        assert legend.x1 <= around.x1
 
 
 def test_without_axes_pyplot_has_the_figure(drawings):

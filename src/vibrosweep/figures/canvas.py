@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from typing import Any, Final, ParamSpec
@@ -9,6 +10,8 @@ from typing import Any, Final, ParamSpec
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotParams
+from matplotlib.layout_engine import PlaceHolderLayoutEngine
 from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
@@ -110,6 +113,30 @@ def panels_on(
         figure = pyplot.figure(**size)
     panels = figure.subplot_mosaic([list(row) for row in mosaic], **arrangement)
     return np.array([panels[i] for i in range(count)], dtype=object)
+
+
+def has_room(axes: Axes) -> bool:
+    """Return whether a layout engine or `make_room` makes room around the axes."""
+    figure = axes.get_figure(root=True)
+    if figure is None or _arranges(figure):
+        return figure is not None
+    arranged = isinstance(figure.get_layout_engine(), PlaceHolderLayoutEngine)  # by make_room
+    by_hand = not arranged and vars(figure.subplotpars) != vars(SubplotParams())
+    return axes.figure is figure and axes.get_subplotspec() is not None and not by_hand
+
+
+def make_room(axes: Axes) -> None:
+    """Make room for labels and legends in a user's figure that no layout engine arranges."""
+    figure = axes.get_figure(root=True)
+    if figure and has_room(axes) and not _arranges(figure):
+        with warnings.catch_warnings():  # the figure is too small, or has axes placed by hand
+            warnings.simplefilter("ignore", UserWarning)
+            figure.tight_layout()
+
+
+def _arranges(figure: Figure) -> bool:
+    engine = figure.get_layout_engine()
+    return engine is not None and not isinstance(engine, PlaceHolderLayoutEngine)
 
 
 def for_file(draw: Callable[P, Axes | Panels], *args: P.args, **kwargs: P.kwargs) -> Figure:

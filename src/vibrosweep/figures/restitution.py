@@ -154,7 +154,10 @@ def _draw_dots(axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array)
     )
     if coloured:
         words = data.label(sweep, name) if name else "kick $2 f A / g$"
-        axes.figure.colorbar(dots, ax=axes, label=words, pad=0.02, aspect=30)
+        figure = axes.get_figure(root=True)
+        engine = figure.get_layout_engine() if figure else None
+        moved = engine is not None and not engine.colorbar_gridspec  # beyond the names of plateaus
+        axes.figure.colorbar(dots, ax=axes, label=words, pad=0.02 if moved else 0.1, aspect=30)
 
 
 def _draw_density(axes: Axes, restitution: Array, height: Array) -> None:

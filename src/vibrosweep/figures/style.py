@@ -8,11 +8,19 @@ from collections.abc import Callable
 from typing import Any, Final, ParamSpec, TypeVar
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.typing import ColorType
 
-from vibrosweep.figures.canvas import axes_on, for_file, load_backend, panels_on
+from vibrosweep.figures.canvas import (
+    axes_on,
+    for_file,
+    has_room,
+    load_backend,
+    make_room,
+    panels_on,
+)
 
 __all__ = [
     "COLUMN",
@@ -128,7 +136,10 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
         if kwargs.get("ax") is None:
             load_backend()
         with mpl.rc_context(RC):
-            return draw(*args, **kwargs)
+            drawn = draw(*args, **kwargs)
+            if kwargs.get("ax") is not None:
+                make_room(np.ravel(np.asarray(kwargs["ax"], dtype=object))[0])
+            return drawn
 
     return wrapper
 
@@ -165,7 +176,7 @@ def halo() -> list[patheffects.AbstractPathEffect]:
 def head(axes: Axes, remark: str, columns: int = 4) -> None:
     """Put a remark, and the legend if there is one, above the axes, where they hide no data.
 
-    The legend stands inside the axes of a figure without a layout engine, which makes no room.
+    The legend stands inside axes for which nothing makes room (`canvas.has_room`).
 
     Parameters
     ----------
@@ -207,8 +218,7 @@ def remark_of(axes: Axes) -> str:
 def _explain(axes: Axes, remark: str, place: dict[str, Any]) -> None:
     """Put a remark and the legend at a place outside the axes, if there is room."""
     handles, labels = axes.get_legend_handles_labels()
-    figure = axes.get_figure(root=True)
-    if not (figure and figure.get_layout_engine()):
+    if not has_room(axes):
         remark = _in_lines(remark, INSIDE * _room(axes))
         place = {"loc": "best", "frameon": True, "borderpad": 0.4, "fontsize": 7.0}
     if remark:
