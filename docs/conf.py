@@ -192,7 +192,7 @@ def mark_tables(app: Sphinx, document: Element, name: str) -> None:
             head, *rows = table.findall(nodes.row)
             for row in rows:
                 for column, cell in list(zip(head, row, strict=False))[1:]:
-                    if column.children and cell.children:
+                    if len(row) > 2 and column.children and cell.children:
                         title = nodes.inline("", "", classes=["column"])
                         title += [node.deepcopy() for node in column[0].children]
                         cell[0].insert(0, title)
