@@ -13,6 +13,7 @@ from test_kernels import THREADS
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.restitution import Constant
+from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
@@ -38,7 +39,7 @@ def engine(given, particles, workers):
 
 def scalar(given, particles, workers):
     """The result of the scalar loop."""
-    problem, mount = dimensionless(given, DURATION), mounts(given, Constant())
+    problem, mount = dimensionless(given, DURATION), mounts(given, Constant(), Sine())
     start = launches("staggered", particles, given["frequency"])
     size = given["frequency"].size
 

@@ -22,7 +22,7 @@ APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on
 SHAPED: Final[Mapping[str, tuple[str, ...]]] = {
     SINE_NAME: BASES,
     PARABOLIC_NAME: (HIGH_BOUNCE,),
-    HARMONICS_NAME: APART,
+    HARMONICS_NAME: BASES,
 }
 
 

@@ -18,6 +18,7 @@ from vibrosweep.kernels.coupled.settling import (
     settle_jointly,
 )
 from vibrosweep.kernels.restitution import Constant
+from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
 from vibrosweep.model.forcing import completed, only_parameters
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches, mounts
@@ -166,7 +167,7 @@ def test_rest_after_the_last_landing_that_the_budget_allows_is_seen():
     scene |= {"mount_frequency": 0.4, "mount_damping": 0.1}
     parameters = all_parameters({name: np.array([v]) for name, v in scene.items()})
     launch = launches((0.0, 0.3), 2, parameters["frequency"])
-    batch = Coupled(dimensionless(parameters, 60.0), mounts(parameters, Constant()), launch)
+    batch = Coupled(dimensionless(parameters, 60.0), mounts(parameters, Constant(), Sine()), launch)
 
     def found(budget):
         out = empty_joint(1)

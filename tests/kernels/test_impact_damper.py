@@ -5,6 +5,7 @@ import math
 import pytest
 from scipy.optimize import brentq
 
+from vibrosweep.kernels.bases.drives import Phase
 from vibrosweep.kernels.bases.sprung import Mount, loaded, move, recoil
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.model.coupled_theory import impact_damper
@@ -34,7 +35,7 @@ def test_a_particle_between_two_walls_repeats_the_impact_damper(amplitude, e, mu
             side = -side
             d = place + amplitude * math.cos(TWO_PI * x)
             v = velocity - TWO_PI * amplitude * math.sin(TWO_PI * x)
-            start = (load, math.sin(TWO_PI * x), math.cos(TWO_PI * x), d, v)
+            start = (load, Phase(x, math.sin(TWO_PI * x), math.cos(TWO_PI * x)), d, v)
 
             def ahead(s, start=start, place=place, velocity=velocity, particle=particle, u=u):
                 """Clearance of the particle from the wall that it flies to."""

@@ -7,6 +7,7 @@ import vibrosweep as vs
 from vibrosweep.kernels.bases.sprung import mount, recoil_from
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.restitution import Constant
+from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.parameters import dimensionless, mounts
 
 NOISE = {"restitution_noise": 0.1, "kick_noise": 0.1}
@@ -35,7 +36,7 @@ def test_a_realization_of_a_sweep_is_replayed():
 def test_momentum_is_conserved(parameters):
     batch = parameters(mount_frequency=0.4, mount_damping=0.1, mass_ratio=0.2, restitution=0.8)
     problem, noise = dimensionless(batch, 1.0), noise_of((1, 1, None, None), 0)
-    fixed = mount(problem, mounts(batch, Constant()), 0)
+    fixed = mount(problem, mounts(batch, Constant(), Sine()), 0)
     for c, w in ((0.3, 0.1), (2.0, 3.0)):
         lost = recoil_from(noise, fixed, 0, c, w)
         assert lost == pytest.approx(0.2 * (c + w - lost), rel=1e-14)

@@ -7,6 +7,7 @@ import vibrosweep as vs
 from vibrosweep.kernels.bases.sprung import mount, recoil, recoil_share
 from vibrosweep.kernels.falling import restitution_of
 from vibrosweep.kernels.restitution import ratio, slope
+from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.parameters import dimensionless, mounts
 
 FALLING = ("plastic", "viscoelastic")
@@ -27,7 +28,7 @@ def test_without_mass_particles_move_as_over_the_moving_base(name):
 def test_momentum_is_conserved_and_the_slope_is_the_derivative(parameters, name):
     given = {"restitution": 0.8, "restitution_speed": 1.0, "mass_ratio": 0.2}
     batch = parameters(mount_frequency=0.4, mount_damping=0.1, gravity=2.0, **given)
-    known = mounts(batch, restitution_of(name))
+    known = mounts(batch, restitution_of(name), Sine())
     fixed = mount(dimensionless(batch, 1.0), known, 0)
     for c in (0.3, 2.0, 7.0):
         lost = recoil(fixed, 0, c, False)

@@ -186,7 +186,7 @@ def test_periods_that_cannot_be_counted_are_refused(parameters):
 def test_a_mount_is_seen_in_units_of_the_forcing(parameters):
     given = {"mass_ratio": 0.004, "mount_frequency": 3.0, "mount_damping": 0.1}
     scene = parameters(frequency=[6.0, 12.0]) | {n: np.full(2, v) for n, v in given.items()}
-    found = mounts(scene, None)
+    found = mounts(scene, None, None)
     assert np.array_equal(found.mass_ratio, [0.004, 0.004])
     assert np.array_equal(found.natural, [0.5, 0.25])
     assert np.array_equal(found.damping, [0.1, 0.1])

@@ -22,6 +22,7 @@ from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import bare_scene
+from vibrosweep.scene.waveform import stored
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")
 # Samples in a forcing period, and altogether
@@ -72,7 +73,8 @@ def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
     """
     require(one, analysis, *NEEDS)
     begin, end = float(one["launch_time"].min()), float(one["duration"])
-    return Recoiling(alone.speed, alone.frequency, alone.phase, _track(one, analysis), begin, end)
+    track, shape = _track(one, analysis), alone.waveform
+    return Recoiling(alone.speed, alone.frequency, alone.phase, track, begin, end, waveform=shape)
 
 
 def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
@@ -91,7 +93,7 @@ def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
         Measures.impact_budget if followed else max(int(landings.max()), 1),
         SPRUNG,
     )
-    scene = replace(scene, restitution_law=law_in(one.attrs))
+    scene = replace(scene, restitution_law=law_in(one.attrs), waveform=stored(one.attrs))
     with Workers(1) as workers:
         if not np.array_equal(count_coupled(parameters, scene, workers).landings, landings):
             raise DataError(

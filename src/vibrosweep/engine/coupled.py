@@ -37,12 +37,14 @@ from vibrosweep.kernels.coupled.motion_record import MotionRecord, Track, empty_
 from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
 from vibrosweep.kernels.falling import restitution_of
+from vibrosweep.kernels.harmonics import shape_of
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.record import Record, Scale, Units, empty_record
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.shapes import SINE
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene
@@ -125,7 +127,7 @@ def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     law, noise = restitution_of(scene.restitution_law), noise_of(problem.noise, scene.noise_seed)
-    return Coupled(problem, mounts(parameters, law, noise), launch)
+    return Coupled(problem, mounts(parameters, law, shape_of(scene.waveform), noise), launch)
 
 
 def _order(whole: PerRealization, frequency: Array) -> Measured:
@@ -226,7 +228,9 @@ def carry_on(
     state.now[NOW.D], state.now[NOW.B] = begin.deviation
     rode = np.zeros_like(state.mode)
     law = restitution_of(restitution_law)
-    landings = carry(state, problem, mounts(parameters, law), 0, periods, rode, matrix)
+    landings = carry(
+        state, problem, mounts(parameters, law, shape_of(SINE)), 0, periods, rode, matrix
+    )
     if landings < 0:
         raise ParameterError("the next landing could not be found: the parameters are too extreme")
     return Neighbours(

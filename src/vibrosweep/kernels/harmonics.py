@@ -184,15 +184,19 @@ def _rise(shape: Harmonics, a: float, r: float, k: int) -> float:
     return x - np.rint(x)  # type: ignore[no-any-return]
 
 
-def for_each(field: str, term: str) -> Any:
-    """Function of (shape, a, r, s, j) that returns a tuple: a term for each element of a field."""
+def for_each(field: str, term: str, given: str = "a, r, s, j", **names: Any) -> Any:
+    """Function of a shape and what is `given` that returns a term for each element of a field.
+
+    Terms may call what the names stand for, `rise` and `falls`.
+    """
+    known = {"rise": _rise, "falls": falls_through, **names}
 
     @functools.cache
     def written(count: int) -> Any:
         terms = "".join(f"{term.format(k=k, row=k * STRIDE)}, " for k in range(count))
-        names: dict[str, Any] = {"rise": _rise, "falls": falls_through}
-        exec(f"def written(shape, a, r, s, j):\n    return ({terms})\n", names)
-        return names["written"]
+        space: dict[str, Any] = dict(known)
+        exec(f"def written(shape, {given}):\n    return ({terms})\n", space)
+        return space["written"]
 
     def call(shape: Harmonics, *arguments: Any) -> Any:
         return written(len(getattr(shape, field)))(shape, *arguments)

@@ -188,8 +188,11 @@ class Mounts(NamedTuple):
     mass_ratio: Array  # mu, mass of one particle in units of that of the base
     natural: Array  # nu = f0 / f, natural frequency of the mount in units of that of the forcing
     damping: Array  # zeta, damping ratio of the mount
-    restitution: Any  # law of restitution, as kernels take it
-    noise: Any = None  # what is random in impacts, as kernels take it
+    # restitution, waveform, noise: law of restitution, shape of the motion of the base without
+    # particles, and what is random in impacts, as kernels take them
+    restitution: Any
+    waveform: Any
+    noise: Any = None
 
 
 class Launches(NamedTuple):
@@ -267,10 +270,13 @@ def taken(problem: Dimensionless, which: Any) -> Dimensionless:
     return Dimensionless(*map(row, problem))
 
 
-def mounts(parameters: Mapping[str, Array], restitution: Any, noise: Any = None) -> Mounts:
+def mounts(
+    parameters: Mapping[str, Array], restitution: Any, waveform: Any, noise: Any = None
+) -> Mounts:
     """Change the mounts of realizations to the dimensionless form, from frequency and `MOUNT`."""
     ratio, frequency, damping = (parameters[name] for name in MOUNT)
-    return Mounts(ratio, frequency / parameters["frequency"], damping, restitution, noise)
+    natural = frequency / parameters["frequency"]
+    return Mounts(ratio, natural, damping, restitution, waveform, noise)
 
 
 def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Array, Array]:

@@ -7,7 +7,8 @@ import pytest
 from flint import arb, ctx
 from scipy.integrate import solve_ivp
 
-from vibrosweep.proof.reference.mount import Arc, Mount
+from vibrosweep.proof.reference.drives import Mount
+from vibrosweep.proof.reference.mount import Arc
 
 X, D, V = 0.3, 0.12, -0.4
 

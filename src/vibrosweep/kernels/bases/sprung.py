@@ -1,13 +1,13 @@
 """A base of finite mass on a linear mount: its motion between impacts, and what an impact does.
 
 Time is in forcing periods, speed in g / (2 f), so that gravity is 2.  Without particles the base
-moves as the one of infinite mass does, at the height -alpha / (2 pi) cos(2 pi x).  With n particles
-that ride it, mu being the mass of one in units of that of the base, its height Y obeys
+moves as the one of infinite mass does, at the height alpha W(x).  With n particles that ride it, mu
+being the mass of one in units of that of the base, its height Y obeys
 
     (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f:
 
-a forced oscillation, the sag under the load, and a free oscillation D, which impacts excite.  Every
-impact pushes the base down.
+a motion that the drive forces (`drives`), the sag under the load, and a free oscillation D, which
+impacts excite.  Every impact pushes the base down.
 
 An overdamped mount does not swing: D decays with a slow and a fast rate.  What decays fast soon
 leaves D' = -slow D, from which the acceleration would be a small difference of large terms: at a
@@ -24,10 +24,21 @@ import numpy as np
 
 from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit, part
+from vibrosweep.kernels.bases.drives import (
+    Drive,
+    Phase,
+    Reach,
+    Share,
+    forced,
+    onto,
+    reach_of,
+    steepness,
+)
 from vibrosweep.kernels.bases.exponential import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
 from vibrosweep.kernels.noise import SILENT, Noise, Source, source_of
 from vibrosweep.kernels.restitution import Restitution, ratio, scale_of
+from vibrosweep.kernels.waveforms import Shape, Sine
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
 TWO_PI = 2.0 * math.pi
@@ -39,8 +50,8 @@ TERMS = 40
 class Mount(NamedTuple):
     """Numbers that decide the motion of one realization."""
 
-    # e, alpha, r: restitution, largest velocity of the base without particles, and threshold of
-    # rest
+    # e, alpha, r: restitution, factor of the velocity of the base without particles, and threshold
+    # of rest
     e: float
     alpha: float
     r: float
@@ -55,6 +66,7 @@ class Mount(NamedTuple):
     # What is random in impacts, and the noise of this realization
     noise: Noise | None = None
     source: Source = SILENT
+    waveform: Shape = Sine()  # of its motion without particles
 
 
 class Load(NamedTuple):
@@ -64,16 +76,14 @@ class Load(NamedTuple):
     # stiffness, drag: of the free oscillation D'' + 2 drag D' + stiffness D = 0
     stiffness: float
     drag: float
-    # p, q: the forced oscillation p cos(2 pi x) + q sin(2 pi x)
-    p: float
-    q: float
+    drive: Drive  # the forced motion
     level: float  # height about which it oscillates
     keeps: float  # time for which a push down holds the base down: half a free oscillation
     swing: float  # radians of the free oscillation per period; 0 where it is overdamped
     # slow, fast: rates of decay of an overdamped one, else 0
     slow: float
     fast: float
-    reach: float  # amplitude of the forced oscillation
+    reach: Reach  # bounds of the forced motion
     # natural, grip: a free motion with the energy of the velocity v reaches the height v / natural
     # and the acceleration grip v
     natural: float
@@ -118,9 +128,9 @@ class Bounds(NamedTuple):
 @jit
 def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
     """Return the numbers that decide the motion of realization i."""
-    e, law = problem.restitution[i], mounts.restitution
+    e, law, shape = problem.restitution[i], mounts.restitution, mounts.waveform
     alpha = problem.kick[i] / (1.0 + e)
-    if math.pi * alpha > LARGEST_GAMMA:
+    if 0.5 * alpha * steepness(shape) > LARGEST_GAMMA:
         alpha = np.nan
     return Mount(
         e,
@@ -133,6 +143,7 @@ def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
         mounts.damping[i],
         mounts.noise,
         source_of(problem.noise, problem.end_count, i),
+        shape,
     )
 
 
@@ -141,15 +152,7 @@ def loaded(fixed: Mount, riders: int) -> Load:
     """Return the base under the load of so many particles."""
     mass = 1.0 + riders * fixed.mu
     stiffness, drag = fixed.w * fixed.w / mass, fixed.zeta * fixed.w / mass
-    p, q = -fixed.alpha / TWO_PI, 0.0
-    if mass > 1.0:
-        # the response to what moves the bare base with the amplitude p
-        damping = 2.0 * fixed.zeta * fixed.w * TWO_PI
-        bare = fixed.w * fixed.w - TWO_PI * TWO_PI
-        full = bare - (mass - 1.0) * TWO_PI * TWO_PI
-        norm = full * full + damping * damping
-        q = -p * damping * (full - bare) / norm
-        p = p * (bare * full + damping * damping) / norm
+    drive = forced(fixed.waveform, fixed.alpha, fixed.w, fixed.zeta, mass)
     swing = math.sqrt(max(stiffness - drag * drag, 0.0))
     keeps = math.pi / swing if swing > 0.0 else np.inf
     fast = slow = 0.0
@@ -157,10 +160,10 @@ def loaded(fixed: Mount, riders: int) -> Load:
         fast = drag + math.sqrt(max(fma(drag, drag, -stiffness), 0.0))
         slow = stiffness / fast
     level = -2.0 * (mass - 1.0) / (fixed.w * fixed.w) if mass > 1.0 else 0.0
-    reach, natural = math.sqrt(fma(p, p, q * q)), math.sqrt(stiffness)
+    reach, natural = reach_of(drive), math.sqrt(stiffness)
     grip = math.sqrt(4.0 * drag * drag + stiffness)
     return Load(
-        riders, stiffness, drag, p, q, level, keeps, swing, slow, fast, reach, natural, grip
+        riders, stiffness, drag, drive, level, keeps, swing, slow, fast, reach, natural, grip
     )
 
 
@@ -188,16 +191,16 @@ def bounds(load: Load, d: float, b: float) -> Bounds:
     The energy of the free motion never grows, nor do the two exponentials of overdamped motion.
     Where their rates are far apart, the exponentials bound it more closely.
     """
-    base, reach = load.level + load.reach, TWO_PI**2 * load.reach
+    base, reach = load.level + load.reach.height, load.reach
     slow, fast = load.slow, load.fast
     if fast > 14.0 * slow:
         brief = abs(b) / (fast - slow)
         steep, flat = brief * fast * fast, (abs(d) + brief) * slow * slow
         return Bounds(
             base + abs(d) + 2.0 * brief,
-            reach + (steep + flat),
-            TWO_PI * reach + (steep * fast + flat * slow),
-            TWO_PI**2 * reach + (steep * fast * fast + flat * slow * slow),
+            reach.pull + (steep + flat),
+            reach.jerk + (steep * fast + flat * slow),
+            reach.snap + (steep * fast * fast + flat * slow * slow),
         )
     v = velocity(load, d, b)
     speed = math.sqrt(v * v + load.stiffness * d * d)
@@ -206,9 +209,9 @@ def bounds(load: Load, d: float, b: float) -> Bounds:
     snap = twice * jerk + load.stiffness * load.grip
     return Bounds(
         base + (speed / load.natural if speed > 0.0 else 0.0),
-        reach + load.grip * speed,
-        TWO_PI * reach + jerk * speed,
-        TWO_PI**2 * reach + snap * speed,
+        reach.pull + load.grip * speed,
+        reach.jerk + jerk * speed,
+        reach.snap + snap * speed,
     )
 
 
@@ -271,23 +274,12 @@ def free_motion(load: Load, d: float, b: float, s: float) -> Free:
 
 
 @jit
-def move(load: Load, sine: float, cosine: float, d: float, b: float, s: float) -> Motion:
-    """Return the motion of the base s periods after a phase of this sine and cosine."""
-    turned, lag, c = turn(s)
-    height = load.p * cosine + load.q * sine
-    slope = load.q * cosine - load.p * sine
+def move(load: Load, at: Phase, d: float, b: float, s: float) -> Motion:
+    """Return the motion of the base s periods after a phase."""
     rise, gain, d, b = free_motion(load, d, b, s)
     pull, jerk = free_pull(load, d, b)
-    h = height * (1.0 - c) + slope * turned
-    h1 = slope * (1.0 - c) - height * turned
-    return Motion(
-        rise - height * c - slope * lag,
-        gain - TWO_PI * (height * turned + slope * c),
-        d,
-        b,
-        pull - TWO_PI**2 * h,
-        jerk - TWO_PI**3 * h1,
-    )
+    rise, gain, pull, jerk = onto(load.drive, at, s, Share(rise, gain, pull, jerk))
+    return Motion(rise, gain, d, b, pull, jerk)
 
 
 @jit

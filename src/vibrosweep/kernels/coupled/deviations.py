@@ -9,9 +9,8 @@ continuous and nothing is added.
 
 from __future__ import annotations
 
-import math
-
 from vibrosweep.kernels._jit import Floats, Integers, jit, part
+from vibrosweep.kernels.bases.drives import forcing
 from vibrosweep.kernels.bases.sprung import Load, Mount, free_motion, loaded, recoil_share
 from vibrosweep.kernels.coupled.events import next_event
 from vibrosweep.kernels.coupled.state import (
@@ -21,6 +20,7 @@ from vibrosweep.kernels.coupled.state import (
     Event,
     System,
     acceleration,
+    phase_now,
 )
 from vibrosweep.kernels.restitution import ratio, slope
 
@@ -55,11 +55,9 @@ def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
 @jit
 def _pull(state: System, fixed: Mount, count: int, speed: float) -> float:
     """Acceleration of the base now, at this velocity and with so many riders."""
-    bare, now = loaded(fixed, 0), state.now
-    turning = 2.0 * math.pi
-    driven = (bare.stiffness - turning**2) * now[NOW.COSINE]
-    driven -= 2.0 * bare.drag * turning * now[NOW.SINE]
-    free = bare.p * driven - 2.0 * bare.drag * speed - bare.stiffness * now[NOW.HEIGHT]
+    bare = loaded(fixed, 0)
+    driven = forcing(bare.drive, phase_now(state), bare.stiffness, bare.drag)
+    free = driven - 2.0 * bare.drag * speed - bare.stiffness * state.now[NOW.HEIGHT]
     return float((free - 2.0 * count * fixed.mu) / (1.0 + count * fixed.mu))
 
 

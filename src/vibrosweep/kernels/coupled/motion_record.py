@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, part, uncounted
+from vibrosweep.kernels.bases.drives import phase_of, place
 from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move, velocity
 from vibrosweep.kernels.coupled.state import NOW, System
 from vibrosweep.kernels.record import Record, Scale, Units, seconds
-from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
@@ -71,12 +70,10 @@ def trace(
             event += 1
         load = loaded(fixed, track.riders[i, event])
         turns = scale.frequency * track.time[i, event] + scale.phase
-        x = turns - np.rint(turns)
-        sine, cosine = sin_turns(x), cos_turns(x)
+        at = phase_of(turns - np.rint(turns))
         d, b = track.deviation[i, event], track.beyond[i, event]
         passed = scale.frequency * (times[k] - track.time[i, event])
-        motion = move(load, sine, cosine, d, b, passed)
-        speed = 2.0 * math.pi * (load.q * cosine - load.p * sine) + velocity(load, d, b)
-        height = load.p * cosine + load.q * sine + load.level + d
-        out[0, k] = height + speed * passed + motion.rise
+        motion, forced = move(load, at, d, b, passed), place(load.drive, at)
+        speed = forced.speed + velocity(load, d, b)
+        out[0, k] = (forced.height + load.level + d) + speed * passed + motion.rise
         out[1, k] = speed + motion.gain

@@ -6,12 +6,12 @@ periods and phase are kept apart, as everywhere.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, part
+from vibrosweep.kernels.bases.drives import Phase, phase_of, place
 from vibrosweep.kernels.bases.sprung import (
     Load,
     Motion,
@@ -22,10 +22,7 @@ from vibrosweep.kernels.bases.sprung import (
     velocity,
 )
 from vibrosweep.kernels.impact import land, launch
-from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Launches
-
-TWO_PI = 2.0 * math.pi
 
 
 class Particle(NamedTuple):
@@ -128,8 +125,8 @@ def begin(state: System, fixed: Mount, problem: Dimensionless, launches: Launche
         particle[PARTICLE.IMPACTS, j] = 0.0
         if _between(particle, j, first) < 0.0:
             first = j
-    for place in range(now.size):
-        now[place] = 0.0
+    for k in range(now.size):
+        now[k] = 0.0
     now[NOW.N], now[NOW.X] = particle[PARTICLE.N, first], particle[PARTICLE.X, first]
     now[NOW.LIFT], now[NOW.WAITING] = np.inf, mode.size
     for j in range(mode.size):
@@ -150,30 +147,32 @@ def _between(particle: Floats, j: int, first: int) -> float:
 def locate(state: System, load: Load) -> None:
     """Find height and velocity of the base from its phase and deviation."""
     now = state.now
-    sine, cosine = sin_turns(now[NOW.X]), cos_turns(now[NOW.X])
-    now[NOW.SINE], now[NOW.COSINE] = sine, cosine
-    now[NOW.HEIGHT] = load.p * cosine + load.q * sine + load.level + now[NOW.D]
-    free = velocity(load, now[NOW.D], now[NOW.B])
-    now[NOW.SPEED] = TWO_PI * (load.q * cosine - load.p * sine) + free
+    at = phase_of(now[NOW.X])
+    now[NOW.SINE], now[NOW.COSINE] = at.sine, at.cosine
+    forced = place(load.drive, at)
+    now[NOW.HEIGHT] = forced.height + load.level + now[NOW.D]
+    now[NOW.SPEED] = forced.speed + velocity(load, now[NOW.D], now[NOW.B])
+
+
+@jit
+def phase_now(state: System) -> Phase:
+    """Return the phase now."""
+    return Phase(state.now[NOW.X], state.now[NOW.SINE], state.now[NOW.COSINE])
 
 
 @part
 def motion_after(state: System, load: Load, t: float) -> Motion:
     """Return the motion of the base after the time t from now."""
     now = state.now
-    return move(load, now[NOW.SINE], now[NOW.COSINE], now[NOW.D], now[NOW.B], t)
+    return move(load, phase_now(state), now[NOW.D], now[NOW.B], t)
 
 
 @jit
 def acceleration(state: System, load: Load) -> tuple[float, float]:
     """Return the acceleration of the base now, and its rate."""
-    now = state.now
-    sine, cosine = now[NOW.SINE], now[NOW.COSINE]
-    free, rate = free_pull(load, now[NOW.D], now[NOW.B])
-    return (
-        free - TWO_PI**2 * (load.p * cosine + load.q * sine),
-        rate - TWO_PI**3 * (load.q * cosine - load.p * sine),
-    )
+    forced = place(load.drive, phase_now(state))
+    free, rate = free_pull(load, state.now[NOW.D], state.now[NOW.B])
+    return free + forced.pull, rate + forced.jerk
 
 
 @part
@@ -210,8 +209,7 @@ def since_now(state: System, j: int) -> float:
 def under(state: System, fixed: Mount, count: int) -> Load:
     """Change the load: the same height and velocity of the base are another deviation."""
     changed, now = loaded(fixed, count), state.now
-    sine, cosine = now[NOW.SINE], now[NOW.COSINE]
-    now[NOW.D] = now[NOW.HEIGHT] - (changed.p * cosine + changed.q * sine + changed.level)
-    free = now[NOW.SPEED] - TWO_PI * (changed.q * cosine - changed.p * sine)
-    now[NOW.B] = free + changed.slow * now[NOW.D]
+    forced = place(changed.drive, phase_now(state))
+    now[NOW.D] = now[NOW.HEIGHT] - (forced.height + changed.level)
+    now[NOW.B] = now[NOW.SPEED] - forced.speed + changed.slow * now[NOW.D]
     return changed

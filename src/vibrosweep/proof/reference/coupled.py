@@ -28,7 +28,7 @@ from vibrosweep.proof.reference.decisions import (
 )
 from vibrosweep.proof.reference.events import LANDING, Bodies, Event, Launch
 from vibrosweep.proof.reference.laws import Laws
-from vibrosweep.proof.reference.mount import Mount
+from vibrosweep.proof.reference.drives import Mount
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.reference.sprung import System
 
@@ -122,6 +122,7 @@ def bodies_of(parameters: Mapping[str, float], laws: Laws = CONSTANT_LAWS) -> Bo
         natural=2 * arb.pi() * p["mount_frequency"] / p["frequency"],
         damping=p["mount_damping"],
         mass_ratio=p["mass_ratio"],
+        waveform=laws.waveform,
     )
     rest = p["frequency"] * p["contact_time"]
     return Bodies(mount, laws.in_periods(p), rest, rate * p["launch_velocity"])

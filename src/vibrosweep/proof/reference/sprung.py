@@ -171,10 +171,9 @@ class System:
             flying.speed -= 2 * passed + fast
             flying.clear = None
         self._deviation, self._rate = arc.deviation(s)
-        alpha = self._bodies.mount.alpha
-        sine, cosine = (2 * turns).sin_cos_pi()
-        self._turns, self._height = turns, self._deviation - alpha / (2 * arb.pi()) * cosine
-        self._own_velocity, self._own_press = alpha * sine, 2 + 2 * arb.pi() * alpha * cosine
+        alpha, wave, h = self._bodies.mount.alpha, self._bodies.mount.wave, 2 * turns
+        self._turns, self._height = turns, self._deviation + alpha * wave.level(h)
+        self._own_velocity, self._own_press = alpha * wave.velocity(h), 2 + alpha * wave.slope(h)
         return arrival
 
     def _settle(self) -> None:

@@ -1,0 +1,122 @@
+"""Motion that the drive forces on a base of finite mass, between events, in ball arithmetic.
+
+The units and names are those of `vibrosweep.proof.reference.mount`.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.proof.reference._flint import arb
+from vibrosweep.proof.reference.decisions import UncertainError
+from vibrosweep.proof.reference.waves import Wave, wave_of
+
+ZERO = arb(0)
+
+
+class Mount(NamedTuple):
+    """A base and its mount."""
+
+    alpha: arb  # factor of the velocity of the base without particles
+    natural: arb  # w0, angle per forcing period
+    damping: arb  # zeta
+    mass_ratio: arb  # mu, of one particle and the base
+    waveform: Waveform = SINE  # of the base without particles
+
+    @property
+    def wave(self) -> Wave:
+        """Shape of the motion of the base without particles."""
+        return wave_of(self.waveform)
+
+
+class _Tone(NamedTuple):
+    """Coefficients of the cosine and the sine of a harmonic, since the beginning of an arc."""
+
+    number: int
+    # forced, answered: of the height of the base, and of its deviation D
+    forced: tuple[arb, arb]
+    answered: tuple[arb, arb]
+
+
+class Tones:
+    """Forced oscillations under a load, from a phase in turns on.
+
+    Raises an UncertainError, about the next landing, at a resonance without damping.
+    """
+
+    def __init__(self, mount: Mount, x: arb, load: arb, impact: int) -> None:
+        self._tones = []
+        numbers = [h for h, _, _ in mount.waveform.tones] or [1]
+        for number, (u, v) in zip(numbers, mount.wave.begun(2 * x), strict=True):
+            turn = _turn(number)
+            bare = -mount.alpha * v / turn, mount.alpha * u / turn
+            c, d = _answer(mount, load, turn, bare, impact)
+            self._tones.append(_Tone(number, (bare[0] + c, bare[1] + d), (c, d)))
+        self._last: tuple[arb, list[tuple[arb, arb]]] | None = None
+
+    def _at(self, s: arb) -> list[tuple[arb, arb]]:
+        """Sine and cosine of each oscillation after s periods; the last ones are kept."""
+        if self._last is None or self._last[0] is not s:
+            self._last = s, [(2 * tone.number * s).sin_cos_pi() for tone in self._tones]
+        return self._last[1]
+
+    def derivative(self, order: int, s: arb) -> arb:
+        """Height after s periods (0), its velocity (1), acceleration (2), ..."""
+        total = ZERO
+        for (h, (c, d), _), (sine, cosine) in zip(self._tones, self._at(s), strict=True):
+            forced = d * cosine - c * sine if order % 2 else c * cosine + d * sine
+            total += forced * _turn(h) ** order * (-1) ** (order // 2)
+        return total
+
+    def since(self, s: arb) -> tuple[arb, arb]:
+        """Change of the height beyond uniform motion, and of the velocity, in s periods."""
+        far = fast = ZERO
+        for (h, (c, d), _), (sine, cosine) in zip(self._tones, self._at(s), strict=True):
+            far += c * (cosine - 1) + d * (sine - _turn(h) * s)
+            fast += _turn(h) * (d * (cosine - 1) - c * sine)
+        return far, fast
+
+    def answer(self, s: arb) -> tuple[arb, arb]:
+        """Forced part of D and of D' after s periods."""
+        height = rate = ZERO
+        for (h, _, (c, d)), (sine, cosine) in zip(self._tones, self._at(s), strict=True):
+            height += c * cosine + d * sine
+            rate += _turn(h) * (d * cosine - c * sine)
+        return height, rate
+
+    def most(self, order: int) -> arb:
+        """Bound of the modulus of a derivative."""
+        total = ZERO
+        for turn, size in self._sizes:
+            total += size * turn**order
+        return total
+
+    @cached_property
+    def _sizes(self) -> list[tuple[arb, arb]]:
+        return [
+            (_turn(tone.number), (tone.forced[0] ** 2 + tone.forced[1] ** 2).upper().sqrt())
+            for tone in self._tones
+        ]
+
+
+def _turn(number: int) -> arb:
+    """Angular frequency of a harmonic, in forcing periods."""
+    return 2 * arb.pi() * number
+
+
+def _answer(
+    mount: Mount, load: arb, turn: arb, bare: tuple[arb, arb], impact: int
+) -> tuple[arb, arb]:
+    """Forced part of D under a load: coefficients, from those of the bare base."""
+    if load.is_zero():
+        return ZERO, ZERO
+    stiff = mount.natural * mount.natural - (1 + load) * turn * turn
+    drag = 2 * mount.damping * mount.natural * turn
+    size = stiff * stiff + drag * drag
+    if not size > 0:
+        raise UncertainError("whether the loaded base is driven at its resonance", impact)
+    push = load * turn * turn / size
+    c, d = bare
+    return push * (c * stiff - d * drag), push * (d * stiff + c * drag)
