@@ -7,14 +7,18 @@ import pytest
 from flint import arb, ctx
 from scipy.integrate import solve_ivp
 
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference.drives import Mount
 from vibrosweep.proof.reference.mount import Arc
 
 X, D, V = 0.3, 0.12, -0.4
 
 
-def arc_of(nu, zeta, mu, riders, after=0.0):
-    mount = Mount(arb(0.4), 2 * arb.pi() * arb(nu), arb(zeta), arb(mu))
+TWO_TONES = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
+
+
+def arc_of(nu, zeta, mu, riders, waveform=SINE, after=0.0):
+    mount = Mount(arb(0.4), 2 * arb.pi() * arb(nu), arb(zeta), arb(mu), waveform)
     return Arc(mount, arb(X), (arb(D), arb(V)), riders, arb(after), 1)
 
 
@@ -25,21 +29,21 @@ MOUNTS = [
 ] + [(0.5, 2.0, 1.0, 3)]  # damping that is critical for the load
 
 
+@pytest.mark.parametrize("shape", [SINE, TWO_TONES], ids=lambda one: one.name)
 @pytest.mark.parametrize(("nu", "zeta", "mu", "riders"), MOUNTS)
-def test_motion_solves_its_equation(nu, zeta, mu, riders):
-    w0, load, w = 2.0 * math.pi * nu, riders * mu, 2.0 * math.pi
+def test_motion_solves_its_equation(nu, zeta, mu, riders, shape):
+    w0, load = 2.0 * math.pi * nu, riders * mu
 
     def force(t, state):
-        own = -0.4 / w * math.cos(w * (X + t)), 0.4 * math.sin(w * (X + t))
-        push = 0.4 * w * math.cos(w * (X + t)) - 2.0 * load
+        own = 0.4 * float(shape.height(X + t)), 0.4 * float(shape.velocity(X + t))
+        push = 0.4 * float(shape.slope(X + t)) - 2.0 * load
         push += 2.0 * zeta * w0 * (own[1] - state[1]) + w0 * w0 * (own[0] - state[0])
         return state[1], push / (1.0 + load)
 
-    height = D - 0.4 / w * math.cos(w * X)
-    start = height, V + 0.4 * math.sin(w * X)
+    start = D + 0.4 * float(shape.height(X)), V + 0.4 * float(shape.velocity(X))
     times = np.linspace(0.0, 2.0, 21)
     path = solve_ivp(force, (0.0, 2.0), start, "DOP853", times, rtol=1e-12, atol=1e-13)
-    arc = arc_of(nu, zeta, mu, riders)
+    arc = arc_of(nu, zeta, mu, riders, shape)
     for t, y, v in zip(times, *path.y, strict=True):
         s = arb(t)
         assert float(arc.derivative(0, s)) == pytest.approx(y, rel=0.0, abs=1e-10)
