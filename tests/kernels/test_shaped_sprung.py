@@ -13,7 +13,7 @@ from vibrosweep.model.shapes import Waveform
 from vibrosweep.proof.reference.coupled import coupled
 from vibrosweep.proof.reference.laws import Laws
 
-SCENE = {"restitution": 0.2, "amplitude": 3.2, "phase": 0.3, "contact_time": 1e-2}
+SCENE = {"restitution": 0.3, "amplitude": 3.2, "phase": 0.3, "contact_time": 1e-2}
 SCENE |= {"launch_velocity": 3.0}
 SCENE |= {"mass_ratio": 0.2, "mount_frequency": 1.6, "mount_damping": 0.1}
 LAUNCHES = [0.0, 0.3, 0.55]

@@ -14,9 +14,9 @@ from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.coupled import bodies_of, coupled
+from vibrosweep.proof.reference.drives import Mount
 from vibrosweep.proof.reference.events import LANDING, LAUNCH, LIFTOFF, Bodies, Launch
 from vibrosweep.proof.reference.laws import Constant
-from vibrosweep.proof.reference.drives import Mount
 from vibrosweep.proof.reference.sprung import System
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {

@@ -26,9 +26,9 @@ from vibrosweep.proof.reference.decisions import (
     decided,
     nearest_integer,
 )
+from vibrosweep.proof.reference.drives import Mount
 from vibrosweep.proof.reference.events import LANDING, Bodies, Event, Launch
 from vibrosweep.proof.reference.laws import Laws
-from vibrosweep.proof.reference.drives import Mount
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.reference.sprung import System
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from vibrosweep.proof.reference._flint import arb
+from vibrosweep.proof.reference.drives import Mount
 from vibrosweep.proof.reference.landing import END, Course, narrowed
 from vibrosweep.proof.reference.laws import Impact
-from vibrosweep.proof.reference.drives import Mount
 
 LAUNCH, LANDING, LIFTOFF = "launch", "landing", "lift-off"
 
