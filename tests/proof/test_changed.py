@@ -8,6 +8,7 @@ import xarray as xr
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, RECORD, VARIABLES
 from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.model.parameters import NOISE, OF_RESTITUTION, STREAM
+from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES
 from vibrosweep.proof.coordinates import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.recorded import RECORDED
@@ -19,7 +20,15 @@ NUMBERS = [name for name in SINGLE if VARIABLES[name].dtype == "float64"]
 CODES = [name for name in SINGLE if VARIABLES[name].flags]
 COUNTS = [name for name in SINGLE if name not in NUMBERS + CODES]
 # Ways to give the forcing that the files here do not use, and those of test_verify_sprung.py.
-OTHERS = {"base_velocity", "base_displacement", *OF_MOUNT, *NOISE, STREAM, *OF_RESTITUTION}
+OTHERS = {
+    "base_velocity",
+    "base_displacement",
+    *OF_MOUNT,
+    *NOISE,
+    STREAM,
+    *OF_RESTITUTION,
+    *OF_TRAJECTORIES,
+}
 # What of a file is computed from others of its variables is outside with them.
 FOLLOW = {
     "dt_min": {"dt_min_resolved"},

@@ -15,6 +15,7 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, RECORD
 from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.model.parameters import NOISE, OF_RESTITUTION, STREAM
+from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES
 from vibrosweep.model.status import Regime
 from vibrosweep.proof.coordinates import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.sampling import VARIABLES, read_sample
@@ -34,7 +35,15 @@ def test_sound_dataset(claimed):
     assert report.count(State.COMPARED) == report.total == 3
     found = report.variables()
     recorded = (f"record/{name}" for name in (*RECORD, *RECORD_COORDINATES))
-    elsewhere = ("base_velocity", "base_displacement", *OF_MOUNT, *NOISE, STREAM, *OF_RESTITUTION)
+    elsewhere = (
+        "base_velocity",
+        "base_displacement",
+        *OF_MOUNT,
+        *NOISE,
+        STREAM,
+        *OF_RESTITUTION,
+        *OF_TRAJECTORIES,
+    )
     absent = {f"{at}{name}" for at in ("", "record/") for name in elsewhere}
     absent |= {name for name, key in MEASURE_OF.items() if MEASURES[key].coupled}
     assert set(found) == {*VARIABLES, *SWEEP_COORDINATES, *recorded} - absent == set(report.names)

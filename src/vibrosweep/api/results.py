@@ -11,6 +11,7 @@ import xarray as xr
 
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.ragged_arrays import IN_FILE, SAMPLES
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading
 
@@ -58,7 +59,8 @@ def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        As of `vibrosweep.simulate`; values are read when they are needed.
+        As of `vibrosweep.simulate`, ragged where the sweep file has ``ragged = true`` in its
+        ``[record]``; values are read when they are needed.
 
     Raises
     ------
@@ -79,7 +81,11 @@ def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
             f"{path}: holds no record of landings; add a [record] section to the sweep file and "
             f"run it again"
         )
-    return _open(path, "record")
+    found = _open(path, IN_FILE)
+    count = found["impact_count"].attrs
+    if SAMPLES in count:
+        count[SAMPLES] = count[SAMPLES].removeprefix(f"{IN_FILE}_")
+    return found
 
 
 def has_record(path: str | os.PathLike[str]) -> bool:
@@ -91,7 +97,7 @@ def has_record(path: str | os.PathLike[str]) -> bool:
         There is no such file, or it is not a result.
     """
     with reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
-        return "record" in file.groups
+        return IN_FILE in file.groups
 
 
 def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:

@@ -8,17 +8,23 @@ from typing import Any, Unpack
 
 import xarray as xr
 
-from vibrosweep.analysis.ragged import ragged_variables, wasted
 from vibrosweep.api.keyword_types import BatchKeywords, completed
 from vibrosweep.api.replay import replayed
 from vibrosweep.arrays import Array
 from vibrosweep.engine.arrivals import impacts
-from vibrosweep.engine.landings import launch_times, record_landings, require_room
+from vibrosweep.engine.landings import (
+    BYTES_IN_MEMORY,
+    Form,
+    launch_times,
+    record_landings,
+    require_room,
+)
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ShortObservationWarning
 from vibrosweep.model.forcing import ACCELERATION, only_parameters, refuse_extreme
 from vibrosweep.model.measures import IMPACTS, MEASURES, RECORD, Variable
+from vibrosweep.model.ragged_arrays import ragged_columns, wasted
 from vibrosweep.model.restitution_laws import CONSTANT, VISCOELASTIC
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.notes import short_observation, strong_forcing
@@ -162,7 +168,7 @@ def simulate(
     refuse_extreme(quantities, forcing, scene.restitution_law)
     parameters = only_parameters(quantities)
     with Workers(thread_count(threads)) as workers:
-        found = record_landings(parameters, scene, workers, ragged=ragged)
+        found = record_landings(parameters, scene, workers, Form(ragged, BYTES_IN_MEMORY))
         found |= impacts(found, parameters, scene)
         if any(asked.values()):
             found = measure_all(parameters, measured, workers) | found
@@ -174,15 +180,12 @@ def simulate(
     if "frequency" not in varied or not isinstance(scene.launch, str):
         times = launch_times(scene.launch, scene.particles, float(frequency[0]))
         along["launch_time"] = ("particle", times, LAUNCH_TIME)
+    variables: dict[str, Any] = {n: (v.dims, found[n], v.attributes) for n, v in recorded.items()}
     if ragged:
-        variables: dict[str, Any] = ragged_variables(
-            found, recorded, frequency.size, scene.particles
-        )
-    else:
-        variables = {name: (v.dims, found[name], v.attributes) for name, v in recorded.items()}
+        variables = ragged_columns(found, recorded, scene.particles)
     remarks = [
         strong_forcing(float(quantities[ACCELERATION].max()), forcing),
-        "" if ragged else wasted(found["impact_count"]),
+        "" if ragged else wasted(found["impact_count"], "ragged=True"),
         _short(measured, quantities),
     ]
     note = "; ".join(filter(None, remarks))

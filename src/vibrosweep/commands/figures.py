@@ -31,6 +31,7 @@ def perform(options: argparse.Namespace) -> None:
 
 
 def _draw(path: Path, directory: Path) -> None:
+    from vibrosweep.analysis.ragged import as_rectangle
     from vibrosweep.api.results import has_record, open_record, open_sweep
     from vibrosweep.figures.registry import FIGURES, missing, save_all, save_formats
     from vibrosweep.figures.style import for_file
@@ -43,7 +44,7 @@ def _draw(path: Path, directory: Path) -> None:
         return
     needed = {name for entry in FIGURES.values() for name in entry.needs.variables}
     sweep = _loaded(path, open_sweep, lambda sweep: _without_particles(sweep, needed))
-    record = _loaded(path, open_record) if has_record(path) else None
+    record = _loaded(path, open_record, as_rectangle) if has_record(path) else None
     for written in save_all(sweep, record, directory):
         print(written)
     for sentence in missing(sweep, record).values():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +32,36 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
-# The same in memory, with phase and speed of arrival and the arrays that computing them needs
+# With phase and speed of arrival and the arrays that computing them needs, as `simulate` has them
 BYTES_IN_MEMORY: Final = BYTES_PER_LANDING + 4 * 8
+# Of the motion of a base that recoils: four numbers for each landing and for each lift-off
+BYTES_OF_MOTION: Final = 2 * 4 * 8
 # Bytes per trajectory apart from its landings, measured: launch, statistics, copies.
 BYTES_PER_TRAJECTORY: Final = 120
 BYTES_PER_REALIZATION: Final = 160
+
+
+class Form(NamedTuple):
+    """Form in which the landings of a record are kept."""
+
+    ragged: bool = False  # one after the other, without empty places; otherwise a rectangle
+    bytes_per_landing: int = BYTES_PER_LANDING  # of memory, while the record is made
+
+    def places(self, landings: NDArray[np.int64]) -> int:
+        """Number of places for the landings of trajectories."""
+        return int(landings.sum() if self.ragged else landings.size * landings.max(initial=0))
+
+    def needed(self, landings: NDArray[np.int64], base: str) -> int:
+        """Bytes of memory for these landings of trajectories over a base."""
+        kept = self.bytes_per_landing * self.places(landings)
+        if base != SPRUNG:
+            return kept
+        # landings are found as a rectangle, and a ragged record is taken from it
+        found = (BYTES_PER_LANDING + BYTES_OF_MOTION) * RECTANGLE.places(landings)
+        return found + kept if self.ragged else max(found, kept)
+
+
+RECTANGLE: Final = Form()
 
 
 def launch_times(launch: str | tuple[float, ...], particles: int, frequency: float) -> Array:
@@ -47,24 +72,23 @@ def launch_times(launch: str | tuple[float, ...], particles: int, frequency: flo
 
 
 def record_landings(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers, *, ragged: bool = False
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
 ) -> dict[str, NDArray[Any]]:
     """Every landing until the end of the observation, as `vibrosweep.model.measures.RECORD`.
 
-    Parameters are of shape (realization,); the transient of the observation is -inf.  With `ragged`
-    landings are of shape (landing,): those of one particle after the other, without places that
-    are left empty.  Raises a ParameterError where the record would not fit into half of this
-    machine's memory.
+    Parameters are of shape (realization,); the transient of the observation is -inf.  Landings of
+    a ragged form are of shape (landing,): those of one particle after the other.  Raises a
+    ParameterError where the record would not fit into half of this machine's memory.
     """
     scene = replace(scene, skip=False)  # landings are followed one by one
-    landings, status = _counted(parameters, scene, workers, ragged=ragged)
+    landings, status = _counted(parameters, scene, workers, form)
     shape, capacity = (parameters["frequency"].size, scene.particles), int(landings.max())
-    capacities = landings if ragged else np.full(landings.size, capacity)
+    capacities = landings if form.ragged else np.full(landings.size, capacity)
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import record_coupled  # slow to import
 
         out = record_coupled(parameters, scene, workers, capacity)
-        if ragged:
+        if form.ragged:
             there = np.arange(capacity) < landings[:, np.newaxis]
             out = Record._make(values[there] for values in out)
     else:
@@ -73,7 +97,7 @@ def record_landings(
         unit = parameters["gravity"] / (2.0 * parameters["frequency"])
         units = Units(parameters["frequency"], unit)
         out, _ = recorded(problem, launch, scene, workers, units, capacities)
-    dims = (-1,) if ragged else (*shape, capacity)
+    dims = (-1,) if form.ragged else (*shape, capacity)
     found: dict[str, NDArray[Any]] = {
         name: values.reshape(dims) for name, values in out._asdict().items()
     }
@@ -106,26 +130,30 @@ def recorded(
 
 
 def record_bytes(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
 ) -> tuple[int, int]:
     """Bytes of a record of landings in a file, and of memory while it is made.
 
     Arguments and errors are those of `record_landings`.
     """
-    landings, _ = _counted(parameters, scene, workers)
-    realizations, capacity = parameters["frequency"].size, int(landings.max())
-    return (
-        BYTES_PER_LANDING * landings.size * capacity,
-        _needed(realizations, scene.particles, capacity, BYTES_PER_LANDING),
-    )
+    landings, status = _counted(parameters, scene, workers, form)
+    memory = _apart(status.size // scene.particles, scene.particles)
+    return BYTES_PER_LANDING * form.places(landings), memory + form.needed(landings, scene.base)
 
 
-def require_room(realizations: int, particles: int, landings: int = 0) -> None:
-    """Raise a ParameterError if a record needs more than half of this machine's memory."""
-    needed, available = (
-        _needed(realizations, particles, landings, BYTES_IN_MEMORY),
-        physical_memory(),
-    )
+def _apart(realizations: int, particles: int) -> int:
+    """Bytes of memory of a record apart from its landings."""
+    return realizations * (BYTES_PER_REALIZATION + particles * BYTES_PER_TRAJECTORY)
+
+
+def require_room(
+    realizations: int, particles: int, for_landings: int = 0, landings: int = 0
+) -> None:
+    """Raise a ParameterError if a record needs more than half of this machine's memory.
+
+    Its landings need that many bytes; each trajectory has about so many of them.
+    """
+    needed, available = _apart(realizations, particles) + for_landings, physical_memory()
     if needed > available / 2:
         raise ParameterError(
             f"the record of {realizations * particles} trajectories with {landings} or more "
@@ -135,20 +163,16 @@ def require_room(realizations: int, particles: int, landings: int = 0) -> None:
         )
 
 
-def _needed(realizations: int, particles: int, landings: int, of_each: int) -> int:
-    """Bytes of memory for a record with this many landings of each trajectory."""
-    each = BYTES_PER_TRAJECTORY + of_each * landings
-    return realizations * (BYTES_PER_REALIZATION + particles * each)
-
-
 def _counted(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers, *, ragged: bool = False
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form
 ) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
     """Landings of each particle, and its status; raise if a record does not fit into memory."""
     realizations, particles = parameters["frequency"].size, scene.particles
+    trajectories = realizations * particles
     require_room(realizations, particles)
-    most = physical_memory() // (2 * BYTES_IN_MEMORY * realizations * particles)
     # a trajectory with more than `most` is followed no further: the record is refused anyway
+    most = physical_memory() // (2 * form.bytes_per_landing)
+    most //= 1 if form.ragged else trajectories
     budget = min(scene.measures.impact_budget, most + LOOK_AFTER)
     enough = replace(scene.with_measures(impact_budget=budget), skip=False)
     if scene.base == SPRUNG:
@@ -160,11 +184,11 @@ def _counted(
         launch = launches(scene.launch, particles, parameters["frequency"])
         # the kernel that writes them also counts them: there is one to compile
         units = Units(problem.kick, problem.kick)
-        capacities = np.zeros(realizations * particles, np.int64)
+        capacities = np.zeros(trajectories, np.int64)
         _, each = recorded(problem, launch, enough, workers, units, capacities)
     landings, status = each.landings.copy(), each.status.copy()
-    mean = -(-int(landings.sum()) // landings.size)
-    require_room(realizations, particles, mean if ragged else int(landings.max()))
+    of_each = -(-form.places(landings) // trajectories)
+    require_room(realizations, particles, form.needed(landings, scene.base), of_each)
     return landings, status
 
 

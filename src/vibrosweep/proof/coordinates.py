@@ -17,12 +17,13 @@ from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.parameters import STAGGERED, STREAM
+from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES
 from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep, parse_spec
 
 SWEEP_COORDINATES: Final = (*INPUTS, STREAM, "launch_time", "duration", "transient")
-RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration")
+RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration", *OF_TRAJECTORIES)
 # designs drawn by another library, whose versions may differ
 DRAWN_BY_SCIPY: Final = ("latin", "sobol")
 
@@ -56,6 +57,8 @@ def expected(path: Path, file: Any, rows: NDArray[np.int64]) -> Expected:
         known = {name: values[0] for name, values in record.timed({}).items()}
         frequency = record.inputs["frequency"]
         known["launch_time"] = launch_times(record.launch, record.particles, frequency)
+        known["realization_index"] = np.zeros(record.particles)
+        known["particle_index"] = np.arange(record.particles)
         shared = {f"record/{name}": value for name, value in known.items()}
     drawn, reason = _drawn(spec, identity_in(file), rows)
     found, varied = spec.scene.timed(drawn, rows.size), spec.scene.varying(drawn)

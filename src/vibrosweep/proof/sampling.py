@@ -30,6 +30,7 @@ from vibrosweep.model.parameters import (
     STAGGERED,
     STREAM,
 )
+from vibrosweep.model.ragged_arrays import padded, whole
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
 from vibrosweep.model.shapes import name_in
 from vibrosweep.model.times import Periods, Time, amount
@@ -179,7 +180,7 @@ def _record(file: Any, sample: Sample) -> Sample:
     """Return the recorded realization, whose landings all count."""
     group, rows = file.groups["record"], np.zeros(1, np.int64)
     shared = {
-        "particles": group.variables["impact_count"].shape[1],
+        "particles": math.prod(group.variables["impact_count"].shape),
         "impact_budget": sample.scene.measures.impact_budget,
     }
     scene = _scene(group, {**group.attrs, **shared})
@@ -190,7 +191,7 @@ def _record(file: Any, sample: Sample) -> Sample:
         parameters={STREAM: np.zeros(1)} | values if values.keys() & NOISE else values,
         scene=scene,
         current=sample.current,
-        stored={name: group.variables[name][...] for name in RECORD},
+        stored=_rectangles({name: group.variables[name][...] for name in RECORD}),
         # in the record of a grid, a parameter that is an axis has one value along `realization`
         coordinates={
             n: np.asarray(v[0] if n in INPUTS and v.shape else v[...])
@@ -200,6 +201,16 @@ def _record(file: Any, sample: Sample) -> Sample:
         others=_others(group, (*RECORD, *RECORD_COORDINATES), {}),
         observables={},
     )
+
+
+def _rectangles(stored: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Give the arrays of a ragged record the shapes of a rectangle, where they fit each other."""
+    count = stored["impact_count"]
+    of_landings = [name for name, one in RECORD.items() if one.dims != RECORD["impact_count"].dims]
+    if count.ndim != 1 or not whole(count, *(stored[name] for name in of_landings)):
+        return stored
+    full = {name: padded(stored[name], count) for name in of_landings}
+    return {name: values[np.newaxis] for name, values in (stored | full).items()}
 
 
 def _scene(file: Any, attributes: Mapping[str, Any]) -> Scene:

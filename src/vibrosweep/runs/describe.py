@@ -94,8 +94,12 @@ def _head(file: Any) -> Iterator[str]:
             words = f"{one.attrs.get('long_name', '')} ({', '.join(one.dimensions)})"
             yield f"{name:32}{words.strip()}"
     if "record" in file.groups:
-        landings = file.groups["record"].variables["impact_count"][...].sum()
-        yield f"{'record of every landing':32}{landings} landings, in the group 'record'"
+        record = file.groups["record"]
+        count = record.variables["impact_count"][...]
+        form = ", one after the other" if count.ndim == 1 else ""
+        yield f"{'record of every landing':32}{count.sum()} landings{form}, in the group 'record'"
+        if "notes" in record.attrs:
+            yield f"{'':32}{record.attrs['notes']}"
     if file.attrs.get("notes"):
         yield f"{'notes':32}{file.attrs['notes']}"
     yield from _provenance(file.attrs)

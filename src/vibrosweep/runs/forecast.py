@@ -13,16 +13,16 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.engine import landings
-from vibrosweep.engine.landings import BYTES_PER_LANDING
+from vibrosweep.engine.landings import BYTES_PER_LANDING, Form
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.mistakes import CHUNK, OUTPUT
+from vibrosweep.model.ragged_arrays import IN_FILE
 from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import memory_per_realization
 from vibrosweep.runs.plan import Plan, bytes_per_realization
 from vibrosweep.runs.result import declare, write_record, write_rows
 from vibrosweep.scene.design import Axis
-from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import target_of
@@ -61,7 +61,7 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
     written, record = record_bytes(spec, workers)
     size, seconds = _written(spec, plan, workers.threads)
     if spec.record is not None:
-        more, longer = _record_file(spec.record, written, workers)
+        more, longer = _record_file(spec, written, workers)
         size, seconds = size + more, seconds + longer
     per_realization = bytes_per_realization(spec, design)
     cut = plan.chunks > 1
@@ -87,7 +87,8 @@ def record_bytes(spec: Sweep, workers: Workers) -> tuple[int, int]:
     """
     if spec.record is None:
         return 0, 0
-    return landings.record_bytes(spec.record.parameters({}), spec.record, workers)
+    form = Form(bool(spec.ragged))
+    return landings.record_bytes(spec.record.parameters({}), spec.record, workers, form)
 
 
 def has_room(output: Path, needed: float) -> bool:
@@ -149,19 +150,20 @@ def _shortened(spec: Sweep, most: int) -> tuple[Sweep, int]:
     return replace(spec, design=design), math.prod(map(len, axes.values()))
 
 
-def _record_file(record: Scene, size: int, workers: Workers) -> tuple[float, float]:
+def _record_file(spec: Sweep, size: int, workers: Workers) -> tuple[float, float]:
     """Bytes that the record adds to the file, and seconds to compute and write it.
 
     This is measured on a shorter record: as many landings of each particle as fill a small file.
     """
-    most = 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles)
-    short = record.with_measures(impact_budget=min(record.measures.impact_budget, most))
+    assert spec.record is not None
+    most = 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * spec.record.particles)
+    short = spec.with_measures(impact_budget=min(spec.record.measures.impact_budget, most))
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "record.h5"
         began = time.perf_counter()
-        sample, _ = landings.record_bytes(short.parameters({}), short, workers)  # as a run does
+        sample, _ = record_bytes(short, workers)  # as a run does
         with creating(path) as file:
-            write_record(file.group("record"), short, workers)
+            write_record(file.group(IN_FILE), short, workers)
         took = time.perf_counter() - began
         growth = max(size / max(sample, 1), 1.0)
         return path.stat().st_size * growth, took * growth

@@ -52,6 +52,7 @@ KEYS: Final[Mapping[str, str]] = {
     "design.name": "sample.design",
     "design.sampled": "",
     "record.inputs": "record",
+    "ragged": "record.ragged",
     "scene.waveform.name": "scene.waveform",
     "scene.waveform.tones": "scene.waveform.harmonics",
     "record.waveform.name": "record.waveform",

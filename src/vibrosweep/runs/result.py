@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.landings import launch_times, record_landings
+from vibrosweep.engine.landings import Form, launch_times, record_landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.kernels._jit import sources_digest
 from vibrosweep.model.forcing import ACCELERATION, INPUTS, sources
 from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import STREAM, Parameter
+from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.runs.chunks import batch_size, column_kinds
 from vibrosweep.runs.identity import identity
@@ -143,7 +144,8 @@ def write_result(
         file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
         write_rows(file, column_kinds(spec, design), batch_size(spec), summarized())
         if spec.record is not None:
-            write_record(file.group("record"), spec.record, workers)
+            note = write_record(file.group(IN_FILE), spec, workers)
+            summary.notes = {**summary.notes, **({IN_FILE: note} if note else {})}
     return summary
 
 
@@ -256,23 +258,35 @@ def _declare_launches(
     file.attributes({"launch": launch if isinstance(launch, str) else "listed"})
 
 
-def write_record(file: Group, record: Scene, workers: Workers) -> None:
-    """Write every landing of the recorded scene, as a group."""
-    found = record_landings(record.parameters({}), record, workers)
-    sizes = dict(zip(RECORD["landing_time"].dims, found["landing_time"].shape, strict=True))
+def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
+    """Write every landing of the recorded scene, as a group; give a remark if it wastes places."""
+    record, form = spec.record, Form(bool(spec.ragged))
+    assert record is not None
+    found = record_landings(record.parameters({}), record, workers, form)
+    variables: dict[str, Column] = {n: (v.dims, found[n], {}) for n, v in RECORD.items()}
+    if form.ragged:
+        variables = ragged_columns(found, RECORD, record.particles, f"{IN_FILE}_")
+    sizes = {REALIZATION: 1, "particle": record.particles}
+    for dims, values, _ in variables.values():
+        sizes |= zip(dims, values.shape, strict=True)
     file.dimensions(sizes)
     quantities = record.timed({})
+    # a number of this name would be read as the axis of the sweep
+    axes = [name for name in quantities if name in INPUTS and file.has_outer(name)]
     for name in quantities:
-        if name in INPUTS:
-            if file.has_outer(name):  # a number of this name would be read as the axis of the sweep
-                file.coordinate(name, ("realization",), attributes_of(name), quantities[name])
-            else:
-                file.fixed(name, attributes_of(name), quantities[name][0])
+        if name in axes:
+            file.coordinate(name, (REALIZATION,), attributes_of(name), quantities[name])
+        elif name in INPUTS:
+            file.fixed(name, attributes_of(name), quantities[name][0])
     _declare_launches(file, record.launch, record.particles, record.inputs["frequency"])
     file.fixed("duration", DURATION, quantities["duration"][0])
-    for name, variable in RECORD.items():
-        file.variable(variable)
-        file.write(name, 0, found[name])
+    for name, (dims, values, attributes) in variables.items():
+        if form.ragged:
+            file.array(name, dims, attributes, values)
+        else:
+            file.variable(RECORD[name])
+            file.write(name, 0, values)
+    note = "" if form.ragged else wasted(found["impact_count"], "ragged = true in [record]")
     file.attributes(
         {
             "base": record.base,
@@ -282,5 +296,9 @@ def write_record(file: Group, record: Scene, workers: Workers) -> None:
             "forcing": record.forcing(),
             **seed_of(record),
             **periods_given(record.duration),
+            # no variable of a ragged record lies along the dimension of these
+            **({"coordinates": " ".join([*axes, "launch_time"])} if form.ragged else {}),
+            **({"notes": note} if note else {}),
         }
     )
+    return note

@@ -339,7 +339,7 @@ SECTIONS: Final[Sections] = {
         else flag
         for key, default in KEYS.items()
     },
-    "record": _SCENE,
+    "record": {**_SCENE, "ragged": flag},
     "windows": {
         "conditions": _conditions,
         "continuation": flag,

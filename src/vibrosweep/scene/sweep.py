@@ -43,6 +43,8 @@ class Sweep:
     record: Scene | None  # the scene of which every landing is recorded beside it, or None
     # How the stability windows are found that are asked for, by the keys of [windows], or None
     windows: Mapping[str, Any] | None
+    # True to keep recorded landings one after the other, without empty places; None without record
+    ragged: bool | None = None
 
     def with_measures(self, **changes: Any) -> Sweep:
         """Return the same sweep with other values of some keys of [measure]."""
@@ -257,4 +259,5 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
         ),
         record=None if recorded is None else Scene(**recorded, measures=measures).recorded(),
         windows=tables.get("windows"),
+        ragged=None if recorded is None else tables["record"].get("ragged", False),
     )

@@ -75,6 +75,13 @@ class Writer(ABC):
         self._declare(name, (), "float64", attributes)[...] = value
 
     @undisturbed()
+    def array(
+        self, name: str, dims: tuple[str, ...], attributes: Attributes, values: NDArray[Any]
+    ) -> None:
+        """Write an array that does not lie along realizations, as a whole."""
+        self._declare(name, dims, values.dtype, attributes)[...] = values
+
+    @undisturbed()
     def variable(self, variable: Variable) -> None:
         """Declare a variable of the registry."""
         dims, attributes = along(variable.dims, self._axes), self._described(variable)
