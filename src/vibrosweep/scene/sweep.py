@@ -218,10 +218,9 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
     values = {name: numbers.get(name, INPUTS[name].default) for name in inputs_of(given, base)}
-    frequencies: Collection[float]
-    frequencies = sampled["frequency"].ends if "frequency" in sampled else ()
-    if "frequency" not in varied:
-        frequencies = (values["frequency"],)
+    frequencies: Collection[float] = () if "frequency" in varied else (values["frequency"],)
+    if "frequency" in sampled:
+        frequencies = sampled["frequency"].ends
     rules.check_window(measures.transient, settings["duration"], frequencies, mistakes)
     recorded = None
     if "record" in tables:
