@@ -166,3 +166,13 @@ def test_locked_orbits_attract_up_to_the_closed_form(parameters, name):
         assert fixed_attracts(fixed, x, 1.0) is np.bool_(attracts) or (
             bool(fixed_attracts(fixed, x, 1.0)) == attracts
         )
+
+
+def test_proved_constants():
+    from law_error import STATED, check_schemes, prove, sample
+
+    check_schemes()
+    proved = prove()
+    with ctx.workprec(128):
+        found = sample(200, seed=3)
+    assert all(found[name] <= proved[name] <= STATED[name] for name in STATED)

@@ -44,6 +44,7 @@ from vibrosweep.model.restitution_laws import CONSTANT, PADE, PLASTIC, VISCOELAS
 QUARTER_BITS = np.int64(0x4FEB_0312_0000_0000)
 # (1 - h)^(-1/4) = 1 + h (Q1 + h (Q2 + h Q3)) + ...
 Q1, Q2, Q3 = 1.0 / 4.0, 5.0 / 32.0, 15.0 / 128.0
+# These are proved by checks/law_error.py.
 # Relative errors: of e(v) above the speed of yielding, a product of e with a fourth root; of q(v),
 # which is 3/4 of it; each with that of v_y, of which a fourth root is taken
 PLASTIC_ERROR: Final = 5.0 * HALF_ULP + 0.25 * KICK_ERROR
