@@ -169,8 +169,9 @@ def test_locked_orbits_attract_up_to_the_closed_form(parameters, name):
 
 
 def test_proved_constants():
-    from law_error import STATED, check_schemes, prove, sample
+    from law_error import STATED, check_schemes, prove, sample, slope_falls
 
+    assert slope_falls()
     check_schemes()
     proved = prove()
     with ctx.workprec(128):
