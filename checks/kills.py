@@ -53,6 +53,9 @@ SWEEPS = {
     "moving": SWEEP.replace("[scene]", '[scene]\nbase = "moving"').replace(
         "amplitude = [0.2, 3.5]", "base_acceleration = [0.1, 5.0]"
     ),
+    "noise": SWEEP.replace(
+        "[scene]", "[scene]\nkick_noise = 0.05\nrestitution_noise = 0.02\ndrive_noise = 0.1"
+    ),
     "sprung": SWEEP.replace("[scene]", SPRUNG).replace("particles = 20", "particles = 4"),
 }
 PHASES = ("start", "chunks", "result", "end")
@@ -170,11 +173,11 @@ def report(found: dict[str, Findings], seconds: float, seed: int) -> str:
         ("results that differ from that of an undisturbed run", *(f.different for f in each)),
     ]
     made = f"Python {platform.python_version()}; {processor()}; seed {seed}; {seconds:.0f} s"
-    return f"{table(('base', *found), rows)}\n\n*{made}.*"
+    return f"{table(('scene', *found), rows)}\n\n*{made}.*"
 
 
 def main() -> None:
-    options = options_of(__doc__, kills=(200, "on each base"), seed=1)
+    options = options_of(__doc__, kills=(200, "of each scene"), seed=1)
     began, found = time.perf_counter(), {}
     for base, sweep in SWEEPS.items():
         with tempfile.TemporaryDirectory() as directory:

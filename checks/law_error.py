@@ -181,7 +181,7 @@ def slope_falls() -> bool:
 
     With top T and bottom B = T + H of P, q = M / (10 B^2) where M = 10 T B + y (T' H - T H').
     """
-    n1, d2, d3, d4 = (fmpq(int(round(c * 10**6)), 10**6) for c in PADE)
+    n1, d2, d3, d4 = (fmpq(round(c * 10**6), 10**6) for c in PADE)
     top, higher = fmpq_poly([1, n1]), fmpq_poly([0, 0, d2, d3, d4])
     bottom, by_top, by_higher = top + higher, top.derivative(), higher.derivative()
     m = 10 * top * bottom + fmpq_poly([0, 1]) * (by_top * higher - top * by_higher)

@@ -19,6 +19,7 @@ HASHES = {
     "high-bounce": "60a221e7ac75d93955b8879e389c94bb33f727a8db0c0c3bd611c3f1ef0e180b",
     "moving": "f49b4e5fed8bfe74086fa68d1e993830a0753f2d3cc49f5047ab73afd15ec05b",
     "sprung": "b66fb9ef61846efe2514802b417fb43dc1208956b2757589709041189f2ef210",
+    "noise": "2329ba5f33602431b2a0634146914f8c2bd70dd07694ac1c807569c4ac1f6f08",
 }
 SCENE = {
     "restitution": [0.0, 0.3, 0.55, 0.7, 0.8, 0.85, 0.9, 0.95],
@@ -38,16 +39,27 @@ OF_MOUNT = {
     "lyapunov": False,
     "joint": True,
 }
+OF_NOISE = {
+    "restitution_noise": 0.05,
+    "kick_noise": 0.1,
+    "drive_noise": 0.4,
+    "duration": 15.0,
+    "lyapunov": False,
+}
+OTHERS = {
+    "moving": {"base": "moving"},
+    "sprung": {"base": "sprung", **OF_MOUNT},
+    "noise": OF_NOISE,
+}
 WIDTHS = {"128": "fma", "256": "avx2", "512": "avx512f"}
-# One base at each width, since all of it is compiled anew; `python tests/kernels/test_same_bits.py`
-# compares every base at every width.
-TAKEN = {"128": "high-bounce", "256": "moving", "512": "high-bounce"}
+# One scene at each width, since all of it is compiled anew; this file as a script compares every
+# scene at every width.
+TAKEN = {"128": "noise", "256": "moving", "512": "high-bounce"}
 
 
-def of_base(base):
+def of_scene(name):
     """Hash of all that a sweep measures; zeros and NaN have no sign."""
-    scene = SCENE | (OF_MOUNT if base == "sprung" else {})
-    result = vs.sweep(base=base, **scene)
+    result = vs.sweep(**SCENE | OTHERS.get(name, {}))
     digest = hashlib.sha256()
     for name in sorted(result.data_vars):
         values = result[name].values
@@ -57,15 +69,15 @@ def of_base(base):
     return digest.hexdigest()
 
 
-def of_width(bits, base):
-    """Hash of a base with registers of so many bits, in a process of its own; None where none are.
+def of_width(bits, name):
+    """Hash of a scene with registers of so many bits, in a process of its own; None where none are.
 
     The vectors that kernels use are chosen when the package is imported.
     """
     if not binding.get_host_cpu_features().get(WIDTHS[bits]):
         return None
     done = subprocess.run(
-        [sys.executable, "-c", f"from test_same_bits import of_base; print(of_base({base!r}))"],
+        [sys.executable, "-c", f"from test_same_bits import of_scene; print(of_scene({name!r}))"],
         env={
             **os.environ,
             "VIBROSWEEP_VECTOR_BITS": bits,
@@ -78,26 +90,26 @@ def of_width(bits, base):
     return done.stdout.strip()
 
 
-@pytest.mark.parametrize("base", HASHES)
-def test_the_hashes_of_this_processor(base):
-    assert of_base(base) == HASHES[base]
+@pytest.mark.parametrize("name", HASHES)
+def test_the_hashes_of_this_processor(name):
+    assert of_scene(name) == HASHES[name]
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="plain Python has no vector registers")
 @pytest.mark.parametrize("bits", WIDTHS)
 def test_the_hashes_of_each_width(bits):
-    base = TAKEN[bits]
-    found = of_width(bits, base)
+    name = TAKEN[bits]
+    found = of_width(bits, name)
     if found is None:
         pytest.skip(f"this processor has no {WIDTHS[bits]}")
-    assert found == HASHES[base]
+    assert found == HASHES[name]
 
 
 if __name__ == "__main__":
     different = 0
-    for bits, base in itertools.product(WIDTHS, HASHES):
-        found = of_width(bits, base)
-        different += found not in (None, HASHES[base])
-        said = {None: "this processor has none", HASHES[base]: "as stored"}.get(found, "DIFFERENT")
-        print(f"{base} at {bits} bits: {said}")
+    for bits, name in itertools.product(WIDTHS, HASHES):
+        found = of_width(bits, name)
+        different += found not in (None, HASHES[name])
+        said = {None: "this processor has none", HASHES[name]: "as stored"}.get(found, "DIFFERENT")
+        print(f"{name} at {bits} bits: {said}")
     sys.exit(1 if different else 0)

@@ -130,6 +130,17 @@ def test_a_run_continues_with_what_is_missing(sweep, expected, computed, tmp_pat
     assert not run_directory(tmp_path / "out.h5").exists()
 
 
+def test_noise_is_the_same_however_a_run_is_cut_and_continued(sweep, tmp_path):
+    noise = "restitution_noise = 0.05\nkick_noise = 0.1\ndrive_noise = 0.4\nnoise_seed = 3\n"
+    noisy = SWEEP.replace("[sample]", f"{noise}[sample]")
+    sweep(noisy, output="whole.h5", chunk=None)
+    expected = (tmp_path / "whole.h5").read_bytes()
+    with unfinished(sweep, text=noisy):
+        assert len(parts(tmp_path)) == 3
+    sweep(noisy, threads=2)
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
 def test_an_interruption_says_what_is_kept(sweep):
     runner = ending(2, KeyboardInterrupt())
     with pytest.raises(Interruption, match=r"2 of 6 chunks are finished.*same command again"):
