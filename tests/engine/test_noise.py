@@ -128,11 +128,10 @@ def test_lift_offs_from_a_moving_base_are_those_of_the_definition():
     assert seen > 100
 
 
-@pytest.mark.parametrize("base", ["high-bounce", "moving"])
-def test_exponents_along_the_path(base):
-    """About a locked orbit they are those of its multipliers; their sum is ln e, or 2 ln e."""
+def test_exponents_along_the_path():
+    """About a locked orbit they are those of its multipliers; over a moving base their sum is 2 ln e."""
     scene = {"restitution": 0.9, "amplitude": 1.2, "launch_velocity": 4.905, "duration": 4000.0}
-    scene |= {"launch": [0.4329824], "base": base, "lyapunov": True}
+    scene |= {"launch": [0.4329824], "base": "moving", "lyapunov": True}
     noise = {"kick_noise": 1e-3, "restitution_noise": 1e-4}
     still, found = vs.sweep(**scene), vs.sweep(**scene, **noise)
     assert found.regime.item() == -1
@@ -140,8 +139,7 @@ def test_exponents_along_the_path(base):
     assert found.unsettled_count == 0
     for name in ("lyapunov_largest", "lyapunov_sum"):
         assert found[name].item() == pytest.approx(still[name].item(), abs=2e-3)
-    known = math.log(0.9) * (1 if base == "high-bounce" else 2)
-    assert found.lyapunov_sum.item() == pytest.approx(known, abs=1e-4)
+    assert found.lyapunov_sum.item() == pytest.approx(2.0 * math.log(0.9), abs=1e-4)
 
 
 def test_no_noise_is_no_noise():

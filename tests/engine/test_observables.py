@@ -94,8 +94,7 @@ def sums_of(inputs, scene, found, base):
     return np.stack([np.where(seen, q, 0.0).sum(axis=-1) for q in each], axis=-1)
 
 
-@pytest.mark.parametrize("base", ["high-bounce", "moving"])
-@pytest.mark.parametrize("transient", [0.0, TRANSIENT])
+@pytest.mark.parametrize(("base", "transient"), [("high-bounce", TRANSIENT), ("moving", 0.0)])
 def test_every_landing_in_the_window_is_seen(base, transient, scenes, observe, record, workers):
     scene = observe(
         particles=5, transient=transient, observables=(ALL,), base=base, duration=DURATION

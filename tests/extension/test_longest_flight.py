@@ -83,7 +83,8 @@ import json, sys
 sys.path.insert(0, sys.argv[1])
 import vibrosweep as vs
 from longest_flight import LONGEST_FLIGHT
-found = vs.sweep(restitution=0.9, amplitude=1.2, observables=[LONGEST_FLIGHT])
+given = {"particles": 1, "separation": False, "observables": [LONGEST_FLIGHT]}
+found = vs.sweep(restitution=0.9, amplitude=1.2, **given)
 print(json.dumps(found.flight_time_max.values.ravel().tolist()))
 """
 

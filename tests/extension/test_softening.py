@@ -83,7 +83,7 @@ sys.path.insert(0, sys.argv[1])
 import softening
 import vibrosweep as vs
 scene = {"restitution_law": "softening", "restitution_speed": 4.905}
-found = vs.sweep(restitution=0.9, amplitude=1.2, **scene)
+found = vs.sweep(restitution=0.9, amplitude=1.2, particles=1, separation=False, **scene)
 print(int(found.impact_count.sum()))
 """
 

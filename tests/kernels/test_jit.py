@@ -60,7 +60,6 @@ found.write_bytes(pickle.dumps(results))
 @pytest.mark.parametrize(
     ("base", "rebound", "noise"),
     [
-        ("high-bounce", "rest", ()),
         ("high-bounce", "reflect", ()),
         ("moving", "rest", ()),
         ("sprung", "rest", ()),
@@ -72,7 +71,7 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
 ):
     # all products are fused where the source says so and nowhere else; nothing divides by zero
     # otherwise
-    rng, size = np.random.default_rng(6), 8
+    rng, size = np.random.default_rng(6), 7
     scene = random_scenes(seed=70, size=size, contact_time=0.02, launch_velocity=2.0)
     thrown = 10.0 ** rng.uniform(-1.0, 1.0, size) * (1.0 + scene["restitution"])
     scene["amplitude"] = thrown * scene["gravity"] / (2.0 * np.pi * scene["frequency"])
