@@ -129,7 +129,7 @@ def test_lift_offs_from_a_moving_base_are_those_of_the_definition():
 
 
 def test_exponents_along_the_path():
-    """About a locked orbit they are those of its multipliers; over a moving base their sum is 2 ln e."""
+    """About a locked orbit they are those of its multipliers; here their sum is 2 ln e."""
     scene = {"restitution": 0.9, "amplitude": 1.2, "launch_velocity": 4.905, "duration": 4000.0}
     scene |= {"launch": [0.4329824], "base": "moving", "lyapunov": True}
     noise = {"kick_noise": 1e-3, "restitution_noise": 1e-4}

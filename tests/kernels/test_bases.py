@@ -1,6 +1,5 @@
 """Generic functions of each base and law, against exact arithmetic and their declarations."""
 
-import json
 import math
 import os
 import subprocess
@@ -114,7 +113,6 @@ def test_constants_in_scratch_memory_are_taken_back(constants_of, law, drawn):
 
 
 SAME_BITS = """
-import json
 import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
