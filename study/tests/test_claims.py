@@ -1,7 +1,8 @@
-"""Every claim is computed: known numbers, and verdicts that turn with the physics."""
+"""Every claim is computed: known numbers, verdicts that turn with the physics, and their page."""
 
 import html
 import math
+import re
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from study import (
     claims_on_scheme,
     claims_on_transients,
     claims_on_windows,
+    claims_page,
     collect,
     slots,
 )
@@ -23,6 +25,7 @@ from study.bases import FIXED, HIGH_BOUNCE, MOVING, SPRUNG
 from study.disturbances import DRIVE, LAW, OWN, WAVEFORM, disturbances, orbit, refusal
 from study.report import as_json
 from study.samples import ANY_PHASE, FIRST, MOUNT, Plan
+from study.tests.test_claims_page import Reader
 from study.verdict import ANY_BASE, Claim, Verdict
 from vibrosweep import simulate, theory
 
@@ -52,6 +55,30 @@ def test_all_claims_are_there_with_their_words(claims):
         assert claim.outcome.evidence
         for one in claim.outcome.evidence:
             assert all(each.checks for each in (*one.readings, *one.conditions))
+
+
+def test_the_page_is_well_formed_and_needs_nothing_else(shown):
+    checker = Reader()
+    checker.feed(shown)
+    assert checker.open == []
+    assert len(set(checker.ids)) == len(checker.ids)
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in checker.sources)
+    assert {link.removeprefix("#") for link in checker.links} == set(checker.ids)
+    assert not re.search(r"url\(|@import|<script|<link", shown)
+    assert "$" not in re.sub(r'src="[^"]*"', "", shown)
+
+
+def test_the_page_shows_every_verdict_reading_and_figure(claims, shown):
+    table = shown.split("<tbody>")[1].split("</tbody>")[0].split("</tr>")
+    for claim, row in zip(claims, table, strict=False):
+        section = shown.split(f'id="claim-{claim.key}"')[1].split("</section>")[0]
+        verdicts = [one.verdict.value for one in claim.outcome.evidence]
+        assert re.findall(r'class="badge \w+">([^<]*)<', row) == verdicts
+        assert re.findall(r'class="badge \w+">([^<]*)<', section) == verdicts
+        readings = [r for one in claim.outcome.evidence for r in (*one.readings, *one.conditions)]
+        marks = [claims_page.MARKS[reading.passed][1] for reading in readings]
+        assert re.findall(r'class="mark \w+">([^<]*)<', section) == marks
+        assert section.count("<figure") == len(claim.outcome.pictures)
 
 
 def test_every_claim_of_motion_is_asked_of_the_moving_base_too(outcomes):

@@ -1,6 +1,5 @@
 """The page stands alone, is valid, and says what the numbers say."""
 
-import re
 from html.parser import HTMLParser
 
 import pytest
@@ -46,30 +45,6 @@ class Reader(HTMLParser):
 def made_up(checks, base="moving", pictures=()):
     outcome = Outcome([Evidence(base, [Reading("read so", checks)])], pictures)
     return Claim("7", "Eq. <1>", "x_{min} < y^2 & z", "method", "", outcome)
-
-
-def test_the_page_is_well_formed_and_needs_nothing_else(shown):
-    checker = Reader()
-    checker.feed(shown)
-    assert checker.open == []
-    assert len(set(checker.ids)) == len(checker.ids)
-    assert all(source.startswith("data:image/svg+xml;base64,") for source in checker.sources)
-    assert {link.removeprefix("#") for link in checker.links} == set(checker.ids)
-    assert not re.search(r"url\(|@import|<script|<link", shown)
-    assert "$" not in re.sub(r'src="[^"]*"', "", shown)
-
-
-def test_the_page_shows_every_verdict_reading_and_figure(claims, shown):
-    table = shown.split("<tbody>")[1].split("</tbody>")[0].split("</tr>")
-    for claim, row in zip(claims, table, strict=False):
-        section = shown.split(f'id="claim-{claim.key}"')[1].split("</section>")[0]
-        verdicts = [one.verdict.value for one in claim.outcome.evidence]
-        assert re.findall(r'class="badge \w+">([^<]*)<', row) == verdicts
-        assert re.findall(r'class="badge \w+">([^<]*)<', section) == verdicts
-        readings = [r for one in claim.outcome.evidence for r in (*one.readings, *one.conditions)]
-        marks = [claims_page.MARKS[reading.passed][1] for reading in readings]
-        assert re.findall(r'class="mark \w+">([^<]*)<', section) == marks
-        assert section.count("<figure") == len(claim.outcome.pictures)
 
 
 def test_what_no_base_enters_spans_them_all():

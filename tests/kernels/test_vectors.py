@@ -96,7 +96,6 @@ AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi
     ("base", "bits", "register", "feature"),
     [
         ("high-bounce", 128, "xmm", "avx2"),
-        ("high-bounce", 512, "zmm", "avx512f"),
         ("moving", 256, "ymm", "avx2"),
         ("moving", 512, "zmm", "avx512f"),
     ],
