@@ -25,7 +25,7 @@ from vibrosweep.analysis.separations import separation_against, separation_distr
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.scene.scene import Scene
 
 PARTICLES = 20
 CHUNK = 1000
@@ -42,7 +42,7 @@ def timed(name: str) -> Iterator[None]:
 
 def measured(e: np.ndarray, amplitude: np.ndarray) -> xr.Dataset:
     """The sweep itself, with separations and regimes, over 12 s."""
-    plain = bare_scene(PARTICLES, "staggered", 12.0, "rest", 10**6)
+    plain = Scene(PARTICLES, "staggered", 12.0, "rest").recorded(10**6)
     scene = plain.with_measures(transient=0.0, separation=True, regimes=True)
     parameters = all_parameters({"restitution": e, "amplitude": amplitude})
     with Workers(2) as workers:

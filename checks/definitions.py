@@ -30,7 +30,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.sequence import landings
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.times import Periods
-from vibrosweep.scene.scene import Scene, bare_scene
+from vibrosweep.scene.scene import Scene
 
 BASES = ("high-bounce", "moving", "sprung without mass", "sprung")
 ALL = Measures(separation=True, per_particle=True)
@@ -88,9 +88,7 @@ class Recorded:
         self.scene, self.observation = of, watched
         self.p = {name: float(v[0]) for name, v in parameters.items()}
         end = float(watched.duration) + PAST / self.p["frequency"]
-        longer = bare_scene(
-            watched.particles, watched.launch, end, watched.rebound, 10**6, watched.base
-        )
+        longer = replace(watched, duration=end).recorded(10**6)
         found = record_landings(parameters, longer, workers)
         self.complete = not found["status"].any()
         self.landings = []  # of each particle: landing, lift-off, speed, rested, next landing

@@ -23,7 +23,7 @@ from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import impact, launch, launch_speed
 from vibrosweep.model.parameters import MOUNT, SPRUNG
 from vibrosweep.model.status import Status
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.scene.scene import Scene
 
 BITS = 256
 CAPACITY = 24  # landings of the first particle that are compared with the proved reference
@@ -71,8 +71,8 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     """Compute a case in every way there is, and check what must hold."""
     found = Findings()
     began = time.perf_counter()
-    plain = bare_scene(
-        len(case.launch), case.launch, case.duration, case.law, case.budget, case.base
+    plain = Scene(len(case.launch), case.launch, case.duration, case.law, base=case.base).recorded(
+        case.budget
     )
     coupled = case.base == SPRUNG
     alone = {"joint": True} if coupled else {"regimes": True, "trust": True}

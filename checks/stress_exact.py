@@ -23,7 +23,7 @@ from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Status
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.scene.scene import Scene
 
 Outcome = tuple[int, list[str]]
 CAPACITY = 400
@@ -192,7 +192,7 @@ def window_edges(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
             "restitution": bounce, "amplitude": 0.0, "frequency": 1.0, "phase": 0.0,
             "gravity": 2.0, "launch_velocity": flight, "contact_time": 1e-9,
         }  # fmt: skip
-        plain = bare_scene(1, (start,), end, law, 10_000)
+        plain = Scene(1, (start,), end, law).recorded(10_000)
         watched = plain.with_measures(transient=begin, separation=True)
         parameters = {name: np.array([scene[name]]) for name in PARAMETERS}
         count = int(measure(parameters, watched, workers)["impact_count"][0])
@@ -218,7 +218,7 @@ def bad_company(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
         scenes = [dyadic_scene(rng) for _ in range(40)]
         given = {name: np.array([scene[name] for scene in scenes]) for name in PARAMETERS}
         given["frequency"][:] = 1.0
-        observation = bare_scene(3, (0.0, 0.25, 0.3), 12.0, law, 2000).with_measures(
+        observation = Scene(3, (0.0, 0.25, 0.3), 12.0, law).recorded(2000).with_measures(
             transient=0.0, separation=True, per_particle=True, regimes=True, trust=True,
             tolerance=1e-9,
         )  # fmt: skip
@@ -249,7 +249,7 @@ def many_particles(law: str, cases: int, seed: int, workers: Workers) -> Outcome
     given = {name: np.array([p.default]) for name, p in PARAMETERS.items()}
     rng = np.random.default_rng(seed)
     launch = tuple(rng.uniform(0.0, 1.0, number).tolist())
-    plain = bare_scene(number, launch, 3.0, law, 1000)
+    plain = Scene(number, launch, 3.0, law).recorded(1000)
     measured = measure(given, plain.with_measures(transient=0.0, separation=True), workers)
     record = record_landings(given, plain, workers)
     times = record["landing_time"][0]

@@ -68,13 +68,13 @@ def random_scenes(parameters):
 @pytest.fixture(scope="session")
 def observe():
     """Scenes of 12 s that measure separations and each particle, unless said otherwise."""
-    from vibrosweep.scene.scene import bare_scene
+    from vibrosweep.scene.scene import Scene
 
     def make(launch="staggered", particles=20, **changes):
         if not isinstance(launch, str):
             launch = tuple(float(time) for time in launch)
             particles = len(launch)
-        plain = bare_scene(particles, launch, 12.0, "rest", 10**6)
+        plain = Scene(particles, launch, 12.0, "rest").recorded(10**6)
         keys = {"transient": 0.0, "separation": True, "per_particle": True}
         keys |= {name: changes.pop(name) for name in vars(plain.measures) if name in changes}
         return replace(plain.with_measures(**keys), **changes)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numba import njit
@@ -23,7 +22,6 @@ from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_spe
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
 from vibrosweep.scene.scene import Scene as Watched
-from vibrosweep.scene.scene import bare_scene
 
 MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed
 MOST_IMPACTS = 10_000_000
@@ -37,14 +35,9 @@ RK4 = "RK4"
 
 
 def _observation(scene: Scene, launch_times: np.ndarray) -> Watched:
-    observation = bare_scene(
-        launch_times.size,
-        tuple(launch_times.tolist()),
-        scene.duration,
-        scene.rebound,
-        MOST_IMPACTS,
-    )
-    return replace(observation, base=scene.base)
+    times = tuple(launch_times.tolist())
+    watched = Watched(len(times), times, scene.duration, scene.rebound, base=scene.base)
+    return watched.recorded(MOST_IMPACTS)
 
 
 def _arrays(scene: Scene) -> dict[str, np.ndarray]:

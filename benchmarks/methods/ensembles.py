@@ -16,7 +16,7 @@ from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.scene.scene import Scene, bare_scene
+from vibrosweep.scene.scene import Scene
 
 STATISTICS = "vibrosweep, statistics"
 NOTHING_SKIPPED = "vibrosweep, nothing skipped"
@@ -28,7 +28,7 @@ BLOCK = 4096  # trajectories at once: their state and temporaries stay in the ca
 
 
 def _observation(sweep: Sweep) -> Scene:
-    return bare_scene(sweep.particles, "staggered", sweep.duration, sweep.rebound, MOST_IMPACTS)
+    return Scene(sweep.particles, "staggered", sweep.duration, sweep.rebound).recorded(MOST_IMPACTS)
 
 
 def _some(sweep: Sweep, realizations: np.ndarray) -> dict[str, np.ndarray]:

@@ -15,7 +15,7 @@ from vibrosweep.engine import measure as engine
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.lab.prediction import predict
 from vibrosweep.scene.keywords import keyword_spec
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.scene.scene import Scene
 
 SCAN = np.linspace(0.3, 3.5, 9)
 IMPACTS = xr.Dataset(
@@ -66,7 +66,7 @@ def test_an_analysis_that_keeps_no_landing_skips_what_is_known(name, asked, work
 
 
 def test_a_record_follows_every_landing(asked, workers):
-    observation = bare_scene(2, "staggered", 12.0, "rest", 1000)
+    observation = Scene(2, "staggered", 12.0, "rest").recorded(1000)
     record_landings(all_parameters({}), observation, workers)
     assert asked
     assert not any(one.skip for one in asked)
@@ -86,7 +86,7 @@ def test_skips_do_not_change_a_count(workers):
     random = np.random.default_rng(3)
     ranges = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5)}
     parameters = all_parameters({n: random.uniform(*ends, 24) for n, ends in ranges.items()})
-    observation = bare_scene(6, "staggered", 3000.0, "rest", 10_000_000)
+    observation = Scene(6, "staggered", 3000.0, "rest").recorded(10_000_000)
     assert observation.measures.transient == -math.inf
     skipped, followed = (
         engine.measure(parameters, dataclasses.replace(observation, skip=skip), workers)

@@ -15,7 +15,7 @@ from vibrosweep.kernels.coupled.counting import work_for
 from vibrosweep.kernels.coupled.sequence import clear, landings, note
 from vibrosweep.kernels.listing import Listed
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.scene.scene import Scene, bare_scene
+from vibrosweep.scene.scene import Scene
 
 LAUNCHES = (0.0, 0.125, 0.3, 0.55)
 MOUNT = {"mass_ratio": 0.02, "mount_frequency": 0.37, "mount_damping": 0.05}
@@ -39,7 +39,7 @@ def test_without_mass_particles_do_not_act_on_each_other(restitution, gamma):
 
 def recorded(parameters, particles=4, duration=8.0):
     """Landings, and the motion of the base."""
-    scene = bare_scene(particles, LAUNCHES[:particles], duration, "rest", 10**6, "sprung")
+    scene = Scene(particles, LAUNCHES[:particles], duration, "rest", base="sprung").recorded(10**6)
     with Workers(1) as workers:
         track = base_track(parameters, scene, workers)
     found = vs.simulate(

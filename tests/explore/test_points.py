@@ -64,14 +64,15 @@ def test_ends_of_windows_are_points_and_open_ends_are_none():
     assert points.columns["condition"].codes == {0: "locked(1)", 1: "locked(2)"}
 
 
-def test_impacts_of_a_bifurcation_diagram_are_points():
-    found = vs.bifurcation(
-        restitution=0.9, amplitude=[0.6, 1.2], launch=[0.125, 0.45], duration=1500.0
-    )
+@pytest.mark.parametrize("forcing", ["amplitude", "base_velocity"])
+def test_impacts_of_a_bifurcation_diagram_are_points(forcing):
+    scan = {forcing: [0.6, 1.2]}
+    found = vs.bifurcation(restitution=0.9, **scan, launch=[0.125, 0.45], duration=1500.0)
     points = of_result(found, HERE, "bifurcation")
     values = found[found.attrs["observable"]].values
     assert points.count == np.isfinite(values).sum()
-    assert points.choice(points.count - 1).inputs["amplitude"] == 1.2
+    assert points.choice(points.count - 1).inputs[forcing] == 1.2
+    assert points.axes[0] == forcing
     assert points.choice(0).launch_time == (0.125, 0.45)
     assert "launched anew" in points.remark
 

@@ -46,4 +46,4 @@ def test_points_in_a_polygon_are_those_that_matplotlib_finds(places):
 
 def test_points_in_a_rectangle():
     x, y = np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 5.0])
-    assert in_rectangle(x, y, (0.5, 2.5, 0.0, 2.0)).tolist() == [1]
+    assert in_rectangle(x, y, 0.5, 2.5, 0.0, 2.0).tolist() == [1]

@@ -220,8 +220,8 @@ from vibrosweep.kernels.totals import combine
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import all_parameters
-from vibrosweep.scene.scene import bare_scene
-observation = bare_scene(3, "staggered", 12.0, "rest", 10**6)
+from vibrosweep.scene.scene import Scene
+observation = Scene(3, "staggered", 12.0, "rest").recorded(10**6)
 observation = observation.with_measures(transient=0.0, separation=True)
 with Workers(1) as workers:
     measure(all_parameters({}), observation, workers)

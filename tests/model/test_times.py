@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import MAX_PERIODS, PARAMETERS, dimensionless, representable
-from vibrosweep.model.times import Periods, in_periods, in_seconds, one_time, precedes
+from vibrosweep.model.times import Periods, in_periods, in_seconds, precedes
 
 PERIODS = st.floats(1e-3, 1e9)
 
@@ -55,10 +54,3 @@ def test_periods_are_counted_whatever_the_frequency():
 
 def test_an_amplitude_that_is_too_large_is_not_computed_with():
     assert not representable(parameters(amplitude=1e31), [1.0]).any()
-
-
-def test_a_time_is_given_once():
-    assert one_time("duration", None, None, 3.0) == 3.0
-    assert one_time("duration", None, 4.0, 3.0) == Periods(4.0)
-    with pytest.raises(ParameterError, match=r"duration = 1\.0 and duration_periods = 2\.0"):
-        one_time("duration", 1.0, 2.0, 3.0)

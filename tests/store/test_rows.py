@@ -20,7 +20,6 @@ GRID = {
     "duration_periods": 20,
     "particles": 2,
     "per_particle": True,
-    "seed": 7,
 }
 SIZES = st.lists(st.integers(1, 5), min_size=1, max_size=4)
 

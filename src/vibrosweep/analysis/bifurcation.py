@@ -159,7 +159,7 @@ def _impacts(
     # a frequency of 1: times in periods are counted from 0
     units = Units(np.ones(count), np.ravel(gravity / (2.0 * frequency)))
     every = samples + 1  # a flight ends with the next landing
-    alone = replace(scene.with_measures(impact_budget=every).recorded(), particles=1, launch=(0.0,))
+    alone = replace(scene.recorded(every), particles=1, launch=(0.0,))
     flat, _ = recorded(problem, launch, alone, workers, units, np.full(count, every))
     out = Record._make(values.reshape(count, every) for values in flat)
     shape = (-1, scene.particles, samples)

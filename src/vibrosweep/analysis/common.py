@@ -18,7 +18,7 @@ from vibrosweep.model.parameters import STREAM
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.times import Periods, in_seconds
 from vibrosweep.runs.notes import short_observation
-from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
+from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes
 from vibrosweep.scene.design import GRID
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
@@ -64,13 +64,8 @@ def attributes(scene: Scene, title: str) -> dict[str, Any]:
         "title": title,
         "particles": scene.particles,
         "launch": scene.launch if isinstance(scene.launch, str) else np.asarray(scene.launch),
-        "base": scene.base,
-        "rebound": scene.rebound,
-        "waveform": scene.waveform.text,
-        "restitution_law": scene.restitution_law,
-        "forcing": scene.forcing(),
         "impact_budget": scene.measures.impact_budget,
-        **periods_given(scene.duration, scene.measures.transient),
+        **attributes_of_scene(scene),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -18,10 +18,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import MOUNT, OF_RESTITUTION, PARAMETERS, SPRUNG, STAGGERED
 from vibrosweep.model.restitution_laws import law_in
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.waveform import stored
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")
@@ -85,15 +84,15 @@ def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
     listed = one.attrs.get("launch") != STAGGERED
     periods = one.attrs.get("duration_periods")
     landings, followed = one["impact_count"].values, np.all(one["status"] == Status.COMPLETED)
-    scene = bare_scene(
+    scene = Scene(
         landings.size,
         tuple(times.tolist()) if listed else STAGGERED,
         float(one["duration"]) if periods is None else Periods(float(periods)),
         str(one.attrs["rebound"]),
-        Measures.impact_budget if followed else max(int(landings.max()), 1),
-        SPRUNG,
-    )
-    scene = replace(scene, restitution_law=law_in(one.attrs), waveform=stored(one.attrs))
+        base=SPRUNG,
+        restitution_law=law_in(one.attrs),
+        waveform=stored(one.attrs),
+    ).recorded(None if followed else max(int(landings.max()), 1))
     with Workers(1) as workers:
         if not np.array_equal(count_coupled(parameters, scene, workers).landings, landings):
             raise DataError(

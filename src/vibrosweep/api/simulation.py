@@ -28,7 +28,7 @@ from vibrosweep.model.ragged_arrays import ragged_columns, wasted
 from vibrosweep.model.restitution_laws import CONSTANT, VISCOELASTIC
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.notes import short_observation, strong_forcing
-from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given, seed_of
+from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, attributes_of_scene
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import Scene
@@ -192,16 +192,7 @@ def simulate(
     return xr.Dataset(
         variables | fixed,
         along,
-        {
-            "base": scene.base,
-            "rebound": scene.rebound,
-            "waveform": scene.waveform.text,
-            "restitution_law": scene.restitution_law,
-            "forcing": forcing,
-            **seed_of(scene, arrays),
-            **({"notes": note} if note else {}),
-            **periods_given(scene.duration),
-        },
+        attributes_of_scene(scene, arrays) | ({"notes": note} if note else {}),
     )
 
 

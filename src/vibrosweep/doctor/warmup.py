@@ -43,7 +43,7 @@ from vibrosweep.model.forcing import AMPLITUDE
 from vibrosweep.model.parameters import LAWS, SPRUNG
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.keywords import batch, keyword_spec
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.scene.scene import Scene
 
 KERNELS: Final[tuple[Any, ...]] = (
     advance,
@@ -91,7 +91,7 @@ def warm_up() -> Compiled:
     batches = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:
         for (base, rebound), transient, regimes in product(ways, (0.0, 1.0), (False, True)):
-            endless = bare_scene(2, "staggered", 2.0, rebound, 1000, base)
+            endless = Scene(2, "staggered", 2.0, rebound, base=base).recorded(1000)
             record_landings(batches[0], endless, workers)
             measures = Measures(transient, separation=True, lyapunov=regimes, trust=True)
             # long enough for orbits to recur
@@ -111,7 +111,7 @@ def warm_up() -> Compiled:
             branches_along(plane, FIX_E, (1, 1), 1, workers)
         mount = {"mass_ratio": 0.01, "mount_frequency": 0.5, "mount_damping": 0.05}
         parameters = all_parameters({name: np.array([value]) for name, value in mount.items()})
-        coupled = bare_scene(2, "staggered", 2.0, "rest", 1000, SPRUNG)
+        coupled = Scene(2, "staggered", 2.0, base=SPRUNG).recorded(1000)
         measure(parameters, replace(coupled, measures=Measures(joint=True)), workers)
         base_track(parameters, coupled, workers).at(np.array([1.0]))
     made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)

@@ -218,28 +218,27 @@ def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
 def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
     """Make a point of every impact."""
     name = str(diagram.attrs["observable"])
-    values = diagram[name].transpose("direction", "amplitude", "particle", "sample")
+    along = next(str(dim) for dim in diagram[name].dims if dim in FORCINGS)
+    values = diagram[name].transpose("direction", along, "particle", "sample")
     direction, row, particle, sample = np.nonzero(np.isfinite(values.values))
     orbit = (direction, row, particle)
-    columns = {
-        "amplitude": _column("amplitude", diagram["amplitude"], row),
-        "base_acceleration": _column("base_acceleration", diagram["base_acceleration"], row),
+    forcings = [n for n in FORCINGS if n in diagram.variables]
+    columns = {n: _column(n, diagram[n], row) for n in forcings} | {
         name: _column(name, values, (direction, row, particle, sample)),
         "direction": _named("direction of the scan", diagram["direction"].values, direction),
     }
     for measured in ("regime", "lyapunov_largest", "cycle_impacts", "cycle_periods"):
-        one = _numbers(measured, diagram).transpose("direction", "amplitude", "particle")
+        one = _numbers(measured, diagram).transpose("direction", along, "particle")
         columns[measured] = _column(measured, one, orbit)
     columns["particle"] = Column("number of the particle", particle.astype(np.float64))
-    along = str(diagram.attrs.get("forcing", "amplitude"))
     return {
         "columns": columns,
-        "varied": ("amplitude",),
-        "base_choice": _shared(diagram, "amplitude"),
-        "axes": (along if along in columns else "amplitude", name),
+        "varied": (along,),
+        "base_choice": _shared(diagram, along),
+        "axes": (along, name),
         "colour": "direction",
         "remark": "Particles are launched anew here; the diagram follows their orbits from one "
-        "amplitude to the next, so that another attractor may be shown.",
+        "point of the forcing to the next, so that another attractor may be shown.",
     }
 
 

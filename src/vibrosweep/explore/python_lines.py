@@ -9,17 +9,12 @@ from typing import Any, Final
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.pictures import DOTS, HEIGHT
 from vibrosweep.explore.points import Points
+from vibrosweep.store.kinds import KINDS, SWEEP
 
 WIDTH: Final = 79
 LEADING: Final = "import vibrosweep as vs\n"
 PLOT: Final = "import matplotlib.pyplot as plt\n"
 PICTURES: Final = (HEIGHT, *DOTS)
-
-_DRAWINGS: Final[Mapping[str, str]] = {
-    "windows": "stability_windows",
-    "bifurcation": "bifurcation_diagram",
-    "basins": "basins_of_attraction",
-}
 
 
 def motion_lines(choice: Choice, picture: str) -> str:
@@ -52,11 +47,11 @@ def around(picture: str) -> tuple[str, str]:
 def plane_lines(points: Points, x: str, y: str, colour: str) -> str:
     """Lines that draw the plane of a result."""
     path = str(points.path)
-    if points.kind in _DRAWINGS:
+    if points.kind != SWEEP.name:
         return (
             f"{PLOT}import xarray as xr\n{LEADING}\n"
             f'found = xr.load_dataset({path!r}, engine="h5netcdf")\n'
-            f'vs.figures.{_DRAWINGS[points.kind]}(found)\nplt.savefig("plane.png")\n'
+            f'vs.figures.{KINDS[points.kind].stem}(found)\nplt.savefig("plane.png")\n'
         )
     number = '\nfound["number"] = ("realization", range(found.sizes["realization"]))'
     return (

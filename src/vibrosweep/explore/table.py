@@ -45,7 +45,7 @@ def enclosed(outline: Any, x: Array, y: Array) -> Rows | None:
     """Indices of the points within an outline from a browser; None where it is not an outline."""
     if outline.get("type") == "rect":
         x0, x1, y0, y1 = (outline.get(name) for name in ("x0", "x1", "y0", "y1"))
-        return in_rectangle(x, y, (x0, x1, y0, y1)) if is_window(x0, x1, y0, y1) else None
+        return in_rectangle(x, y, x0, x1, y0, y1) if is_window(x0, x1, y0, y1) else None
     sent = [outline.get(name) for name in "xy"]
     # Bokeh hands on arrays of numpy or of the standard library, whatever the browser sent
     corners = [v.tolist() if isinstance(v, np.ndarray | array) else v for v in sent]
@@ -55,16 +55,15 @@ def enclosed(outline: Any, x: Array, y: Array) -> Rows | None:
     return in_polygon(x, y, *np.array(pairs, np.float64).T)
 
 
-def in_rectangle(x: Array, y: Array, corners: tuple[float, float, float, float]) -> Rows:
-    """Indices of the points within x0, x1, y0, y1."""
-    x0, x1, y0, y1 = corners
+def in_rectangle(x: Array, y: Array, x0: float, x1: float, y0: float, y1: float) -> Rows:
+    """Indices of the points within a rectangle."""
     return np.flatnonzero((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1))
 
 
 def in_polygon(x: Array, y: Array, corners_x: Array, corners_y: Array) -> Rows:
     """Indices of the points within a polygon, by the even-odd rule."""
     box = (corners_x.min(), corners_x.max(), corners_y.min(), corners_y.max())
-    near = in_rectangle(x, y, box)
+    near = in_rectangle(x, y, *box)
     polygon = Outline(np.column_stack([corners_x, corners_y]))
     inside: NDArray[np.bool_] = polygon.contains_points(np.column_stack([x[near], y[near]]))
     return np.asarray(near[inside])

@@ -20,6 +20,7 @@ from scipy.sparse import csr_array
 
 from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
+from vibrosweep.lab.regression import Speeds
 
 # Half bandwidth of the covariance of the equations: a bounce shares an instant with the next but
 # one, and the errors of neighbouring instants are correlated.
@@ -39,18 +40,24 @@ class Bounces:
     middle: NDArray[np.intp]
     gravity: float  # m s-2
 
-    def speeds(self, instant: Array | None = None) -> tuple[Array, Array, Array]:
-        """Speeds of arrival and departure (m s-1) and time (s) of each bounce."""
+    def speeds(self, instant: Array | None = None) -> Speeds:
+        """Return the bounces, at other instants where these are given."""
         t = self.instant if instant is None else instant
         half, i = self.gravity / 2.0, self.middle
-        return half * (t[i] - t[i - 1]), half * (t[i + 1] - t[i]), t[i]
+        return Speeds(half * (t[i] - t[i - 1]), half * (t[i + 1] - t[i]), t[i])
 
-    def errors_of(self, slopes: tuple[Array, Array, Array]) -> csr_array:
-        """Matrix from errors of instants to errors of the equations, shape (bounce, instant)."""
+    def errors_of(self, before: Array, own: Array, after: Array) -> csr_array:
+        """Matrix from errors of instants to errors of the equations, shape (bounce, instant).
+
+        The arguments are the derivatives of each equation by the instant before its bounce, by that
+        of the bounce, and by the one after it.
+        """
         rows = np.repeat(np.arange(self.middle.size), 3)
         columns = (self.middle[:, np.newaxis] + np.array([-1, 0, 1])).ravel()
         shape = (self.middle.size, self.instant.size)
-        return csr_array((np.stack(slopes, axis=1).ravel(), (rows, columns)), shape=shape)
+        return csr_array(
+            (np.stack([before, own, after], axis=1).ravel(), (rows, columns)), shape=shape
+        )
 
     @property
     def errors(self) -> csr_array:

@@ -275,7 +275,7 @@ def _adjust(bounces: Bounces, first: Array, rate: float, free: bool) -> _Adjuste
         columns = [arrive, sine, cosine] + ([time * turning] if free else [])
         design = -np.stack(columns, axis=1)
         ends = np.full(time.size, half)
-        slopes = bounces.errors_of((e * ends, -(1.0 + e) * ends - f * turning, ends))
+        slopes = bounces.errors_of(e * ends, -(1.0 + e) * ends - f * turning, ends)
         closure = leave - e * arrive - s * sine - c * cosine
         closure = closure + slopes @ (bounces.instant - instant)
         spread = slopes @ errors @ slopes.T

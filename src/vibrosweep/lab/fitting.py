@@ -14,7 +14,7 @@ from vibrosweep.lab.flights import contradicts, correctable
 from vibrosweep.lab.levels import flights_on_levels
 from vibrosweep.lab.moving_flights import flights_over
 from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_shaken
-from vibrosweep.lab.quality import find_swaps
+from vibrosweep.lab.quality import Swap, find_swaps
 from vibrosweep.lab.segments import Samples, samples_of
 from vibrosweep.lab.which_base import moves, which_base
 from vibrosweep.model.parameters import PARAMETERS
@@ -43,8 +43,7 @@ class Fitted(NamedTuple):
     # samples, flights: measured positions, and the parabolas through them
     samples: Samples
     flights: Flights
-    # Swapped identities: the first frame after the swap, and the two particles
-    swaps: list[tuple[int, int, int]]
+    swaps: list[Swap]
     # Base that the contacts favour: ``"moving"``, ``"level"`` or ``"undetermined"``; that of the
     # view if it states one
     favoured_base: str

@@ -14,8 +14,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.scene.scene import Scene
 
 DRAWS: Final = 64
 # Motion of the base of a recording -> name of the base.
@@ -130,7 +129,7 @@ def predict(
     if flown.size:
         length = impacts.attrs["end"] - float(start.min())
         base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
-        bare = bare_scene(1, (0.0,), length, rebound, Measures.impact_budget, base)
+        bare = Scene(1, (0.0,), length, rebound, base=base).recorded()
         found = measure(all_parameters(sets), bare, workers)
         height[:, flown] = found["rebound_height_mean"].reshape(draws, -1)
         period[:, flown] = found["flight_time_mean"].reshape(draws, -1)

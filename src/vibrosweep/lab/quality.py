@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -42,12 +42,19 @@ def coverage(tracks: xr.Dataset) -> xr.Dataset:
     )
 
 
-def find_swaps(
-    time: Array, height: Array, noise: float, base: float, gravity: float
-) -> list[tuple[int, int, int]]:
+class Swap(NamedTuple):
+    """An exchange of the identities of two particles."""
+
+    frame: int  # the first one after it
+    # one, other: numbers of the particles
+    one: int
+    other: int
+
+
+def find_swaps(time: Array, height: Array, noise: float, base: float, gravity: float) -> list[Swap]:
     """Find the frames from which on the identities of two particles are swapped.
 
-    Returns (frame, one, other).  In that frame neither particle continues its own flight, each
+    In such a frame neither particle continues its own flight, each
     continues that of the other, and neither is near the base.  A swap at nearly the same height and
     speed cannot be found, and leaves a flight that fits badly.  Times are of shape (frame,),
     heights of shape (frame, particle); `noise` is the standard deviation of a position, m.
@@ -64,7 +71,7 @@ def find_swaps(
         who = np.flatnonzero(suspects[i])
         fits = np.abs(height[i + 2, who] - expected[i, who, np.newaxis]) < WHOLE * spread[i]
         for a, b in zip(*np.nonzero(np.triu(fits & fits.T, 1)), strict=True):
-            found.append((int(i + 2), int(who[a]), int(who[b])))
+            found.append(Swap(int(i + 2), int(who[a]), int(who[b])))
     return found
 
 

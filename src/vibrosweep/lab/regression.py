@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -25,11 +25,19 @@ LEAST_FREE: Final = 1e-3  # least share of an equation that the fitted parameter
 NEAR: Final = 0.05  # Hz, many times the error of a submultiple of a frequency
 
 
-def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, float]) -> float:
+class Speeds(NamedTuple):
+    """Bounces, each array of shape (bounce,)."""
+
+    # arrive, leave: speeds before and after it, m s-1
+    arrive: Array
+    leave: Array
+    time: Array  # s
+
+
+def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
     """Frequency in Hz at which the bounces obey the map best, by ordinary least squares.
 
-    It is found by a scan of some bounces and refined on all of them.  The speeds of arrival and
-    departure and the times are those of `Bounces.speeds`.
+    It is found by a scan of some bounces and refined on all of them.
     """
     arrive, leave, time = speeds
     order = np.argsort(time)
@@ -62,9 +70,7 @@ def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, flo
         reach, width = 2.0 * reach, width / 2.0
 
 
-def with_subharmonics(
-    speeds: tuple[Array, Array, Array], between: tuple[float, float]
-) -> list[float]:
+def with_subharmonics(speeds: Speeds, between: tuple[float, float]) -> list[float]:
     """Frequency (Hz) of `find_frequency`, and its submultiples down to a fifth in the range.
 
     On orbits that visit few phases a multiple of the frequency may describe the bounces better by

@@ -10,7 +10,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, first_guess, fit_shaken
-from vibrosweep.lab.regression import FEWEST, outside, weakest_signal, with_subharmonics
+from vibrosweep.lab.regression import FEWEST, Speeds, outside, weakest_signal, with_subharmonics
 
 FREQUENCIES: Final = (1.0, 100.0)
 # Most contacts that are used: more hardly change the decision.
@@ -40,7 +40,7 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
     if _too_few(few):
         return Judgement("undetermined", None)
     free = frequency is None
-    speeds = (-few.arrival, few.departure, few.time)
+    speeds = Speeds(-few.arrival, few.departure, few.time)
     rates = with_subharmonics(speeds, FREQUENCIES) if frequency is None else [frequency]
     rates = [r for r in rates if signal_of(few, first_guess(few, r), r) >= LEAST_SIGNAL]
     if not rates:

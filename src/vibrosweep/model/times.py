@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import ParameterError
 
 
 @dataclass(frozen=True)
@@ -55,17 +54,3 @@ def precedes(first: Time, second: Time, frequency: Array) -> bool:
 def unit_of(time: Time) -> str:
     """Unit of a time in words, for messages."""
     return "forcing periods" if isinstance(time, Periods) else "s"
-
-
-def one_time(name: str, seconds: float | None, periods: float | None, default: float) -> Time:
-    """Return a time given in s or in forcing periods; `default` in s if neither is given.
-
-    Raises a ParameterError if both are given.
-    """
-    if seconds is not None and periods is not None:
-        raise ParameterError(
-            f"{name} = {seconds!r} and {name}_periods = {periods!r}: give one of the two"
-        )
-    if periods is not None:
-        return Periods(periods)
-    return default if seconds is None else seconds

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,7 +43,7 @@ from vibrosweep.proof.coordinates import (
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.sample import Sample
 from vibrosweep.runs.result import identity_in
-from vibrosweep.scene.scene import Scene, bare_scene
+from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.waveform import stored
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
@@ -217,17 +216,16 @@ def _scene(file: Any, attributes: Mapping[str, Any]) -> Scene:
     launch: str | tuple[float, ...] = STAGGERED
     if attributes["launch"] != STAGGERED:
         launch = tuple(file.variables["launch_time"][...].tolist())
-    seen = bare_scene(
+    seen = Scene(
         particles=int(attributes["particles"]),
         launch=launch,
         duration=_time(file, attributes, "duration"),
         rebound=str(attributes["rebound"]),
-        impact_budget=int(attributes["impact_budget"]),
         base=str(attributes.get("base", HIGH_BOUNCE)),
-    )
-    seed = int(attributes.get("noise_seed", 0))
-    seen = replace(seen, restitution_law=law_in(attributes), noise_seed=seed)
-    seen = replace(seen, waveform=stored(attributes))
+        waveform=stored(attributes),
+        restitution_law=law_in(attributes),
+        noise_seed=int(attributes.get("noise_seed", 0)),
+    ).recorded(int(attributes["impact_budget"]))
     if "transient" not in file.variables:
         return seen
     return seen.with_measures(

@@ -7,7 +7,7 @@ import time
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -60,6 +60,14 @@ class Cost:
         return self.start > SECONDS_TO_LOAD
 
 
+class Part(NamedTuple):
+    """Mean cost of a realization over a fraction of its duration and impact budget."""
+
+    share: float
+    seconds: float
+    impacts: float
+
+
 UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, {})
 
 
@@ -79,7 +87,7 @@ def explore(
     shares = list(_shares(spec, design))
     sampled = _sampled(spec, design, size)
     start = loaded = 0.0
-    before = (0.0, 0.0, 0.0)
+    before = Part(0.0, 0.0, 0.0)
     while True:
         share = shares.pop(0)
         # twice: the first call may load or compile kernels, and the duration decides which ones
@@ -87,7 +95,7 @@ def explore(
         took, columns = _timed(spec, sampled, size, share, workers)
         start += max(first - took, 0.0)
         loaded = loaded or float(resident_memory())
-        now = (share, took / size, float(columns["impact_count"].mean()))
+        now = Part(share, took / size, float(columns["impact_count"].mean()))
         cost = _extrapolated(before, now, start, loaded, columns)
         before = now
         left = seconds - (time.perf_counter() - began - start)
@@ -95,7 +103,7 @@ def explore(
         if settled or 2 * STEP * took > left:
             return cost
         if not shares:
-            shares, before = [1.0], (0.0, 0.0, 0.0)
+            shares, before = [1.0], Part(0.0, 0.0, 0.0)
             size = min(most, STEP * size)
             sampled = _sampled(spec, design, size)
 
@@ -133,23 +141,16 @@ def _shares(spec: Sweep, design: Realizations) -> Iterator[float]:
     return (float(STEP) ** -k for k in range(steps, -1, -1))
 
 
-def _extrapolated(
-    before: tuple[float, float, float],
-    now: tuple[float, float, float],
-    start: float,
-    loaded: float,
-    columns: Columns,
-) -> Cost:
+def _extrapolated(before: Part, now: Part, start: float, loaded: float, columns: Columns) -> Cost:
     """Extrapolate the cost linearly from two fractions of the observation."""
-    (share, seconds, impacts), (first, *earlier) = now, before
-    steps = (1.0 - share) / (share - first)
+    steps = (1.0 - now.share) / (now.share - before.share)
     counts = columns["impact_count"]
     deviation = float(np.std(counts)) / max(float(counts.mean()), 1.0)
     return Cost(
-        seconds=seconds + steps * max(seconds - earlier[0], 0.0),
-        impacts=impacts + steps * max(impacts - earlier[1], 0.0),
+        seconds=now.seconds + steps * max(now.seconds - before.seconds, 0.0),
+        impacts=now.impacts + steps * max(now.impacts - before.impacts, 0.0),
         error=deviation / np.sqrt(counts.size - 1) if counts.size > 1 else np.nan,
-        share=share,
+        share=now.share,
         start=start,
         loaded=loaded,
         columns=columns,

@@ -19,7 +19,7 @@ from vibrosweep.model.forcing import ACCELERATION, INPUTS, sources
 from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import STREAM, Parameter
 from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
-from vibrosweep.model.times import Periods, Time
+from vibrosweep.model.times import Periods
 from vibrosweep.runs.chunks import batch_size, column_kinds
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
@@ -178,18 +178,12 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             # parameters that the sweep file does not state
             "defaults": " ".join(silent_defaults(spec, design)),
             "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
-            "base": spec.scene.base,
-            "rebound": spec.scene.rebound,
-            "waveform": spec.scene.waveform.text,
-            "restitution_law": spec.scene.restitution_law,
-            "forcing": spec.scene.forcing(design.sampled),
+            **attributes_of_scene(spec.scene, design.sampled),
             "particles": spec.scene.particles,
             "design": spec.design.name,
             "seed": spec.design.seed,
-            **seed_of(spec.scene, design.sampled),
             "impact_budget": spec.scene.measures.impact_budget,
             **({"tolerance": spec.scene.measures.tolerance} if spec.scene.measures.trust else {}),
-            **periods_given(spec.scene.duration, spec.scene.measures.transient),
             **{f"source_of_{one.name}": one.source for one in spec.scene.measures.observables},
             "sweep_file": spec.text,
             KERNELS: sources_digest(),
@@ -207,15 +201,17 @@ def identity_in(file: Any) -> str:
     return str((file if group is None else group).attrs.get(IDENTITY, ""))
 
 
-def periods_given(duration: Time, transient: Time = 0.0) -> dict[str, float]:
-    """Attributes of a dataset whose times were given in forcing periods."""
-    given = {"duration": duration, "transient": transient}
-    return {f"{n}_periods": t.number for n, t in given.items() if isinstance(t, Periods)}
-
-
-def seed_of(scene: Scene, varied: Collection[str] = ()) -> dict[str, int]:
-    """Attribute of a dataset in which something is random."""
-    return {"noise_seed": scene.noise_seed} if scene.noise(varied) else {}
+def attributes_of_scene(scene: Scene, varied: Collection[str] = ()) -> dict[str, Any]:
+    """Attributes of a dataset that say what moves; `varied` are inputs that differ in it."""
+    return {
+        "base": scene.base,
+        "rebound": scene.rebound,
+        "waveform": scene.waveform.text,
+        "restitution_law": scene.restitution_law,
+        "forcing": scene.forcing(varied),
+        **({"noise_seed": scene.noise_seed} if scene.noise(varied) else {}),
+        **{f"{n}_periods": t.number for n, t in scene.times.items() if isinstance(t, Periods)},
+    }
 
 
 def attributes_of(name: str) -> Mapping[str, str]:
@@ -289,13 +285,7 @@ def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
     note = "" if form.ragged else wasted(found["impact_count"], "ragged = true in [record]")
     file.attributes(
         {
-            "base": record.base,
-            "rebound": record.rebound,
-            "waveform": record.waveform.text,
-            "restitution_law": record.restitution_law,
-            "forcing": record.forcing(),
-            **seed_of(record),
-            **periods_given(record.duration),
+            **attributes_of_scene(record),
             # no variable of a ragged record lies along the dimension of these
             **({"coordinates": " ".join([*axes, "launch_time"])} if form.ragged else {}),
             **({"notes": note} if note else {}),

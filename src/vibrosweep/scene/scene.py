@@ -68,9 +68,9 @@ class Scene:
         """Return the same scene with other values of some keys of [measure]."""
         return replace(self, measures=replace(self.measures, **changes))
 
-    def recorded(self) -> Scene:
+    def recorded(self, impact_budget: int | None = None) -> Scene:
         """Return the same scene without measures, its window wide enough for every landing."""
-        budget = self.measures.impact_budget
+        budget = impact_budget or self.measures.impact_budget
         every = Measures(transient=-math.inf, tolerance=math.inf, impact_budget=budget)
         return replace(self, measures=every)
 
@@ -162,16 +162,3 @@ class Scene:
         found = differing(inputs, self.forcing(varied))
         found = (*found, STREAM) if self.noise(varied) else found
         return (*found, *times) if "frequency" in varied else found
-
-
-def bare_scene(
-    particles: int,
-    launch: Launch,
-    duration: Time,
-    rebound: str,
-    impact_budget: int,
-    base: str = HIGH_BOUNCE,
-) -> Scene:
-    """Return a scene without inputs or measures, its window wide enough for every landing."""
-    scene = Scene(particles=particles, launch=launch, duration=duration, rebound=rebound, base=base)
-    return scene.with_measures(impact_budget=impact_budget).recorded()
