@@ -1,5 +1,6 @@
 """Points of every kind of result, and the realizations behind them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import xarray as xr
 import vibrosweep as vs
 from vibrosweep.errors import DataError
 from vibrosweep.explore.points import of_result, open_points
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.store.rows import flat
 
 HERE = Path("out.h5")
@@ -124,5 +126,7 @@ def test_a_point_of_another_waveform_is_simulated_with_it(tmp_path):
     assert shown.waveform == waveform
     expected = vs.simulate(waveform=shape, amplitude=given, duration=2.0)
     np.testing.assert_array_equal(shown["landing_time"], expected["landing_time"])
-    assert choice.over("moving").scene.waveform == choice.scene.waveform
-    assert choice.over("sprung").scene.waveform.name == "sine"
+    for base in ("moving", "sprung"):
+        assert choice.over(base).scene.waveform == choice.scene.waveform
+    parabolas = replace(choice, scene=replace(choice.scene, waveform=Waveform("parabolic")))
+    assert parabolas.over("moving").scene.waveform.name == "sine"
