@@ -80,7 +80,8 @@ def stability_windows(
     all_axes = style.panels_on(ax, style.MEDIUM, height, rows, sharex=True)
     for axes, panel in zip(all_axes, panels, strict=True):
         _panel(axes, windows, panel, is_locked=panel is locked)
-    all_axes[-1].set_xlabel("restitution $e$")
+    for axes in all_axes if ax is not None else all_axes[-1:]:  # those of a user may stand anywhere
+        axes.set_xlabel("restitution $e$")
     return all_axes
 
 
