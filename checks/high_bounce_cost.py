@@ -206,7 +206,7 @@ def plane(workers, options, size=72):
                 else "none"
             )
         rows.append((f"{low:g} to {high:g}", *cells))
-    return table(("Gamma", "same regime", *(f"{n} on both" for n in NAMES)), rows)
+    return table((r"$\Gamma$", "same regime", *(f"{n} on both" for n in NAMES)), rows)
 
 
 def orbit_of(e, amplitude, base, workers):
@@ -232,7 +232,14 @@ def locked(workers, _options):
         assert abs(both[1][1] / theory.locked_apex(1, e, amplitude) - 1.0) < 1e-12
         cells = (f"{still:.5f}, {moving:.5f}" for still, moving in zip(*both, strict=True))
         rows.append((e, f"{gamma:.4f}", *cells))
-    head = ("e", "Gamma", "phase (turns)", "height (m)", "largest exponent", "sum of exponents")
+    head = (
+        "$e$",
+        r"$\Gamma$",
+        "phase (turns)",
+        "height (m)",
+        "largest exponent",
+        "sum of exponents",
+    )
     return table(head, rows) + "\n\nIn each cell: fixed base, moving base. 1 Hz."
 
 
@@ -290,7 +297,7 @@ def limit_table(workers, options):
         rows.append((u, f"{off[4, 0]:.4e}", f"{predicted:.4e}", *(f"{o:.4f}" for o in order)))
     head = (
         "u",
-        f"rms, Gamma = {gammas[4]:g}",
+        rf"rms, $\Gamma = {gammas[4]:g}$",
         "first order",
         *(f"order, landing {n}" for n in range(1, 5)),
     )

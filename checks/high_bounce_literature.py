@@ -107,7 +107,7 @@ def lift(workers):
         return cycles(0.5, gamma, workers)[0, 0, 3] == 0
 
     gamma = last_that(stays, 0.9, 1.1)
-    return [("a ball at rest leaves the base from Gamma", LIFT, "1", f"{gamma:.9f}")]
+    return [(r"a ball at rest leaves the base from $\Gamma$", LIFT, "1", f"{gamma:.9f}")]
 
 
 def cascade(workers):
@@ -136,7 +136,7 @@ def chaos(workers, duration=5e4, launches=100):
             aperiodic = np.mean(found[:, 3] == Regime.APERIODIC)
             cells.append(f"{cell}; {100 * aperiodic:.0f} % aperiodic" if aperiodic else cell)
         rows.append((e, *cells))
-    return table(("e", "Gamma = 2", "Gamma = 3", "Gamma = 4"), rows)
+    return table(("$e$", *(rf"$\Gamma = {one}$" for one in (2, 3, 4))), rows)
 
 
 def literature(workers):

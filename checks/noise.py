@@ -85,7 +85,7 @@ def stationary(impacts, seed):
         mean = total.sum() / count.sum()
         error = np.std(total - mean * count) / (math.sqrt(total.size) * count.mean())
         known = 1.0 / (1.0 - e**2 - sigma_e**2)
-        yield Compared(f"mean square, e = {e}, sigma_e = {sigma_e}", known, mean, error)
+        yield Compared(rf"mean square, $e = {e}$, $\sigma_e = {sigma_e}$", known, mean, error)
 
 
 def surviving(impacts, seed):
@@ -100,7 +100,7 @@ def surviving(impacts, seed):
     for n in (1, 2, 3, 4, 10, 50):
         known = math.comb(2 * n, n) / 4**n
         error = math.sqrt(known * (1.0 - known) / particles)
-        yield Compared(f"share still bouncing after {n}", known, (count >= n).mean(), error)
+        yield Compared(f"share still bouncing after {n} impacts", known, (count >= n).mean(), error)
 
 
 def covariances(impacts, seed):
@@ -128,7 +128,7 @@ def covariances(impacts, seed):
         ):  # fmt: skip
             means = (one * other).mean(axis=1)
             error = means.std() / math.sqrt(replicas)
-            yield Compared(f"covariance {words}, {kind}", value, means.mean(), error)
+            yield Compared(f"covariance $S_{{{words}}}$, `{kind}`", value, means.mean(), error)
 
 
 def lifetime(noise, seed, replicas=500, duration=2000.0):

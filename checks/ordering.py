@@ -39,6 +39,8 @@ LARGEST = 0.3  # mass of all particles in units of that of the base
 BANDS = (1e-3, 1e-2, 3e-2, 1e-1, LARGEST)
 PIECE = 150  # realizations at a time
 COLOURS = 256  # of a picture
+LOAD, FREQUENCY, DAMPING = r"$N\mu$", r"$f_0/f$", r"$\zeta$"  # in heads of tables
+ORBIT = ("$k$", "particles", DAMPING)
 
 
 def percent(share):
@@ -105,7 +107,7 @@ def resonances(options):
             least = int(np.argmin(stable))
             found = (f"{rule:.3f}", f"{near[least]:.3f}", f"{stable[least]:.4f}")
             rows.append((k, particles, damping, *found))
-    head = ("k", "particles", "zeta", "f0/f by the rule", "f0/f found", "stable up to N mu")
+    head = (*ORBIT, f"{FREQUENCY} by the rule", f"{FREQUENCY} found", f"stable up to {LOAD}")
     return table(head, short(rows, options, lambda row: row[0] == row[1] < 3))
 
 
@@ -120,7 +122,7 @@ def stability(options):
         tips = (np.arange(9) + turn(k)) / k
         panels.append((k, particles, damping, values, tips[tips < natural[-1]]))
     keep(pictures.stability(natural, load, panels), "ordering_stability", options)
-    return table(("k", "particles", "zeta", "orbit exists", "of these, attracts"), rows)
+    return table((*ORBIT, "orbit exists", "of these, attracts"), rows)
 
 
 PATTERNS = {"two": [[0, 1], [1, 0]], "three": [[1, 0], [0, 1], [1, 0]]}
@@ -161,8 +163,8 @@ def separations(options):
             share = f"{len(hits)} of {len(off)}"
             rows.append((k, f"{mu:g}", name, *words, f"{radius_of:.3f}", worst, share))
     head = (
-        "k",
-        "mu",
+        "$k$",
+        r"$\mu$",
         "pattern of",
         "gaps, first order",
         "gaps, exact orbit",
@@ -206,7 +208,7 @@ def attractors(options):
             rows.append((words, f"{low:g} to {high:g}", *(percent(share) for share in shares)))
     edge = np.array([[radius(m, f, 0.05, 2, 2) for f in natural] for m in load])
     keep(pictures.attractors(natural, load, maps, edge), "ordering_attractors", options)
-    head = ("two particles", "N mu", *pictures.KINDS)
+    head = ("two particles", LOAD, *pictures.KINDS)
     return table(head, rows)
 
 
@@ -226,9 +228,9 @@ def crowds(options):
             for low, high in itertools.pairwise(BANDS)
         )
         rows.append((pictures.KINDS[kind], particles, damping, *shares))
-    bands = (f"N mu {low:g} to {high:g}" for low, high in itertools.pairwise(BANDS))
+    bands = (f"{LOAD} {low:g} to {high:g}" for low, high in itertools.pairwise(BANDS))
     rows = short(rows, options, lambda row: row[1] != 6 and row[2] in (0.05, 0.8))
-    return table(("launched and stays", "N", "zeta", *bands), rows)
+    return table(("launched and stays", "$N$", DAMPING, *bands), rows)
 
 
 def phases(options):
@@ -247,7 +249,7 @@ def phases(options):
         width = "" if np.isnan(spread) else f"{spread:.3f}"
         rows.append((f"{load:g}", natural, *counts, width))
     keep(pictures.phases(cases, times, slot), "ordering_phases", options)
-    head = ("N mu", "f0/f", "locked to 2", "to 1", "not locked", "at rest", "width of a bunch")
+    head = (LOAD, FREQUENCY, "locked to 2", "to 1", "not locked", "at rest", "width of a bunch")
     return table(head, rows)
 
 

@@ -100,6 +100,8 @@ UNREADABLE = {
 SENTENCE = 45  # characters of a table's cell
 FUNCTION = re.compile(r"<mi>(sin|cos|tan|ln|log)</mi>(<mo[^>]*>&#x00028;)?")
 NUMBER = re.compile(r"[-+\d.,e]+( %)?( (to|of) [-+\d.,e]+( %)?)?")
+UNIT = re.compile(r"(?<=\d) (?=%|(?:k?Hz|[mµn]?s|[cmµ]?m|m/s|g|rad|[MG]B|[KM]iB)\b)")
+EXPONENT = re.compile(r"(?<=\de-)(?=\d)")
 NAME = re.compile(r">[^<>\s]{12,}<")  # a word that is alone in its element
 JOINT = re.compile(r"(?<=\w)[._/(=](?=[^\W\d]\w\w)")
 BAR = re.compile("<mo[^>]*>&#x0007C;</mo>")
@@ -175,6 +177,18 @@ def as_written(app: Sphinx, thing: object, bound: bool) -> None:
         vars(thing).pop("__signature__", None)
 
 
+def keep_together(app: Sphinx, document: Element, name: str) -> None:
+    """Keep numbers with their units, and minus signs with their exponents, on one line."""
+    from docutils import nodes
+
+    apart = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw)
+    for text in list(document.findall(nodes.Text)):
+        whole = UNIT.sub("\N{NO-BREAK SPACE}", text)
+        whole = EXPONENT.sub("\N{WORD JOINER}", whole)
+        if whole != text and not isinstance(text.parent, apart):
+            text.parent.replace(text, nodes.Text(whole))
+
+
 def mark_tables(app: Sphinx, document: Element, name: str) -> None:
     """Tell tables of sentences from others, and numbers, which never wrap.
 
@@ -192,7 +206,7 @@ def mark_tables(app: Sphinx, document: Element, name: str) -> None:
             head, *rows = table.findall(nodes.row)
             for row in rows:
                 for column, cell in list(zip(head, row, strict=False))[1:]:
-                    if len(row) > 2 and column.children and cell.children:
+                    if len(row) > 2 and column.astext() and cell.astext():
                         title = nodes.inline("", "", classes=["column"])
                         title += [node.deepcopy() for node in column[0].children]
                         cell[0].insert(0, title)
@@ -210,6 +224,7 @@ def setup(app: Sphinx) -> None:
     """Draw formulas as MathML, mark tables, break names, and shorten signatures."""
     app.add_html_math_renderer("mathml", (inline, None), (display, None))
     app.connect("doctree-resolved", mark_tables)
+    app.connect("doctree-resolved", keep_together)
     app.connect("build-finished", breakable)
     app.connect("autodoc-before-process-signature", as_written)
     app.connect("autodoc-process-signature", readable)
