@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import statistics as statistics_of
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 
 THREADS = 2
+PARTICLES = 20
 
 
 def scene(realizations, particles, duration, **options):
@@ -73,12 +75,16 @@ def test_streaming_kernel_against_the_obvious_scalar_loop(race, realizations, pe
     assert ratio >= target
 
 
-@pytest.mark.parametrize("kind", ["restitution_noise", "kick_noise"])
-def test_cost_of_noise(race, kind):
-    """An impact takes at most 3.3 times as long where the same impacts are followed with noise."""
+@pytest.mark.parametrize(
+    ("kinds", "most"),
+    [("restitution_noise", 3.3), ("kick_noise", 3.3), ("restitution_noise kick_noise", 5.5),
+     ("drive_noise", 11.0)],
+)  # fmt: skip
+def test_cost_of_noise(race, kinds, most):
+    """An impact with noise takes at most so many times as long as one without."""
     parameters = paper_parameters(4000)
-    strength = np.full(4000, 1e-3)
-    noisy = parameters | {kind: strength, "noise_stream": np.arange(4000)}
+    strengths = dict.fromkeys(kinds.split(), np.full(4000, 1e-3))
+    noisy = parameters | strengths | {"noise_stream": np.arange(4000)}
     start = launches("staggered", 5, parameters["frequency"])
     _, _, still = scene(1, 5, 400.0)
     problems = [dimensionless(given, 400.0, 0.0) for given in (noisy, parameters)]
@@ -94,7 +100,32 @@ def test_cost_of_noise(race, kind):
             work_subject=impacts[0],
             work_reference=impacts[1],
         )
-    assert ratio >= 1.0 / 3.3
+    assert ratio >= 1.0 / most
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+@pytest.mark.parametrize(("law", "most"), [("plastic", 1.8), ("viscoelastic", 3.5)])
+def test_cost_of_a_law_of_restitution(race, base, law, most):
+    """An impact by a law takes at most so many times as long as one of constant restitution."""
+    parameters = paper_parameters(8000)
+    plain = Scene(PARTICLES, "staggered", 12.0, "rest", Measures(), base=base)
+    yielding = replace(plain, restitution_law=law)
+    given = parameters | {"restitution_speed": np.full(8000, 1.0)}
+    problem = dimensionless(given, 12.0, 0.0)
+    start = launches("staggered", PARTICLES, parameters["frequency"])
+    with Workers(1) as workers:
+
+        def followed(scene):
+            return statistics(problem, start, scene, workers)
+
+        impacts = [int(followed(scene).landings.sum()) for scene in (yielding, plain)]
+        ratio = race(
+            lambda: followed(yielding),
+            lambda: followed(plain),
+            work_subject=impacts[0],
+            work_reference=impacts[1],
+        )
+    assert ratio >= 1.0 / most
 
 
 def test_speed_does_not_depend_on_the_place_in_memory():
