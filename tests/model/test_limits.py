@@ -46,10 +46,16 @@ def test_an_answer_in_a_file_and_in_python(word, answer):
     ("word", "key"), [("acceleration", "base_acceleration"), ("f", "frequency"), ("A", "amplitude")]
 )
 def test_another_name_of_a_key_is_guessed(word, key):
-    with pytest.raises(vs.errors.SpecError, match=f'did you mean "{key}"'):
+    asked = rf'did you mean "{key}"\?$'  # and no list of keys
+    with pytest.raises(vs.errors.SpecError, match=asked):
         parse_spec(f'title = "x"\n[scene]\n{word} = 0.1\n')
-    with pytest.raises(vs.errors.SpecError, match=f'did you mean "{key}"'):
+    with pytest.raises(vs.errors.SpecError, match=asked):
         vs.sweep(**{word: 0.1})
+
+
+def test_a_keyword_of_windows_says_so():
+    with pytest.raises(vs.errors.SpecError, match=r"it is one of vibrosweep\.windows$"):
+        vs.sweep(kick_noise=0.1, noise_replicas=3)
 
 
 def test_the_page_names_what_is_not_modelled():

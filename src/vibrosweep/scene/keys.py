@@ -28,7 +28,7 @@ from vibrosweep.mistakes import (
     table,
 )
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.likely import likely_parameter
+from vibrosweep.model.likely import another_name, likely_parameter
 from vibrosweep.model.limits import answer_to
 from vibrosweep.model.measures import OPTIONS, Option
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
@@ -124,6 +124,10 @@ def _note_unknown(
     prefix = f"{home}." if home else ""
     if answer := answer_to(name):
         mistakes.add_broken(prefix + name, f"is not a known key: {answer}", value)
+        return
+    if (meant := another_name(name)) in known:
+        mistakes.add_broken(prefix + name, f'is not a known key; did you mean "{meant}"?', value)
+        mistakes.broken.add(f"{prefix}{meant}")  # it is neither missing nor at its default
         return
     homes = [table(t) for t, checks in sections.items() if name in checks]
     guess = None if homes else nearest(name, known) or likely_parameter(name)

@@ -16,7 +16,7 @@ from vibrosweep.abilities import WITHOUT_MEANING
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.likely import likely_parameter
+from vibrosweep.model.likely import another_name, likely_parameter
 from vibrosweep.model.limits import answer_to
 from vibrosweep.model.parameters import NOISE, STREAM, STREAMS, refuse_masked
 from vibrosweep.scene.columns import GivenTable
@@ -203,9 +203,14 @@ def _note_unknown(name: str, value: object, known: Iterable[str], mistakes: Mist
     if answer := answer_to(name):
         mistakes.add_broken(name, f"is not a known keyword: {answer}", value)
         return
+    if name in SECTIONS["windows"]:
+        mistakes.add_broken(name, "is not a known keyword: it is one of vibrosweep.windows", value)
+        return
     guess = "launch" if name == "launch_time" else nearest(name, known) or likely_parameter(name)
     hint = f'; did you mean "{guess}"?' if guess else "."
-    text = f"is not a known keyword{hint} Known keywords: {', '.join(known)}"
+    text = f"is not a known keyword{hint}"
+    if not guess or guess != another_name(name):
+        text += f" Known keywords: {', '.join(known)}"
     mistakes.add_broken(name, text, value)
     if guess:  # the keyword that was meant is neither missing nor at its default
         mistakes.broken |= {f"{home}.{guess}" for home in HOMES}
