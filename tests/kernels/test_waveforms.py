@@ -12,8 +12,8 @@ from vibrosweep.kernels.waveforms import Parabolic, kick_slope, left_out, lift_o
 from vibrosweep.model.shapes import Waveform
 
 TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
-# three rises of the kick through the threshold of rest in every period
-RISES = {"harmonics": [[1, 0.3, 0.0], [3, 1.0, 0.5]]}
+# two rises of the kick through the threshold of rest in every period
+RISES = {"harmonics": [[1, 0.3, 0.0], [2, 1.0, 0.5]]}
 NAMES = ("landing_time", "liftoff_time", "rebound_velocity", "rested", "impact_count")
 
 
@@ -73,8 +73,8 @@ def test_a_resting_particle_is_lifted_at_the_next_of_several_rises():
     one = waveform(RISES)
     shape, r = shape_of(one), 0.01
     phases = np.array(lift_offs(shape, 1.0, r, 0.0))
-    assert phases.size == 3
-    assert one.velocity(phases) == pytest.approx(np.full(3, r), abs=1e-14)
+    assert phases.size == 2
+    assert one.velocity(phases) == pytest.approx(np.full(2, r), abs=1e-14)
     assert (one.slope(phases) > 0.0).all()
     # the launches rest at once and leave at the next of them
     starts = np.array([-0.45, -0.3, -0.1, 0.05, 0.2, 0.4])
