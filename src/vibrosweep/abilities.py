@@ -71,7 +71,7 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "heights_against_restitution": Ability(APART, _INDEPENDENT),
     **dict.fromkeys(("energy_balance", "slot_decay"), Ability(APART, _INDEPENDENT)),
     "verify": _ANYWHERE,
-    "laboratory": Ability(BASES, "", (SINE_NAME,)),
+    "laboratory": _ANYWHERE,
     "explore": _ANYWHERE,
     # imperfections of an experiment in the laboratory
     "frequency_jitter": Ability(

@@ -69,7 +69,7 @@ def fitted_base(distance, restitution=0.8, error=0.01):
     return Shaken(
         values=np.array([restitution, 0.1, 0.0, 0.0]),
         covariance=np.diag([error**2, 1e-6, 1e-6, 1e-12]),
-        oscillation=Oscillation(0.1, 0.0, 20.0),
+        oscillation=Oscillation(np.array([0.1, 0.0, 20.0])),
         restitution=restitution,
         particles=np.zeros(1, np.intp),
         levels=0.0 * one,
@@ -141,7 +141,8 @@ def test_a_restitution_outside_its_range_is_never_stated_as_found():
             "shaken_misfit": 1.0,
             "shaken_freedom": 200,
             "shaken_bounces": 100,
-        }
+        },
+        coords={"of_base": ["restitution", "S", "C"]},
     )
     found = found.merge(shaken).assign_attrs(found.attrs, base_motion="moving")
     one = estimate(found)

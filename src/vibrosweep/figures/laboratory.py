@@ -78,6 +78,16 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
         label="landing and its standard error",
         zorder=4,
     )
+    if "base_height" in flights:
+        near = (flights["base_time"].values >= low) & (flights["base_time"].values <= high)
+        level = flights["level"].values[flights["name"].values == particle]
+        axes.plot(
+            flights["base_time"].values[near],
+            1e3 * (level + flights["base_height"].values[near]),
+            color=style.GREY,
+            linewidth=1.2,
+            label="base",
+        )
     axes.set(xlim=(low, high), xlabel="time $t$ (s)", ylabel="height $y$ (mm)")
     style.head(axes, f"particle {particle}, {flights.attrs['frame_rate']:.4g} frames per second")
 

@@ -20,13 +20,16 @@ from vibrosweep.lab.comparison import (
 )
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import View, fit_tracks
-from vibrosweep.lab.impacts import check_method, impacts_of
+from vibrosweep.lab.harmonics import polar
+from vibrosweep.lab.impacts import check_method, impacts_of, numbers_in
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import DRAWS, Prediction, draw, predict
 from vibrosweep.lab.twin import Comparison, camera_shares
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import LAWS, PARAMETERS
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.runs.driver import thread_count
+from vibrosweep.scene.waveform import stored
 
 __all__ = ["compare", "compare_tracks"]
 
@@ -45,6 +48,7 @@ class _Compared(NamedTuple):
     numbers: dict[str, float]
     favoured: str
     motion: str
+    waveform: str
     warning: str
 
 
@@ -146,6 +150,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
             "warning": "; ".join(sorted(warnings)),
             "base_motion": ", ".join(sorted({one.motion for row in rows for one in row})),
             "favoured_base": ", ".join(sorted({one.favoured for row in rows for one in row})),
+            "waveform": "; ".join(sorted({one.waveform for row in rows for one in row})),
         },
     )
 
@@ -223,13 +228,13 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
             f"{tracks.attrs['source']}: no particle's flights are nearly all seen, so nothing can "
             f"be compared; film faster or closer"
         )
-    scene, estimated = _parameters(by_fit, how)
-    sets, refused = draw(scene, estimated, how.draws, how.seed)
-    found = predict(by_fit, sets, workers, how.rebound)
+    scene, shape, estimated = _parameters(by_fit, how)
+    sets, shapes, refused = draw(scene, estimated, how.draws, how.seed, shape)
+    found = predict(by_fit, sets, shapes, workers, how.rebound)
     best = {"height": found.height[0], "period": found.period[0]}
     means = measured_means(impacts, among)
     used = {name: float(values[0]) for name, values in sets.items()}
-    shares = camera_shares(tracks, by_fit, used, how)
+    shares = camera_shares(tracks, by_fit, used, how, shape)
     shares["parameters"] = {
         q: dict.fromkeys(READINGS, float(values.mean())) | {"worst": float(values.max())}
         for q, values in _spreads(found, means, among).items()
@@ -239,9 +244,10 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
     return _Compared(
         np.array(errors),
         np.array([[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]),
-        {"compared": float(among.mean()), **_used(estimated, used)},
+        {"compared": float(among.mean()), **_used(estimated, used, shape)},
         fitted.favoured_base,
         impacts.attrs["base_motion"],
+        shape.text,
         f"{refused} drawn sets were not physical and were drawn anew" if refused else "",
     )
 
@@ -256,10 +262,12 @@ def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> dict[s
     }
 
 
-def _used(estimated: xr.Dataset | None, used: dict[str, float]) -> dict[str, float]:
+def _used(
+    estimated: xr.Dataset | None, used: dict[str, float], shape: Waveform
+) -> dict[str, float]:
     """Parameters of a prediction, Gamma among them, and their standard errors, NaN if known."""
     velocity = used["amplitude"] / (1.0 + used["restitution"])
-    gamma = 2.0 * np.pi * used["frequency"] * velocity / used["gravity"]
+    gamma = shape.fall * used["frequency"] * velocity / used["gravity"]
     errors = {f"{name}_error": float("nan") for name in (*USED, ACCELERATION)}
     if estimated is not None:
         names = estimated["parameter"].values
@@ -269,8 +277,10 @@ def _used(estimated: xr.Dataset | None, used: dict[str, float]) -> dict[str, flo
     return {**used, ACCELERATION: gamma, **errors}
 
 
-def _parameters(impacts: xr.Dataset, how: Comparison) -> tuple[dict[str, float], xr.Dataset | None]:
-    """Known parameters of the scene, and the estimate of the others."""
+def _parameters(
+    impacts: xr.Dataset, how: Comparison
+) -> tuple[dict[str, float], Waveform, xr.Dataset | None]:
+    """Known parameters of the scene, its waveform, and the estimate of the others."""
     scene = {name: how.known.get(name, p.default) for name, p in PARAMETERS.items()}
     given = {"restitution", "amplitude"} & how.known.keys()
     if len(given) == 1:
@@ -279,14 +289,16 @@ def _parameters(impacts: xr.Dataset, how: Comparison) -> tuple[dict[str, float],
             f"estimated"
         )
     if not given:
-        return scene, estimate(impacts, frequency=how.known.get("frequency"))
+        found = estimate(impacts, frequency=how.known.get("frequency"))
+        return scene, stored(found.attrs), found
     if "frequency" not in how.known:
         raise ParameterError("the frequency is missing: give it with restitution and amplitude")
-    if "phase" not in how.known and impacts.attrs["base_motion"] == "moving":
-        _, sine, cosine = impacts["shaken"].values[:3]
-        scene["phase"] = float(np.arctan2(cosine, sine))
-    elif "phase" not in how.known:
+    if impacts.attrs["base_motion"] == "moving":
+        values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
+        plain, _, shape = polar(values, covariance, numbers_in(impacts))
+        return {**scene, "phase": how.known.get("phase", float(plain[2]))}, shape, None
+    if "phase" not in how.known:
         scene["phase"] = fit_phase(
             impacts, **{n: scene[n] for n in ("restitution", "amplitude", "frequency")}
         )
-    return scene, None
+    return scene, SINE, None

@@ -18,6 +18,8 @@ from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve, whiten
+from vibrosweep.lab.harmonics import names_of, polar, slopes_of_sizes
+from vibrosweep.lab.impacts import numbers_in
 from vibrosweep.lab.regression import (
     FEWEST,
     TURN,
@@ -29,6 +31,7 @@ from vibrosweep.lab.regression import (
 )
 from vibrosweep.lab.remarks import SIGNAL, bad_fit, undetermined
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.shapes import Waveform
 
 __all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
 
@@ -88,7 +91,9 @@ def estimate(
         Over a moving base the parameters come from its fit to the landings, with the frequency
         that was given to `find_impacts` or found by it; the amplitude is A = (1 + e) V0.  The
         result then holds ``base_displacement`` (m) and ``base_acceleration`` (in units of gravity)
-        with their errors.
+        with their errors.  Where a trace has several harmonics, amplitude and phase are those of
+        the strongest, and ``weight_h`` and ``phase_h`` (rad) those of the others relative to it.
+        The attribute ``waveform`` holds that key of a sweep file.
 
     Raises
     ------
@@ -140,7 +145,7 @@ def estimate(
     covariance = found.covariance * max(1.0, misfit)
     if is_improbable(misfit, freedom):
         covariance = covariance + found.influences
-    values, covariance = _polar(found.values, covariance)
+    values, covariance, shape = polar(found.values, covariance)
     rate = float(found.values[3]) if free else rates[0]
     warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
     about = {
@@ -149,26 +154,29 @@ def estimate(
         "signal": ((), signal, {"units": "1", "long_name": "signal of the weakest direction"}),
         "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
     }
-    return _estimated(values, covariance, about, warnings)
+    return _estimated(values, covariance, about, warnings, shape)
 
 
 def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     """Parameters from the fit of a moving base."""
     values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
     rate, gravity = float(impacts["shaken_frequency"]), impacts.attrs["gravity"]
-    plain, spread = _polar(values, covariance)  # e, V0, phi and perhaps f
+    numbers = numbers_in(impacts)
+    plain, spread, shape = polar(values, covariance, numbers)  # e, V0, phi and perhaps f
     e, velocity = plain[:2]
     change = np.eye(values.size)
     change[1, :2] = velocity, 1.0 + e
     kicks = plain.copy()
     kicks[1] = (1.0 + e) * velocity
-    turn = TURN * rate
     # V0 / w and w V0 / g: their relative errors are those of V0 and of f
     relative = np.zeros((2, values.size))
     relative[:, 1] = 1.0 / velocity
     if values.size > 3:
         relative[:, 3] = -1.0 / rate, 1.0 / rate
-    size = np.array([velocity / turn, turn * velocity / gravity])
+        relative[:, 4:] = slopes_of_sizes(shape, numbers)
+    size = np.array(
+        [velocity / (shape.per_displacement * rate), shape.fall * rate * velocity / gravity]
+    )
     error = size * np.sqrt(np.einsum("ki,ij,kj->k", relative, spread, relative))
     about = {
         name: ((), float(value), {"units": units, "long_name": words})
@@ -185,14 +193,20 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     covariance = change @ spread @ change.T
     misfit, freedom = float(impacts["shaken_misfit"]), int(impacts["shaken_freedom"])
     warnings = undetermined(SIGNAL, kicks, covariance, misfit), bad_fit(misfit, freedom)
-    return _estimated(kicks, covariance, about, warnings)
+    return _estimated(kicks, covariance, about, warnings, shape, numbers)
 
 
 def _estimated(
-    values: Array, covariance: Array, about: dict[str, Any], warnings: tuple[str, str]
+    values: Array,
+    covariance: Array,
+    about: dict[str, Any],
+    warnings: tuple[str, str],
+    shape: Waveform,
+    numbers: tuple[int, ...] = (1,),
 ) -> xr.Dataset:
     """Dataset of `estimate`; the first warning concerns parameters that are not determined."""
-    names = list(PARAMETER_UNITS)[: values.size]
+    names = [*list(PARAMETER_UNITS)[: values.size], *names_of(numbers)]
+    units = [PARAMETER_UNITS.get(n, "1" if n.startswith("weight") else "rad") for n in names]
     error = np.sqrt(np.diag(covariance))
     return xr.Dataset(
         {
@@ -209,9 +223,9 @@ def _estimated(
         coords={
             "parameter": names,
             "other": names,
-            "units": ("parameter", [PARAMETER_UNITS[name] for name in names]),
+            "units": ("parameter", units),
         },
-        attrs={"warning": "; ".join(filter(None, warnings))},
+        attrs={"warning": "; ".join(filter(None, warnings)), "waveform": shape.text},
     )
 
 
@@ -294,18 +308,6 @@ def _adjust(bounces: Bounces, first: Array, rate: float, free: bool) -> _Adjuste
     white = whiten(spread, np.column_stack([design, spread @ forces]))
     influences = spread_of_influences(white[:, -1], white[:, :-1], inverse)
     return _Adjusted(values, inverse, float(forces @ (spread @ forces)), influences)
-
-
-def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
-    """Transform (e, S, C, ...) to (e, A, phi, ...)."""
-    s, c = values[1:3]
-    amplitude = float(np.hypot(s, c))
-    change = np.eye(values.size)
-    change[1, 1:3] = s / amplitude, c / amplitude
-    change[2, 1:3] = -c / amplitude**2, s / amplitude**2
-    polar = values.copy()
-    polar[1:3] = amplitude, np.arctan2(c, s)
-    return polar, change @ covariance @ change.T
 
 
 def _signal(bounces: Bounces, values: Array, rate: float) -> float:

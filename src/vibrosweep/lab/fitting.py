@@ -61,8 +61,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitte
         flights, favoured = _flights(samples, gravity, view)
         highest = float(flights.levels.max())
         if flights.shaken is not None:
-            base = flights.shaken.oscillation
-            highest += float(np.hypot(base.sine, base.cosine)) / (2.0 * np.pi * base.frequency)
+            highest += flights.shaken.oscillation.reach
         swaps = find_swaps(time, height, flights.noise, highest, gravity)
         if swaps:
             for frame, one, other in swaps:

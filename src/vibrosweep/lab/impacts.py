@@ -83,7 +83,9 @@ def find_impacts(
         noise of a position (m), the base (m), the acceleration with which the tracks fall, and
         ``favoured_base``, ``"moving"``, ``"level"`` or ``"undetermined"``.  Over a moving base
         ``shaken`` and ``shaken_covariance`` hold restitution, S, C (m s-1) and, if it was found,
-        the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi f t.
+        the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi f t.  With a
+        trace that is no sine there are S and C of each harmonic h, multiplied by the sine and
+        cosine of 2 pi h f t.
 
     Raises
     ------
@@ -151,15 +153,28 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
     return found
 
 
+_UNITS: Final = {"restitution": "1", "frequency": "Hz"}
+
+
+def numbers_in(impacts: xr.Dataset) -> tuple[int, ...]:
+    """Numbers of the harmonics of a base that moves, that of the strongest first."""
+    return tuple(int(n[1:] or 1) for n in impacts["of_base"].values.astype(str) if n[0] == "S")
+
+
 def _shaken(shaken: Shaken, scale: float) -> xr.Dataset:
     """Restitution and motion of the base, with covariance, without the levels.
 
     `scale` multiplies its lengths, which corrects those of tracks of a wrong scale.
     """
     names = ["restitution", "S", "C", "frequency"][: shaken.values.size - shaken.levels.size]
-    of_base = slice(None, len(names))
-    scales = np.array([1.0, scale, scale, 1.0])[of_base]
     words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
+    numbers = shaken.oscillation.numbers
+    if len(numbers) > 1:
+        pairs = [f"{letter}{h}" for h in numbers for letter in "SC"]
+        names = ["restitution", *pairs[:2], "frequency", *pairs[2:]]
+        words = "of the base that moves with the sum of Sh sin 2 pi h f t + Ch cos 2 pi h f t"
+    of_base = slice(None, len(names))
+    scales = np.where(np.isin(names, ["restitution", "frequency"]), 1.0, scale)
     return xr.Dataset(
         {
             "shaken": ("of_base", scales * shaken.values[of_base], {"long_name": words}),
@@ -176,7 +191,7 @@ def _shaken(shaken: Shaken, scale: float) -> xr.Dataset:
         coords={
             "of_base": names,
             "other": names,
-            "of_base_units": ("of_base", ["1", "m s-1", "m s-1", "Hz"][of_base]),
+            "of_base_units": ("of_base", [_UNITS.get(name, "m s-1") for name in names]),
         },
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import xarray as xr
 
@@ -12,6 +14,12 @@ from vibrosweep.lab.fitting import Fitted
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
+from vibrosweep.mistakes import toml
+from vibrosweep.model.shapes import HARMONICS_NAME, SINE
+from vibrosweep.scene.waveform import stored
+
+
+INSTANTS: Final = 24  # in a period of the highest harmonic, at which figures draw the base
 
 
 def impact_lines(impacts: xr.Dataset) -> list[str]:
@@ -57,7 +65,30 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
         f"the base moves: displacement {1e3 * size[0]:.4g} ± {1e3 * size[1]:.2g} mm at "
         f"{float(found['frequency_used']):.6g} Hz, acceleration {gamma[0]:.4g} ± {gamma[1]:.2g} "
         f"of gravity, phase {phase:.4g} ± {dphase:.2g} rad; restitution {e:.4g} ± {de:.2g}",
+        *_harmonic_lines(found),
         *said,
+    ]
+
+
+def _harmonic_lines(found: xr.Dataset) -> list[str]:
+    """Weights and phases of the harmonics of the base, and its waveform for a sweep file."""
+    shape = stored(found.attrs)
+    if shape == SINE:
+        return []
+    errors = dict(zip(found["parameter"].values.tolist(), found["error"].values, strict=True))
+    parts = []
+    for h, weight, psi in shape.tones:
+        exact = f"weight_{h}" not in errors
+        both = f" ± {errors.get(f'weight_{h}', 0.0):.2g}", f" ± {errors.get(f'phase_{h}', 0.0):.2g}"
+        parts.append(
+            f"{h} of weight 1"
+            if exact
+            else f"{h} of {weight:.4g}{both[0]}, phase {psi:.4g}{both[1]}"
+        )
+    rounded = [[h, float(f"{weight:.6g}"), float(f"{psi:.6g}")] for h, weight, psi in shape.tones]
+    return [
+        f"harmonics of its velocity: {'; '.join(parts)}",
+        f"in a sweep file: waveform = {toml({HARMONICS_NAME: rounded})}",
     ]
 
 
@@ -116,6 +147,8 @@ def table_lines(table: xr.Dataset) -> list[str]:
     parameters = [_with_error(table, n) for n in ("restitution", forcing, "frequency")]
     base = "moves" if moves else "stays at its level"
     lines.append(f"predicted over a base that {base}, with {', '.join(parameters)}")
+    if str(table.attrs.get("waveform", SINE.text)) != SINE.text:
+        lines.append(f"waveform {table.attrs['waveform']}")
     lines.append(f"base favoured by the landings: {_favoured(table)}")
     return lines + ([table.attrs["warning"]] if table.attrs["warning"] else [])
 
@@ -139,7 +172,8 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN between
     flights) and ``within``, the place of the sample in its flight from 0 to 1.  Dim flight:
     ``start``, ``end``, ``speed`` (m s-1), ``rise`` (m), ``owner``.  Dim landing: ``landing_time``,
-    ``landing_error``, ``landing_owner``.  Attributes: ``noise``, ``base``, ``curvature``,
+    ``landing_error``, ``landing_owner``.  Dim instant: ``base_time`` and the ``base_height`` of a
+    base that moves, above its level; dim track: the ``level`` below each ``name``.  Attributes: ``noise``, ``base``, ``curvature``,
     ``frame_rate``.
     """
     samples, flights = fitted.samples, fitted.flights
@@ -173,7 +207,15 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
         "landing_time": ("landing", joint.landing, "s", "time of landing"),
         "landing_error": ("landing", joint.landing_error, "s", "its standard error"),
         "landing_height": ("landing", landed, "m", "its height"),
+        "level": ("track", flights.levels, "m", "(mean) level of the base"),
     }
+    if flights.shaken is not None:
+        base = flights.shaken.oscillation
+        begin, end = samples.time.min(), samples.time.max()
+        number = int((end - begin) * base.frequency * max(base.numbers) * INSTANTS) + 2
+        when = np.linspace(begin, end, number)
+        columns["base_time"] = ("instant", when, "s", "time")
+        columns["base_height"] = ("instant", base.height(when), "m", "height above the level")
     variables = {
         name: (dim, values, {"units": units, "long_name": words})
         for name, (dim, values, units, words) in columns.items()
@@ -182,6 +224,7 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
         "particle": ("sample", names[samples.particle]),
         "owner": ("flight", names[flights.particle]),
         "landing_owner": ("landing", names[flights.particle[joint.before]]),
+        "name": ("track", names),
     }
     return xr.Dataset(
         {**variables, **owners},

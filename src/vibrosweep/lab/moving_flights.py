@@ -22,7 +22,8 @@ from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
 from vibrosweep.lab.segments import Samples
 
 ROUNDS: Final = 3
-# Steps in a forcing period of the search for the end of a flight, and bisections of the last step.
+# Steps in a period of the highest harmonic, of the search for the end of a flight, and bisections
+# of the last step.
 STEPS: Final = 100
 HALVINGS: Final = 40
 LOW: Final = 0.25
@@ -134,7 +135,7 @@ def _ends(
 
     found = []
     for way in (-1.0, 1.0):
-        step = way / (STEPS * base.frequency)
+        step = way / (STEPS * max(base.numbers) * base.frequency)
         inner, outer = top.copy(), top + step
         while (going := above(outer) > 0.0).any():
             inner, outer = np.where(going, outer, inner), np.where(going, outer + step, outer)

@@ -5,11 +5,12 @@ after obey the law of restitution relative to it:
 
     y = level - (S cos wt - C sin wt) / w       v' - V = -e (v - V)       V = S sin wt + C cos wt
 
-with w = 2 pi f, S = V0 cos phi, C = V0 sin phi.  Both equations are fitted together, for all
-contacts.  Their errors follow from those of the two parabolas, and contacts that share a flight are
-correlated; as the weights depend on the parameters, errors of the arrival do not bias e (Deming
-regression).  A base of constant level that kicks with A = (1 + e) V0 obeys the same equations
-without the oscillating term of y, which distinguishes the two bases.
+with w = 2 pi f, S = V0 cos phi, C = V0 sin phi; a trace may add harmonics to this sine.  Both
+equations are fitted together, for all contacts.  Their errors follow from those of the two
+parabolas, and contacts that share a flight are correlated; as the weights depend on the parameters,
+errors of the arrival do not bias e (Deming regression).  A base of constant level that kicks with
+A = (1 + e) V0 obeys the same equations without the oscillating term of y, which distinguishes the
+two bases.
 """
 
 from __future__ import annotations
@@ -41,40 +42,69 @@ STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite difference
 
 
 class Oscillation(NamedTuple):
-    """Motion of a base about its level: S and C in m s-1, the frequency in Hz."""
+    """Motion of a base about its level.
 
-    sine: float
-    cosine: float
-    frequency: float
+    The values are S, C (m s-1) and f (Hz), then S and C of other harmonics; `numbers` are those of
+    the harmonics in this order.
+    """
+
+    values: Array
+    numbers: tuple[int, ...] = (1,)
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the motion in Hz."""
+        return float(self.values[2])
+
+    @property
+    def tones(self) -> list[tuple[int, float, float]]:
+        """Number, S and C of each harmonic."""
+        pairs = np.delete(self.values, 2).reshape(-1, 2)
+        return [(h, float(s), float(c)) for h, (s, c) in zip(self.numbers, pairs, strict=True)]
+
+    @property
+    def reach(self) -> float:
+        """Largest height in m above the level, or more."""
+        return sum(float(np.hypot(s, c)) / (TURN * h * self.frequency) for h, s, c in self.tones)
 
     def velocity(self, time: Array) -> Array:
         """Velocity in m s-1 at instants in s."""
         angle = TURN * self.frequency * time
-        return np.asarray(self.sine * np.sin(angle) + self.cosine * np.cos(angle))
+        return np.asarray(
+            sum(s * np.sin(h * angle) + c * np.cos(h * angle) for h, s, c in self.tones)
+        )
 
     def height(self, time: Array) -> Array:
         """Height in m above the level."""
-        angle = TURN * self.frequency * time
-        rise = self.cosine * np.sin(angle) - self.sine * np.cos(angle)
-        return np.asarray(rise / (TURN * self.frequency))
+        return self._heights(time, 0)
 
     def acceleration(self, time: Array) -> Array:
         """Acceleration in m s-2."""
-        return np.asarray(-((TURN * self.frequency) ** 2) * self.height(time))
+        return self._heights(time, 2)
+
+    def _heights(self, time: Array, order: int) -> Array:
+        """Height, or its derivative of an even order."""
+        angle, found = TURN * self.frequency * time, np.zeros_like(time)
+        for h, s, c in self.tones:
+            omega = TURN * self.frequency * h
+            rise = (c * np.sin(h * angle) - s * np.cos(h * angle)) / omega
+            found = found + (-(omega**2) * rise if order else rise)
+        return found
 
 
 class Trace(NamedTuple):
-    """S, C (m s-1) and f (Hz) of a measured motion of the base, with their covariance."""
+    """Values of an `Oscillation` that was measured, with their covariance and its harmonics."""
 
     values: Array
     covariance: Array
+    numbers: tuple[int, ...] = (1,)
 
 
 class Shaken(NamedTuple):
     """Motion of a base, fitted to contacts."""
 
-    # values, covariance: restitution, S, C and, if it was free, f; then the level below each
-    # particle
+    # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics; then the
+    # level below each particle
     values: Array
     covariance: Array
     # oscillation, restitution: the same values
@@ -107,17 +137,23 @@ class _Problem(NamedTuple):
     @property
     def parameters(self) -> int:
         """Number of parameters without the levels."""
+        if self.trace is not None:
+            return 1 + self.trace.values.size
         return 4 if self.frequency is None else 3
+
+    def base(self, values: Array) -> Oscillation:
+        """Motion of the base among the values of the parameters."""
+        motion = values[1 : self.parameters]
+        if self.frequency is not None:
+            motion = np.append(motion, self.frequency)
+        return Oscillation(motion, (1,) if self.trace is None else self.trace.numbers)
 
     def equations(self, values: Array) -> tuple[Array, Array, Array]:
         """Residuals of height and velocity, and their derivatives by the errors of both flights.
 
         Shapes are (contact, 2) and (contact, 2, 2): by level and slope, in standard errors.
         """
-        c, e = self.contacts, values[0]
-        base = Oscillation(
-            values[1], values[2], values[3] if self.frequency is None else self.frequency
-        )
+        c, e, base = self.contacts, values[0], self.base(values)
         velocity, moves = base.velocity(c.time), self.moves
         left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
         bounce = c.departure - velocity + e * (c.arrival - velocity)
@@ -170,13 +206,15 @@ class _Problem(NamedTuple):
             return np.asarray(solved)
         root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
         if slopes:
-            return np.concatenate([solved, np.zeros((3, levels))])
-        return np.concatenate([solved, root @ (values[1:4] - self.trace.values)])
+            return np.concatenate([solved, np.zeros((self.trace.values.size, levels))])
+        motion = values[1 : self.parameters]
+        return np.concatenate([solved, root @ (motion - self.trace.values)])
 
     def derivatives(self, values: Array, kept: Flags) -> Array:
         """Derivatives of `whitened` by all parameters."""
         columns = []
-        for k, step in enumerate(STEPS[: self.parameters]):
+        more = self.parameters - len(STEPS)
+        for k, step in enumerate((STEPS + STEPS[1:2] * more)[: self.parameters]):
             ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
             up, down = (self.whitened(end, kept) for end in ends)
             columns.append((up - down) / (2.0 * step))
@@ -198,11 +236,14 @@ def fit_shaken(
     known, count = 0 if trace is None else trace.values.size, problem.parameters
     if 2 * contacts.time.size + known < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
-    start = first_guess(contacts, frequency)
+    start = [*first_guess(contacts, frequency), frequency]
+    if trace is not None and count > 4:
+        start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
     levels = [np.median(contacts.height[owner == p]) for p in range(particles.size)]
-    values = np.array([*start, frequency, *levels])
-    values = values if free else np.delete(values, 3)
-    scale = np.concatenate([[0.1, 0.1, 0.1, 1e-3][:count], np.full(particles.size, 1e-4)])
+    values = np.array([*start[:3], *(start[3:] if free else []), *levels])
+    scale = np.concatenate([np.full(count, 0.1), np.full(particles.size, 1e-4)])
+    if free:
+        scale[3] = 1e-3
     for bend in BENDS:
         values = least_squares(
             problem.spread,
@@ -241,7 +282,7 @@ def fit_shaken(
     return Shaken(
         values,
         covariance,
-        Oscillation(values[1], values[2], float(values[3]) if free else frequency),
+        problem.base(values),
         float(values[0]),
         particles,
         values[count:],
@@ -250,6 +291,13 @@ def fit_shaken(
         freedom,
         np.minimum((problem.apart(values) ** 2).sum(axis=1), FAR),
     )
+
+
+def _restitution(contacts: Contacts, base: Oscillation) -> float:
+    """Restitution by ordinary least squares of v' - V = -e (v - V)."""
+    velocity = base.velocity(contacts.time)
+    arrival = contacts.arrival - velocity
+    return float(-(contacts.departure - velocity) @ arrival / (arrival @ arrival))
 
 
 def first_guess(contacts: Contacts, frequency: float) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,7 +14,9 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.lab.harmonics import with_values
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.scene.scene import Scene
 
 DRAWS: Final = 64
@@ -32,17 +35,23 @@ class Prediction(NamedTuple):
 
 
 def draw(
-    scene: Mapping[str, float], estimated: xr.Dataset | None, draws: int, seed: int = 0
-) -> tuple[dict[str, Array], int]:
+    scene: Mapping[str, float],
+    estimated: xr.Dataset | None,
+    draws: int,
+    seed: int = 0,
+    waveform: Waveform = SINE,
+) -> tuple[dict[str, Array], list[Waveform], int]:
     """Draw parameter sets: first the best one, then samples of a normal posterior.
 
     `scene` holds every parameter of `PARAMETERS`; those in `estimated`, a result of `estimate`,
-    override it.  Without an estimate there is only the scene itself.
+    override it, and of the waveform too.  Without an estimate there is only the scene itself.
 
     Returns
     -------
     parameters
         Arrays of shape (draw,).
+    waveforms
+        One for each draw.
     refused
         Number of draws outside the physical range, which were replaced.
 
@@ -53,13 +62,14 @@ def draw(
         half of the draws are not.
     """
     if estimated is None:
-        return {name: np.array([scene[name]]) for name in PARAMETERS}, 0
+        return {name: np.array([scene[name]]) for name in PARAMETERS}, [waveform], 0
     names = [str(name) for name in estimated["parameter"].values]
     best, covariance = estimated["estimate"].values, estimated["covariance"].values
     if not np.isfinite(covariance).all():
         raise ParameterError(f"the parameters cannot be used: {estimated.attrs['warning']}")
+    physical = [(k, PARAMETERS[name]) for k, name in enumerate(names) if name in PARAMETERS]
     for name, value in zip(names, best, strict=True):
-        if not PARAMETERS[name].accepts(value):
+        if name in PARAMETERS and not PARAMETERS[name].accepts(value):
             raise ParameterError(
                 f"{name} is estimated as {value:.4g}: must be {PARAMETERS[name].allowed}; check "
                 f"the scale and the frequency, or give the parameters"
@@ -68,8 +78,7 @@ def draw(
     kept, refused = [best], 0
     while len(kept) <= draws:
         values = rng.multivariate_normal(best, covariance)
-        physical = all(bool(PARAMETERS[n].accepts(v)) for n, v in zip(names, values, strict=True))
-        if physical:
+        if all(bool(one.accepts(values[k])) for k, one in physical):
             kept.append(values)
         else:
             refused += 1
@@ -78,9 +87,13 @@ def draw(
                 f"{refused} of {refused + len(kept)} sets drawn within the errors of the estimate "
                 f"are not physical: the parameters are too uncertain; give them"
             )
-    columns = np.array(kept).T
-    fixed = {name: np.full(len(kept), scene[name]) for name in PARAMETERS}
-    return fixed | dict(zip(names, columns, strict=True)), refused
+    drawn = dict(zip(names, np.array(kept).T, strict=True))
+    shapes = [
+        with_values(waveform, {name: float(values[k]) for name, values in drawn.items()})
+        for k in range(len(kept))
+    ]
+    every = {name: drawn.get(name, np.full(len(kept), scene[name])) for name in PARAMETERS}
+    return every, shapes, refused
 
 
 class FirstFlights(NamedTuple):
@@ -116,12 +129,16 @@ def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> First
 
 
 def predict(
-    impacts: xr.Dataset, parameters: Mapping[str, Array], workers: Workers, rebound: str = "rest"
+    impacts: xr.Dataset,
+    parameters: Mapping[str, Array],
+    waveforms: Sequence[Waveform],
+    workers: Workers,
+    rebound: str = "rest",
 ) -> Prediction:
     """Means of each particle from its first whole flight to the end of the film.
 
-    The parameters are those of `first_flights`.  A particle that appears late is followed for as
-    long as the others.
+    The parameters are those of `first_flights`, with a waveform for each draw.  A particle that
+    appears late is followed for as long as the others.
     """
     draws = parameters["frequency"].size
     height, period = np.full((2, draws, impacts.sizes["particle"]), np.nan)
@@ -130,7 +147,10 @@ def predict(
         length = impacts.attrs["end"] - float(start.min())
         base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
         bare = Scene(1, (0.0,), length, rebound, base=base).recorded()
-        found = measure(all_parameters(sets), bare, workers)
-        height[:, flown] = found["rebound_height_mean"].reshape(draws, -1)
-        period[:, flown] = found["flight_time_mean"].reshape(draws, -1)
+        for shape in dict.fromkeys(waveforms):
+            alike = np.array([one == shape for one in waveforms])
+            chosen = {name: values[np.repeat(alike, flown.size)] for name, values in sets.items()}
+            found = measure(all_parameters(chosen), replace(bare, waveform=shape), workers)
+            for each, name in ((height, "rebound_height_mean"), (period, "flight_time_mean")):
+                each[np.ix_(alike, flown)] = found[name].reshape(-1, flown.size)
     return Prediction(height, period)

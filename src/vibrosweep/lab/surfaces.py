@@ -11,6 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.coupled import BaseTrack
+from vibrosweep.model.shapes import SINE, Waveform
 
 STEPS_PER_PERIOD: Final = 1000
 
@@ -25,10 +26,20 @@ class Surface(NamedTuple):
 LEVEL: Final = Surface(np.zeros_like, np.zeros_like)
 
 
-def oscillating(scene: Mapping[str, float]) -> Surface:
-    """Surface of `base = "moving"`: y = -B cos(2 pi f t + phi) with 2 pi f B = A / (1 + e)."""
-    omega, phase = 2.0 * math.pi * scene["frequency"], scene["phase"]
+def oscillating(scene: Mapping[str, float], waveform: Waveform = SINE) -> Surface:
+    """Surface of `base = "moving"`: y = (V0 / f) W(f t + phi / 2 pi) with V0 = A / (1 + e).
+
+    A sine is -B cos(2 pi f t + phi) with 2 pi f B = V0.
+    """
+    frequency, phase = scene["frequency"], scene["phase"]
+    omega = 2.0 * math.pi * frequency
     size = scene["amplitude"] / ((1.0 + scene["restitution"]) * omega)
+    if waveform != SINE:
+        unit = 2.0 * math.pi * size
+        return Surface(
+            lambda t: unit * waveform.height(frequency * t + phase / (2.0 * math.pi)),
+            lambda t: unit / frequency * waveform.area(frequency * t + phase / (2.0 * math.pi)),
+        )
     return Surface(
         lambda t: np.asarray(-size * np.cos(omega * t + phase)),
         lambda t: np.asarray(-size / omega * np.sin(omega * t + phase)),

@@ -156,7 +156,7 @@ def _landings(
     problem = dimensionless(parameters, scene.duration)
     batch = Batch(base_of(*scene.mechanics), problem, begin)
     record = wandering_record(batch, walk, frequency, numbers["gravity"])
-    return record, LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers)
+    return record, LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers, scene.waveform)
 
 
 def _motions(

@@ -26,6 +26,7 @@ from vibrosweep.lab.surfaces import LEVEL, oscillating
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS, Launches, dimensionless
+from vibrosweep.model.shapes import SINE, Waveform
 
 # Variance of S and C of a base without motion, (m s-1)^2
 LEAST_VARIANCE: Final = 1e-24
@@ -51,14 +52,18 @@ class Comparison:
 
 
 def camera_shares(
-    tracks: xr.Dataset, impacts: xr.Dataset, scene: Mapping[str, float], how: Comparison
+    tracks: xr.Dataset,
+    impacts: xr.Dataset,
+    scene: Mapping[str, float],
+    how: Comparison,
+    waveform: Waveform = SINE,
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Errors of the predicted motion that are due to frames alone, and to pixels beside them.
 
     They are in per cent, by ``frames`` and ``pixels``, quantity and reading.  `scene` holds every
-    parameter of `PARAMETERS` with the value of the prediction.
+    parameter of `PARAMETERS` with the value of the prediction, whose base has the `waveform`.
     """
-    motions = _twin(impacts, scene, how.rebound)
+    motions = _twin(impacts, scene, how.rebound, waveform)
     time = tracks["time"].values
     true = heights(motions, time, how.view.exposure)
     means = [motion.means(time[0], time[-1]) for motion in motions]
@@ -71,7 +76,8 @@ def camera_shares(
     view = how.view
     if view.base is None:
         motion = impacts.attrs["base_motion"]
-        view = view._replace(motion=motion, trace=_known(scene) if motion == "moving" else None)
+        trace = _known(scene, waveform) if motion == "moving" else None
+        view = view._replace(motion=motion, trace=trace)
     by_frames = _measurement_error(true, time, sharp, predicted, how, view)
     together = _measurement_error(true, time, rough, predicted, how, view)
     by_pixels = {
@@ -84,24 +90,32 @@ def camera_shares(
     return {"frames": by_frames, "pixels": by_pixels}
 
 
-def _known(scene: Mapping[str, float]) -> Trace:
+def _known(scene: Mapping[str, float], waveform: Waveform) -> Trace:
     """Motion of the base of the prediction, as if it had been measured to a millionth."""
     velocity = scene["amplitude"] / (1.0 + scene["restitution"])
-    angle = scene["phase"]
-    values = np.array([velocity * np.cos(angle), velocity * np.sin(angle), scene["frequency"]])
-    variance = np.array([velocity, velocity, scene["frequency"]]) ** 2 * 1e-12
-    return Trace(values, np.diag(np.maximum(variance, LEAST_VARIANCE)))
+    values = []
+    for h, weight, psi in waveform.tones or ((1, 1.0, 0.0),):
+        angle, size = psi + h * scene["phase"], weight * velocity
+        values += [size * np.cos(angle), size * np.sin(angle)]
+    variance = np.insert(np.full(len(values), velocity), 2, scene["frequency"]) ** 2 * 1e-12
+    return Trace(
+        np.insert(values, 2, scene["frequency"]),
+        np.diag(np.maximum(variance, LEAST_VARIANCE)),
+        tuple(h for h, *_ in waveform.tones) or (1,),
+    )
 
 
-def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list[Motion]:
+def _twin(
+    impacts: xr.Dataset, scene: Mapping[str, float], rebound: str, waveform: Waveform
+) -> list[Motion]:
     """Predicted motion of every particle with a whole flight, on the clock of the recording."""
     best = {name: np.array([value]) for name, value in scene.items()}
     _, start, speed, sets = first_flights(impacts, best)
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
     at_once = np.zeros((1, start.size))
     base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
-    surface = LEVEL if base == HIGH_BOUNCE else oscillating(scene)
-    batch = Batch(base_of(base, rebound), problem, Launches(at_once, at_once))
+    surface = LEVEL if base == HIGH_BOUNCE else oscillating(scene, waveform)
+    batch = Batch(base_of(base, rebound, waveform), problem, Launches(at_once, at_once))
     record = wandering_record(batch, np.zeros(2), scene["frequency"], scene["gravity"])
     return [
         Motion.from_record(

@@ -84,6 +84,13 @@ class Waveform:
             return np.asarray(np.where(_folded(x)[1], 4.0, -4.0))
         return self.derivative(x, 1)
 
+    def area(self, x: ArrayLike) -> Array:
+        """Integral of W, of mean zero, by the phase in turns."""
+        if self.name == PARABOLIC_NAME:
+            y, rises = _folded(x)
+            return np.asarray(np.where(rises, 1.0, -1.0) * y * (2.0 * y * y / 3.0 - 0.125))
+        return self.derivative(x, -2)
+
     @property
     def highest(self) -> float:
         """Largest velocity, in units of V0."""
@@ -108,7 +115,7 @@ class Waveform:
         return self.tones or ((1, 1.0, 0.0),)
 
     def derivative(self, x: ArrayLike, order: int) -> Array:
-        """Derivative of an order of harmonics w; of order -1 the integral of mean zero."""
+        """Derivative of an order of harmonics w; of a negative order integrals of mean zero."""
         x = np.asarray(x, dtype=np.float64)
         found = np.zeros_like(x)
         for h, weight, phase in self._tones:

@@ -1,0 +1,153 @@
+"""Bases whose motion is no sine: films of them, their traces, and what both tell."""
+
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.compare import compare_tracks
+from vibrosweep.lab.estimation import estimate
+from vibrosweep.lab.experiment import LABORATORY, Experiment
+from vibrosweep.lab.harmonics import names_of, polar, slopes_of_sizes, with_values
+from vibrosweep.lab.impacts import find_impacts
+from vibrosweep.lab.lines import impact_lines
+from vibrosweep.lab.surfaces import oscillating
+from vibrosweep.lab.traces import make_trace
+from vibrosweep.lab.trials import perform_trials
+from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.scene.waveform import stored
+
+FREQUENCY = LABORATORY["frequency"]
+TIME = np.arange(3000) / 1000.0
+TWO_TONES = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
+NUMBERS = {"frequency": FREQUENCY, "phase": 0.7, "amplitude": 0.17, "restitution": 0.7}
+TRUTH = {**NUMBERS, "weight_2": 0.4, "phase_2": 1.1}
+
+
+@pytest.fixture(scope="module")
+def film():
+    """Three particles for three seconds over a base of two tones, with its experiment."""
+    scene = {**LABORATORY, **NUMBERS, "base": "moving", "waveform": TWO_TONES.value}
+    plan = Experiment(**scene, particles=3, repeats=1, transient=0.0, duration=3.0)
+    return plan, perform_trials(plan)[0]
+
+
+def trace(shape=TWO_TONES, noise=1e-5, quantity="height", seed=1):
+    """The height (m) or acceleration of a base, measured at a thousand values per second."""
+    phase = FREQUENCY * TIME + NUMBERS["phase"] / (2.0 * math.pi)
+    if quantity == "height":
+        clean = 0.1 / FREQUENCY * shape.height(phase)
+    else:
+        clean = 0.1 * FREQUENCY * shape.slope(phase)
+    return clean + noise * np.random.default_rng(seed).standard_normal(TIME.size)
+
+
+def test_flights_of_a_film_begin_and_end_on_the_base_as_it_moves(film):
+    plan, trial = film
+    record, base = trial.record, oscillating(plan.parameters, TWO_TONES)
+    up, down = record.liftoff_time[:, :-1], record.landing_time[:, 1:]
+    flown = np.isfinite(up) & np.isfinite(down)
+    up, down, speed = up[flown], down[flown], record.rebound_velocity[:, :-1][flown]
+    met = base.height(up) + (down - up) * (speed - plan.parameters["gravity"] / 2.0 * (down - up))
+    assert up.size > 50
+    np.testing.assert_allclose(met, base.height(down), atol=1e-12)
+    step = 1e-6
+    rise = (base.area(TIME + step) - base.area(TIME - step)) / (2.0 * step)
+    np.testing.assert_allclose(base.height(TIME), rise, atol=1e-10)
+
+
+def test_weights_phases_and_restitution_of_a_film_within_their_errors(film):
+    """Five standard errors: nothing here depends on luck."""
+    found = find_impacts(film[1].tracks, trace=make_trace(TIME, film_height(film), "height"))
+    one = estimate(found)
+    assert one["parameter"].values.tolist() == [
+        *("restitution", "amplitude", "phase", "frequency", "weight_2", "phase_2")
+    ]
+    for name, value in TRUTH.items():
+        own = one.sel(parameter=name)
+        assert abs(float(own["estimate"]) - value) < 5.0 * float(own["error"])
+        assert float(own["error"]) < 0.01 * value
+    text = impact_lines(found)
+    (line,) = [one for one in text if "in a sweep file: " in one]
+    shape = tomllib.loads(line.split("file: ")[1])["waveform"]
+    assert [tone[0] for tone in shape["harmonics"]] == [1, 2]
+    assert shape["harmonics"][1][1:] == pytest.approx([0.4, 1.1], abs=0.02)
+    rounded = Waveform("harmonics", tuple(map(tuple, shape["harmonics"])))
+    assert rounded.fall == pytest.approx(stored(one.attrs).fall, rel=1e-4)
+
+
+def film_height(film):
+    noise = 1e-5 * np.random.default_rng(1).standard_normal(TIME.size)
+    return oscillating(film[0].parameters, TWO_TONES).height(TIME) + noise
+
+
+def test_a_recording_is_compared_with_the_base_of_its_trace(film):
+    one = make_trace(TIME, film_height(film), "height")
+    known = {"restitution": 0.7, "amplitude": 0.17, "frequency": FREQUENCY, "contact_time": 2.5e-5}
+    table = compare_tracks(film[1].tracks, trace=one, threads=1, **known)
+    assert stored(table.attrs).tones[1][1:] == pytest.approx((0.4, 1.1), abs=0.02)
+    assert (table["error"].sel(reading="ensemble") < 2.0).all()
+
+
+@pytest.mark.parametrize("quantity", ["height", "acceleration"])
+@pytest.mark.parametrize(
+    ("shape", "numbers"),
+    [
+        (SINE, (1,)),
+        (TWO_TONES, (1, 2)),
+        (Waveform("harmonics", ((1, 0.4, 0.3), (2, 1.0, 1.1))), (2, 1)),
+        (Waveform("harmonics", ((2, 1.0, 0.0), (3, 0.6, 1.0))), (2, 1, 3)),
+        (
+            Waveform("harmonics", tuple((h, 1.0 / h, 0.2 * h) for h in range(1, 9))),
+            tuple(range(1, 9)),
+        ),
+    ],
+    ids=["sine", "two", "strong second", "no first", "eight"],
+)
+def test_the_criterion_finds_as_many_harmonics_as_there_are(shape, numbers, quantity):
+    clean = trace(shape, 0.0, quantity)
+    noise = 1e-3 * np.ptp(clean)
+    assert make_trace(TIME, trace(shape, noise, quantity), quantity).numbers == numbers
+
+
+def test_heights_rounded_to_steps_that_repeat_have_no_harmonics():
+    """Each period of 50 values is rounded alike, so that harmonics would hold the rounding too."""
+    for shape, numbers in ((SINE, (1,)), (TWO_TONES, (1, 2))):
+        assert make_trace(TIME, trace(shape, 0.0).round(5), "height").numbers == numbers
+
+
+def test_traces_of_two_tones_within_their_errors():
+    """Mean square deviation in standard errors, over 20 traces: 1 +- 0.32 each."""
+    values = np.array([0.1, 0.1, FREQUENCY, 0.04, 0.04])
+    angles = np.array([0.7, 0.7 - math.pi / 2, 0.0, 2.5, 2.5 - math.pi / 2])
+    truth, off = values * np.cos(angles), []
+    for seed in range(20):
+        one = make_trace(TIME[:600], trace(noise=3e-5, seed=seed)[:600], "height")
+        assert one.numbers == (1, 2)
+        off.append((one.values - truth) / np.sqrt(np.diag(one.covariance)))
+    np.testing.assert_allclose(np.mean(np.square(off), axis=0), 1.0, atol=0.95)
+
+
+def test_a_trace_that_is_mostly_noise_is_refused():
+    rough = trace(noise=0.0) + 5e-4 * np.random.default_rng(2).standard_normal(TIME.size)
+    with pytest.raises(TrackError, match=r"2 harmonics leave \d+ % of the variance of the height"):
+        make_trace(TIME, rough, "height")
+
+
+def test_weights_and_phases_by_their_derivatives():
+    """Covariance of `polar`, and sizes of the base, against differences."""
+    values = np.array([0.7, 0.03, -0.1, 20.0, 0.05, 0.02, -0.01, 0.04])
+    numbers = (2, 1, 3)
+    plain, spread, shape = polar(values, np.eye(8), numbers)
+    slopes = np.zeros((8, 8))
+    for k in range(8):
+        up, down = (polar(values + s * np.eye(8)[k], np.eye(8), numbers)[0] for s in (1e-7, -1e-7))
+        slopes[:, k] = (up - down) / 2e-7
+    np.testing.assert_allclose(spread, slopes @ slopes.T, rtol=1e-5, atol=1e-7)
+    of_sizes = slopes_of_sizes(shape, numbers)
+    for k, name in enumerate(names_of(numbers)):
+        up = with_values(shape, {name: plain[4 + k] + 1e-4})
+        rise = np.log([shape.per_displacement / up.per_displacement, up.fall / shape.fall]) / 1e-4
+        np.testing.assert_allclose(of_sizes[:, k], rise, atol=1e-3)
