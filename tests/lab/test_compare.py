@@ -60,8 +60,8 @@ def test_errors_by_hand(found):
 
 def test_prediction_follows_each_particle_from_its_first_flight(irregular, found, workers):
     """At the true parameters the means are those of the true record."""
-    sets, refused = draw({**LABORATORY, "amplitude": 0.12, "restitution": 0.85}, None, 0)
-    foretold = predict(found, sets, workers)
+    sets, shapes, refused = draw({**LABORATORY, "amplitude": 0.12, "restitution": 0.85}, None, 0)
+    foretold = predict(found, sets, shapes, workers)
     among = comparable(found)
     assert refused == 0
     assert among.any()
@@ -74,23 +74,24 @@ def test_a_particle_that_never_flew_is_not_launched(found, workers):
     still = found.copy(deep=True)
     still["flight_time"][1] = np.nan
     scene = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
-    sets, _ = draw(scene, None, 0)
+    sets, shapes, _ = draw(scene, None, 0)
     flights = first_flights(still, sets)
     assert flights.particle.tolist() == [0, 2]
     assert flights.sets["phase"].size == 2
-    assert np.isnan(predict(still, sets, workers).height[0]).tolist() == [False, True, False]
+    foretold = predict(still, sets, shapes, workers)
+    assert np.isnan(foretold.height[0]).tolist() == [False, True, False]
 
 
 def test_draws_stay_physical_or_are_refused(found):
     scene = dict(LABORATORY)
     estimated = estimate(found, frequency=20.0)
-    sets, refused = draw(scene, estimated, 50)
+    sets, _, refused = draw(scene, estimated, 50)
     assert sets["restitution"].size == 51
     assert refused == 0
     assert np.std(sets["restitution"][1:]) == pytest.approx(float(estimated["error"][0]), rel=0.3)
     edge = estimated.copy(deep=True)
     edge["estimate"][0] = 1.0 - float(estimated["error"][0])  # 16 % of the draws exceed 1
-    sets, refused = draw(scene, edge, 50)
+    sets, _, refused = draw(scene, edge, 50)
     assert 1 <= refused <= 25
     assert (sets["restitution"] <= 1.0).all()
     edge["estimate"][0] = 1.01

@@ -18,7 +18,6 @@ from vibrosweep.mistakes import toml
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE
 from vibrosweep.scene.waveform import stored
 
-
 INSTANTS: Final = 24  # in a period of the highest harmonic, at which figures draw the base
 
 
@@ -173,8 +172,8 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     flights) and ``within``, the place of the sample in its flight from 0 to 1.  Dim flight:
     ``start``, ``end``, ``speed`` (m s-1), ``rise`` (m), ``owner``.  Dim landing: ``landing_time``,
     ``landing_error``, ``landing_owner``.  Dim instant: ``base_time`` and the ``base_height`` of a
-    base that moves, above its level; dim track: the ``level`` below each ``name``.  Attributes: ``noise``, ``base``, ``curvature``,
-    ``frame_rate``.
+    base that moves, above its level; dim track: the ``level`` below each ``name``.  Attributes:
+    ``noise``, ``base``, ``curvature``, ``frame_rate``.
     """
     samples, flights = fitted.samples, fitted.flights
     fits, joint, member = flights.fits, flights.junctions, flights.member
