@@ -11,6 +11,7 @@ import xarray as xr
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab.base_harmonics import polar
 from vibrosweep.lab.comparison import (
     QUANTITIES,
     READINGS,
@@ -20,7 +21,6 @@ from vibrosweep.lab.comparison import (
 )
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import View, fit_tracks
-from vibrosweep.lab.harmonics import polar
 from vibrosweep.lab.impacts import check_method, impacts_of, numbers_in
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import DRAWS, Prediction, draw, predict

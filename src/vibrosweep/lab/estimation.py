@@ -17,8 +17,8 @@ import xarray as xr
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab.base_harmonics import names_of, polar, slopes_of_sizes
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve, whiten
-from vibrosweep.lab.harmonics import names_of, polar, slopes_of_sizes
 from vibrosweep.lab.impacts import numbers_in
 from vibrosweep.lab.regression import (
     FEWEST,

@@ -236,14 +236,7 @@ def fit_shaken(
     known, count = 0 if trace is None else trace.values.size, problem.parameters
     if 2 * contacts.time.size + known < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
-    start = [*first_guess(contacts, frequency), frequency]
-    if trace is not None and count > 4:
-        start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
-    levels = [np.median(contacts.height[owner == p]) for p in range(particles.size)]
-    values = np.array([*start[:3], *(start[3:] if free else []), *levels])
-    scale = np.concatenate([np.full(count, 0.1), np.full(particles.size, 1e-4)])
-    if free:
-        scale[3] = 1e-3
+    values, scale = _start(problem, frequency, particles.size)
     for bend in BENDS:
         values = least_squares(
             problem.spread,
@@ -291,6 +284,19 @@ def fit_shaken(
         freedom,
         np.minimum((problem.apart(values) ** 2).sum(axis=1), FAR),
     )
+
+
+def _start(problem: _Problem, frequency: float, levels: int) -> tuple[Array, Array]:
+    """First values of the parameters, with a frequency (Hz) if that is free, and their scale."""
+    contacts, trace, count = problem.contacts, problem.trace, problem.parameters
+    start = [*first_guess(contacts, frequency), frequency][:count]
+    if trace is not None and count > len(start):
+        start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
+    medians = [np.median(contacts.height[problem.owner == p]) for p in range(levels)]
+    scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4)])
+    if problem.frequency is None:
+        scale[3] = 1e-3
+    return np.array([*start, *medians]), scale
 
 
 def _restitution(contacts: Contacts, base: Oscillation) -> float:

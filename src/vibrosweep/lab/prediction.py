@@ -14,7 +14,7 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.lab.harmonics import with_values
+from vibrosweep.lab.base_harmonics import with_values
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.scene.scene import Scene

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.base_harmonics import names_of, polar, slopes_of_sizes, with_values
 from vibrosweep.lab.compare import compare_tracks
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
-from vibrosweep.lab.harmonics import names_of, polar, slopes_of_sizes, with_values
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.surfaces import oscillating
