@@ -12,6 +12,8 @@ import xarray as xr
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.ragged_arrays import IN_FILE, SAMPLES
+from vibrosweep.store.disk import path_of
+from vibrosweep.store.fresh import opened
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading
 
@@ -45,7 +47,8 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     ...         print(found.restitution.values)
     [0.8 0.9]
     """
-    return _open(path, None)
+    found = opened(path_of("path", path))
+    return _open(path, None) if found is None else found
 
 
 def open_record(path: str | os.PathLike[str]) -> xr.Dataset:

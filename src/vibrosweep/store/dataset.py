@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import h5py
 import numpy as np
@@ -26,8 +27,34 @@ COMPRESSION: Final = {"compression": "gzip", "compression_opts": 1, "shuffle": T
 CHUNK_VALUES: Final = 1 << 13
 
 
+POINTERS: Final = "coordinates"  # attribute of a variable that lists its coordinates
 # Name, in netCDF-4, of an axis without a variable; it ends with the length of the axis.
 NO_VARIABLE: Final = "This is a netCDF dimension but not a netCDF variable.%10d"
+
+
+class Contents(NamedTuple):
+    """The contents of a file that this process has written, as they were declared."""
+
+    # dims, shape, type and attributes of each array
+    arrays: Mapping[str, tuple[tuple[str, ...], tuple[int, ...], np.dtype[Any], Attributes]]
+    coordinates: tuple[str, ...]
+    attributes: Attributes
+
+
+# The last file, by its device, inode, size and time of change, and its contents
+_last: tuple[tuple[int, ...], Contents] | None = None
+
+
+def just_written(path: Path) -> Contents | None:
+    """Return the contents of a file if it is the last that this process wrote, and unchanged."""
+    with suppress(OSError):
+        if _last is not None and _last[0] == _identified(path.stat()):
+            return _last[1]
+    return None
+
+
+def _identified(found: os.stat_result) -> tuple[int, ...]:
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
 
 
 class Group(Writer):
@@ -41,6 +68,7 @@ class Group(Writer):
         super().__init__()
         self._disk, self._group, self._parent = disk, group, parent
         self._groups: list[Group] = []
+        self._attributes: dict[str, Any] = {}
 
     def has_outer(self, name: str) -> bool:
         """Tell whether the file that holds this group has a dimension of that name."""
@@ -49,7 +77,7 @@ class Group(Writer):
     def _described(self, variable: Variable) -> Attributes:
         # a coordinate of its own dimension belongs to all variables anyway
         listed = [name for name in self._coordinates if self._arrays[name][0] != (name,)]
-        pointers = {"coordinates": " ".join(listed)} if listed else {}
+        pointers = {POINTERS: " ".join(listed)} if listed else {}
         return {**variable.attributes, **pointers}
 
     def _create(
@@ -76,7 +104,7 @@ class Group(Writer):
     def attributes(self, values: Attributes) -> None:
         """Set attributes of the group; a character that no file can hold is marked."""
         for name, value in values.items():
-            self._group.attrs[name] = _storable(value)
+            self._group.attrs[name] = self._attributes[name] = _storable(value)
 
     @undisturbed()
     def group(self, name: str) -> Group:
@@ -88,6 +116,19 @@ class Group(Writer):
         inner = self._group.create_group(name, track_order=True)
         self._groups.append(Group(self._disk, inner, self))
         return self._groups[-1]
+
+    def contents(self) -> Contents:
+        """Return what was declared."""
+        arrays = {
+            name: (
+                dims,
+                array.shape,
+                array.dtype,
+                {k: _storable(v) for k, v in attributes.items() if k != POINTERS},
+            )
+            for name, (dims, array, attributes) in self._arrays.items()
+        }
+        return Contents(arrays, (*self._coordinates,), self._attributes)
 
     @undisturbed()
     def complete(self, prefix: str = "") -> None:
@@ -131,6 +172,7 @@ def creating(path: Path, directory: Path | None = None, *, force: bool = True) -
 
     Raises a RunError where a declared variable was not written completely.
     """
+    global _last
     with replacing(path, directory, force=force) as disk:
         with undisturbed():
             file = h5py.File(disk, "w", track_order=True)
@@ -138,13 +180,16 @@ def creating(path: Path, directory: Path | None = None, *, force: bool = True) -
             root = Group(disk, file)
             yield root
             root.complete()
+            contents = root.contents()
             with undisturbed():
                 file.close()
                 disk.check()
                 append_seal(disk)
+            written = _identified(os.fstat(disk.fileno())), contents
         except BaseException as error:
             with undisturbed(), suppress(Exception):
                 file.close()
             if isinstance(error, Exception):
                 disk.check()  # clearer than HDF5's own message about a full disk
             raise
+    _last = written

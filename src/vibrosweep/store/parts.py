@@ -13,6 +13,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import RunError
 from vibrosweep.mistakes import FORCE, OUTPUT
-from vibrosweep.store.disk import replacing
+from vibrosweep.store.disk import flush_directory, replacing
 
 Columns = dict[str, NDArray[Any]]
 
@@ -69,6 +70,8 @@ def write_manifest(directory: Path, manifest: Manifest) -> None:
     text = json.dumps({"run": asdict(manifest), "checksum": manifest.key}, indent=1)
     with replacing(directory / MANIFEST) as disk:
         disk.write(text.encode())
+    with suppress(OSError):  # not every system can flush a directory
+        flush_directory(directory.parent)
 
 
 def read_manifest(directory: Path) -> Manifest | None:

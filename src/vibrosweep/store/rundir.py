@@ -12,7 +12,7 @@ from typing import Final
 
 from vibrosweep.errors import RunError
 from vibrosweep.mistakes import OUTPUT
-from vibrosweep.store.disk import clear_partials, flush_directory, reporting, target_of, unwritten
+from vibrosweep.store.disk import clear_partials, reporting, target_of, unwritten
 from vibrosweep.store.parts import MANIFEST, read_manifest
 from vibrosweep.system import locked
 
@@ -59,8 +59,6 @@ def _locked(output: Path, directory: Path) -> int:
     while True:
         with reporting(output):
             directory.mkdir(exist_ok=True)
-            with suppress(OSError):  # not every system can flush a directory
-                flush_directory(directory.parent)
         try:
             descriptor = os.open(directory / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
         except FileNotFoundError:  # removed meanwhile by a run that ended
