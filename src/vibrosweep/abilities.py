@@ -21,7 +21,7 @@ APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on
 # Bases that move with each waveform
 SHAPED: Final[Mapping[str, tuple[str, ...]]] = {
     SINE_NAME: BASES,
-    PARABOLIC_NAME: (HIGH_BOUNCE,),
+    PARABOLIC_NAME: APART,
     HARMONICS_NAME: BASES,
 }
 

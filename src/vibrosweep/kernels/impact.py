@@ -18,6 +18,8 @@ from vibrosweep.kernels.bases import (
     Constants,
     Flight,
     Instant,
+    chained_errors,  # noqa: F401 -- implementations for the base of parabolas
+    chained_lanes,  # noqa: F401
     fly,
     high_bounce_errors,  # noqa: F401 -- implementations for this base
     high_bounce_noise,  # noqa: F401
@@ -32,6 +34,7 @@ from vibrosweep.kernels.bases import (
     shaped_lanes,  # noqa: F401
     wake,
 )
+from vibrosweep.kernels.bases.chained import Chained
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.bases.shaped import Shaped
@@ -41,7 +44,7 @@ from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.kernels.noise import Noise
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform
 
 BASE_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Moving}
 SHAPED_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Shaped}  # with another waveform than the sine
@@ -106,8 +109,9 @@ def base_of(
     if waveform == SINE:
         made = BASE_OF[base](law=LAW_OF[rebound], noise=noise)
     else:
-        shape = shape_of(waveform)
-        made = SHAPED_OF[base](law=LAW_OF[rebound], waveform=shape, noise=noise)
+        shape, parabolas = shape_of(waveform), waveform.name == PARABOLIC_NAME
+        kind = Chained if parabolas and base == MOVING else SHAPED_OF[base]
+        made = kind(law=LAW_OF[rebound], waveform=shape, noise=noise)
     chosen = restitution_of(restitution)
     return made if restitution == CONSTANT else made._replace(restitution=chosen)
 

@@ -7,6 +7,7 @@ import math
 from vibrosweep.kernels._jit import generic, implements
 from vibrosweep.kernels.bases import Constants as AnyConstants
 from vibrosweep.kernels.bases import Flight, landing_search, shaped_search
+from vibrosweep.kernels.bases.chained import ChainedConstants
 from vibrosweep.kernels.bases.high_bounce import Constants
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.shaped import ShapedConstants, begin_at, search
@@ -48,7 +49,7 @@ def height_shaped(fixed: ShapedConstants, x: float, y: float, s: float) -> tuple
     return clear.f, clear.f1
 
 
-@implements(chord, MovingConstants, ShapedConstants)
+@implements(chord, MovingConstants, ShapedConstants, ChainedConstants)
 def chord_moving(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]:
     # the height is linear in the speed of lift-off: s y / 2 is added to that of y = 0
     f, f1 = height(fixed, x, 0.0, s)
@@ -66,7 +67,7 @@ def clearing_high_bounce(fixed: Constants, one: Flight) -> float:
     return math.inf
 
 
-@implements(clearing, MovingConstants, ShapedConstants)
+@implements(clearing, MovingConstants, ShapedConstants, ChainedConstants)
 def clearing_moving(fixed: AnyConstants, one: Flight) -> float:
     pieces = math.ceil(PIECES * one.time)
     least, before, falls = math.inf, 0.0, False

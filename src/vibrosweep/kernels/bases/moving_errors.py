@@ -25,10 +25,18 @@ import numpy as np
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import implements, jit
 from vibrosweep.kernels.bases import Constants, Flight, Instant, error_bounds
+from vibrosweep.kernels.bases.chained import ChainedConstants
 from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.moving_jacobian import ALPHA_ERROR, GAMMA_ERROR, Along, along
-from vibrosweep.kernels.bases.moving_limits import below_top, first_stretch, limits
+from vibrosweep.kernels.bases.moving_limits import (
+    SURE,
+    below_top,
+    bends,
+    first_stretch,
+    keeps_pressing,
+    limits,
+)
 from vibrosweep.kernels.bases.shaped import ShapedConstants
 from vibrosweep.kernels.restitution import (
     ratio,
@@ -48,7 +56,6 @@ __all__: list[str] = []
 TWO_PI = 2.0 * math.pi
 # x_L, absolute: of the root, of the arcsine of at most 1 / sqrt(2), and of the difference
 ARCSINE_ERROR = 4.0 * HALF_ULP
-SURE = 1.0 + 2.0**-30  # the compared numbers are themselves rounded
 MARCH = 1000  # steps
 LANDING_ERROR = 0.5 * HALF_ULP  # of a phase, a sum below 1 of two exact numbers
 
@@ -92,8 +99,7 @@ def _change(
     Within twice the linear changes of s and z, the derivatives are bounded; if by these bounds s
     and z change by less than that, they never leave it.
     """
-    limit, (dx, dy) = limits(fixed, 1.0), spread
-    gamma, angle = limit.steep, limit.angle
+    dx, dy = spread
     s, z = flight.time, flight.v
     at = along(fixed, flight.x, flight.u, s)
     pull = 2.0 * abs(1.0 + at.acceleration)
@@ -106,16 +112,13 @@ def _change(
     dz = 2.0 * ((z_x + few) * dx + (z_y + few) * dy)
     off, z_off = ds + landed.time, dz + landed.v
     least = z - z_off
-    q = angle * (s + off)
-    turns = min(2.0, q)
-    of_p = 2.0 * gamma * (turns * off + min(q + turns, 0.5 * q * q) * dx)
+    of_p, of_pull, of_lost = bends(fixed, flight, dx, off)
     by_x = (of_p + s_x * z_off) / least
     by_y = (off + s_y * z_off) / least
-    of_pull = 2.0 * angle * gamma * (dx + off)
     change = Change(
         by_x,
         by_y,
-        pull * by_x + of_pull * (s_x + by_x) + 2.0 * angle * gamma * (off + turns * dx),
+        pull * by_x + of_pull * (s_x + by_x) + of_lost,
         pull * by_y + of_pull * (s_y + by_y),
     )
     stays = (s_x + by_x) * dx + (s_y + by_y) * dy <= ds
@@ -209,12 +212,12 @@ def _pressed(fixed: Constants, flight: Flight, spread: StateError) -> StateError
     pull = 1.0 + kick_slope(fixed.base.waveform, 0.5 * fixed.alpha, flight.x)
     pull -= 8.0 * HALF_ULP * (1.0 + gamma) + limit.slope_rounding
     time = 2.0 * most / pull
-    if not (pull > 0.0 and 2.0 * limit.angle * gamma * SURE * (time + dx) <= pull):
+    if not (pull > 0.0 and keeps_pressing(fixed, flight.x, pull, time + dx)):
         return StateError(np.inf, np.inf)
     return StateError(time, 2.0 * most + 2.0 * (1.0 + gamma) * time)
 
 
-@implements(error_bounds.landing_added, MovingConstants, ShapedConstants)
+@implements(error_bounds.landing_added, MovingConstants, ShapedConstants, ChainedConstants)
 def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
@@ -232,7 +235,7 @@ def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -
     return StateError(rounding + by_phase, landed.v + by_speed)
 
 
-@implements(error_bounds.rebound_error, MovingConstants, ShapedConstants)
+@implements(error_bounds.rebound_error, MovingConstants, ShapedConstants, ChainedConstants)
 def rebound_error_moving(
     fixed: Constants, flight: Flight, added: StateError, error: float, spread: StateError
 ) -> float:
@@ -271,7 +274,7 @@ def _unless_turned(
     return error if abs(w) > 2.0 * every else np.inf
 
 
-@implements(error_bounds.jacobian_error, MovingConstants, ShapedConstants)
+@implements(error_bounds.jacobian_error, MovingConstants, ShapedConstants, ChainedConstants)
 def jacobian_error_moving(
     fixed: Constants, flight: Flight, error: float, spread: StateError
 ) -> tuple[float, float, float]:
@@ -289,7 +292,7 @@ def jacobian_error_moving(
     return max(derivatives.s_x, u_x), max(derivatives.s_y, u_y), 0.0
 
 
-@implements(error_bounds.launch_error, MovingConstants, ShapedConstants)
+@implements(error_bounds.launch_error, MovingConstants, ShapedConstants, ChainedConstants)
 def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
@@ -299,7 +302,7 @@ def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
     return error if abs(u) > error or presses else np.inf
 
 
-@implements(error_bounds.absolute_error, MovingConstants, ShapedConstants)
+@implements(error_bounds.absolute_error, MovingConstants, ShapedConstants, ChainedConstants)
 def absolute_error_moving(fixed: Constants, x: float, u: float, spread: StateError) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
@@ -309,7 +312,7 @@ def absolute_error_moving(fixed: Constants, x: float, u: float, spread: StateErr
     return error
 
 
-@implements(error_bounds.rest_is_doubtful, MovingConstants)
+@implements(error_bounds.rest_is_doubtful, MovingConstants, ChainedConstants)
 def rest_is_doubtful_moving(fixed: MovingConstants, x: float, w: float, spread: StateError) -> bool:
     w_error = spread.speed + REST_ERROR * fixed.r
     if w - fixed.r > w_error:
@@ -332,7 +335,7 @@ def liftoff_error_moving(fixed: MovingConstants) -> StateError:
     return StateError(2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0)
 
 
-@implements(error_bounds.random_liftoff_error, MovingConstants, ShapedConstants)
+@implements(error_bounds.random_liftoff_error, MovingConstants, ShapedConstants, ChainedConstants)
 def random_liftoff_error_moving(
     fixed: Constants, n: float, x: float, error: float, later: Instant
 ) -> StateError:

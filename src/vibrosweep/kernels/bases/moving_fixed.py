@@ -10,6 +10,7 @@ from __future__ import annotations
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import implements
 from vibrosweep.kernels.bases import Constants
+from vibrosweep.kernels.bases.chained import ChainedConstants
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.shaped import ShapedConstants
 from vibrosweep.kernels.restitution import (
@@ -26,7 +27,7 @@ __all__: list[str] = []
 AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
 
 
-@implements(bases.fixed_residual, MovingConstants, ShapedConstants)
+@implements(bases.fixed_residual, MovingConstants, ShapedConstants, ChainedConstants)
 def fixed_residual_moving(
     fixed: Constants, x: float, k: float, sign: float
 ) -> tuple[float, float, float]:
@@ -35,7 +36,7 @@ def fixed_residual_moving(
     return a * velocity(shape, x) - need, kick_slope(shape, a, x), a
 
 
-@implements(bases.fixed_attracts, MovingConstants, ShapedConstants)
+@implements(bases.fixed_attracts, MovingConstants, ShapedConstants, ChainedConstants)
 def fixed_attracts_moving(fixed: Constants, x: float, k: float) -> bool:
     # both multipliers are inside the unit circle
     law = fixed.base.restitution
@@ -45,7 +46,7 @@ def fixed_attracts_moving(fixed: Constants, x: float, k: float) -> bool:
     return q * e < 1.0 and 0.0 < s < 2.0 * (1.0 + q * e) / ((1.0 + q) * (1.0 + e))
 
 
-@implements(bases.fixed_holds, MovingConstants, ShapedConstants)
+@implements(bases.fixed_holds, MovingConstants, ShapedConstants, ChainedConstants)
 def fixed_holds_moving(fixed: Constants, x: float, k: float) -> bool:
     y = leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
     time, _ = bases.fly(fixed, x, y)

@@ -20,6 +20,7 @@ import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import fma, generic, implements
 from vibrosweep.kernels.bases import Constants, Flight, Jacobian
+from vibrosweep.kernels.bases.chained import ChainedConstants
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.moving_limits import limits
 from vibrosweep.kernels.bases.shaped import ShapedConstants
@@ -131,7 +132,7 @@ def along_shaped(fixed: ShapedConstants, x: float, y: float, t: float) -> Along:
     return Along(f, f_error, z, z_error, alpha * by_x, then, lost, of_x, of_z, of_lost)
 
 
-@implements(bases.jacobian, MovingConstants, ShapedConstants)
+@implements(bases.jacobian, MovingConstants, ShapedConstants, ChainedConstants)
 def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
     law, s, z = fixed.base.restitution, flight.time, flight.v
     share, q = ratio(law, fixed.e, fixed.scale, z), slope(law, fixed.e, fixed.scale, z)

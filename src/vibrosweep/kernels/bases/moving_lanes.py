@@ -9,6 +9,7 @@ from __future__ import annotations
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, implements, jit, wide_vectors
 from vibrosweep.kernels.bases import Counted
+from vibrosweep.kernels.bases.chained import Chained, ChainedConstants
 from vibrosweep.kernels.bases.landing_search import (
     Clearance,
     Guess,
@@ -34,7 +35,7 @@ __all__: list[str] = []
 FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
 
 
-@implements(bases.put, MovingConstants)
+@implements(bases.put, MovingConstants, ChainedConstants)
 def put_moving(fixed: MovingConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
@@ -174,17 +175,17 @@ def _cleared(s: Floats, j: int) -> Clearance:
     )
 
 
-@implements(bases.approach, MovingConstants, ShapedConstants)
+@implements(bases.approach, MovingConstants, ShapedConstants, ChainedConstants)
 def approach_moving(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
     return s[ROW.TIME + j], s[ROW.SPEED + j], s[ROW.LANDED + j] != 0.0
 
 
-@implements(bases.may_land, MovingConstants, ShapedConstants)
+@implements(bases.may_land, MovingConstants, ShapedConstants, ChainedConstants)
 def may_land_moving(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
     return bool(s[ROW.AGE + j] < budget)
 
 
-@implements(bases.keep, MovingConstants, ShapedConstants)
+@implements(bases.keep, MovingConstants, ShapedConstants, ChainedConstants)
 def keep_moving(
     fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool
 ) -> bool:
@@ -195,7 +196,7 @@ def keep_moving(
     return bool(landed & counts)
 
 
-@implements(bases.gives_up, Moving, Shaped)
+@implements(bases.gives_up, Moving, Shaped, Chained)
 def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
     stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
     s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
@@ -205,7 +206,7 @@ def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
     return bool((s[ROW.TRIES + j] >= TRIES) | lost)
 
 
-@implements(bases.pending, Moving, Shaped)
+@implements(bases.pending, Moving, Shaped, Chained)
 def pending_moving(base: Moving, s: Floats, j: int) -> bool:
     # after a rest for good no flight follows, and the phase is NaN
     return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
@@ -218,6 +219,6 @@ def counted_now_moving(
     return Counted(time, apex(_begun(fixed, s, j)), 1.0)
 
 
-@implements(bases.common_age, Moving, Shaped)
+@implements(bases.common_age, Moving, Shaped, Chained)
 def common_age_moving(base: Moving) -> float:
     return 0.0

@@ -6,7 +6,8 @@ import math
 from typing import NamedTuple
 
 from vibrosweep.kernels._jit import generic, implements
-from vibrosweep.kernels.bases import Constants
+from vibrosweep.kernels.bases import Constants, Flight
+from vibrosweep.kernels.bases.chained import ChainedConstants
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.shaped import ShapedConstants, search
 from vibrosweep.kernels.bases.shaped_search import at_phase, stretch
@@ -14,6 +15,7 @@ from vibrosweep.kernels.sine import COSINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.shapes import TWO_PI
 
 # turns; a particle that leaves so near to the phase of lift-off counts as lifted
+SURE = 1.0 + 2.0**-30  # compared numbers are themselves rounded
 AT_LIFT_OFF = 2.0**-48
 UPWARDS = 1.0 + 2.0**-30  # extremes of a shape are themselves rounded
 
@@ -34,6 +36,27 @@ class Limits(NamedTuple):
 @generic
 def limits(fixed: Constants, slack: float) -> Limits:
     """Bounds for an alpha that is larger by a factor."""
+
+
+class Bends(NamedTuple):
+    """Bounds of changes of the derivatives of a flight, as of `moving_jacobian`.
+
+    Those of P, of twice G at the landing, and of twice how much less that is than at the lift-off.
+    """
+
+    of_p: float
+    of_pull: float
+    of_lost: float
+
+
+@generic
+def bends(fixed: Constants, flight: Flight, dx: float, off: float) -> Bends:
+    """Bound changes within dx of the phase of a lift-off and `off` of the duration."""
+
+
+@generic
+def keeps_pressing(fixed: Constants, x: float, pull: float, error: float) -> bool:
+    """Return whether a base that presses at phase x with 1 + G >= pull does so within an error."""
 
 
 @generic
@@ -84,7 +107,26 @@ def below_top_shaped(fixed: ShapedConstants, x: float, dx: float, slack: float) 
     return 4.0 * math.pi * math.pi * (fixed.alpha * slack) * below
 
 
-@implements(first_stretch, MovingConstants)
+@implements(bends, MovingConstants, ShapedConstants)
+def bends_smooth(fixed: Constants, flight: Flight, dx: float, off: float) -> Bends:
+    limit = limits(fixed, 1.0)
+    gamma, angle = limit.steep, limit.angle
+    q = angle * (flight.time + off)
+    turns = min(2.0, q)
+    return Bends(
+        2.0 * gamma * (turns * off + min(q + turns, 0.5 * q * q) * dx),
+        2.0 * angle * gamma * (dx + off),
+        2.0 * angle * gamma * (off + turns * dx),
+    )
+
+
+@implements(keeps_pressing, MovingConstants, ShapedConstants)
+def keeps_pressing_smooth(fixed: Constants, x: float, pull: float, error: float) -> bool:
+    limit = limits(fixed, 1.0)
+    return 2.0 * limit.angle * limit.steep * SURE * error <= pull
+
+
+@implements(first_stretch, MovingConstants, ChainedConstants)
 def first_stretch_moving(fixed: MovingConstants, x: float) -> tuple[bool, float]:
     falls = abs(x) >= fixed.x_lift
     to_press = (1.0 if x > 0.0 else 0.0) - fixed.x_lift - x

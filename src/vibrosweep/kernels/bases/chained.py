@@ -1,0 +1,242 @@
+"""The base that moves with alpha w(x), w the triangle: its height is made of parabolas.
+
+Its acceleration in units of gravity, G, is 2 alpha in the half of a period around phase 0 and -2
+alpha in the other.  In each half, or stretch, the clearance is a parabola, and the first landing is
+the first root of a chain of quadratic equations:
+
+    F(t + s) = F(t) + F'(t) s - (1 + G) s^2 / 2
+
+with F and F' from the beginning of the flight, F(t) = t (y - t) / 2 - (alpha / 2) (W(x + t) - W(x)
+- t w(x)), in which nothing cancels while t is small.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.kernels import bases, noise
+from vibrosweep.kernels._jit import Floats, fma, implements, jit
+from vibrosweep.kernels.bases import Counted, Flight
+from vibrosweep.kernels.bases.landing_search import BORDER, ULP
+from vibrosweep.kernels.bases.moving import (
+    LARGEST_GAMMA,
+    TINY,
+    TRIES,
+    after_rest_moving,
+    contact_time_moving,
+    contraction_moving,
+    density_moving,
+    lift_off_moving,
+    lifts_alike_moving,
+    rebound_moving,
+    reverses_moving,
+    wake_moving,
+)
+from vibrosweep.kernels.laws import Law
+from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
+from vibrosweep.kernels.restitution import Constant, Restitution, scale_of
+from vibrosweep.kernels.waveforms import Parabolic, velocity
+from vibrosweep.model.parameters import Dimensionless
+
+TOP = 0.125  # largest height W; the lowest is its negative
+CORNER = 0.25  # phase at which the base begins to fall; its negative is the other one
+
+
+class Chained(NamedTuple):
+    """The base."""
+
+    law: Law  # `Rest`, the only law of rebound with a meaning here
+    waveform: Parabolic
+    restitution: Restitution = Constant()
+    noise: Noise | None = None
+
+
+class ChainedConstants(NamedTuple):
+    """Numbers that decide the impacts of one realization: those of `MovingConstants`."""
+
+    base: Chained
+    e: float
+    alpha: float
+    r: float
+    scale: float
+    x_lift: float
+    source: Source
+    draw: Draw
+
+
+class Guess(NamedTuple):
+    """A landing as far as it is known from the beginning of the flight alone."""
+
+    begin: float  # time at which the search begins
+    # rise, until: until which and from which on it is not above every height of the base
+    rise: float
+    until: float
+    apex: float  # height above the lowest level of the base, of one that falls of its start
+
+
+@implements(bases.constants, Chained)
+def constants_chained(base: Chained, problem: Dimensionless, i: int) -> ChainedConstants:
+    e = problem.restitution[i]
+    alpha = problem.kick[i] / (1.0 + e)
+    x_lift = CORNER if 2.0 * alpha > 1.0 else np.nan
+    if 2.0 * alpha > LARGEST_GAMMA:
+        alpha = np.nan
+    scale = scale_of(base.restitution, e, problem.restitution_speed[i])
+    source = noise.source_of(problem.noise, problem.end_count, i)
+    return ChainedConstants(base, e, alpha, problem.rest_flight[i], scale, x_lift, source, STILL)
+
+
+@jit
+def stretch_at(x: float) -> tuple[float, float]:
+    """Sign of the acceleration from phase x on, and the phase from the middle of that stretch."""
+    rises = (x >= -CORNER) & (x < CORNER)
+    return 1.0 if rises else -1.0, x if rises else x - math.copysign(0.5, x)
+
+
+@jit
+def level_at(x: float) -> float:
+    """Height W."""
+    sign, y = stretch_at(x)
+    return sign * fma(2.0 * y, y, -TOP)
+
+
+@jit
+def since(x: float, t: float) -> tuple[float, float, float]:
+    """W(x + t) - W(x) - t w(x), w(x + t) - w(x), and the size of the terms of the former."""
+    sign, y = stretch_at(x)
+    past = t - (CORNER - y)
+    past = past if past > 0.0 else 0.0  # since the first corner
+    then = x + (t - np.rint(t))
+    then -= np.rint(then)
+    w = velocity(Parabolic(), x)
+    near = past <= 0.5
+    rise = sign * fma(2.0 * t, t, -4.0 * past * past)
+    far = fma(-t, w, level_at(then) - level_at(x))
+    gain = sign * fma(-8.0, past, 4.0 * t)
+    turned = velocity(Parabolic(), then) - w
+    size = fma(2.0 * t, t, 4.0 * t * past) if near else 1.0 + t
+    return rise if near else far, gain if near else turned, size
+
+
+@jit
+def clearance(alpha: float, x: float, y: float, t: float) -> tuple[float, float]:
+    """Clearance F after t periods, and its derivative."""
+    rise, gain, _ = since(x, t)
+    half = 0.5 * alpha
+    return fma(0.5 * t, y - t, -half * rise), fma(-half, gain, 0.5 * y - t)
+
+
+@jit
+def first_guess(alpha: float, x: float, y: float) -> Guess:
+    """Guess when the flight from phase x with speed y ends."""
+    u, level = fma(alpha, velocity(Parabolic(), x), y), level_at(x)
+    depth = 4.0 * alpha * (TOP - level)  # below the top, as the square of a speed
+    rise = 0.5 * depth / u * (1.0 + 16.0 * ULP) if u > 0.0 else np.inf
+    # it comes down to the top faster than the base ever moves: no landing is before that
+    fast = (u > 0.0) & (u * u >= fma(alpha, alpha, depth) * (1.0 + 16.0 * ULP))
+    rising = u if u > 0.0 else 0.0
+    until = u - rise
+    return Guess(
+        until if fast & (until > 0.0) else 0.0,
+        rise,
+        until,
+        fma(rising, rising, 4.0 * alpha * (level + TOP)),
+    )
+
+
+@jit
+def try_stretch(
+    alpha: float, x: float, y: float, guess: Guess, t: float
+) -> tuple[float, float, bool, float]:
+    """Solve the equation of the stretch that begins after t periods, before which it is in flight.
+
+    Return the landing or the beginning of the next stretch to try, the speed, if it lands, and
+    the clearance.
+    """
+    clear, f1 = clearance(alpha, x, y, t)
+    f = clear if clear > 0.0 else 0.0
+    then = x + (t - np.rint(t))
+    then -= np.rint(then)
+    sign, place = stretch_at(then)
+    left = CORNER - place
+    ends = left <= BORDER
+    left = left + 0.5 if ends else left
+    bend = fma(2.0 * alpha, -sign if ends else sign, 1.0)
+    inside = fma(f1, f1, 2.0 * bend * f)
+    root = math.sqrt(inside if inside > 0.0 else 0.0)
+    falls = f1 < 0.0
+    step = 2.0 * f / (root - f1) if falls else (f1 + root) / bend
+    lands = (inside >= 0.0) & (falls | (bend > 0.0)) & (step <= left)
+    following = t + left
+    skips = (following > guess.rise) & (guess.until > following)
+    following = guess.until if skips else following
+    return t + step if lands else following, 2.0 * root, lands, clear
+
+
+@implements(bases.fly, ChainedConstants)
+def fly_chained(fixed: ChainedConstants, x: float, u: float) -> tuple[float, float]:
+    if not abs(x) <= 0.5:  # after a rest for good
+        return np.nan, np.nan
+    if u == 0.0 and not abs(x) >= fixed.x_lift:  # on a base that presses
+        return 0.0, 0.0
+    guess = first_guess(fixed.alpha, x, u)
+    time, v, landed, tries = guess.begin, 0.0, False, 0.0
+    while not landed and tries <= TRIES:
+        time, v, landed, clear = try_stretch(fixed.alpha, x, u, guess, time)
+        tries += 1.0 if clear == clear else TRIES
+    return time if landed else np.nan, v
+
+
+@implements(bases.random, ChainedConstants)
+def random_chained(
+    fixed: ChainedConstants, particle: float, number: float, n: float, x: float
+) -> ChainedConstants:
+    draw = noise.draw_of(fixed.base.noise, fixed.source, particle, number, 0.0)
+    e, alpha, r, x_lift = fixed.e, fixed.alpha, fixed.r, fixed.x_lift
+    return ChainedConstants(fixed.base, e, alpha, r, fixed.scale, x_lift, fixed.source, draw)
+
+
+@implements(bases.leave, ChainedConstants)
+def leave_chained(fixed: ChainedConstants, x: float, u: float) -> float:
+    y = fma(-fixed.alpha, velocity(fixed.base.waveform, x), u)
+    return -TINY if y == 0.0 and not abs(x) >= fixed.x_lift else y
+
+
+@implements(bases.speed, ChainedConstants)
+def speed_chained(fixed: ChainedConstants, x: float, u: float) -> float:
+    return fma(fixed.alpha, velocity(fixed.base.waveform, x), u)
+
+
+@implements(bases.counted, ChainedConstants)
+def counted_chained(fixed: ChainedConstants, flight: Flight, u_off: float) -> Counted:
+    return Counted(flight.time, first_guess(fixed.alpha, flight.x, flight.u).apex, 1.0)
+
+
+@bases.lifts.register(Chained)
+def lifts_chained(base: Chained, problem: Dimensionless) -> NDArray[np.bool_]:
+    return 2.0 * (problem.kick / (1.0 + problem.restitution)) > 1.0
+
+
+@bases.fitted.register(Chained)
+def fitted_chained(base: Chained, problem: Dimensionless) -> Chained:
+    return base
+
+
+@bases.lowest.register(Chained)
+def lowest_chained(base: Chained, problem: Dimensionless) -> Floats | None:
+    return 4.0 * TOP * (problem.kick / (1.0 + problem.restitution))
+
+
+implements(bases.rebound, ChainedConstants)(rebound_moving)
+implements(bases.lift_off, ChainedConstants)(lift_off_moving)
+implements(bases.after_rest, ChainedConstants)(after_rest_moving)
+implements(bases.lifts_alike, Chained)(lifts_alike_moving)
+implements(bases.contact_time, ChainedConstants)(contact_time_moving)
+implements(bases.contraction, ChainedConstants)(contraction_moving)
+implements(bases.density, ChainedConstants)(density_moving)
+implements(bases.reverses, ChainedConstants)(reverses_moving)
+implements(bases.wake, ChainedConstants)(wake_moving)
