@@ -7,7 +7,6 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.analysis import energy_balance, slot_decay
 from vibrosweep.kernels.harmonics import shape_of
-from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.waveforms import Parabolic, kick_slope, left_out, lift_offs, velocity
 from vibrosweep.model.shapes import Waveform
 
@@ -142,11 +141,6 @@ def test_the_triangle_keeps_its_bounds_at_its_corners():
             change = velocity(shape, x + off) - velocity(shape, x)
             missed = abs(change - kick_slope(shape, 1.0, x) * off)
             assert missed <= left_out(shape, 1.0, x, abs(off)) + 1e-15
-
-
-def test_a_base_that_does_not_implement_a_waveform_refuses_it():
-    with pytest.raises(vs.errors.ParameterError, match='waveform = "parabolic" is not implemented'):
-        base_of("moving", "rest", Waveform("parabolic"))
 
 
 def test_a_mode_has_two_windows_one_of_which_ends_in_a_fold():

@@ -51,8 +51,7 @@ def test_a_mistake_gets_one_message(given, message):
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize("base", ["moving", "sprung"])
-def test_other_bases_refuse_it_with_one_sentence(base):
-    mount = {"mass_ratio": 0.1, "mount_frequency": 2.0} if base == "sprung" else {}
+def test_another_base_refuses_it_with_one_sentence():
+    mount = {"mass_ratio": 0.1, "mount_frequency": 2.0}
     with pytest.raises(SpecError, match='take waveform = "sine", or base = '):
-        keyword_spec({"waveform": "parabolic", "base": base, **mount})
+        keyword_spec({"waveform": "parabolic", "base": "sprung", **mount})
