@@ -5,7 +5,10 @@ The page of limits, docs/limits.md, tells the same at length.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Final
+
+from vibrosweep.model.likely import another_name
 
 _PAGE: Final = "; the page of limits says what to use then"
 _RANDOM: Final = (
@@ -52,6 +55,11 @@ _WORDS: Final = {
 ANSWERS: Final = {word: answer for answer, words in _WORDS.items() for word in words.split()}
 
 
-def answer_to(word: str) -> str:
-    """Return the answer to a word; empty where there is none."""
-    return ANSWERS.get(word.lower().replace("-", "_"), "")
+def answer_to(word: str, known: Collection[str]) -> str:
+    """Return the answer to a word, or ask for the known key of which it is another name.
+
+    Empty where there is neither.
+    """
+    meant = another_name(word)
+    asked = f'did you mean "{meant}"?' if meant in known else ""
+    return ANSWERS.get(word.lower().replace("-", "_"), asked)

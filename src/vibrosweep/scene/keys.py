@@ -122,16 +122,12 @@ def _note_unknown(
     """Say which key was probably meant, or where it belongs."""
     known: Collection[str] = sections[home] if home else ("title", *sections)
     prefix = f"{home}." if home else ""
-    if answer := answer_to(name):
+    if answer := answer_to(name, known):
         mistakes.add_broken(prefix + name, f"is not a known key: {answer}", value)
-        return
-    if (meant := another_name(name)) in known:
-        mistakes.add_broken(prefix + name, f'is not a known key; did you mean "{meant}"?', value)
-        mistakes.broken.add(f"{prefix}{meant}")  # it is neither missing nor at its default
+        mistakes.broken.add(f"{prefix}{another_name(name)}")
         return
     homes = [table(t) for t, checks in sections.items() if name in checks]
-    guess = None if homes else nearest(name, known) or likely_parameter(name)
-    guess = guess if guess in known else None
+    guess = None if homes else nearest(name, known)
     hint: Text = f'; did you mean "{guess}"?' if guess else "."
     if homes:
         hint = ("; it belongs in ", homes[0], *((" or ", home) for home in homes[1:]), ".")

@@ -199,18 +199,17 @@ def _title(given: Mapping[str, Any]) -> str:
     return f"Sweep over {', '.join(varied)}" if varied else "A sweep"
 
 
-def _note_unknown(name: str, value: object, known: Iterable[str], mistakes: Mistakes) -> None:
-    if answer := answer_to(name):
+def _note_unknown(name: str, value: object, known: Collection[str], mistakes: Mistakes) -> None:
+    if answer := answer_to(name, known):
         mistakes.add_broken(name, f"is not a known keyword: {answer}", value)
+        mistakes.broken |= {f"{home}.{another_name(name)}" for home in HOMES}
         return
     if name in SECTIONS["windows"]:
         mistakes.add_broken(name, "is not a known keyword: it is one of vibrosweep.windows", value)
         return
     guess = "launch" if name == "launch_time" else nearest(name, known) or likely_parameter(name)
     hint = f'; did you mean "{guess}"?' if guess else "."
-    text = f"is not a known keyword{hint}"
-    if not guess or guess != another_name(name):
-        text += f" Known keywords: {', '.join(known)}"
+    text = f"is not a known keyword{hint} Known keywords: {', '.join(known)}"
     mistakes.add_broken(name, text, value)
     if guess:  # the keyword that was meant is neither missing nor at its default
         mistakes.broken |= {f"{home}.{guess}" for home in HOMES}
