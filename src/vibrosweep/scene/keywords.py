@@ -6,7 +6,7 @@ number is fixed.  Keywords become the tables of a sweep file, and those are chec
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
