@@ -93,6 +93,7 @@ numpydoc_show_class_members = False
 UNREADABLE = {
     r"TypeAliasForwardRef\('(\w+)'\)": r"\1",
     r"Dialect\([^)]*\)": "PYTHON",
+    r"<function _\w+( at \w+)?>": "...",
     r"<function (\w+)( at \w+)?>": r"\1",
     r"(\*args|\*\*kwargs): ~typing\.~P": r"\1",
     r"~P\b": "P",
@@ -101,9 +102,9 @@ SENTENCE = 45  # characters of a table's cell
 FUNCTION = re.compile(r"<mi>(sin|cos|tan|ln|log)</mi>(<mo[^>]*>&#x00028;)?")
 NUMBER = re.compile(r"[-+\d.,e]+( %)?( (to|of) [-+\d.,e]+( %)?)?")
 UNIT = re.compile(r"(?<=\d) (?=%|(?:k?Hz|[mµn]?s|[cmµ]?m|m/s|g|rad|[MG]B|[KM]iB)\b)")
-EXPONENT = re.compile(r"(?<=\de-)(?=\d)")
+EXPONENT = re.compile(r"(?:(?<=\de-)|(?<=\b[ms]-))(?=\d)")
 NAME = re.compile(r">[^<>\s]{12,}<")  # a word that is alone in its element
-JOINT = re.compile(r"(?<=\w)[._/(=](?=[^\W\d]\w\w)")
+JOINT = re.compile(r"(?<=\w)[._/(=](?=[^\W\d]\w\w)|(?<=[a-z])(?=[A-Z][a-z])")
 BAR = re.compile("<mo[^>]*>&#x0007C;</mo>")
 
 html_theme = "pydata_sphinx_theme"

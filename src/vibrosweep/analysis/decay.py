@@ -45,7 +45,8 @@ def slot_decay(
     weighted by the size of its separations (Prony's method).  They are compared with the
     multipliers of the product of the Jacobians along the last p impacts:
     [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over a base that stays; another waveform w
-    has its slope w' in place of 2 pi c.  See `_moving_jacobian` for a base that moves.
+    has its slope w' in place of 2 pi c.  :doc:`/model` has the Jacobian over a base
+    that moves.
 
     Parameters
     ----------

@@ -149,7 +149,7 @@ def available(sweep: xr.Dataset | None, record: xr.Dataset | None) -> list[str]:
     Returns
     -------
     list of str
-        Keys of `FIGURES`.
+        As of the files that `save_all` writes.
 
     Examples
     --------

@@ -82,8 +82,8 @@ def sobol_bars(indices: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None
         axes.set_title(textwrap.fill(_short(output), 18))
         axes.axvline(0.0, color="black", linewidth=0.6)
         axes.set_xlabel("Sobol' index")
-    panels[0].set_yticks(at, [f"{n.replace('_', ' ')}{data.symbol(n)}" for n in names])
-    panels[0].invert_yaxis()
+        axes.set_yticks(at, [f"{n.replace('_', ' ')}{data.symbol(n)}" for n in names])
+        axes.set_ylim(at[-1] + 0.6, -0.6)  # the first parameter is on top
     style.beside(panels[-1], "")
     return panels
 

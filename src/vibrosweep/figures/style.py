@@ -176,7 +176,7 @@ def halo() -> list[patheffects.AbstractPathEffect]:
 def head(axes: Axes, remark: str, columns: int = 4) -> None:
     """Put a remark, and the legend if there is one, above the axes, where they hide no data.
 
-    The legend stands inside axes for which nothing makes room (`canvas.has_room`).
+    The legend stands inside axes that a user placed by hand, for which nothing makes room.
 
     Parameters
     ----------

@@ -58,7 +58,9 @@ def quantities(
     Returns
     -------
     xarray.Dataset
-        The scalars of `QUANTITY_UNITS`.
+        Scalars: ``flight_time`` (s), ``rebound_height_max`` and ``rebound_height_mean`` (m),
+        ``impact_speed`` (m s-1), ``impact_phase`` and ``phase_difference`` (turns),
+        ``phase_lock``, the length of the mean phase vector, and ``dt_min`` (s).
 
     Raises
     ------

@@ -59,8 +59,8 @@ class ResultKind:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> vs.ResultKind("echo", "the echo package").lines
-    <function _no_lines at ...>
+    >>> vs.ResultKind("echo", "the echo package").undrawn
+    'results of this kind have no figure'
     """
 
     name: str
