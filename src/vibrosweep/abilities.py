@@ -144,11 +144,6 @@ def refusal(
             f'{OF_CONSTANT[analysis]}, not of restitution_law = "{restitution}": take '
             f'restitution_law = "{CONSTANT}"'
         )
-    if analysis == "windows" and not {restitution, waveform} & {"", CONSTANT, SINE_NAME}:
-        return (
-            f'cannot be had with waveform = "{waveform}" and restitution_law = "{restitution}" '
-            f'together yet: take restitution_law = "{CONSTANT}", or waveform = "{SINE_NAME}"'
-        )
     if waveform and waveform not in SHAPED:
         return f'waveform = "{waveform}": must be {_quoted(SHAPED)}'
     if waveform and base not in SHAPED[waveform]:

@@ -427,6 +427,13 @@ def test_windows_under_a_law_of_restitution():
         assert (np.abs(one - known) <= 0.5 * width * (1.0 + 1e-6)).all()
         assert (width <= 1e-9 * one).all()
     assert (found.window_count == 1).all()
+    tone = {"waveform": {"harmonics": [[1, 1.0, 0.0]]}, "restitution": [0.7, 0.9]}
+    tone |= {"restitution_law": "plastic", "restitution_speed": speed, "gravity": 2.0}
+    again = windows(**tone, amplitude=scan, conditions=["locked(1)", "locked(2)"])
+    for name, known in zip(("A_min", "A_max"), ends, strict=True):
+        one, width = (again[n].values[:, 0, :, 0] for n in (name, f"{name}_bracket"))
+        assert (np.abs(one - known) <= 0.5 * width + 4e-16).all()
+        assert (width <= 1e-12 * one).all()
 
 
 NOISY = {"restitution": 0.9, "kick_noise": 1e-3, "duration_periods": 60.0, "noise_replicas": 5}

@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.model.locked_shapes import DOUBLING, FOLD, locked_windows
+from vibrosweep import theory
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.locked_shapes import (
+    DOUBLING,
+    FOLD,
+    Mode,
+    locked_windows,
+    mode_of,
+    windows_of,
+)
 from vibrosweep.model.shapes import SINE, Waveform
 
 TWO = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
@@ -18,7 +27,7 @@ def steepest(base, e):
 
 
 def test_two_tones_have_two_windows_that_overlap():
-    first, second = locked_windows(TWO, 1, 0.85, "high-bounce")
+    first, second = windows_of(TWO, mode_of(1, 0.85, "high-bounce"))
     assert (first.low, first.high) == pytest.approx((0.1688, 0.2855), abs=5e-5)
     assert (second.low, second.high) == pytest.approx((0.2852, 0.6657), abs=5e-5)
     assert (first.ends, second.ends) == (FOLD, DOUBLING)
@@ -28,7 +37,7 @@ def test_two_tones_have_two_windows_that_overlap():
 @pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
 def test_a_sine_has_the_windows_of_its_closed_form(base, e):
     for k in (1, 2, 3):
-        (window,) = locked_windows(SINE, k, e, base)
+        (window,) = windows_of(SINE, mode_of(k, e, base))
         need = (1.0 - e) * k
         end = math.hypot(need, steepest(base, e) / (2.0 * math.pi))
         assert abs(window.low - need) <= window.low_error < 1e-13
@@ -36,9 +45,9 @@ def test_a_sine_has_the_windows_of_its_closed_form(base, e):
 
 
 def test_the_parabolic_shape_is_born_at_its_corner():
-    (window,) = locked_windows(Waveform("parabolic"), 1, 0.7, "high-bounce")
+    (window,) = windows_of(Waveform("parabolic"), mode_of(1, 0.7, "high-bounce"))
     assert (window.low, window.high) == pytest.approx((0.3, 0.85), abs=1e-15)
-    (moving,) = locked_windows(Waveform("parabolic"), 1, 0.7, "moving")
+    (moving,) = windows_of(Waveform("parabolic"), mode_of(1, 0.7, "moving"))
     gammas = 2.0 * np.array([moving.low, moving.high]) / 1.7
     assert gammas == pytest.approx([2.0 * 0.3 / 1.7, 2.0 * 1.49 / 1.7**2], abs=1e-14)
 
@@ -58,7 +67,7 @@ def test_the_orbit_attracts_inside_and_nowhere_else(tones, e, base):
     upwards = w > 1e-6  # where the base throws
     a = np.divide(1.0 - e, w, out=np.full_like(w, np.nan), where=upwards)
     stable = upwards & (slope < -1e-6) & (-a * slope < limit * (1.0 - 1e-6))
-    windows = locked_windows(shape, 1, e, base)
+    windows = windows_of(shape, mode_of(1, e, base))
     inside = np.zeros(x.size, bool)
     for one in windows:
         assert 0.0 < one.low < one.high
@@ -67,3 +76,31 @@ def test_the_orbit_attracts_inside_and_nowhere_else(tones, e, base):
             assert (-a[within] * slope[within] < limit * (1.0 + 1e-6)).all()
             inside |= within
     assert not (stable & ~inside).any()
+
+
+def test_the_public_form_has_units_and_takes_what_a_scene_takes():
+    two = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
+    for base in ("high-bounce", "moving"):
+        known = windows_of(TWO, mode_of(1, 0.85, base))
+        found = locked_windows(1, 0.85, two, frequency=2.0, gravity=8.0, base=base)
+        assert [one.low for one in found] == pytest.approx([2.0 * one.low for one in known])
+    (sine,) = locked_windows(2, 0.9)
+    ends = [float(f(2, 0.9)) for f in (theory.amplitude_min, theory.amplitude_max)]
+    assert [sine.low, sine.high] == pytest.approx(ends, rel=1e-12)
+    with pytest.raises(ParameterError, match="waveform = 'square': must be"):
+        locked_windows(1, 0.5, "square")
+    with pytest.raises(ParameterError, match=r"restitution = 1\.5"):
+        locked_windows(1, 1.5)
+
+
+@given(st.floats(0.01, 0.5), st.floats(0.5, 4.0), st.floats(1e-9, 1e-4), st.floats(1e-9, 1e-4))
+def test_ends_move_no_more_than_the_errors_of_their_conditions_say(need, limit, dn, dm):
+    for shape in (TWO, Waveform("parabolic")):
+        plain = windows_of(shape, Mode(need, limit))
+        doubtful = windows_of(shape, Mode(need, limit, dn, dm))
+        moved = windows_of(shape, Mode(need + dn, limit + dm))
+        for one, told, other in zip(plain, doubtful, moved, strict=True):
+            # a bound to first order
+            assert abs(other.low - one.low) <= 1.1 * told.low_error
+            if one.ends == FOLD or told.high_error < 1e-2 * one.high:
+                assert abs(other.high - one.high) <= 1.1 * told.high_error

@@ -21,13 +21,24 @@ from vibrosweep.kernels.fixed import (
     ABSENT,
     ATTRACTS,
     REPELS,
+    conditions,
     empty_fixed,
     may_push_back,
     orbits_hold,
 )
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.model.locked_shapes import FOLD, NONE, LockedWindow, locked_windows
+from vibrosweep.model.forcing import AMPLITUDE
+from vibrosweep.model.locked_shapes import (
+    FOLD,
+    NONE,
+    LockedWindow,
+    Mode,
+    mode_of,
+    windows_of,
+)
+from vibrosweep.model.orbit_theory import moves
 from vibrosweep.model.parameters import dimensionless
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.scene.scene import Scene
 
 PHASES: Final = 257
@@ -76,16 +87,27 @@ def _windows(
 
     found: list[Window] = []  # in kicks
     for turned in (False, True) if may_push_back(scene.rebound) else (False,):
-        for window in locked_windows(scene.waveform, k, e, scene.base, turned=turned):
+        mode = _mode(scene, k, e, turned=turned)
+        for window in windows_of(scene.waveform, mode, turned=turned):
             sign = -1.0 if turned else 1.0
-            need = (1.0 + e if turned else 1.0 - e) * k
-            found += _held(scene, window, sign, need, holds)
+            found += _held(scene, window, sign, mode.need, holds)
     first, last = float(values[0]), float(values[-1])
     scaled = [_scaled(window, unit, first, last) for window in found]
     inside = [
         one for one, kept in zip(scaled, found, strict=True) if _meets(kept, unit, first, last)
     ]
     return sorted(inside, key=lambda window: np.nan_to_num(window.lower, nan=-np.inf))
+
+
+def _mode(scene: Scene, k: int, e: float, *, turned: bool) -> Mode:
+    """Conditions of mode k at one restitution."""
+    if scene.restitution_law == CONSTANT:
+        return mode_of(k, e, scene.base, turned=turned)
+    one = scene.parameters({"restitution": np.array([e]), AMPLITUDE: np.ones(1)})
+    problem, found = dimensionless(one, scene.duration), np.empty((2, 4))
+    sign = -1.0 if turned else 1.0
+    conditions(base_of(*scene.mechanics), problem, k, sign, found.ravel())
+    return Mode(*found[int(moves(scene.base))].tolist())
 
 
 def _meets(window: Window, unit: float, first: float, last: float) -> bool:

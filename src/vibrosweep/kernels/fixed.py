@@ -21,7 +21,14 @@ from vibrosweep.kernels.bases import (
     fixed_residual,
 )
 from vibrosweep.kernels.laws import LAW_OF, speed_after
-from vibrosweep.kernels.restitution import arrival_to_repeat, ratio_error, slope_change
+from vibrosweep.kernels.restitution import (
+    arrival_to_repeat,
+    lost_speed,
+    ratio,
+    ratio_error,
+    rise_to_repeat,
+    slope_change,
+)
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless
@@ -78,6 +85,31 @@ def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
         fixed = constants(base, problem, t)
         c = arrival_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, float(k))
         out[t] = max(_end_error(fixed, float(k)), _end_error(fixed, c))
+
+
+@uncounted
+def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Floats) -> None:
+    """Conditions of the orbit of k periods of the only problem over a base that stays, or moves.
+
+    As of `vibrosweep.model.locked_shapes.Mode`: what a w is at the landing, the least -a w' at
+    which it does not attract, and bounds of their errors; first those of the base that stays, then
+    those of one that moves.  `sign` is that of `find_fixed`.
+    """
+    fixed = constants(base, problem, 0)
+    law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
+    for moves in range(2):
+        v = arrival_to_repeat(law, e, scale, float(k)) if moves else float(k)
+        share, rounding = ratio(law, e, scale, v), ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
+        q, change = slope_change(law, e, scale, v, rounding * v)
+        need, limit = rise_to_repeat(law, e, scale, float(k)), 0.0
+        if moves:
+            limit = 4.0 * (1.0 + e) * (1.0 + q * share) / ((1.0 + q) * (1.0 + share))
+        else:
+            need, limit = sign * lost_speed(law, e, scale, v, sign), 2.0 * (1.0 + sign * q)
+        out[4 * moves], out[4 * moves + 1] = need, limit
+        # no derivative of the limit by q or the share exceeds 8
+        out[4 * moves + 2] = 2.0 * rounding * v
+        out[4 * moves + 3] = 8.0 * (change + 2.0 * rounding)
 
 
 @jit

@@ -31,6 +31,14 @@ TWO_PI: Final = 2.0 * math.pi
 OFF: Final = 0.49087
 NARROW: Final = 2.0**-44  # turns; two roots as near as that are one
 
+FORMS: Final = (
+    f'must be "{SINE_NAME}", "{PARABOLIC_NAME}", or the harmonics of the velocity of the base, '
+    f"each with its number, weight and phase in rad, as in "
+    f"{{ {HARMONICS_NAME} = [[1, 1.0, 0.0], [2, 0.4, 1.1]] }}, or a measured trace, as in "
+    f'{{ trace = "shaker.csv", column = "height", {HARMONICS_NAME} = 8 }}'
+)
+LARGEST_TONE: Final = 1e6  # of a weight and a phase
+
 Tone = tuple[int, float, float]  # number, weight and phase in rad of a harmonic
 
 
@@ -125,6 +133,43 @@ class Waveform:
 
 
 SINE: Final = Waveform()
+
+
+def harmonics_of(listed: object, origin: Trace | tuple[()] = ()) -> Waveform:
+    """Return the waveform of a list of harmonics, or raise ValueError with what is allowed."""
+    if not isinstance(listed, list) or not listed:
+        raise ValueError("the list of harmonics is empty; ", FORMS)
+    if len(listed) > MOST_HARMONICS:
+        raise ValueError(f"has {len(listed)} harmonics; at most {MOST_HARMONICS} are allowed")
+    tones = tuple(sorted(_tone(one) for one in listed))
+    numbers = [h for h, _, _ in tones]
+    if len({*numbers}) < len(numbers):
+        raise ValueError("gives a harmonic twice; sum the two, or leave one out")
+    if not any(weight for _, weight, _ in tones):
+        raise ValueError("has no harmonic whose weight differs from 0: such a base does not move")
+    return Waveform(HARMONICS_NAME, tones, origin)
+
+
+def _tone(one: Any) -> Tone:
+    """Return number, weight and phase of a harmonic."""
+    if not isinstance(one, list) or len(one) != 3:
+        raise ValueError(f"harmonic {one!r} is not a list of number, weight and phase in rad")
+    h, *others = one
+    if h == 0 and not isinstance(h, bool):
+        raise ValueError("harmonic 0 is a mean velocity, with which the base would wander off")
+    if isinstance(h, bool) or not isinstance(h, int) or not 1 <= h <= MOST_HARMONICS:
+        raise ValueError(
+            f"harmonic number {h!r} must be a whole number from 1 to {MOST_HARMONICS}, or the "
+            f"motion has no period of one turn"
+        )
+    for what, number in zip(("weight", "phase in rad"), others, strict=True):
+        real = isinstance(number, int | float) and not isinstance(number, bool)
+        if not (real and math.isfinite(number) and abs(number) <= LARGEST_TONE):
+            raise ValueError(
+                f"the {what} of harmonic {h} is {number!r}; it must be a number from "
+                f"{-LARGEST_TONE:g} to {LARGEST_TONE:g}"
+            )
+    return h, float(others[0]), float(others[1])
 
 
 def name_in(attributes: Mapping[str, Any]) -> str:

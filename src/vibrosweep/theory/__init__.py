@@ -5,6 +5,7 @@ The forms in `sprung` hold over a base of finite mass, the others over a base of
 
 from __future__ import annotations
 
+from vibrosweep.model.locked_shapes import locked_windows
 from vibrosweep.model.locked_theory import (
     amplitude_max,
     amplitude_min,
@@ -39,6 +40,7 @@ __all__ = [
     "locked_height",
     "locked_phase",
     "locked_velocity",
+    "locked_windows",
     "multipliers",
     "recognition_periods",
     "restitution_at",
