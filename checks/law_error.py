@@ -177,7 +177,7 @@ def share_and_slope_bounds() -> tuple[float, float]:
 
 
 def slope_falls() -> bool:
-    """Whether q falls with the speed: its derivative is a quotient of polynomials of y > 0.
+    """Prove that q falls with the speed: its derivative is a quotient of polynomials of y > 0.
 
     With top T and bottom B = T + H of P, q = M / (10 B^2) where M = 10 T B + y (T' H - T H').
     """

@@ -20,7 +20,7 @@ class Estimate:
     value: float
     low: float
     high: float
-    # What it is an estimate over: realizations or seeds; None where chance has no part in it
+    # Realizations or seeds that it is estimated from; None where chance has no part in it
     cases: int | None = None
 
 

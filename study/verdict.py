@@ -103,7 +103,7 @@ class Reading:
 
     @property
     def reason(self) -> str:
-        """Why it is open; empty where it is not."""
+        """Reason why it is open; empty where it is not."""
         if self.passed is not None:
             return ""
         by_setting = self.by_setting
@@ -159,7 +159,7 @@ class Evidence:
 
     @property
     def reason(self) -> str:
-        """Why it cannot be judged, for every reading and condition that is open."""
+        """Reasons why it cannot be judged, for every reading and condition that is open."""
         if self.verdict is not Verdict.UNDECIDED:
             return ""
         every = (*self.readings, *self.conditions)

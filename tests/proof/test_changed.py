@@ -29,7 +29,7 @@ OTHERS = {
     *OF_RESTITUTION,
     *OF_TRAJECTORIES,
 }
-# What of a file is computed from others of its variables is outside with them.
+# Variables that are computed from others of the file are outside with them.
 FOLLOW = {
     "dt_min": {"dt_min_resolved"},
     "lyapunov_largest": {"lyapunov_max"},

@@ -223,7 +223,7 @@ lyapunov = true
 trust = true
 per_particle = true
 """
-# What a file says of a particle for which it knows no cycle
+# Values in a file of a particle for which no cycle is known
 UNSETTLED = {
     "regime": Regime.UNSETTLED,
     **dict.fromkeys(("cycle_impacts", "cycle_periods", "cycle_rests"), 0),

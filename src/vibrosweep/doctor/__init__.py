@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import vibrosweep.kernels  # noqa: F401  (before numba: it reads the environment)
-from vibrosweep.doctor.compiled import kernel_cache, threads, vector_registers
+from vibrosweep.doctor.compiled import kernel_cache, vector_registers
 from vibrosweep.doctor.finding import Finding
 from vibrosweep.doctor.libraries import hdf5_libraries, versions
 from vibrosweep.doctor.machine import disk, memory, processors
@@ -18,7 +18,6 @@ def examine(directory: Path) -> Iterator[Finding]:
     space = disk(directory)
     yield hdf5_libraries(None if space.trouble else directory)
     yield processors()
-    yield threads()
     yield vector_registers()
     yield kernel_cache()
     yield memory()

@@ -1,10 +1,8 @@
-"""Checks of the kernels: threads, machine code, and the cache on disk."""
+"""Checks of the kernels: machine code, and the cache on disk."""
 
 from __future__ import annotations
 
 import re
-import sys
-from pathlib import Path
 from typing import Final
 
 import numba
@@ -13,40 +11,11 @@ from numba.core.registry import cpu_target
 from vibrosweep.doctor.finding import Finding
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels._cache import variants
-from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
-# Threading layers of numba by their modules, and names of OpenMP libraries.
-LAYERS: Final = {"tbbpool": "TBB", "omppool": "OpenMP", "workqueue": "workqueue"}
 # Features of processors, as LLVM calls them: bits of a vector, and a multiply-add of vectors.
 WIDTHS: Final = {"avx": 256, "avx2": 256, "avx512f": 512, "neon": 128}
 FUSED: Final = ("fma", "neon")
-OPENMP: Final = re.compile(r"lib(?:gomp|iomp5|omp)\b[^/\s]*")
-
-
-def threads() -> Finding:
-    """Check that threads run the kernels in parallel in this process."""
-    if numba.config.DISABLE_JIT:
-        return Finding("threads", "kernels run as plain Python", _unset("NUMBA_DISABLE_JIT"))
-    threading = "Python threads around kernels that release the interpreter"
-    layers = [name for module, name in LAYERS.items() if f"numba.np.ufunc.{module}" in sys.modules]
-    state = f"{threading}; {_loaded('threading layer of numba', layers)}; "
-    state += _loaded("OpenMP library", _openmp())
-    if advance.targetoptions["nogil"]:  # type: ignore[attr-defined]
-        return Finding("threads", state)
-    return Finding("threads", state, "the kernels hold the interpreter: install the package again")
-
-
-def _loaded(kind: str, found: list[str]) -> str:
-    return f"{kind} loaded, not used: {', '.join(found)}" if found else f"no {kind} is loaded"
-
-
-def _openmp() -> list[str]:
-    """OpenMP libraries loaded in this process, where the system lists them."""
-    try:
-        return sorted(set(OPENMP.findall(Path("/proc/self/maps").read_text(encoding="utf-8"))))
-    except OSError:
-        return []
 
 
 def vector_registers() -> Finding:

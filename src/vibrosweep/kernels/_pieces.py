@@ -39,7 +39,7 @@ class DeclarePiece(LoweringPass):  # type: ignore[misc]
         LoweringPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        """Declare it under a function object that leads to no code, and that nobody calls."""
+        """Declare it by a function object without code, which nobody calls."""
         lowered, nowhere = state["cr"], 0
         module, name = lowered.fndesc.lookup_module(), lowered.fndesc.qualname
         key = _dynfunc.make_function(module, name, "", nowhere, lowered.env, ())

@@ -82,7 +82,7 @@ class Options(NamedTuple):
     patience: float = 0.0
     all_cycles: int = 0  # 1 to find every cycle, 0 to find only those that save work
     jump: int = 1  # 1 to skip repetitions of cycles, 0 to simulate every impact nevertheless
-    # What every landing in the window is shown to, or None.  Without cycles only.
+    # Shown every landing in the window, or None; without cycles only
     observer: Observer | Recorder | None = None
 
 

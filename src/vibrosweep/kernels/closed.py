@@ -200,7 +200,7 @@ def admits(fixed: Constants, times: Floats, p: int, q: int) -> int:
     for i in range(p):
         one = flight(fixed, times, p, q, i)
         w = rebound(fixed, one.landing, one.v)
-        if not lift_off(fixed, 0.0, one.landing, w)[3]:
+        if not lift_off(fixed, 0.0, one.landing, w).leaves:
             return RESTS
     for i in range(p):
         one = flight(fixed, times, p, q, i)

@@ -129,7 +129,7 @@ def value_of(
             least = min(least, clearing(fixed, one))
         else:
             w = rebound(fixed, one.landing, one.v)
-            if w > fixed.r or not lift_off(fixed, 0.0, one.landing, w)[3]:
+            if w > fixed.r or not lift_off(fixed, 0.0, one.landing, w).leaves:
                 least = min(least, w - fixed.r)
     return product if condition >= CORNER else least
 

@@ -235,7 +235,7 @@ def leaving_to_repeat_falling(law: Restitution, e: float, scale: float, k: float
 
 @implements(rise_to_repeat, Plastic, Viscoelastic)
 def rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
-    # half of the terms that the impact leaves out
+    # c - k is half of c - E(c), because c + E(c) = 2 k
     c = arrival_to_repeat(law, e, scale, k)
     return 0.5 * (1.0 + e) * lost_speed(law, e, scale, c, 1.0)
 

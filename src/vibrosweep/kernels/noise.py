@@ -140,7 +140,7 @@ def _unless(on: int | None) -> float:
 
 @jit
 def lands(noise: Noise | None, s: Floats, j: int) -> bool:
-    """Return whether lane j lands in this pass, and does not rest until a period that lifts it."""
+    """Return whether lane j lands in this pass; under noise of the drive it may be at rest."""
     if noise is None:
         return True
     return _lands(noise.drive, s, j)
@@ -197,7 +197,7 @@ def slipped(noise: Noise | None, e: float, slip: float) -> float:
 
 @jit
 def slipped_slope(noise: Noise | None, share: float, q: float, slip: float) -> float:
-    """Derivative by v of the speed that an impact leaves of v, where the law leaves a share."""
+    """Slope of the speed after an impact, whose law leaves a share of v with the slope q."""
     if noise is None:
         return q
     moved = share + slip
@@ -215,7 +215,7 @@ def pushed(noise: Noise | None, kick: float, push: float) -> float:
 
 @jit
 def thrown(noise: Noise | None, w: float, push: float) -> float:
-    """Speed above a base, which a particle cannot enter, after an impact with speed w."""
+    """Speed relative to a moving base, which a ball cannot enter, after a rebound with w."""
     if noise is None:
         return w
     return abs(w + push)
@@ -223,9 +223,9 @@ def thrown(noise: Noise | None, w: float, push: float) -> float:
 
 @jit
 def slope_of(noise: Noise | None, share: float, q: float, draw: Draw, v: float) -> float:
-    """Derivative of the speed above such a base after an impact by the speed v of arrival.
+    """Derivative of the speed of `thrown` by the speed v of arrival.
 
-    Without noise the impact leaves a share of v, with the derivative q.
+    The law leaves a share of v, with the slope q.
     """
     if noise is None:
         return q
@@ -243,7 +243,7 @@ def driven(noise: Noise | None, a: float, drive: float) -> float:
 
 @jit
 def swing(noise: Noise | None, a: float, drive: float) -> float:
-    """Modulus of the change by which the noise of the drive has made an amplitude a."""
+    """Modulus of the change that noise of the drive made to the nominal amplitude, to give a."""
     if noise is None:
         return 0.0
     return _swing(noise.drive, a, drive)
@@ -269,7 +269,7 @@ def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: floa
 
 @jit
 def clip_is_doubtful(noise: Noise | None, share: float, slip: float, error: float) -> bool:
-    """Return whether the relative error of a speed decides if its restitution is 0, 1 or between.
+    """Return whether the relative error of a speed may decide if its restitution is cut off.
 
     The share that a law leaves has no larger relative change than the speed.
     """
@@ -322,7 +322,7 @@ def lifted(
 ) -> tuple[float, float]:
     """Instant at which a particle that has come to rest at (n, x) is lifted.
 
-    This is the known one.  Where the amplitude is random it is the instant of the rest itself, from
+    This is `known`, except where the amplitude is random: there it is the instant of the rest, from
     which `vibrosweep.kernels.bases.wake` searches.  A rest for good has an infinite count, or no
     phase.
     """

@@ -48,8 +48,9 @@ def load_noise(
 def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int, together: float) -> None:
     """Draw the random numbers of the next impact of the first lanes, `since` after the last look.
 
-    Where lanes are `together`, 1, a pair of deviates is drawn for two impacts in turn: each has had
-    an even number of them at the last look.  Else, 0, each lane counts its own.
+    Where `together` is 1, every pass is an impact of each lane, which has had an even number of
+    them at the last look: a pair of deviates is drawn for two impacts in turn.  Where it is 0, each
+    lane counts its own impacts.
     """
     if noise is not None:
         wide_vectors()
@@ -93,7 +94,7 @@ def _take_second(on: int | None, s: Floats, j: int, of: Rows) -> None:
 
 @jit
 def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
-    """Draw for the forcing period of the next landing, or for the one that may end a rest."""
+    """Draw the amplitude of the period of the next landing, or of that which may end a rest."""
     if on is not None:
         wide_vectors()
         for j in range(lanes):

@@ -38,7 +38,7 @@ def empty_line(points: int, p: int) -> Line:
 
 
 def written(out: Line) -> Line:
-    """Return the points and events of a line that there are; a RunError where one was forgotten."""
+    """Return the points and events that a line holds; a RunError where one was not written."""
     count, events = int(out.ends[0]), int(out.ends[1])
     kept = Line(
         ends=out.ends,

@@ -6,9 +6,9 @@ others the further landings.  More are taken until twice as many as led to the l
 on the map, until orbits balance.
 
 For e < 1 the p equations of the map have no solution at the border of all flights u > 0, and none
-without kicks: their degree is zero.  So the solutions, each of an orbit's points counted, whose
-Jacobian has a real multiplier above 1 are as many as the others; among them are shorter orbits run
-several times.  Where they do not balance, orbits were missed.
+without kicks: their degree is zero.  Solutions whose Jacobian has a real multiplier above 1 are
+therefore as many as the others, where each point of an orbit is one, and shorter orbits run several
+times are included.  Where they do not balance, orbits were missed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from vibrosweep.kernels.closed import (
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless
 
-WORTH = 2.5  # kicks by which the speeds of a seed may be off; orbits start from better ones
+WORTH = 2.5  # kicks; a seed whose speeds are off by more is not tried
 LEAST = 8  # impacts from which on the number of seeds grows no more
 NO_ORBIT = -2  # beside the codes of `vibrosweep.kernels.closed.admits`
 PATIENCE = 32  # times the least number of seeds are tried, where orbits go on to be found
@@ -120,7 +120,7 @@ def _golden(p: int) -> float:
 
 @part
 def _balance(out: Closed, i: int, p: int, q: int) -> None:
-    """Count the points of all solutions of (p, q), those of shorter orbits included."""
+    """Count the points of all solutions of (p, q), shorter orbits included."""
     saddles = others = 0
     for k in range(out.orbits[i]):
         d = p // out.impacts[i, k]

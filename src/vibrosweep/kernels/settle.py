@@ -50,7 +50,7 @@ APERIODIC = int(Regime.APERIODIC)
 
 
 class Search(NamedTuple):
-    """What is followed to find orbits."""
+    """Limits of the search for orbits."""
 
     budget: int  # largest number of impacts of a trajectory
     # 1 for exponents of every orbit; with 0 only those are followed that may turn out to rest again

@@ -64,9 +64,9 @@ def peak_of(shape: Shape) -> float:
 
 @generic
 def lift_offs(shape: Shape, a: float, r: float, of_sine: float) -> LiftOffs:
-    """Phases at which the kick a w(x) rises through r, in which NaN stands for none.
+    """Phases at which the kick a w(x) rises through r, NaN where it does not.
 
-    `of_sine` is that of the sine.
+    `of_sine` is the phase for the sine.
     """
 
 
@@ -89,7 +89,7 @@ def first_lift_off(shape: Shape, phases: LiftOffs) -> float:
 def lift_off_error(shape: Shape, a: float, r: float, phases: LiftOffs) -> float:
     """Bound of the errors of the phases of lift-offs, infinite where one may be missed.
 
-    Somewhere the kick exceeds r, by more than rounding.
+    It holds where the largest kick exceeds r by more than rounding.
     """
 
 

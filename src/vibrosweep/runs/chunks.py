@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
-from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
@@ -68,6 +68,27 @@ def in_process(threads: int) -> Runner:
     return run
 
 
+class Stream:
+    """Rows that come in pieces of any length, taken in order in pieces of another length."""
+
+    def __init__(self, pieces: Iterable[Mapping[str, NDArray[Any]]]) -> None:
+        self._pieces = iter(pieces)
+        self._rest: Mapping[str, NDArray[Any]] = {}
+
+    def take(self, rows: int) -> Columns:
+        """Take the next `rows` rows, or all that are left; empty where there are none."""
+        taken: list[Columns] = []
+        while rows and (piece := self._rest or next(self._pieces, {})):
+            size = min(rows, len(piece["status"]))
+            taken.append({name: values[:size] for name, values in piece.items()})
+            left = size < len(piece["status"])
+            self._rest = {name: values[size:] for name, values in piece.items()} if left else {}
+            rows -= size
+        if len(taken) < 2:
+            return taken[0] if taken else {}
+        return {name: np.concatenate([piece[name] for piece in taken]) for name in taken[0]}
+
+
 def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) -> int:
     """Compute a chunk and write its part; return the number of its realizations.
 
@@ -77,20 +98,15 @@ def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) 
     """
     design = _design(job)
     start, stop = job.manifest.bounds(index)
-    columns: Columns = {}
-    done = 0
     with Workers(threads) as workers:
-        for piece in compute_rows(job.spec, design, start, stop, workers):
-            if not columns:
-                shapes = (
-                    (name, (stop - start, *v.shape[1:]), v.dtype) for name, v in piece.items()
-                )
-                columns = {name: unwritten(shape, dtype) for name, shape, dtype in shapes}
-            for name, whole in columns.items():
-                whole[done : done + piece["status"].size] = piece[name]
-            done += piece["status"].size
-            if tick is not None:
-                tick(piece["status"].size)
+
+        def pieces() -> Iterator[Columns]:
+            for piece in compute_rows(job.spec, design, start, stop, workers):
+                if tick is not None:
+                    tick(piece["status"].size)
+                yield piece
+
+        columns = Stream(pieces()).take(stop - start)
     job.parts.write(index, columns)
     return stop - start
 

@@ -20,7 +20,7 @@ from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import STREAM, Parameter
 from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
 from vibrosweep.model.times import Periods
-from vibrosweep.runs.chunks import batch_size, column_kinds
+from vibrosweep.runs.chunks import Stream, batch_size, column_kinds
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
 from vibrosweep.runs.summary import Summary
@@ -59,27 +59,6 @@ def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
     if parameter.name == ACCELERATION:
         return attributes
     return {"units": parameter.units, **attributes}
-
-
-class Stream:
-    """Rows that come in pieces of any length, taken in order in pieces of another length."""
-
-    def __init__(self, pieces: Iterable[Columns]) -> None:
-        self._pieces = iter(pieces)
-        self._rest: Columns = {}
-
-    def take(self, rows: int) -> Columns:
-        """Take the next `rows` rows, or all that are left; empty where there are none."""
-        taken: list[Columns] = []
-        while rows and (piece := self._rest or next(self._pieces, {})):
-            size = min(rows, len(piece["status"]))
-            taken.append({name: values[:size] for name, values in piece.items()})
-            left = size < len(piece["status"])
-            self._rest = {name: values[size:] for name, values in piece.items()} if left else {}
-            rows -= size
-        if len(taken) < 2:
-            return taken[0] if taken else {}
-        return {name: np.concatenate([piece[name] for piece in taken]) for name in taken[0]}
 
 
 def write_rows(

@@ -32,6 +32,7 @@ __all__ = [
     "Flight",
     "Instant",
     "Jacobian",
+    "LiftOff",
     "after_rest",
     "approach",
     "common_age",
@@ -97,6 +98,16 @@ class Flight(NamedTuple):
     time: float
     landing: float
     v: float
+
+
+class LiftOff(NamedTuple):
+    """A lift-off, at once or after a rest."""
+
+    # whole, phase: of the instant; an infinite count where the particle rests for good
+    whole: float
+    phase: float
+    speed: float  # 0 where it rests for good
+    leaves: bool  # True if the particle leaves at once
 
 
 class Counted(NamedTuple):
@@ -239,12 +250,8 @@ def rebound(fixed: Constants, x: float, v: float) -> float:
 
 
 @generic
-def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
-    """Count, phase and speed with which a particle that landed at (n, x) leaves, its rebound w.
-
-    The last value tells whether it leaves at once; else it rests until then.  The count is
-    infinite, and the speed 0, where it rests for good.
-    """
+def lift_off(fixed: Constants, n: float, x: float, w: float) -> LiftOff:
+    """Lift-off of a particle that lands at (n, x), with `rebound` w."""
 
 
 @generic

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, fma, implements, jit, uncompiled
-from vibrosweep.kernels.bases import Counted, Flight, Jacobian
+from vibrosweep.kernels.bases import Counted, Flight, Jacobian, LiftOff
 from vibrosweep.kernels.deviates import LARGEST
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import Law, direction, speed_after
@@ -201,16 +201,16 @@ def rebound_high_bounce(fixed: Constants, x: float, v: float) -> float:
 
 
 @implements(bases.lift_off, Constants)
-def lift_off_high_bounce(
-    fixed: Constants, n: float, x: float, w: float
-) -> tuple[float, float, float, bool]:
+def lift_off_high_bounce(fixed: Constants, n: float, x: float, w: float) -> LiftOff:
     leaves = w > fixed.r
     x_lift, carry = next_lift_off(fixed.base.waveform, fixed.x_lift, x)
     known = n + (fixed.wait + carry), x_lift
     later, x_lift = noise.lifted(fixed.base.noise, known, n + fixed.wait, x)
     kick = fixed.a * velocity(fixed.base.waveform, x)
     stays = not (leaves | noise.exceeds(fixed.base.noise, kick, fixed.r))
-    return later if stays else n, x_lift if stays else x, w if leaves else fixed.u_lift, leaves
+    return LiftOff(
+        later if stays else n, x_lift if stays else x, w if leaves else fixed.u_lift, leaves
+    )
 
 
 @implements(bases.after_rest, Constants)

@@ -24,7 +24,7 @@ from vibrosweep.model.arcsine import arcsin_turns
 __all__: list[str] = []
 
 _arcsin_turns = jit(arcsin_turns)
-USELESS: Final = 2.0**-20  # turns; a bound of a lift-off that is larger is none
+USELESS: Final = 2.0**-20  # turns; a larger bound of the error of a lift-off is of no use
 LONGEST: Final = 2**24  # forcing periods after which the search for a lift-off ends
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, fma, implements, jit
-from vibrosweep.kernels.bases import Counted, Flight
+from vibrosweep.kernels.bases import Counted, Flight, LiftOff
 from vibrosweep.kernels.bases.landing_search import (
     apex,
     clearance,
@@ -118,12 +118,12 @@ def rebound_moving(fixed: MovingConstants, x: float, v: float) -> float:
 
 
 @implements(bases.lift_off, MovingConstants)
-def lift_off_moving(
-    fixed: MovingConstants, n: float, x: float, w: float
-) -> tuple[float, float, float, bool]:
+def lift_off_moving(fixed: MovingConstants, n: float, x: float, w: float) -> LiftOff:
     leaves = (w > fixed.r) | (abs(x) > fixed.x_lift)
     later = n if fixed.x_lift > 0.0 else np.inf
-    return n if leaves else later, x if leaves else fixed.x_lift, w if leaves else 0.0, leaves
+    return LiftOff(
+        n if leaves else later, x if leaves else fixed.x_lift, w if leaves else 0.0, leaves
+    )
 
 
 @implements(bases.random, MovingConstants)

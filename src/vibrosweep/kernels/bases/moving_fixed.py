@@ -50,4 +50,4 @@ def fixed_attracts_moving(fixed: Constants, x: float, k: float) -> bool:
 def fixed_holds_moving(fixed: Constants, x: float, k: float) -> bool:
     y = leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
     time, _ = bases.fly(fixed, x, y)
-    return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y)[3]
+    return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y).leaves

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, fma, implements, jit
-from vibrosweep.kernels.bases import Counted, Flight
+from vibrosweep.kernels.bases import Counted, Flight, LiftOff
 from vibrosweep.kernels.bases.moving import (
     LARGEST_GAMMA,
     TINY,
@@ -123,9 +123,7 @@ def fly_shaped(fixed: ShapedConstants, x: float, u: float) -> tuple[float, float
 
 
 @implements(bases.lift_off, ShapedConstants)
-def lift_off_shaped(
-    fixed: ShapedConstants, n: float, x: float, w: float
-) -> tuple[float, float, float, bool]:
+def lift_off_shaped(fixed: ShapedConstants, n: float, x: float, w: float) -> LiftOff:
     presses, _, _ = stretch(search(fixed), x)
     leaves = (w > fixed.r) | (not presses)
     lift, ahead, later = np.nan, np.inf, np.inf
@@ -135,7 +133,7 @@ def lift_off_shaped(
         lift = fixed.falls[k] if nearer else lift
         later = n + over if nearer else later
         ahead = (fixed.falls[k] - x) + over if nearer else ahead
-    return n if leaves else later, x if leaves else lift, w if leaves else 0.0, leaves
+    return LiftOff(n if leaves else later, x if leaves else lift, w if leaves else 0.0, leaves)
 
 
 @implements(bases.after_rest, ShapedConstants)

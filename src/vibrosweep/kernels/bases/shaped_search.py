@@ -55,9 +55,11 @@ class Guess(NamedTuple):
 
     sure: bool  # True if the flight has one root for sure
     time: float  # a time near it
-    rise: float  # until it is above every height of the base, and as long before the end of
-    u: float  # a flight over a base at rest, which is its absolute speed
-    apex: float  # height above the lowest level of the base, of one that falls of its start
+    # rise, u: it is above every height of the base from time `rise` until time `u - rise`; u is its
+    # absolute speed, which is the duration of its flight over a base at rest
+    rise: float
+    u: float
+    apex: float  # greatest height above the lowest level of the base
 
 
 class Clear(NamedTuple):
@@ -234,7 +236,7 @@ def _across(
     convex = step if falls else newton
     convex = convex if nears & (convex < to_press) else to_press
     tried = s + (into if presses else convex)
-    until = guess.u - guess.rise  # until then it is above every height of the base
+    until = guess.u - guess.rise
     return until if (s > guess.rise) & (until > tried) else tried
 
 

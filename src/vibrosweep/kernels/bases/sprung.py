@@ -63,7 +63,7 @@ class Mount(NamedTuple):
     mu: float
     w: float
     zeta: float
-    # What is random in impacts, and the noise of this realization
+    # noise, source: kinds of noise of impacts, and its strengths in this realization
     noise: Noise | None = None
     source: Source = SILENT
     waveform: Shape = Sine()  # of its motion without particles
