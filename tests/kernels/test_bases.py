@@ -113,6 +113,7 @@ def test_constants_in_scratch_memory_are_taken_back(constants_of, law, drawn):
 
 
 SAME_BITS = """
+import json
 import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
