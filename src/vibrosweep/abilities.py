@@ -163,8 +163,6 @@ def refusal(
                 f"{_quoted(ability.waveforms)}"
             )
     asked = measure or analysis
-    if noise and base == SPRUNG and analysis == "verify":
-        return f"follows coupled particles without deviates: leave out {' and '.join(noise)}"
     if noise and asked in WHY_NOT_RANDOM:
         return f"{WHY_NOT_RANDOM[asked]}: leave out {' and '.join(noise)}"
     return ""

@@ -14,8 +14,9 @@ NOISE = {"restitution_noise": 0.3, "kick_noise": 0.2}
     [
         {"drive_noise": 0.4, "record": {"restitution": 0.8, "amplitude": 1.0, "duration": 1.5}},
         {"base": "moving"},
+        {"base": "sprung", "mass_ratio": 0.05, "mount_frequency": 2.3},
     ],
-    ids=["high-bounce", "moving"],
+    ids=["high-bounce", "moving", "sprung"],
 )
 def test_the_stored_stream_is_proved(scene, tmp_path):
     path = tmp_path / "noisy.h5"

@@ -154,6 +154,7 @@ def _followed(
         launches,
         realization.duration,
         laws=realization.laws,
+        deviates=realization.deviates,
         max_landings=max_landings,
         max_bits=MAX_BITS,
         bits=bits,

@@ -1,6 +1,7 @@
 """The proved base of finite mass: the moving base as its limit, budgets, a locked orbit, ties."""
 
 import math
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.proof.deviates import deviates_of
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.coupled import bodies_of, coupled
@@ -56,16 +58,25 @@ def scene(e, amplitude, mass_ratio, mount_frequency, mount_damping):
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"amplitude": 4.0, "restitution": 0.4}, {"amplitude": 0.0, "restitution": 0.7}],
+    [
+        {},
+        {"amplitude": 4.0, "restitution": 0.4},
+        {"amplitude": 0.0, "restitution": 0.7},
+        {"kick_noise": 0.3, "restitution_noise": 0.2},
+    ],
 )
 def test_particles_without_mass_see_the_moving_base(changes):
     launch_times = (0.0, 0.3, 0.3)
     alone = TABLE_1 | {"contact_time": 1e-2} | changes
-    found = coupled(alone | {"mass_ratio": 0.0}, launch_times, 4.0)
+    drawn = partial(deviates_of, 5, 7.0) if "kick_noise" in changes else None
+    found = coupled(alone | {"mass_ratio": 0.0}, launch_times, 4.0, deviates=drawn)
     for name in ("mass_ratio", "mount_frequency", "mount_damping"):
         del alone[name]
-    for time, own in zip(launch_times, found.particles, strict=True):
-        other = trajectory(base="moving", launch_time=time, duration=4.0, **alone)
+    for particle, time in enumerate(launch_times):
+        own, deviates = found.particles[particle], None if drawn is None else drawn(particle)
+        other = trajectory(
+            base="moving", launch_time=time, duration=4.0, deviates=deviates, **alone
+        )
         assert own.at_rest == other.at_rest
         assert own.launch.duration.overlaps(other.launch.duration)
         for a, b in zip(own.impacts, other.impacts, strict=True):

@@ -10,10 +10,10 @@ ride and the forced oscillation, with the envelope of the free one, can no longe
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
+from functools import cache, partial
 from itertools import groupby
 from typing import Final
 
@@ -28,7 +28,8 @@ from vibrosweep.proof.reference.decisions import (
 )
 from vibrosweep.proof.reference.drives import Mount
 from vibrosweep.proof.reference.events import LANDING, Bodies, Event, Launch
-from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.proof.reference.laws import Laws, Random
+from vibrosweep.proof.reference.motion import Deviates
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.reference.sprung import System
 
@@ -63,6 +64,7 @@ class _Problem:
     laws: Laws
     max_landings: int
     digits: int
+    deviates: Callable[[int], Deviates] | None
 
     @property
     def bits(self) -> int:
@@ -113,7 +115,11 @@ class _Problem:
                 raise UncertainError("a result to the digits asked for", number)
 
 
-def bodies_of(parameters: Mapping[str, float], laws: Laws = CONSTANT_LAWS) -> Bodies:
+def bodies_of(
+    parameters: Mapping[str, float],
+    laws: Laws = CONSTANT_LAWS,
+    deviates: Callable[[int], Deviates] | None = None,
+) -> Bodies:
     """Base and particles of physical parameters, at the current precision."""
     p = {name: arb(value) for name, value in parameters.items()}
     rate = 2 * p["frequency"] / p["gravity"]
@@ -124,8 +130,18 @@ def bodies_of(parameters: Mapping[str, float], laws: Laws = CONSTANT_LAWS) -> Bo
         mass_ratio=p["mass_ratio"],
         waveform=laws.waveform,
     )
-    rest = p["frequency"] * p["contact_time"]
-    return Bodies(mount, laws.in_periods(p), rest, rate * p["launch_velocity"])
+    rest, law = p["frequency"] * p["contact_time"], laws.in_periods(p)
+    drawn = None
+    if deviates is not None:
+        of_particle = cache(deviates)
+        size = p.get("restitution_noise", ZERO)
+        strength = rate * (1 + p["restitution"]) * p.get("kick_noise", ZERO)
+
+        def drawn(particle: int, number: int) -> Random:
+            slip, push = of_particle(particle).of_impact(number)
+            return Random(law, size * slip, strength * push, thrown=True)
+
+    return Bodies(mount, law, rest, rate * p["launch_velocity"], drawn)
 
 
 def coupled(
@@ -134,6 +150,7 @@ def coupled(
     duration: float | Fraction,
     *,
     laws: Laws = CONSTANT_LAWS,
+    deviates: Callable[[int], Deviates] | None = None,
     max_landings: int = 10_000,
     digits: int = 20,
     max_bits: int = 1 << 14,
@@ -141,7 +158,8 @@ def coupled(
 ) -> Coupled:
     """Every landing of all particles, with proved error bounds.
 
-    Parameters are those of `vibrosweep.model.parameters.PARAMETERS` and of the mount.  Landings at
+    Parameters are those of `vibrosweep.model.parameters.PARAMETERS` and of the mount, and with
+    `deviates`, of each particle, those of the noise of impacts.  Landings at
     t <= duration (s) count; a `Fraction` gives a time exactly.  Radii are at most 10**-digits of a
     velocity or of v_rest, of a time or of the contact time, whichever is larger, and of a turn for
     a phase.  The first precision is `bits`, or more if `digits` needs it.
@@ -152,7 +170,7 @@ def coupled(
     """
     values = {name: float(value) for name, value in parameters.items()}
     launched = tuple(Fraction(time) for time in launch_times)
-    problem = _Problem(values, launched, Fraction(duration), laws, max_landings, digits)
+    problem = _Problem(values, launched, Fraction(duration), laws, max_landings, digits, deviates)
     first = max(bits, GUARD_BITS * (2 + problem.bits // GUARD_BITS))
     return decided(partial(_attempt, problem), first, max_bits)
 
@@ -232,7 +250,8 @@ def _rests(event: Event) -> bool:
 def _attempt(problem: _Problem, bits: int) -> Coupled:
     """Return the motion at one precision, or raise `UncertainError`."""
     with ctx.workprec(bits):
-        bodies, end = bodies_of(problem.parameters, problem.laws), problem.turns(problem.duration)
+        bodies = bodies_of(problem.parameters, problem.laws, problem.deviates)
+        end = problem.turns(problem.duration)
         system, counted, seen = System(bodies, problem.launches, end + PATIENCE), 0, 0
         courses = [_Course() for _ in problem.launch_times]
         stay = rest = late = False

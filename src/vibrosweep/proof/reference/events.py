@@ -5,7 +5,7 @@ The units are those of `vibrosweep.proof.reference.mount`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +24,9 @@ class Bodies(NamedTuple):
     restitution: Impact
     r: arb  # relative speed at and below which a particle sticks where the base presses it
     u0: arb  # velocity of a launch
+    # Law of restitution of an impact with its random numbers, by the particle and the number of its
+    # impact, from 0; None where nothing is random
+    drawn: Callable[[int, int], Impact] | None = None
 
 
 class Event(NamedTuple):

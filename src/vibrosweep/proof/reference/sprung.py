@@ -20,6 +20,7 @@ event as they are, so the precision needed grows with the number of landings of 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
@@ -39,6 +40,7 @@ from vibrosweep.proof.reference.events import (
     latest_start,
 )
 from vibrosweep.proof.reference.landing import Course, first_root
+from vibrosweep.proof.reference.laws import Impact
 from vibrosweep.proof.reference.mount import Above, Arc, Pressure, contact_free
 
 ZERO: Final = arb(0)
@@ -76,6 +78,7 @@ class System:
         self._riders: list[int] = []
         self.events: list[Event] = []
         self.landings = 0
+        self._drawn: Counter[int] = Counter()  # impacts of each particle whose numbers are drawn
         self._instant, self._late = self._waiting[0].turns.mid(), ZERO
         self._deviation, self._rate = deviation, rate
         self._arc = self._motion()
@@ -229,7 +232,7 @@ class System:
 
     def _land(self, particles: Sequence[int], speed: arb) -> None:
         """Let particles of one state land, one after the other; as one where they are massless."""
-        if self._bodies.mount.mass_ratio.is_zero():
+        if self._bodies.mount.mass_ratio.is_zero() and self._bodies.drawn is None:
             self._impact(particles, speed)
             return
         recoiled = self._recoiled
@@ -243,31 +246,38 @@ class System:
 
     def _impact(self, particles: Sequence[int], speed: arb) -> None:
         """Exchange momentum between the base and particles that land with a relative speed."""
-        mount, restitution, r, _ = self._bodies
-        base = self._velocity
+        mount, r, base = self._bodies.mount, self._bodies.r, self._velocity
         v, c, riding, mu = base + speed, -speed, len(self._riders), mount.mass_ratio
-        e = restitution.share(c)
+        w = self._law(particles).kept(c)
         self.landings += len(particles)
-        if self._sticks(c):
+        if self._sticks(c, w):
             self._recoil(mu * c / (1 + (riding + 1) * mu))
             self._riders.extend(particles)
             for particle in particles:
                 self._note(LANDING, particle, v, None, base)
             return
-        thrown = mu * (1 + e) * c / (1 + mu)
+        thrown = mu * (c + w) / (1 + mu)
         throws = riding > 0 and certain_above(thrown, r, "the riders leave", self.landings)
         ratio = mu if throws else mu / (1 + riding * mu)
-        self._recoil(ratio * (1 + e) * c / (1 + ratio))
+        self._recoil(ratio * (c + w) / (1 + ratio))
         for particle in particles:
-            self._note(LANDING, particle, v, e * c, base)
+            self._note(LANDING, particle, v, w, base)
         if throws:
             self._leave(thrown, lifted=False)
-        self._leaving.append(Flying(tuple(particles), ZERO, e * c))
+        self._leaving.append(Flying(tuple(particles), ZERO, w))
 
-    def _sticks(self, c: arb) -> bool:
-        """Decide whether a particle that approaches the base with this speed sticks."""
-        (mount, restitution, r, _), riding = self._bodies, len(self._riders)
-        if certain_above(restitution.kept(c), r, "e c > r", self.landings):
+    def _law(self, particles: Sequence[int]) -> Impact:
+        """Law of restitution of the next impact of a particle, or of all that land as one."""
+        if self._bodies.drawn is None:
+            return self._bodies.restitution
+        (particle,) = particles
+        self._drawn[particle] += 1
+        return self._bodies.drawn(particle, self._drawn[particle] - 1)
+
+    def _sticks(self, c: arb, w: arb) -> bool:
+        """Decide whether a particle sticks that approaches with speed c and would leave with w."""
+        mount, r, riding = self._bodies.mount, self._bodies.r, len(self._riders)
+        if certain_above(w, r, "e c > r", self.landings):
             return False
         if riding:  # the base presses them, and more after the impact
             return True
