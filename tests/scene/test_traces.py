@@ -98,6 +98,26 @@ def test_a_run_goes_on_and_is_found_again_without_its_trace(tmp_path):
         vs.run(sweep, out)
 
 
+def test_a_mapping_is_found_again_without_its_trace(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(0.0, 1.0, 5e-4)
+    trace = written(tmp_path / "shaker.csv", time, motion(time, "height"))
+    asked = {"trace": "shaker.csv", "column": "height", "harmonics": 2}
+    given = {"waveform": asked, "duration": 0.5, "restitution": [0.5, 0.6, 0.7]}
+    vs.run(given, "out.h5").close()
+    trace.unlink()
+    for one in (
+        given,
+        {"scene": {"waveform": asked, "duration": 0.5}, "restitution": [0.5, 0.6, 0.7]},
+    ):
+        with vs.run(one, "out.h5") as again:
+            assert again.sizes["restitution"] == 3
+            assert vs.simulate(again.isel(restitution=1)).waveform == again.waveform
+    for other in ({"base_velocity": 1.0}, {"waveform": {**asked, "harmonics": 3}}):
+        with pytest.raises(SpecError, match="cannot be read"):
+            vs.run(given | other, "out.h5")
+
+
 def test_frequency_and_forcing_that_are_given_stay(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     time = np.arange(0.0, 1.0, 5e-4)

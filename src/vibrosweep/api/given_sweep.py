@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from vibrosweep.errors import DataError, ParameterError, ShortObservationWarning
@@ -26,13 +26,14 @@ def as_sweep(
     keywords: Mapping[str, Any],
     analysis: str = "",
     realizations: int | None = None,
+    kept: Callable[[], str] | None = None,
     **defaults: Any,
 ) -> Sweep:
     """Return the sweep that a path, a mapping or a result asks for, or keywords without any.
 
-    `analysis` is that of `keyword_spec`.  `realizations`, where there are ranges, and `defaults`
-    complete keywords, a mapping or a result, but not a file.  Raises a SpecError that lists all
-    mistakes, a ParameterError where there are keywords beside a file or a mapping, or `spec` is
+    `analysis` is that of `keyword_spec`, `kept` that of `read_spec`.  `realizations`, where there
+    are ranges, and `defaults` complete keywords, a mapping or a result, but not a file.  Raises a
+    SpecError that lists all mistakes, a ParameterError where there are keywords beside a file or a mapping, or `spec` is
     none of these, and a DataError where a dataset does not hold the sweep that it was computed
     from.
     """
@@ -49,9 +50,9 @@ def as_sweep(
             f"{', '.join(keywords)}: not beside a sweep file or a mapping; write it there"
         )
     if isinstance(spec, Mapping):
-        return keyword_spec({**defaults, **spec}, analysis)
+        return keyword_spec({**defaults, **spec}, analysis, kept=kept)
     if isinstance(spec, str | os.PathLike):
-        return read_spec(spec)
+        return read_spec(spec, kept)
     raise ParameterError(
         f"{type(spec).__name__}: is no sweep; give keywords, a mapping, or the path of a sweep file"
     )

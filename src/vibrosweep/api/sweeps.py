@@ -18,7 +18,7 @@ from vibrosweep.runs.driver import count, require_switch, run_sweep, thread_coun
 from vibrosweep.runs.finished import cleared, is_of, kept_text, origin
 from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.runs.progress import showing
-from vibrosweep.scene.sweep import Sweep, read_spec
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import check_output, path_of
 from vibrosweep.store.rundir import replaces
 
@@ -190,10 +190,7 @@ def run(
     50
     """
     path = path_of("output", output)
-    if isinstance(spec, str | os.PathLike):
-        asked = read_spec(spec, lambda: kept_text(path))
-    else:
-        asked = as_sweep(spec, {})
+    asked = as_sweep(spec, {}, kept=lambda: kept_text(path))
     checked = _with_observables(asked, observables)
     chunk = None if chunk is None else count("chunk", chunk)
     require_switch("force", force)

@@ -6,8 +6,10 @@ number is fixed.  Keywords become the tables of a sweep file, and those are chec
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import tomllib
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -23,7 +25,7 @@ from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import DESIGNS, GRID
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS
 from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.sweep import Sweep, checked
+from vibrosweep.scene.sweep import Sweep, checked, kept_for, lacks_trace
 from vibrosweep.scene.text import text_of
 
 # Where a keyword is looked for, in this order
@@ -35,15 +37,18 @@ LONG: Final = 10
 
 
 def keyword_spec(
-    given: Mapping[str, Any], analysis: str = "", stated_for_it: Collection[str] = ()
+    given: Mapping[str, Any],
+    analysis: str = "",
+    stated_for_it: Collection[str] = (),
+    kept: Callable[[], str] | None = None,
 ) -> Sweep:
     """Validate keywords, or a mapping of them that may hold whole tables of a sweep file.
 
     None stands for a keyword that is not given; a mapping under the name of a table of a sweep file
     means what it means there.  Keywords are looked for in the table of an `analysis` before all
     others; those that are stated for it and have no meaning to it are mistakes, unless they are
-    False.  A SpecError lists all mistakes, each with its keyword; a ParameterError tells of masked
-    values.
+    False.  `kept` is that of `vibrosweep.scene.sweep.read_spec`.  A SpecError lists all mistakes,
+    each with its keyword; a ParameterError tells of masked values.
     """
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes = Mistakes(dialect=PYTHON, given=stated)
@@ -54,6 +59,8 @@ def keyword_spec(
             mistakes.add_broken(next(homes, name), rule, stated.pop(name), "leave it out")
     first = [analysis] if analysis in SECTIONS else []
     data = _tables(stated, (*first, *HOMES), mistakes)
+    if kept is not None and lacks_trace(data, Path()) and (held := kept_for(text_of(data), kept)):
+        return checked(tomllib.loads(held), held, None, mistakes)
     sweep = checked(data, "", None, mistakes)
     return sweep if sweep.text else replace(sweep, text=text_of(data))
 

@@ -94,19 +94,31 @@ def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = Non
     """
     source = Path(path)
     text = read_text(source)
-    if kept is not None and _lacks_trace(text, source):
-        held = kept()
-        _, _, written = held.partition(WRITTEN_FOR)
-        text = held if written and written == _quoted(text) else text
+    if kept is not None and _lacks_trace(text, source.parent):
+        text = kept_for(text, kept) or text
     return parse_spec(text, source)
 
 
-def _lacks_trace(text: str, source: Path) -> bool:
+def kept_for(text: str, kept: Callable[[], str]) -> str:
+    """Return the text that is kept, with harmonics, if it was written for this one; else empty."""
+    held = kept()
+    _, _, written = held.partition(WRITTEN_FOR)
+    return held if written and written == _quoted(text) else ""
+
+
+def _lacks_trace(text: str, folder: Path) -> bool:
     """Return whether a sweep file names a trace whose file is missing."""
     try:
-        asked = tomllib.loads(text)["scene"]["waveform"]["trace"]
-        return not (source.parent / asked).exists()
-    except (ValueError, RecursionError, KeyError, TypeError):  # no trace, or a mistake told later
+        return lacks_trace(tomllib.loads(text), folder)
+    except (ValueError, RecursionError):  # a mistake told later
+        return False
+
+
+def lacks_trace(data: Mapping[str, Any], folder: Path) -> bool:
+    """Return whether tables name a trace, relative to a folder, whose file is missing."""
+    try:
+        return not (folder / data["scene"]["waveform"]["trace"]).exists()
+    except (KeyError, TypeError, ValueError):  # no trace, or a mistake told later
         return False
 
 
@@ -160,7 +172,7 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
     traced = _measured(tables, source, mistakes)
     if traced:  # so that the text needs no trace
         scene = {**data["scene"], **traced}
-        quoted = WRITTEN_FOR + _quoted(text) if text else ""
+        quoted = WRITTEN_FOR + _quoted(text or text_of(data))
         text = text_of({**data, "title": title or "", "scene": scene}) + quoted
     sweep = _assembled(tables, source, mistakes)
     sweep = replace(sweep, title=title or "", text=text)
