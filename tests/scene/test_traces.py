@@ -106,10 +106,8 @@ def test_a_mapping_is_found_again_without_its_trace(tmp_path, monkeypatch):
     given = {"waveform": asked, "duration": 0.5, "restitution": [0.5, 0.6, 0.7]}
     vs.run(given, "out.h5").close()
     trace.unlink()
-    for one in (
-        given,
-        {"scene": {"waveform": asked, "duration": 0.5}, "restitution": [0.5, 0.6, 0.7]},
-    ):
+    scene = {"waveform": asked, "duration": 0.5}
+    for one in (given, {"scene": scene, "restitution": [0.5, 0.6, 0.7]}):
         with vs.run(one, "out.h5") as again:
             assert again.sizes["restitution"] == 3
             assert vs.simulate(again.isel(restitution=1)).waveform == again.waveform

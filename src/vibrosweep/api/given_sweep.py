@@ -33,9 +33,9 @@ def as_sweep(
 
     `analysis` is that of `keyword_spec`, `kept` that of `read_spec`.  `realizations`, where there
     are ranges, and `defaults` complete keywords, a mapping or a result, but not a file.  Raises a
-    SpecError that lists all mistakes, a ParameterError where there are keywords beside a file or a mapping, or `spec` is
-    none of these, and a DataError where a dataset does not hold the sweep that it was computed
-    from.
+    SpecError that lists all mistakes, a ParameterError where there are keywords beside a file or a
+    mapping, or `spec` is none of these, and a DataError where a dataset does not hold the sweep
+    that it was computed from.
     """
     if spec is not None and hasattr(spec, "attrs"):
         completed = {**defaults, **_sweep_of(spec.attrs), **keywords}
