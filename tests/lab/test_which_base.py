@@ -14,8 +14,9 @@ from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.flights import contradicts
 from vibrosweep.lab.impacts import find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
-from vibrosweep.lab.oscillation import FAR, Oscillation, Shaken
+from vibrosweep.lab.oscillation import Oscillation, Shaken
 from vibrosweep.lab.regression import is_improbable, spread_of_influences
+from vibrosweep.lab.speed_laws import FAR
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.lab.which_base import _preferred
 

@@ -24,6 +24,7 @@ from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import check_method, impacts_of, numbers_in
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import DRAWS, Prediction, draw, predict
+from vibrosweep.lab.speed_laws import law_text
 from vibrosweep.lab.twin import Comparison, camera_shares
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import LAWS, PARAMETERS
@@ -49,6 +50,7 @@ class _Compared(NamedTuple):
     favoured: str
     motion: str
     waveform: str
+    law: str
     warning: str
 
 
@@ -151,6 +153,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
             "base_motion": ", ".join(sorted({one.motion for row in rows for one in row})),
             "favoured_base": ", ".join(sorted({one.favoured for row in rows for one in row})),
             "waveform": "; ".join(sorted({one.waveform for row in rows for one in row})),
+            "law": "; ".join(sorted({one.law for row in rows for one in row if one.law})),
         },
     )
 
@@ -248,6 +251,7 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
         fitted.favoured_base,
         impacts.attrs["base_motion"],
         shape.text,
+        "" if estimated is None else law_text(estimated),
         f"{refused} drawn sets were not physical and were drawn anew" if refused else "",
     )
 

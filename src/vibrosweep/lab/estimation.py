@@ -9,7 +9,7 @@ which every bounce obeys the map.
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -17,19 +17,20 @@ import xarray as xr
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab.adjustment import Adjusted, adjust, fit_laws
 from vibrosweep.lab.base_harmonics import names_of, polar, slopes_of_sizes
-from vibrosweep.lab.bounces import Bounces, bounces_of, solve, whiten
+from vibrosweep.lab.bounces import Bounces, bounces_of
 from vibrosweep.lab.impacts import numbers_in
 from vibrosweep.lab.regression import (
     FEWEST,
     TURN,
     is_improbable,
     outside,
-    spread_of_influences,
     weakest_signal,
     with_subharmonics,
 )
 from vibrosweep.lab.remarks import SIGNAL, bad_fit, undetermined
+from vibrosweep.lab.speed_laws import possible, speed_laws
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.shapes import Waveform
 
@@ -46,18 +47,6 @@ PARAMETER_UNITS: Final = {
 # its sum of squares exceeds the smallest by at most this share of the sum of squares of the kicks.
 PHASES: Final = 1080
 TIE: Final = 0.01
-# Most rounds of the adjustment, and the step in standard errors at which it has converged.
-ROUNDS: Final = 50
-CLOSE: Final = 1e-6
-
-
-class _Adjusted(NamedTuple):
-    """Result of the adjustment: (e, S, C) and f if it is free, covariance, chi-square."""
-
-    values: Array
-    covariance: Array
-    chi_square: float
-    influences: Array  # covariance from the scatter of the residuals, added if they are too large
 
 
 def estimate(
@@ -94,6 +83,10 @@ def estimate(
         with their errors.  Where a trace has several harmonics, amplitude and phase are those of
         the strongest, and ``weight_h`` and ``phase_h`` (rad) those of the others relative to it.
         The attribute ``waveform`` holds that key of a sweep file.
+
+        Dim law: ``law_restitution`` and ``law_speed`` (m s-1) with their errors, of each law of
+        restitution fitted to the same bounces.  The attribute ``restitution_law`` names those that
+        the bounces do not rule out, the best first; empty where nothing is determined.
 
     Raises
     ------
@@ -148,13 +141,16 @@ def estimate(
     values, covariance, shape = polar(found.values, covariance)
     rate = float(found.values[3]) if free else rates[0]
     warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
+    laws = [] if warnings[0] else fit_laws(bounces, found, rate, free=free)
     about = {
         "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
         "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
         "signal": ((), signal, {"units": "1", "long_name": "signal of the weakest direction"}),
         "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
+        **speed_laws(laws),
     }
-    return _estimated(values, covariance, about, warnings, shape)
+    one = _estimated(values, covariance, about, warnings, shape)
+    return one.assign_attrs(restitution_law=" or ".join(possible(laws)))
 
 
 def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
@@ -193,7 +189,10 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     covariance = change @ spread @ change.T
     misfit, freedom = float(impacts["shaken_misfit"]), int(impacts["shaken_freedom"])
     warnings = undetermined(SIGNAL, kicks, covariance, misfit), bad_fit(misfit, freedom)
-    return _estimated(kicks, covariance, about, warnings, shape, numbers)
+    of_laws = impacts[[name for name in impacts.data_vars if impacts[name].dims == ("law",)]]
+    one = _estimated(kicks, covariance, about, warnings, shape, numbers)
+    law = impacts.attrs["restitution_law"]
+    return one.merge(of_laws).assign_attrs({**one.attrs, "restitution_law": law})
 
 
 def _estimated(
@@ -251,7 +250,7 @@ def fit_phase(
     return float(trial[chosen[np.argmin(misfit[chosen])]])
 
 
-def _at(bounces: Bounces, rate: float, free: bool) -> tuple[_Adjusted, float]:
+def _at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjusted, float]:
     """Parameters at a frequency, or near it if that is free, and their signal.
 
     They are NaN if the signal is below the noise, with an infinite chi-square if no fit converges.
@@ -259,11 +258,12 @@ def _at(bounces: Bounces, rate: float, free: bool) -> tuple[_Adjusted, float]:
     first = _regression(bounces, rate)
     signal = _signal(bounces, first, rate)
     unknown = np.full(3 + free, np.nan)
-    none = _Adjusted(unknown, np.outer(unknown, unknown), np.nan, np.outer(unknown, unknown))
+    every = np.outer(unknown, unknown)
+    none = Adjusted(unknown, every, np.nan, np.full(bounces.middle.size, np.nan), every)
     if signal < SIGNAL:
         return none, signal
     try:
-        return _adjust(bounces, first, rate, free), signal
+        return adjust(bounces, first, rate, free), signal
     except np.linalg.LinAlgError:
         return none._replace(chi_square=np.inf), signal
 
@@ -273,41 +273,6 @@ def _regression(bounces: Bounces, rate: float) -> Array:
     arrive, leave, time = bounces.speeds()
     wave = np.stack([arrive, np.sin(TURN * rate * time), np.cos(TURN * rate * time)], axis=1)
     return np.asarray(np.linalg.lstsq(wave, leave, rcond=1e-9)[0])
-
-
-def _adjust(bounces: Bounces, first: Array, rate: float, free: bool) -> _Adjusted:
-    """Adjust instants and parameters together, from the `first` e, S and C."""
-    values = np.append(first, rate) if free else first
-    errors, instant = bounces.errors, bounces.instant.copy()
-    half = bounces.gravity / 2.0
-    for _ in range(ROUNDS):
-        e, s, c = values[:3]
-        f = values[3] if free else rate
-        arrive, leave, time = bounces.speeds(instant)
-        sine, cosine = np.sin(TURN * f * time), np.cos(TURN * f * time)
-        turning = TURN * (s * cosine - c * sine)
-        columns = [arrive, sine, cosine] + ([time * turning] if free else [])
-        design = -np.stack(columns, axis=1)
-        ends = np.full(time.size, half)
-        slopes = bounces.errors_of(e * ends, -(1.0 + e) * ends - f * turning, ends)
-        closure = leave - e * arrive - s * sine - c * cosine
-        closure = closure + slopes @ (bounces.instant - instant)
-        spread = slopes @ errors @ slopes.T
-        weighted = solve(spread, np.column_stack([design, closure]))
-        normal = design.T @ weighted[:, :-1]
-        scale = 1.0 / np.sqrt(np.diag(normal))
-        inverse = scale[:, np.newaxis] * np.linalg.pinv(normal * np.outer(scale, scale)) * scale
-        step = -inverse @ (design.T @ weighted[:, -1])
-        forces = weighted[:, -1] + weighted[:, :-1] @ step
-        instant = bounces.instant - errors @ (slopes.T @ forces)
-        values = values + step
-        if np.all(np.abs(step) <= CLOSE * np.sqrt(np.diag(inverse))):
-            break
-    else:
-        raise np.linalg.LinAlgError("the adjustment does not converge")
-    white = whiten(spread, np.column_stack([design, spread @ forces]))
-    influences = spread_of_influences(white[:, -1], white[:, :-1], inverse)
-    return _Adjusted(values, inverse, float(forces @ (spread @ forces)), influences)
 
 
 def _signal(bounces: Bounces, values: Array, rate: float) -> float:
@@ -321,7 +286,7 @@ def _signal(bounces: Bounces, values: Array, rate: float) -> float:
     return weakest_signal(arrive, TURN * rate * time, amplitude, blurs)
 
 
-def _rank(tried: tuple[_Adjusted, float]) -> tuple[bool, float]:
+def _rank(tried: tuple[Adjusted, float]) -> tuple[bool, float]:
     """Sort key whose minimum is the best adjustment: physical ones come first."""
     found, _ = tried
     chi_square = float(np.nan_to_num(found.chi_square, nan=np.inf))

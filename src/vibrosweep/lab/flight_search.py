@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from vibrosweep.lab.flights import (
 from vibrosweep.lab.junctions import Junctions, base_level, join
 from vibrosweep.lab.oscillation import Shaken
 from vibrosweep.lab.segments import Samples, first_noise, low_points
+from vibrosweep.lab.speed_laws import FittedLaw
 
 # Samples above this share of the height of a flight belong to it, wherever its ends are.
 UPPER: Final = 0.25
@@ -66,6 +68,7 @@ class Flights(NamedTuple):
     curvature: float
     # Motion of the base, fitted to the contacts; None if its level is constant
     shaken: Shaken | None
+    laws: Sequence[FittedLaw] = ()  # laws of restitution, fitted over a base that moves
 
 
 def find_flights(

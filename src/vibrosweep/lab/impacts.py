@@ -16,6 +16,7 @@ from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, Trace
 from vibrosweep.lab.quality import coverage
 from vibrosweep.lab.segments import Samples, low_points
+from vibrosweep.lab.speed_laws import possible, speed_laws
 
 __all__ = ["BOUNCED", "DOUBTFUL", "METHODS", "STAYED", "find_impacts", "impacts_of"]
 
@@ -134,6 +135,7 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
     found = found.assign_coords(particle=tracks["particle"])
     if flights.shaken is not None:
         found = found.merge(_shaken(flights.shaken, gravity / flights.curvature))
+        found = found.assign(speed_laws(flights.laws, gravity / flights.curvature))
     found.attrs = {
         "method": method,
         "source": tracks.attrs["source"],
@@ -148,6 +150,7 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         "apparent_gravity_error": flights.gravity_error,
         "scale_off": int(flights.curvature != gravity),
         "base_motion": "level" if flights.shaken is None else "moving",
+        "restitution_law": " or ".join(possible(flights.laws)),
         "favoured_base": fitted.favoured_base,
     }
     return found

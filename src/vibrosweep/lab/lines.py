@@ -14,6 +14,7 @@ from vibrosweep.lab.fitting import Fitted
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
+from vibrosweep.lab.speed_laws import law_text
 from vibrosweep.mistakes import toml
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE
 from vibrosweep.scene.waveform import stored
@@ -57,7 +58,7 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
         (float(found[name]), float(found[f"{name}_error"]))
         for name in ("base_displacement", "base_acceleration")
     )
-    said = [found.attrs["warning"]] if found.attrs["warning"] else []
+    said = [text for text in (law_text(found), found.attrs["warning"]) if text]
     if not int(found["determined"]):
         return ["the base moves, but how is not determined", *said]
     return [
@@ -149,7 +150,7 @@ def table_lines(table: xr.Dataset) -> list[str]:
     if str(table.attrs.get("waveform", SINE.text)) != SINE.text:
         lines.append(f"waveform {table.attrs['waveform']}")
     lines.append(f"base favoured by the landings: {_favoured(table)}")
-    return lines + ([table.attrs["warning"]] if table.attrs["warning"] else [])
+    return lines + [table.attrs[name] for name in ("law", "warning") if table.attrs.get(name)]
 
 
 def _favoured(found: xr.Dataset) -> str:

@@ -18,6 +18,7 @@ from vibrosweep.lab.flight_search import (
 )
 from vibrosweep.lab.flights import Ends, Fits, fit, measured_gravity
 from vibrosweep.lab.junctions import join
+from vibrosweep.lab.moving_laws import fit_laws
 from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
 from vibrosweep.lab.segments import Samples
 
@@ -92,6 +93,7 @@ def flights_over(
         acceleration_error,
         fall,
         shaken,
+        fit_laws(contacts, shaken, free=free, trace=trace),
     )
     return flights, contacts
 

@@ -26,6 +26,7 @@ from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.regression import TURN, is_improbable, spread_of_influences
+from vibrosweep.lab.speed_laws import FAR, STEP, Law
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
 # the few but decisive contacts off a locked orbit, then narrow, against outliers.
@@ -121,11 +122,7 @@ class Shaken(NamedTuple):
     distance: Array
 
 
-# Largest squared distance that counts, about three standard errors: one contact must not decide
-FAR: Final = 10.0
-
-
-class _Problem(NamedTuple):
+class Problem(NamedTuple):
     """Contacts, the frequency unless it is free, and 1 for a moving base, 0 for one at a level."""
 
     contacts: Contacts
@@ -133,6 +130,8 @@ class _Problem(NamedTuple):
     frequency: float | None
     moves: float
     trace: Trace | None
+    # Law of restitution; a speed of yielding is the last parameter, after the levels
+    law: Law = Law()
 
     @property
     def parameters(self) -> int:
@@ -156,12 +155,13 @@ class _Problem(NamedTuple):
         c, e, base = self.contacts, values[0], self.base(values)
         velocity, moves = base.velocity(c.time), self.moves
         left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
-        bounce = c.departure - velocity + e * (c.arrival - velocity)
+        after, q = self.law.after(velocity - c.arrival, e, values[-1])
+        bounce = c.departure - velocity - after
         closing = c.departure - c.arrival
-        turn = (1.0 + e) * (c.gravity + base.acceleration(c.time)) / closing
+        turn = (1.0 + q) * (c.gravity + base.acceleration(c.time)) / closing
         parts = []
         for fits, height, by_height, by_slope in (
-            (c.before, (c.departure - moves * velocity) / closing, -turn, e),
+            (c.before, (c.departure - moves * velocity) / closing, -turn, q),
             (c.after, (moves * velocity - c.arrival) / closing, turn, 1.0),
         ):
             of_level, of_slope = c.noise / np.sqrt(fits.number), c.noise / np.sqrt(fits.spread)
@@ -177,6 +177,17 @@ class _Problem(NamedTuple):
         """Residuals in standard errors, without correlations; shape (contact, 2)."""
         left, before, after = self.equations(values)
         return np.asarray(left / np.sqrt((before**2).sum(axis=2) + (after**2).sum(axis=2)))
+
+    def near(self, values: Array) -> Flags:
+        """Contacts that are no outliers; shape (contact,)."""
+        apart = np.abs(self.apart(values))
+        # a deviation of all contacts, as by a restitution that depends on speed, is no outlier
+        width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
+        return np.asarray((apart < OUTLIER * width).all(axis=1))
+
+    def distance(self, values: Array) -> Array:
+        """Squared distance of each contact in standard errors, at most `FAR`."""
+        return np.asarray(np.minimum((self.apart(values) ** 2).sum(axis=1), FAR))
 
     def spread(self, values: Array) -> Array:
         """Residuals in standard errors, flattened."""
@@ -197,7 +208,7 @@ class _Problem(NamedTuple):
         band[1, 1:-1:2] = following[:, 0, 1]
         band[2, :-2] = np.stack([following[:, 0, 0], following[:, 1, 1]], axis=1).ravel()
         band[3, 0:-2:2] = following[:, 1, 0]
-        levels = values.size - self.parameters
+        levels = values.size - self.parameters - self.law.parameters
         right = np.zeros((2 * chosen.size, levels)) if slopes else left.ravel()
         if slopes:
             right[2 * np.arange(chosen.size), self.owner[chosen]] = -1.0
@@ -212,13 +223,16 @@ class _Problem(NamedTuple):
 
     def derivatives(self, values: Array, kept: Flags) -> Array:
         """Derivatives of `whitened` by all parameters."""
-        columns = []
         more = self.parameters - len(STEPS)
-        for k, step in enumerate((STEPS + STEPS[1:2] * more)[: self.parameters]):
+        steps = dict(enumerate((STEPS + STEPS[1:2] * more)[: self.parameters]))
+        steps |= {values.size - 1: STEP} if self.law.parameters else {}
+        columns = []
+        for k, step in steps.items():
             ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
             up, down = (self.whitened(end, kept) for end in ends)
             columns.append((up - down) / (2.0 * step))
-        return np.column_stack([*columns, self.whitened(values, kept, slopes=True)])
+        levels = self.whitened(values, kept, slopes=True)
+        return np.column_stack([*columns[: self.parameters], levels, *columns[self.parameters :]])
 
 
 def fit_shaken(
@@ -232,7 +246,7 @@ def fit_shaken(
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
-    problem = _Problem(contacts, owner, None if free else frequency, float(moves), trace)
+    problem = Problem(contacts, owner, None if free else frequency, float(moves), trace)
     known, count = 0 if trace is None else trace.values.size, problem.parameters
     if 2 * contacts.time.size + known < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
@@ -247,10 +261,7 @@ def fit_shaken(
             max_nfev=MOST_STEPS,
         ).x
     for _ in range(ROUNDS):
-        apart = np.abs(problem.apart(values))
-        # a deviation of all contacts, as by a restitution that depends on speed, is no outlier
-        width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
-        kept = np.asarray((apart < OUTLIER * width).all(axis=1))
+        kept = problem.near(values)
         found = least_squares(
             problem.whitened,
             values,
@@ -282,11 +293,11 @@ def fit_shaken(
         kept,
         float(misfit),
         freedom,
-        np.minimum((problem.apart(values) ** 2).sum(axis=1), FAR),
+        problem.distance(values),
     )
 
 
-def _start(problem: _Problem, frequency: float, levels: int) -> tuple[Array, Array]:
+def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Array]:
     """First values of the parameters, with a frequency (Hz) if that is free, and their scale."""
     contacts, trace, count = problem.contacts, problem.trace, problem.parameters
     start = [*first_guess(contacts, frequency), frequency][:count]

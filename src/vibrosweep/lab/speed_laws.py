@@ -1,0 +1,165 @@
+"""Laws of restitution that bounces allow: how e depends on the speed of impact.
+
+Every law is fitted to the same bounces.  Two are compared by the test of Vuong (1989, Econometrica
+57, 307), with Schwarz's correction for an additional parameter: the mean difference of the squared
+distances of the bounces from both, against its scatter, so that a few odd bounces do not decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.arrays import Array
+from vibrosweep.model.restitution_laws import (
+    CONSTANT,
+    LEAST_VISCOELASTIC,
+    PLASTIC,
+    VISCOELASTIC,
+    restitution_at,
+)
+
+FITTED: Final = (CONSTANT, PLASTIC, VISCOELASTIC)
+# Places, in the distribution of speeds, at which the yielding of a plastic law is first sought
+PLACES: Final = (0.15, 0.5, 0.85)
+# Standard deviations by which the mean difference of squared distances must differ from zero
+DECIDED: Final = 3.0
+STEP: Final = 1e-5  # of speeds, relative, and of the restitution, in finite differences
+# Largest squared distance that counts, about three standard errors: one bounce must not decide
+FAR: Final = 10.0
+LEAST_SPEED: Final = 1e-9  # m s-1
+
+
+class Law(NamedTuple):
+    """A law of restitution, and its speed in m s-1 unless that is a parameter."""
+
+    name: str = CONSTANT
+    speed: float = np.nan
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters beside the restitution: the logarithm of the speed of yielding."""
+        return int(self.name == PLASTIC)
+
+    def after(self, v: Array, e: float, logarithm: float) -> tuple[Array, Array | float]:
+        """Speed after an impact at the speed v, and its derivative by v."""
+        if self.name == CONSTANT:
+            return e * v, e
+        v = np.maximum(v, LEAST_SPEED)
+        up, down = (self._speed(v * (1.0 + s), e, logarithm) for s in (STEP, -STEP))
+        return self._speed(v, e, logarithm), (up - down) / (2.0 * STEP * v)
+
+    def by_parameters(self, v: Array, e: float, logarithm: float) -> list[Array]:
+        """Derivatives of the speed after an impact by the restitution and the other parameter."""
+        if self.name == CONSTANT:
+            return [v]
+        moves = [(STEP, 0.0), (0.0, STEP)][: 1 + self.parameters]
+        pairs = [
+            [self.after(v, e + s * x, logarithm + s * y)[0] for s in (1, -1)] for x, y in moves
+        ]
+        return [(up - down) / (2.0 * STEP) for up, down in pairs]
+
+    def _speed(self, v: Array, e: float, logarithm: float) -> Array:
+        speed = float(np.exp(logarithm)) if self.parameters else self.speed
+        least = LEAST_VISCOELASTIC if self.name == VISCOELASTIC else 0.0
+        return v * restitution_at(v, min(max(e, least), 1.0), self.name, speed)
+
+
+class FittedLaw(NamedTuple):
+    """A law that was fitted to bounces."""
+
+    law: Law
+    restitution: float
+    error: float
+    # speed, speed_error: m s-1; NaN for a constant restitution
+    speed: float
+    speed_error: float
+    distance: Array  # squared distance of each bounce in standard errors; infinite without a fit
+
+
+def trials(name: str, speeds: Array) -> list[Law]:
+    """Laws of a name from which fits to bounces at these speeds begin."""
+    places = PLACES if name == PLASTIC else (0.5,)
+    return [Law(name, float(np.quantile(speeds, place))) for place in places]
+
+
+def best(fits: Sequence[FittedLaw]) -> FittedLaw:
+    """Return the fit that is nearest to the bounces."""
+    return min(fits, key=lambda one: float(one.distance.sum()))
+
+
+def summary(
+    law: Law, values: tuple[float, float], errors: tuple[float, float], far: Array
+) -> FittedLaw:
+    """Describe a fit by restitution and logarithm of the speed, their errors, and distances."""
+    if not law.parameters:
+        return FittedLaw(law, values[0], errors[0], law.speed, np.nan, far)
+    speed = float(np.exp(values[1]))
+    return FittedLaw(law, values[0], errors[0], speed, speed * errors[1], far)
+
+
+def possible(fits: Sequence[FittedLaw]) -> list[str]:
+    """Names of the laws that the bounces do not rule out, the best one first."""
+
+    def size(one: FittedLaw) -> float:
+        return float(one.distance.sum() + one.law.parameters * np.log(one.distance.size))
+
+    if not fits:
+        return []
+    first, *others = sorted(fits, key=size)
+    kept = [first.law.name]
+    for other in others:
+        gain = other.distance - first.distance
+        scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
+        if np.isfinite(gain).all() and size(other) - size(first) <= DECIDED * scatter:
+            kept.append(other.law.name)
+    return kept
+
+
+def speed_laws(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
+    """Variables of the dim law, for a dataset; `scale` multiplies speeds."""
+    columns = {
+        "law_restitution": ([one.restitution for one in fits], "1", "restitution of the law"),
+        "law_restitution_error": ([one.error for one in fits], "1", "its standard error"),
+        "law_speed": ([scale * one.speed for one in fits], "m s-1", "restitution_speed of the law"),
+        "law_speed_error": (
+            [scale * one.speed_error for one in fits],
+            "m s-1",
+            "its standard error",
+        ),
+        "law_distance": (
+            [float(one.distance.mean()) for one in fits],
+            "1",
+            "mean squared distance of the bounces in standard errors",
+        ),
+    }
+    found: dict[str, Any] = {"law": [one.law.name for one in fits]}
+    for name, (values, units, words) in columns.items():
+        found[name] = ("law", values, {"units": units, "long_name": words})
+    return found
+
+
+def law_text(found: xr.Dataset) -> str:
+    """Say what bounces tell of the law of restitution; `found` is a result of `estimate`."""
+    named = str(found.attrs["restitution_law"])
+    if not named:
+        return ""
+    if " or " in named:
+        return f"the bounces do not decide whether the law of restitution is {named}"
+    if named == CONSTANT:
+        others = " and ".join(name for name in FITTED if name != CONSTANT)
+        return f"the restitution is constant: the bounces rule out {others} laws"
+    one = found.sel(law=named)
+    e, speed = (
+        f"{float(one[name]):.4g} ± {float(one[name + '_error']):.2g}"
+        if np.isfinite(one[name + "_error"])
+        else f"{float(one[name]):.4g}"
+        for name in ("law_restitution", "law_speed")
+    )
+    return (
+        f'the restitution depends on speed: restitution_law = "{named}", restitution {e}, '
+        f"restitution_speed {speed} m/s; other parameters are those of a constant restitution"
+    )
