@@ -13,7 +13,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.lab.bounces import Bounces, solve, whiten
 from vibrosweep.lab.regression import TURN, spread_of_influences
-from vibrosweep.lab.speed_laws import FAR, FITTED, FittedLaw, Law, best, summary, trials
+from vibrosweep.lab.speed_laws import FAR, FITTED, FittedLaw, Law, best, summary, trials, unfitted
 
 # Most rounds of the adjustment, and the step in standard errors at which it has converged.
 ROUNDS: Final = 50
@@ -99,8 +99,7 @@ def _fit(bounces: Bounces, found: Adjusted, rate: float, free: bool, law: Law) -
     try:
         one = adjust(bounces, found.values[:3], float(found.values[3]) if free else rate, free, law)
     except np.linalg.LinAlgError:
-        nowhere = np.full(bounces.middle.size, np.inf)
-        return summary(law, (np.nan, np.nan), (np.nan, np.nan), nowhere)
+        return unfitted(law, bounces.middle.size)
     freedom = max(bounces.middle.size - one.values.size, 1)
     error = np.sqrt(np.diag(one.covariance) * max(1.0, one.chi_square / freedom))
     ends = float(one.values[0]), float(one.values[-1])

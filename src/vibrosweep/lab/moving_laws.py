@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.oscillation import MOST_STEPS, ROUNDS, Problem, Shaken, Trace
-from vibrosweep.lab.speed_laws import FITTED, FittedLaw, best, summary, trials
+from vibrosweep.lab.speed_laws import FITTED, FittedLaw, best, summary, trials, unfitted
 
 
 def fit_laws(
@@ -35,14 +35,17 @@ def _fit(problem: Problem, shaken: Shaken) -> FittedLaw:
     spread = np.sqrt(np.maximum(np.diag(shaken.covariance), 1e-20))
     kept = shaken.kept
     for _ in range(ROUNDS):
-        found = least_squares(
-            problem.whitened,
-            start,
-            problem.derivatives,
-            x_scale=np.append(spread, [0.1] * law.parameters),
-            args=(kept,),
-            max_nfev=MOST_STEPS,
-        )
+        try:
+            found = least_squares(
+                problem.whitened,
+                start,
+                problem.derivatives,
+                x_scale=np.append(spread, [0.1] * law.parameters),
+                args=(kept,),
+                max_nfev=MOST_STEPS,
+            )
+        except np.linalg.LinAlgError:
+            return unfitted(law, kept.size)
         start, kept = found.x, problem.near(found.x)
     slopes = np.asarray(found.jac)
     size = np.linalg.norm(slopes, axis=0)

@@ -30,6 +30,7 @@ DECIDED: Final = 3.0
 STEP: Final = 1e-5  # of speeds, relative, and of the restitution, in finite differences
 # Largest squared distance that counts, about three standard errors: one bounce must not decide
 FAR: Final = 10.0
+FARTHEST: Final = 30.0  # logarithm of a speed in m s-1 up to which a fit may stray
 LEAST_SPEED: Final = 1e-9  # m s-1
 
 
@@ -63,7 +64,8 @@ class Law(NamedTuple):
         return [(up - down) / (2.0 * STEP) for up, down in pairs]
 
     def _speed(self, v: Array, e: float, logarithm: float) -> Array:
-        speed = float(np.exp(logarithm)) if self.parameters else self.speed
+        speed = float(np.exp(np.clip(logarithm, -FARTHEST, FARTHEST)))
+        speed = speed if self.parameters else self.speed
         least = LEAST_VISCOELASTIC if self.name == VISCOELASTIC else 0.0
         return v * restitution_at(v, min(max(e, least), 1.0), self.name, speed)
 
@@ -101,12 +103,18 @@ def summary(
     return FittedLaw(law, values[0], errors[0], speed, speed * errors[1], far)
 
 
+def unfitted(law: Law, bounces: int) -> FittedLaw:
+    """Return the result for a law that no parameters bring near that many bounces."""
+    return FittedLaw(law, np.nan, np.nan, np.nan, np.nan, np.full(bounces, np.inf))
+
+
 def possible(fits: Sequence[FittedLaw]) -> list[str]:
     """Names of the laws that the bounces do not rule out, the best one first."""
 
     def size(one: FittedLaw) -> float:
         return float(one.distance.sum() + one.law.parameters * np.log(one.distance.size))
 
+    fits = [one for one in fits if np.isfinite(one.distance).all()]
     if not fits:
         return []
     first, *others = sorted(fits, key=size)
@@ -114,7 +122,7 @@ def possible(fits: Sequence[FittedLaw]) -> list[str]:
     for other in others:
         gain = other.distance - first.distance
         scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
-        if np.isfinite(gain).all() and size(other) - size(first) <= DECIDED * scatter:
+        if size(other) - size(first) <= DECIDED * scatter:
             kept.append(other.law.name)
     return kept
 
