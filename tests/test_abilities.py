@@ -220,6 +220,10 @@ def test_a_key_that_needs_another_one_is_refused_without_it(given, key):
     with pytest.raises(SpecError) as listed:
         keyword_spec(given)
     assert [mistake.key for mistake in listed.value.mistakes] == [key]
+    old = keyword_spec(
+        {"sample": {"design": "grid", "restitution": [0.8, 0.9], "seed": 1}}
+    )  # as a result holds it
+    assert old.design.seed == 1
 
 
 def test_every_analysis_can_be_had_over_some_base():

@@ -127,23 +127,6 @@ def check_noise(
             mistakes.add(key, rule, number)
 
 
-def check_needed(scene: Table, sample: Table, measure: Table, mistakes: Mistakes) -> None:
-    """Report keys that have no meaning without another one, which is not given."""
-    design = kind(sample)
-    if "seed" in sample and design in (GRID, TABLE):
-        rule = f"nothing is drawn under a {design}"
-        remedy, involved = "leave it out, or take a design that draws", ["sample.design"]
-        mistakes.add("sample.seed", rule, sample["seed"], remedy, involves=involved)
-    known = NOISE.keys() & {*scene, *sample, *sample.get("columns", ())}
-    if "noise_seed" in scene and not known and (design != TABLE or "columns" in sample):
-        remedy = f"give {', '.join(NOISE)} as well, or leave it out"
-        mistakes.add("scene.noise_seed", "nothing is random", scene["noise_seed"], remedy)
-    if "tolerance" in measure and "trust" not in measure:
-        rule, trust = "is the error up to which landings are trusted", Key("measure.trust")
-        asks: Text = ("give ", trust, " as well, or leave it out")
-        mistakes.add("measure.tolerance", rule, measure["tolerance"], asks, involves=[trust.path])
-
-
 def noise_homes(numbers: Table, sample: Table, varied: Collection[str]) -> dict[str, str]:
     """Return the noise that is given, other than zero, each with the table that gives it."""
     on = [name for name in NOISE if name in varied or numbers.get(name, 0.0) != 0.0]

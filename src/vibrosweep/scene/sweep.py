@@ -21,6 +21,7 @@ from vibrosweep.scene.keys import Tables, read_tables
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.text import text_of
 from vibrosweep.scene.traces import Traced, measured
+from vibrosweep.scene.unused import check_unused
 
 # Fields of a scene that [record] takes from [scene], beside the inputs
 SHARED: Final = (
@@ -223,7 +224,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     base = settings["base"]
     rules.check_given(base, settings["restitution_law"], scene, sample, mistakes)
     measures = Measures(**tables.get("measure", {}))
-    rules.check_needed(scene, sample, tables.get("measure", {}), mistakes)
+    check_unused(tables, mistakes, every=source is not None)
     noise = rules.noise_homes(numbers, sample, varied)
     rules.check_measures(base, settings["waveform"], noise, measures, mistakes)
     # one forcing only, also where two were reported
