@@ -6,7 +6,7 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.engine.in_units import impact_speeds
 from vibrosweep.kernels.statistics import IMPACT_SPEED, KINDS, Statistics
-from vibrosweep.model.restitution_laws import fastest_in_range
+from vibrosweep.model.restitution_laws import fastest_in_range, range_of
 from vibrosweep.model.status import Status
 
 LIMITED = {"restitution_law": "viscoelastic", "restitution": 0.8, "restitution_speed": 0.01}
@@ -20,6 +20,16 @@ def test_the_restitution_at_the_fastest_impact_of_the_range_is_the_least():
     unlimited = fastest_in_range("viscoelastic", np.ones(1), np.ones(1))
     assert np.isinf(unlimited)
     assert np.isinf(fastest_in_range("plastic", e, e)).all()
+
+
+def test_results_without_landings_say_up_to_where_the_law_holds():
+    inputs = {"restitution": 0.8, "restitution_speed": 0.01}
+    limit = fastest_in_range("viscoelastic", np.array([0.8]), np.array([0.01])).item()
+    assert f"up to {limit:.4g} m s-1" in range_of("viscoelastic", inputs)
+    assert "e(v) is at least 0.46:" in range_of("viscoelastic", {})
+    assert range_of("plastic", inputs) == ""
+    found = vs.branches({**LIMITED, "amplitude": [0.4, 0.5]})
+    assert found.restitution_law_range == range_of("viscoelastic", inputs)
 
 
 def test_impacts_outside_the_range_are_flagged_though_nothing_asks_for_it():

@@ -135,6 +135,7 @@ def test_exponents_along_the_path():
     noise = {"kick_noise": 1e-3, "restitution_noise": 1e-4}
     still, found = vs.sweep(**scene), vs.sweep(**scene, **noise)
     assert found.regime.item() == -1
+    assert "never repeats" in found.notes
     assert found.cycle_periods.item() == 0
     assert found.unsettled_count == 0
     for name in ("lyapunov_largest", "lyapunov_sum"):

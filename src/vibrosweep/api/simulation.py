@@ -27,7 +27,7 @@ from vibrosweep.model.measures import IMPACTS, MEASURES, RECORD, Variable
 from vibrosweep.model.ragged_arrays import ragged_columns, wasted
 from vibrosweep.model.restitution_laws import CONSTANT, VISCOELASTIC
 from vibrosweep.runs.driver import thread_count
-from vibrosweep.runs.notes import short_observation, strong_forcing
+from vibrosweep.runs.notes import NEVER_REPEATS, short_observation, strong_forcing
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, attributes_of_scene
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.keywords import batch
@@ -198,7 +198,11 @@ def simulate(
 
 def _short(scene: Scene, quantities: Mapping[str, Array]) -> str:
     """Warn and return a remark if the observation is too short for the regimes asked for."""
-    if not scene.measures.regimes or scene.restitution_law != CONSTANT:
+    if not scene.measures.regimes:
+        return ""
+    if scene.noise(quantities):
+        return NEVER_REPEATS
+    if scene.restitution_law != CONSTANT:
         return ""
     ends = float(quantities["restitution"].max()), float(quantities["frequency"].min())
     if note := short_observation(scene.base, *ends, scene.duration):

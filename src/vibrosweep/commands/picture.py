@@ -63,6 +63,8 @@ def produce(
     print("\n".join(kind.lines(found)))
     if found.attrs["notes"]:
         print(f"observation: {found.attrs['notes']}")
+    if limited := found.attrs.get("restitution_law_range"):
+        print(f"restitution_law: {limited}")
     save_result(found.assign_attrs(provenance(threads)), output, kind, force=options.force)
     with drawing(output):
         save(for_file(kind.axes, found), picture, force=options.force)

@@ -118,6 +118,17 @@ def fastest_in_range(law: str, restitution: Array, restitution_speed: Array | No
     return np.asarray(restitution_speed * ratio**10)
 
 
+def range_of(law: str, inputs: Mapping[str, float]) -> str:
+    """Say up to which speed of impact a law holds, of numbers that do not vary; "" if at any."""
+    if law != VISCOELASTIC:
+        return ""
+    said = f"holds where e(v) is at least {LEAST_VISCOELASTIC:g}"
+    if {"restitution", SPEED} <= inputs.keys():
+        e, speed = (np.asarray(inputs[name], np.float64) for name in ("restitution", SPEED))
+        said += f", in impacts of up to {float(fastest_in_range(law, e, speed)):.4g} m s-1"
+    return f"{said}: orbits with faster ones are computed with the same law, and not marked"
+
+
 def law_in(attributes: Mapping[str, Any]) -> str:
     """Return the law of restitution in attributes of a result; by default the constant one."""
     return str(attributes.get("restitution_law", CONSTANT))

@@ -16,12 +16,17 @@ from vibrosweep.scene.realizations import Realizations
 from vibrosweep.scene.sweep import Sweep
 
 STRONGEST: Final = 100.0  # acceleration of a shaker in g
+NEVER_REPEATS: Final = (
+    "random motion never repeats: no cycle is searched for, and regimes are at_rest or undetermined"
+)
 
 
 def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
     """Remarks on a sweep, by subject; empty if there are none."""
     found = {"defaults": _defaults(spec, design), "forcing": _strong_forcing(spec, design)}
-    if spec.scene.measures.regimes:
+    if spec.scene.noise(design.sampled):
+        found["noise"] = NEVER_REPEATS if spec.scene.measures.regimes else ""
+    elif spec.scene.measures.regimes:
         found |= {
             "observation": observation_of_orbits(spec, design),
             "exponents": _short_window(spec, design),
