@@ -39,8 +39,7 @@ EXEMPT: Final[Mapping[str, str]] = {
     "record.skip": "as of the scene",
     "record.measures": "every landing, up to the impact budget of the sweep",
 }
-# numba and llvmlite compile the kernels, scipy draws two of the designs, and an arcsine of numpy
-# enters every realization
+# numba and llvmlite compile the kernels, numpy and scipy draw designs
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
 # Sources that could affect the drawing, computing or storing of a sweep.
 SUBPACKAGES: Final = ("model", "theory", "kernels", "engine", "scene", "store", "runs")
