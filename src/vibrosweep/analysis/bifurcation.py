@@ -41,10 +41,10 @@ from vibrosweep.scene.scene import Scene
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["OBSERVABLES", "Observable", "bifurcation", "summary"]
+__all__ = ["OBSERVABLES", "OfImpacts", "bifurcation", "summary"]
 
 # phase of landing in turns, speed at lift-off in m s-1, gravity in m s-2 -> the observable
-Observable = Callable[[Array, Array, float], Array]
+OfImpacts = Callable[[Array, Array, float], Array]
 
 
 class Impacts(NamedTuple):
@@ -76,7 +76,7 @@ KEPT: Final = (
 
 
 def bifurcation(
-    sweep: Sweep, observable: str | Observable, samples: int, threads: int
+    sweep: Sweep, observable: str | OfImpacts, samples: int, threads: int
 ) -> xr.Dataset:
     """Follow the orbits of a sweep's particles up and down the forcing: `vibrosweep.bifurcation`.
 
@@ -132,7 +132,7 @@ def summary(diagram: xr.Dataset) -> Iterator[str]:
 
 
 def _observable(
-    observable: str | Observable,
+    observable: str | OfImpacts,
 ) -> tuple[str, tuple[Callable[[Impacts, float], Array], str, str]]:
     if callable(observable):
         custom = observable

@@ -11,7 +11,7 @@ from typing import Unpack
 import xarray as xr
 
 from vibrosweep.analysis.basins import basins as find_basins
-from vibrosweep.analysis.bifurcation import Observable
+from vibrosweep.analysis.bifurcation import OfImpacts
 from vibrosweep.analysis.bifurcation import bifurcation as follow_orbits
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.api.given_sweep import Spec, as_sweep, warned
@@ -119,7 +119,7 @@ def bifurcation(
     spec: Spec | None = None,
     /,
     *,
-    observable: str | Observable = "rebound_velocity",
+    observable: str | OfImpacts = "rebound_velocity",
     samples: int = 64,
     threads: int | None = None,
     **keywords: Unpack[SweepKeywords],
@@ -146,9 +146,10 @@ def bifurcation(
     Returns
     -------
     xarray.Dataset
-        Dims (direction, amplitude, particle, sample): the observable under its name, ``observable``
-        for a function.  Dims (direction, amplitude, particle): ``regime``, ``cycle_impacts``,
-        ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest`` with its error.
+        Dims (direction, amplitude, particle, sample), with the forcing that was given in the place
+        of the amplitude: the observable under its name, ``observable`` for a function.  Dims
+        (direction, amplitude, particle): ``regime``, ``cycle_impacts``, ``cycle_periods``,
+        ``cycle_rests``, ``lyapunov_largest`` with its error.
 
     Raises
     ------

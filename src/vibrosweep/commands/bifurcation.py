@@ -1,4 +1,4 @@
-"""``vibrosweep bifurcation``: follow orbits up and down the amplitude."""
+"""``vibrosweep bifurcation``: follow orbits up and down the forcing."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from vibrosweep.commands.arguments import positive
 from vibrosweep.commands.picture import add_common, produce
 
 NAME: Final = "bifurcation"
-HELP: Final = "draw what orbits do along the amplitude"
+HELP: Final = "follow orbits up and down the forcing, and draw them"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_common(parser, "a grid over amplitude")
+    add_common(parser, "a grid over the forcing")
     parser.add_argument(
         "--observable", metavar="NAME", default="rebound_velocity", help="default: rebound_velocity"
     )
