@@ -18,7 +18,7 @@ from typing import Any
 
 import vibrosweep as vs
 from accuracy import options_of
-from vibrosweep.abilities import SHAPED, refusal
+from vibrosweep.abilities import refusal
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, LAWS, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
@@ -33,7 +33,7 @@ def combinations() -> Iterator[dict[str, str]]:
     """Yield the laws and waveforms of each base."""
     for base, law, kept, shape in product(BASES, LAWS, RESTITUTION_LAWS, WAVEFORMS):
         allowed = not (refusal(base, law=law) or refusal(base, restitution=kept))
-        if allowed and base in SHAPED[shape]:
+        if allowed:
             yield {"base": base, "rebound": law, "restitution_law": kept, "waveform": shape}
 
 

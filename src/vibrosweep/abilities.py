@@ -13,17 +13,9 @@ from typing import Any, Final
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
-from vibrosweep.model.shapes import HARMONICS_NAME, PARABOLIC_NAME, SINE_NAME, WAVEFORMS
+from vibrosweep.model.shapes import SINE_NAME, WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
-
-
-# Bases that move with each waveform
-SHAPED: Final[Mapping[str, tuple[str, ...]]] = {
-    SINE_NAME: BASES,
-    PARABOLIC_NAME: APART,
-    HARMONICS_NAME: BASES,
-}
 
 
 @dataclass(frozen=True)
@@ -144,13 +136,8 @@ def refusal(
             f'{OF_CONSTANT[analysis]}, not of restitution_law = "{restitution}": take '
             f'restitution_law = "{CONSTANT}"'
         )
-    if waveform and waveform not in SHAPED:
-        return f'waveform = "{waveform}": must be {_quoted(SHAPED)}'
-    if waveform and base not in SHAPED[waveform]:
-        return (
-            f'waveform = "{waveform}" is not implemented with base = "{base}": take waveform = '
-            f'"{SINE_NAME}", or base = {_quoted(SHAPED[waveform])}'
-        )
+    if waveform and waveform not in WAVEFORMS:
+        return f'waveform = "{waveform}": must be {_quoted(WAVEFORMS)}'
     wanted = [_OF_PARTICLES[MEASURES[measure].coupled]] if measure else []
     wanted += [ANALYSES[analysis]] if analysis else []
     wanted += [_RANDOM[kind] for kind in noise] if not measure and not analysis else []
@@ -217,9 +204,8 @@ def _kept(base: str, one: dict[str, Any]) -> str:
     if refusal(base, **one):
         return "no"
     (name,) = one.values()
-    shapes = [shape for shape in WAVEFORMS if base in SHAPED[shape]]
-    kept = [shape for shape in shapes if not refusal(base, **{"waveform": shape, **one})]
-    limits = [] if kept == shapes or "waveform" in one else kept
+    kept = [shape for shape in WAVEFORMS if not refusal(base, **{"waveform": shape, **one})]
+    limits = [] if len(kept) == len(WAVEFORMS) or "waveform" in one else kept
     limits += ["constant restitution"] if "analysis" in one and name in OF_CONSTANT else []
     return ", ".join(limits) or "yes"
 

@@ -21,7 +21,7 @@ GAP = 1.0
 def test_a_particle_between_two_walls_repeats_the_impact_damper(amplitude, e, mu, natural):
     """No gravity and a wall on either side; an impact at the wall ahead is mirrored."""
     of = Mount(e, TWO_PI * amplitude, 0.0, Constant(), 0.0, mu, TWO_PI * natural, 0.0)
-    load = loaded(of, 0)
+    load = loaded(of, 0, 1.0)
     for speed, phase in impact_damper(GAP, amplitude, e, mu, natural):
         # just before the impact at the wall ahead
         place, velocity = speed / 4.0 - GAP / 2.0, -speed * (1.0 - e + 2.0 * mu) / (1.0 + e)

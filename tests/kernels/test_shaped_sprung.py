@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.shapes import Waveform
 from vibrosweep.proof.reference.coupled import coupled
 from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.scene.waveform import waveform_of
 
 SCENE = {"restitution": 0.3, "amplitude": 3.2, "phase": 0.3, "contact_time": 1e-2}
 SCENE |= {"launch_velocity": 3.0}
 SCENE |= {"mass_ratio": 0.2, "mount_frequency": 1.6, "mount_damping": 0.1}
 LAUNCHES = [0.0, 0.3, 0.55]
 DURATION = 2.5
-SHAPES = [{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}]
+SHAPES = [{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}, "parabolic"]
 # compiling would take longer than to interpret some dozen landings
 FOLLOW = """
 import json, sys
@@ -51,9 +51,9 @@ def followed():
 def test_landings_are_those_of_the_proof(followed, number):
     """Under a load, with rests and lift-offs."""
     shape = SHAPES[number]
-    tones = tuple(tuple(tone) for tone in shape["harmonics"])
+    waveform = waveform_of(shape)
     given = {name: one.default for name, one in PARAMETERS.items()} | SCENE
-    proved = coupled(given, LAUNCHES, DURATION, laws=Laws(waveform=Waveform("harmonics", tones)))
+    proved = coupled(given, LAUNCHES, DURATION, laws=Laws(waveform=waveform))
     rests = 0
     for particle, known in enumerate(proved.particles):
         rows = [np.array(row[particle], dtype=float) for row in followed[number]]

@@ -38,7 +38,7 @@ def test_free_motion_is_accurate_however_short(damping):
     with ctx.workprec(400):
         for s in np.geomspace(1e-12, 4.0, 60):
             w = rng.uniform(0.5, 15.0)
-            load = loaded(mount_of(0.9, 0.3, 0.0, w, damping), 0)
+            load = loaded(mount_of(0.9, 0.3, 0.0, w, damping), 0, 1.0)
             d, v = rng.uniform(-1.0, 1.0, 2)
             fall, slowed, lag, gained = exact(load, s)
             rise, gain, _, _ = free_motion(load, d, v + load.slow * d, s)
@@ -55,7 +55,7 @@ def test_free_motion_is_accurate_however_short(damping):
 
 @pytest.mark.parametrize("damping", [1.0 + 1e-9, 1.3, 20.0, 1e3])
 def test_the_acceleration_keeps_its_digits_once_a_recoil_has_decayed(damping):
-    load = loaded(mount_of(0.9, 0.0, 0.0, 5.0, damping), 0)
+    load = loaded(mount_of(0.9, 0.0, 0.0, 5.0, damping), 0, 1.0)
     with ctx.workprec(400):
         k, b = arb(load.stiffness), arb(load.drag)
         root = (b * b - k).sqrt()
@@ -72,7 +72,7 @@ def test_the_acceleration_keeps_its_digits_once_a_recoil_has_decayed(damping):
 def test_bounds_hold(damping):
     rng = np.random.default_rng(8)
     for _ in range(30):
-        load = loaded(mount_of(0.9, 0.3, 0.1, rng.uniform(0.5, 60.0), damping), 2)
+        load = loaded(mount_of(0.9, 0.3, 0.1, rng.uniform(0.5, 60.0), damping), 2, 1.0)
         d, v = rng.normal(0.0, (0.05, 1.0))
         b = v + load.slow * d
         limit = bounds(load, d, b)

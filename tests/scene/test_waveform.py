@@ -49,9 +49,3 @@ def test_a_mistake_gets_one_message(given, message):
         keyword_spec({"waveform": given})
     assert len(caught.value.mistakes) == 1
     assert message in str(caught.value)
-
-
-def test_another_base_refuses_it_with_one_sentence():
-    mount = {"mass_ratio": 0.1, "mount_frequency": 2.0}
-    with pytest.raises(SpecError, match='take waveform = "sine", or base = '):
-        keyword_spec({"waveform": "parabolic", "base": "sprung", **mount})

@@ -44,7 +44,7 @@ from vibrosweep.kernels.record import Record, Scale, Units, empty_record
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import SINE
+from vibrosweep.model.shapes import PARABOLIC_NAME, SINE
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene
@@ -99,7 +99,8 @@ def _followed(
     kernel = follow if observer is None else follow_uncached
     idle = [work_for(particles) for _ in range(min(size, workers.threads))]
     # a launch of each particle; each landing is followed by no more than one lift-off of riders
-    track = empty_track(size, particles * (1 + 2 * capacity) if capacity > 0 else 0)
+    events = particles * (1 + 2 * capacity) + _corners(batch, scene) if capacity > 0 else 0
+    track = empty_track(size, events)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
     written = MotionRecord(empty_record(size * particles, capacity), track, units)
 
@@ -114,6 +115,13 @@ def _followed(
 
     workers.each(task, size, _per_task(batch, particles), statistics, whole, written.record)
     return statistics, whole, written
+
+
+def _corners(batch: Coupled, scene: Scene) -> int:
+    """Largest number of corners that the drive passes until the end of the observation."""
+    if scene.waveform.name != PARABOLIC_NAME:
+        return 0
+    return 2 * int(np.max(batch.problem.end_count) - np.min(batch.launches.whole)) + 4
 
 
 def _per_task(batch: Coupled, particles: int) -> int:

@@ -148,11 +148,11 @@ def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
 
 
 @part
-def loaded(fixed: Mount, riders: int) -> Load:
-    """Return the base under the load of so many particles."""
+def loaded(fixed: Mount, riders: int, side: float) -> Load:
+    """Return the base under the load of so many particles, on a side of its drive."""
     mass = 1.0 + riders * fixed.mu
     stiffness, drag = fixed.w * fixed.w / mass, fixed.zeta * fixed.w / mass
-    drive = forced(fixed.waveform, fixed.alpha, fixed.w, fixed.zeta, mass)
+    drive = forced(fixed.waveform, fixed.alpha, fixed.w, fixed.zeta, mass, side)
     swing = math.sqrt(max(stiffness - drag * drag, 0.0))
     keeps = math.pi / swing if swing > 0.0 else np.inf
     fast = slow = 0.0

@@ -4,13 +4,13 @@ A deviation has the rows height of each particle, velocity of each, height and v
 Between impacts it follows the linear flow.  At an impact it is changed by the saltation matrix
 (Aizerman & Gantmakher 1958): the impact comes earlier by (dy - dY) / c, c the speed of approach.
 Particles that ride have the deviation of the base; where all leave it together, accelerations are
-continuous and nothing is added.
+continuous and nothing is added, nor at a corner of the drive, whose time does not deviate.
 """
 
 from __future__ import annotations
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part
-from vibrosweep.kernels.bases.drives import forcing
+from vibrosweep.kernels.bases.drives import forcing, side_of
 from vibrosweep.kernels.bases.sprung import Load, Mount, free_motion, loaded, recoil_share
 from vibrosweep.kernels.coupled.events import next_event
 from vibrosweep.kernels.coupled.state import (
@@ -53,9 +53,9 @@ def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
 
 
 @jit
-def _pull(state: System, fixed: Mount, count: int, speed: float) -> float:
-    """Acceleration of the base now, at this velocity and with so many riders."""
-    bare = loaded(fixed, 0)
+def _pull(state: System, fixed: Mount, load: Load, speed: float) -> float:
+    """Acceleration of the base now, at this velocity and under a load."""
+    bare, count = loaded(fixed, 0, side_of(load.drive)), load.riders
     driven = forcing(bare.drive, phase_now(state), bare.stiffness, bare.drag)
     free = driven - 2.0 * bare.drag * speed - bare.stiffness * state.now[NOW.HEIGHT]
     return float((free - 2.0 * count * fixed.mu) / (1.0 + count * fixed.mu))
@@ -85,7 +85,7 @@ def _impact(
     gain = 1.0 - share if sticks else 1.0 + q - share  # the same, gained by the particle
     kick = recoil_share(fixed, taking, kept, sticks) * c
     was = speed + kick  # the base, before the impact; the particle had c less
-    pulled = _pull(state, fixed, count, was)
+    pulled = _pull(state, fixed, before, was)
     for column in range(deviations.shape[1]):
         one = deviations[:, column]
         dy, dv = one[j], one[particles + j]
@@ -130,7 +130,7 @@ def follow_event(
         for column in range(deviations.shape[1]):
             deviations[event.who, column] = deviations[2 * particles, column]
             deviations[particles + event.who, column] = 0.0
-    elif event.kind != EVENT.LIFT:
+    elif event.kind == EVENT.BOUNCE or event.kind == EVENT.STICK:
         _impact(state, fixed, load, after, event, rode, deviations)
     _ride(state.mode, deviations)
     return event, after

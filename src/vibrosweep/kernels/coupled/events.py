@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from vibrosweep.kernels._jit import jit, part
+from vibrosweep.kernels.bases.drives import side_of, until_corner
 from vibrosweep.kernels.bases.sprung import Load, Mount, bounds, recoil, recoil_from
 from vibrosweep.kernels.coupled.search import (
     ROUNDING,
@@ -33,6 +34,7 @@ from vibrosweep.kernels.coupled.state import (
     System,
     acceleration,
     let_pass,
+    locate,
     under,
 )
 from vibrosweep.kernels.noise import draw_of, slipped, thrown
@@ -52,16 +54,19 @@ def next_event(
     of the base after it.
     """
     limit = bounds(load, state.now[NOW.D], state.now[NOW.B])
-    first = earliest(state)
+    first, corner = earliest(state), until_corner(load.drive, state.now[NOW.X])
+    horizon, smooth = min(until, corner), corner == np.inf
     for _ in range(TRIES):
-        time = min(first.time, until)
+        time = min(first.time, horizon)
         if load.riders > 0 and lift(state, load, time):
             return _drop(state, fixed, load)
         if state.now[NOW.LIFT] <= time:
             continue
-        if first.who < 0 and state.now[NOW.LIFT] == np.inf:
+        if first.who < 0 and state.now[NOW.LIFT] == np.inf and (smooth or load.riders == 0):
             return Event(EVENT.FINISHED, -1, np.inf, 0.0, False), load
-        if first.time > until:
+        if first.time > horizon:
+            if corner <= until:
+                return _turn(state, fixed, load, corner)
             return Event(EVENT.NONE, -1, until, 0.0, False), load
         if state.mode[first.who] == MODE.WAITING:
             return _launch(state, load, first.who, launch_speed)
@@ -70,10 +75,22 @@ def next_event(
             first = earliest(state)
             continue
         time = state.particle[PARTICLE.SAFE, first.who]
-        if lands and time <= until and not time > state.now[NOW.LIFT]:
+        if lands and time <= horizon and not time > state.now[NOW.LIFT]:
             return _land(state, fixed, load, first.who)
         first = First(first.who, time, first.other, first.then)
     return Event(EVENT.LOST, first.who, first.time, 0.0, False), load
+
+
+@part
+def _turn(state: System, fixed: Mount, load: Load, t: float) -> tuple[Event, Load]:
+    """Let the drive pass the corner after the time t, and look at all flights again."""
+    side = side_of(load.drive)
+    let_pass(state, load, t)
+    state.now[NOW.X] = math.copysign(0.25, side)  # but for rounding
+    locate(state, load)
+    after = under(state, fixed, load.riders, -side)
+    _expect(state, after, 0.0, False)
+    return Event(EVENT.CORNER, -1, t, 0.0, False), after
 
 
 @part
@@ -96,7 +113,8 @@ def _wait(state: System, load: Load, w: float) -> float:
     pull, _ = acceleration(state, load)
     falls = -2.0 - pull  # how much faster than gravity the base falls
     # F >= w s - (2 + pull) s^2 / 2, and F >= falls s^2 / 2 - jerk s^3 / 6
-    return max(2.0 * w / (2.0 + limit.pull), 3.0 * falls / limit.jerk if falls > 0.0 else 0.0)
+    wait = max(2.0 * w / (2.0 + limit.pull), 3.0 * falls / limit.jerk if falls > 0.0 else 0.0)
+    return min(wait, until_corner(load.drive, state.now[NOW.X]))
 
 
 @part
@@ -137,12 +155,16 @@ def _drop(state: System, fixed: Mount, load: Load) -> tuple[Event, Load]:
     """Let all riders leave the base, which begins to fall faster than gravity."""
     t = state.now[NOW.LIFT]
     let_pass(state, load, t)
-    bare = under(state, fixed, 0)
+    bare = under(state, fixed, 0, side_of(load.drive))
     _expect(state, bare, 0.0, False)
     limit = bounds(bare, state.now[NOW.D], state.now[NOW.B])
     # F'' = 0 now, F''' = -jerk: F >= -jerk s^3 / 6 - snap s^4 / 24
     _, jerk = acceleration(state, bare)
-    _release(state, 0.0, max(-4.0 * jerk / limit.snap, 0.0))
+    wait = max(-4.0 * jerk / limit.snap, 0.0) if limit.snap > 0.0 else 0.0
+    corner = until_corner(bare.drive, state.now[NOW.X])
+    if corner < np.inf:  # the acceleration may have jumped
+        wait = max(min(wait, corner), _wait(state, bare, 0.0))
+    _release(state, 0.0, wait)
     return Event(EVENT.LIFT, -1, t, 0.0, False), bare
 
 
@@ -188,7 +210,7 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
         state.mode[who] = MODE.RIDING
         particle[PARTICLE.SAFE, who] = np.inf
         _push(state, kick)
-        after = under(state, fixed, load.riders + 1)
+        after = under(state, fixed, load.riders + 1, side_of(load.drive))
         _expect(state, after, kick, False)
         return Event(EVENT.STICK, who, t, c, False), after
     alone = recoil_from(fixed.noise, fixed, 0, c, w)
@@ -196,7 +218,7 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
     dropped = load.riders > 0 and alone > fixed.r
     kick = alone if dropped else recoil_from(fixed.noise, fixed, load.riders, c, w)
     _push(state, kick)
-    after = under(state, fixed, 0) if dropped else load
+    after = under(state, fixed, 0, side_of(load.drive)) if dropped else load
     _expect(state, after, kick, not dropped)
     _leave(state, who, w, _wait(state, after, w))
     if dropped:

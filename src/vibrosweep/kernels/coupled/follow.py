@@ -8,6 +8,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncached, uncounted
 from vibrosweep.kernels.bases import Instant
+from vibrosweep.kernels.bases.drives import until_corner
 from vibrosweep.kernels.bases.sprung import Load, bounds, mount
 from vibrosweep.kernels.coupled.counting import (
     CoupledStatistics,
@@ -209,7 +210,9 @@ def _resting(
     than gravity: all particles together, or each by itself where none moves the base.
     """
     motion = motion_after(work.state, load, left)
-    stays = bounds(load, motion.d, motion.b).pull <= 2.0
+    # the corners of a drive keep exciting a base under a load
+    calm = load.riders == 0 or not weighs or until_corner(load.drive, 0.0) == np.inf
+    stays = calm and bounds(load, motion.d, motion.b).pull <= 2.0
     if stays and (load.riders == work.rides.size or not weighs):
         for j in range(work.rides.size):
             each.at_rest[first + j] = work.rides[j]
@@ -265,7 +268,9 @@ def follow(
                 _resting(work, load, fixed.mu > 0.0, place, left, each)
                 continue
             left = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
-            if event.kind == EVENT.LAUNCH:
+            if event.kind == EVENT.CORNER:
+                pass
+            elif event.kind == EVENT.LAUNCH:
                 if not past:
                     take_off(work, event.who)
                     launch_height[place + event.who] = work.lifted[2, event.who]

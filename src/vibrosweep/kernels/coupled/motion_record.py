@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, part, uncounted
-from vibrosweep.kernels.bases.drives import phase_of, place
+from vibrosweep.kernels.bases.drives import phase_of, place, side_of
 from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move, velocity
 from vibrosweep.kernels.coupled.state import NOW, System
 from vibrosweep.kernels.record import Record, Scale, Units, seconds
@@ -24,6 +24,7 @@ class Track(NamedTuple):
     deviation: Floats
     beyond: Floats
     riders: Integers  # how many particles ride
+    side: Floats  # of the drive
 
 
 class MotionRecord(NamedTuple):
@@ -36,8 +37,8 @@ class MotionRecord(NamedTuple):
 
 def empty_track(realizations: int, events: int) -> Track:
     """Allocate at most so many events of each realization."""
-    time, deviation, beyond = (np.full((realizations, events), np.nan) for _ in range(3))
-    return Track(time, deviation, beyond, unwritten((realizations, events), np.int64))
+    time, deviation, beyond, side = (np.full((realizations, events), np.nan) for _ in range(4))
+    return Track(time, deviation, beyond, unwritten((realizations, events), np.int64), side)
 
 
 @part
@@ -46,7 +47,7 @@ def write_base(state: System, load: Load, scale: Scale, i: int, event: int, out:
     if event < out.time.shape[1]:
         out.time[i, event] = seconds(scale, state.now[NOW.N], state.now[NOW.X])
         out.deviation[i, event], out.beyond[i, event] = state.now[NOW.D], state.now[NOW.B]
-        out.riders[i, event] = load.riders
+        out.riders[i, event], out.side[i, event] = load.riders, side_of(load.drive)
 
 
 @uncounted
@@ -68,7 +69,7 @@ def trace(
     for k in range(times.size):
         while event + 1 < track.time.shape[1] and track.time[i, event + 1] <= times[k]:
             event += 1
-        load = loaded(fixed, track.riders[i, event])
+        load = loaded(fixed, track.riders[i, event], track.side[i, event])
         turns = scale.frequency * track.time[i, event] + scale.phase
         at = phase_of(turns - np.rint(turns))
         d, b = track.deviation[i, event], track.beyond[i, event]

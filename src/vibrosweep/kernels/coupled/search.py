@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import fma, jit, part
+from vibrosweep.kernels.bases.drives import until_corner
 from vibrosweep.kernels.bases.sprung import Bounds, Load, Motion, bounds
 from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, motion_after
 
@@ -163,6 +164,7 @@ def lift(state: System, load: Load, until: float) -> bool:
     The time moves by some steps; where it is not after `until`, nothing is known yet.
     """
     now = state.now
+    jumps = until_corner(load.drive, 0.0) < np.inf
     for _ in range(STEPS):
         t = now[NOW.LIFT]
         if t > until:
@@ -173,7 +175,7 @@ def lift(state: System, load: Load, until: float) -> bool:
             now[NOW.LIFT] = np.inf
             return False
         g = motion.pull + 2.0
-        if g <= 0.0 and motion.jerk <= 0.0:
+        if g <= 0.0 and (motion.jerk <= 0.0 or jumps):
             return True
         ahead = t + _ahead(max(g, 0.0), motion.jerk, limit.snap)
         if not ahead > t:

@@ -17,6 +17,7 @@ import numpy as np
 
 from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
+from vibrosweep.kernels.bases.drives import side_at
 from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount, velocity
 from vibrosweep.kernels.coupled.deviations import follow_event, propagate
 from vibrosweep.kernels.coupled.follow import Coupled
@@ -223,6 +224,8 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
             out.at_rest[i] = 1
         if event.kind <= EVENT.LOST:
             break
+        if event.kind == EVENT.CORNER:
+            continue
         growth = _shrink(deviation)
         passed = state.now[NOW.N] + state.now[NOW.X] - start
         place = math.floor(BLOCKS * passed / length)
@@ -292,7 +295,7 @@ def carry(
     height and velocity of the base.
     """
     fixed, now = mount(problem, mounts, i), state.now
-    load = loaded(fixed, 0)
+    load = loaded(fixed, 0, side_at(fixed.waveform, now[NOW.X]))
     now[NOW.B] += load.slow * now[NOW.D]
     locate(state, load)
     now[NOW.HIGHEST], now[NOW.LIFT] = bounds(load, now[NOW.D], now[NOW.B]).height, np.inf
@@ -304,7 +307,7 @@ def carry(
             return -1
         if event.kind <= EVENT.LOST:
             break
-        landings += 1 if event.kind != EVENT.LIFT else 0
+        landings += 0 if event.kind == EVENT.LIFT or event.kind == EVENT.CORNER else 1
     let_pass(state, load, left)
     now[NOW.B] = velocity(load, now[NOW.D], now[NOW.B])
     propagate(load, left, state.mode, deviations)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, part
-from vibrosweep.kernels.bases.drives import Phase, phase_of, place
+from vibrosweep.kernels.bases.drives import Phase, phase_of, place, side_at
 from vibrosweep.kernels.bases.sprung import (
     Load,
     Motion,
@@ -73,6 +73,7 @@ class Kinds(NamedTuple):
     BOUNCE: int
     STICK: int
     LIFT: int  # all riders leave
+    CORNER: int  # the drive passes a corner of its velocity
 
 
 PARTICLE = Particle(*range(len(Particle._fields)))
@@ -131,7 +132,7 @@ def begin(state: System, fixed: Mount, problem: Dimensionless, launches: Launche
     now[NOW.LIFT], now[NOW.WAITING] = np.inf, mode.size
     for j in range(mode.size):
         particle[PARTICLE.SAFE, j] = _between(particle, j, first)
-    load = loaded(fixed, 0)
+    load = loaded(fixed, 0, side_at(fixed.waveform, now[NOW.X]))
     locate(state, load)
     return load
 
@@ -206,9 +207,9 @@ def since_now(state: System, j: int) -> float:
 
 
 @part
-def under(state: System, fixed: Mount, count: int) -> Load:
-    """Change the load: the same height and velocity of the base are another deviation."""
-    changed, now = loaded(fixed, count), state.now
+def under(state: System, fixed: Mount, count: int, side: float) -> Load:
+    """Change load or side: the same height and velocity of the base are another deviation."""
+    changed, now = loaded(fixed, count, side), state.now
     forced = place(changed.drive, phase_now(state))
     now[NOW.D] = now[NOW.HEIGHT] - (forced.height + changed.level)
     now[NOW.B] = now[NOW.SPEED] - forced.speed + changed.slow * now[NOW.D]

@@ -8,12 +8,12 @@ from __future__ import annotations
 from functools import cached_property
 from typing import NamedTuple
 
-from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform
 from vibrosweep.proof.reference._flint import arb
-from vibrosweep.proof.reference.decisions import UncertainError
+from vibrosweep.proof.reference.decisions import UncertainError, nearest_integer
 from vibrosweep.proof.reference.waves import Wave, wave_of
 
-ZERO = arb(0)
+ZERO, HALF = arb(0), arb(0.5)
 
 
 class Mount(NamedTuple):
@@ -24,6 +24,11 @@ class Mount(NamedTuple):
     damping: arb  # zeta
     mass_ratio: arb  # mu, of one particle and the base
     waveform: Waveform = SINE  # of the base without particles
+
+    @property
+    def has_corners(self) -> bool:
+        """Whether the acceleration of the drive jumps, at phases 1/4 and 3/4."""
+        return self.waveform.name == PARABOLIC_NAME
 
     @property
     def wave(self) -> Wave:
@@ -99,6 +104,48 @@ class Tones:
             (_turn(tone.number), (tone.forced[0] ** 2 + tone.forced[1] ** 2).upper().sqrt())
             for tone in self._tones
         ]
+
+
+class Stretch:
+    """Parabolic motion under a load, from a phase in turns on until the next corner.
+
+    Its acceleration is constant, 4 alpha on the side 1 around phase 0 and -4 alpha on the side -1,
+    and so is what a load hangs below the bare base because of it.
+    """
+
+    def __init__(self, mount: Mount, x: arb, load: arb, side: int) -> None:
+        middle = nearest_integer(x) if side > 0 else nearest_integer(x - HALF) + HALF
+        self._y, self._pull = x - middle, 4 * side * mount.alpha
+        self._top = mount.alpha / 8
+        self._sag = -load * self._pull / (mount.natural * mount.natural)
+
+    def derivative(self, order: int, s: arb) -> arb:
+        """As of `Tones`."""
+        y = self._y + s
+        if order == 0:
+            top = self._top if self._pull > 0 else -self._top
+            return self._pull / 2 * y * y - top + self._sag
+        return self._pull * y if order == 1 else self._pull if order == 2 else ZERO
+
+    def since(self, s: arb) -> tuple[arb, arb]:
+        """As of `Tones`."""
+        return self._pull / 2 * s * s, self._pull * s
+
+    def answer(self, s: arb) -> tuple[arb, arb]:
+        """As of `Tones`."""
+        return self._sag, ZERO
+
+    def most(self, order: int) -> arb:
+        """As of `Tones`, until the next corner."""
+        sizes = (self._top + abs(self._sag), abs(self._pull) / 4, abs(self._pull))
+        return sizes[order] if order < len(sizes) else ZERO
+
+
+def drive_of(mount: Mount, x: arb, load: arb, side: int, impact: int) -> Tones | Stretch:
+    """Forced motion from a phase on, on a side where the waveform has corners."""
+    if mount.waveform.name == PARABOLIC_NAME:
+        return Stretch(mount, x, load, side)
+    return Tones(mount, x, load, impact)
 
 
 def _turn(number: int) -> arb:

@@ -71,6 +71,12 @@ class Launch(NamedTuple):
     particles: tuple[int, ...]
 
 
+class Corner(NamedTuple):
+    """A corner of the velocity of the drive."""
+
+    turns: arb
+
+
 class Riders(NamedTuple):
     """Particles that ride the base and may leave it."""
 
@@ -84,7 +90,7 @@ class Next(NamedTuple):
     """
 
     s: arb
-    what: Launch | Flying | Riders
+    what: Launch | Corner | Flying | Riders
     course: Course | None = None
 
     def narrowed(self) -> Next:
@@ -94,6 +100,8 @@ class Next(NamedTuple):
         return self._replace(s=narrowed(self.course, self.s))
 
     def __str__(self) -> str:
+        if isinstance(self.what, Corner):
+            return "a corner of the drive"
         does = {Launch: "launch", Flying: "landing", Riders: "lift-off"}[type(self.what)]
         numbers = " and ".join(map(str, self.what.particles))
         return f"the {does} of particle {numbers}"

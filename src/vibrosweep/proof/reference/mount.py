@@ -18,10 +18,10 @@ from typing import Final
 
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
-from vibrosweep.proof.reference.drives import Mount, Tones
+from vibrosweep.proof.reference.drives import Mount, drive_of
 from vibrosweep.proof.reference.landing import SHY
 
-ZERO = arb(0)
+ZERO, ONE = arb(0), arb(1)
 # Number of derivatives of the height of the base that are needed.
 ORDERS: Final = 7
 
@@ -48,6 +48,8 @@ class Arc:
         Time between the instant and that state, which may be negative.
     impact
         Number of the next landing, for the error.
+    side
+        Side of the drive where its waveform has corners (`Stretch`); it ends at the next corner.
 
     Raises
     ------
@@ -56,7 +58,14 @@ class Arc:
     """
 
     def __init__(
-        self, mount: Mount, x: arb, state: tuple[arb, arb], riders: int, after: arb, impact: int
+        self,
+        mount: Mount,
+        x: arb,
+        state: tuple[arb, arb],
+        riders: int,
+        after: arb,
+        impact: int,
+        side: int = 1,
     ) -> None:
         load = riders * mount.mass_ratio
         mass, square = 1 + load, mount.natural * mount.natural
@@ -66,7 +75,7 @@ class Arc:
             raise UncertainError("whether the free base oscillates", impact)
         self._excess = ZERO if excess.is_zero() else self._z * self._z - self._q
         self.level = -2 * load / square
-        self._drive = Tones(mount, x, load, impact)
+        self._drive = drive_of(mount, x, load, side, impact)
         answered, rate = self._drive.answer(after)
         self._free = self._carried(state[0] - self.level - answered, state[1] - rate, -after)
         self._last: tuple[arb, tuple[arb, arb, arb]] | None = None
@@ -192,7 +201,9 @@ def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -
     elif lifted:  # the base falls ever faster for a while
         until = -arc.derivative(3, now) / arc.most(4, now)
     elif speed.is_zero():
-        until = -(2 + arc.derivative(2, now)) / arc.most(3, now)
+        least = arc.most(3, now)
+        falls = -(2 + arc.derivative(2, now))
+        until = falls / least if least > 0 else (ONE if falls > 0 else ZERO)
     if not until > 0:
         raise UncertainError("whether a particle leaves the base", impact)
     return until.lower()

@@ -25,13 +25,14 @@ from collections.abc import Sequence
 from typing import Final
 
 from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.decisions import UncertainError, certain_above
+from vibrosweep.proof.reference.decisions import UncertainError, certain_above, nearest_integer
 from vibrosweep.proof.reference.enclosure import FRAME_BITS
 from vibrosweep.proof.reference.events import (
     LANDING,
     LAUNCH,
     LIFTOFF,
     Bodies,
+    Corner,
     Event,
     Flying,
     Launch,
@@ -80,16 +81,36 @@ class System:
         self.landings = 0
         self._drawn: Counter[int] = Counter()  # impacts of each particle whose numbers are drawn
         self._instant, self._late = self._waiting[0].turns.mid(), ZERO
+        self._side = self._first_side()
         self._deviation, self._rate = deviation, rate
         self._arc = self._motion()
 
     def _motion(self) -> Arc:
         """Motion of the base from its present state on."""
         state = (self._deviation, self._rate), len(self._riders), self._late
-        return Arc(self._bodies.mount, self._instant, *state, self.landings + 1)
+        return Arc(self._bodies.mount, self._instant, *state, self.landings + 1, self._side)
+
+    def _first_side(self) -> int:
+        """Side of the drive at the first launch; 1 without corners."""
+        if not self._bodies.mount.has_corners:
+            return 1
+        rises = self._bodies.mount.wave.slope(2 * self._instant)
+        return 1 if certain_above(rises, ZERO, "the side of the first launch", 0) else -1
+
+    def _corner(self) -> list[Next]:
+        """Next corner of the drive, where something still may happen."""
+        if not self._bodies.mount.has_corners:
+            return []
+        offset = arb(0.25) if self._side > 0 else arb(0.75)
+        turns = offset + nearest_integer(self._instant + arb(0.5) - offset)
+        over = not (self._flying or self._waiting) and turns > self._end
+        return [] if over else [Next(turns - self._instant, Corner(turns))]
 
     def riders_stay(self, turns: arb) -> bool:
         """Tell whether no rider can leave from a phase on, if nothing lands until then."""
+        mount = self._bodies.mount
+        if mount.has_corners and self._riders and not mount.mass_ratio.is_zero():
+            return False  # the corners keep exciting a base under a load
         return Pressure(self._arc).lasts(turns - self._instant)
 
     def advance(self) -> bool:
@@ -105,6 +126,8 @@ class System:
         if isinstance(first.what, Launch):
             self._waiting.pop(0)
             self._launch(first.what.particles)
+        elif isinstance(first.what, Corner):
+            self._turn()
         elif isinstance(first.what, Riders):
             self._leave(ZERO, lifted=True)
         else:
@@ -114,7 +137,7 @@ class System:
 
     def _next(self) -> Next | None:
         """Return the first of all events that may come."""
-        found: list[Next] = []
+        found = self._corner()
         if self._waiting:
             found.append(Next(self._waiting[0].turns - self._instant, self._waiting[0]))
         for flying in self._flying:
@@ -160,7 +183,8 @@ class System:
     def _go_to(self, event: Next) -> arb:
         """Carry base and flights to an event; return the speed at which its particles land."""
         arc, s = self._arc, event.s
-        turns = event.what.turns if isinstance(event.what, Launch) else self._instant + s
+        what = event.what
+        turns = what.turns if isinstance(what, Launch | Corner) else self._instant + s
         instant = turns.mid()
         passed = self._passed = instant - self._instant
         self._instant, self._late, self._recoiled = instant, turns - instant, ZERO
@@ -176,8 +200,23 @@ class System:
         self._deviation, self._rate = arc.deviation(s)
         alpha, wave, h = self._bodies.mount.alpha, self._bodies.mount.wave, 2 * turns
         self._turns, self._height = turns, self._deviation + alpha * wave.level(h)
-        self._own_velocity, self._own_press = alpha * wave.velocity(h), 2 + alpha * wave.slope(h)
+        slope = arb(4 * self._side) if self._bodies.mount.has_corners else wave.slope(h)
+        self._own_velocity, self._own_press = alpha * wave.velocity(h), 2 + alpha * slope
         return arrival
+
+    def _turn(self) -> None:
+        """Pass a corner, where the base may begin to fall faster than gravity at once."""
+        self._side = -self._side
+        self._own_press = 2 + 4 * self._side * self._bodies.mount.alpha
+        if self._riders and not self._presses(self._rate):
+            self._leave(ZERO, lifted=False)
+
+    def _presses(self, rate: arb) -> bool:
+        """Decide whether the base, whose deviation has a rate, presses a particle."""
+        mount = self._bodies.mount
+        pull = mount.natural * (2 * mount.damping * rate + mount.natural * self._deviation)
+        what = "the base presses a particle"
+        return certain_above(self._own_press - pull, ZERO, what, self.landings)
 
     def _settle(self) -> None:
         """Begin the motion after the event, for all that fly, at the exact instant next to it."""
@@ -281,10 +320,7 @@ class System:
             return False
         if riding:  # the base presses them, and more after the impact
             return True
-        rate = self._rate - mount.mass_ratio * c / (1 + mount.mass_ratio)
-        pull = mount.natural * (2 * mount.damping * rate + mount.natural * self._deviation)
-        what = "the base presses a particle"
-        return certain_above(self._own_press - pull, ZERO, what, self.landings)
+        return self._presses(self._rate - mount.mass_ratio * c / (1 + mount.mass_ratio))
 
     def _note(
         self, kind: str, particle: int, before: arb, relative: arb | None, base: arb | None = None
