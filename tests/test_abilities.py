@@ -135,23 +135,6 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
         assert keyword_spec(over(base, **keys_of(asked))).scene.base == base
 
 
-@pytest.mark.parametrize(
-    ("base", "analysis", "waveform"),
-    [
-        (base, analysis, shape)
-        for base in BASES
-        for analysis in ANALYSES
-        for shape in WAVEFORMS
-        if refusal(base, analysis=analysis, waveform=shape) and not refusal(base, analysis=analysis)
-    ],
-)
-def test_what_a_waveform_cannot_have_is_refused_with_its_sentence(base, analysis, waveform):
-    with pytest.raises(VibrosweepError) as caught:
-        perform(base, analysis, waveform=SHAPES[waveform])
-    sentence = refusal(base, analysis=analysis, waveform=waveform)
-    assert str(caught.value).endswith(sentence)
-
-
 NOISE = {"kick_noise": 0.1}
 
 

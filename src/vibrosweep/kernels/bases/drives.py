@@ -6,8 +6,7 @@ height of the bare base answers with the harmonics that
     mass Y'' + 2 zeta w Y' + w^2 Y = Yf'' + 2 zeta w Yf' + w^2 Yf,        Yf = alpha W(x),
 
 leaves of it: each is multiplied by (b + i c) / (b - (mass - 1) v^2 + i c) with v = 2 pi h, c = 2
-zeta w v, b = w^2 - v^2.  Of the parabolic shape, Yf'' is 4 alpha or -4 alpha from one corner to the
-next, and a load hangs (mass - 1) Yf'' / w^2 below the bare base: both are known stretch by stretch.
+zeta w v, b = w^2 - v^2.  A drive with corners (`parabolic_drive`) is known stretch by stretch.
 """
 
 from __future__ import annotations
@@ -18,11 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import fma, generic, implements, jit
-from vibrosweep.kernels.bases.chained import CORNER, TOP, stretch_at
 from vibrosweep.kernels.bases.landing_search import turn
 from vibrosweep.kernels.harmonics import Harmonics, for_each
 from vibrosweep.kernels.sine import cos_turns, sin_turns
-from vibrosweep.kernels.waveforms import Parabolic, Shape, Sine
+from vibrosweep.kernels.waveforms import Shape, Sine
 from vibrosweep.model.shapes import TWO_PI
 
 Drive = Any  # one of the following named tuples
@@ -40,14 +38,6 @@ class Oscillations(NamedTuple):
 
     p: tuple[float, ...]
     q: tuple[float, ...]
-
-
-class Parabola(NamedTuple):
-    """One stretch of the parabolic motion, from one corner of the velocity to the next."""
-
-    alpha: float
-    side: float  # 1 where the base is accelerated upwards, around phase 0; -1 in the other half
-    sag: float  # of the load, by the acceleration of the drive
 
 
 class Phase(NamedTuple):
@@ -96,7 +86,7 @@ def steepness(shape: Shape) -> float:
 
 @generic
 def side_at(shape: Shape, x: float) -> float:
-    """Side of `Parabola` on which a phase is; 1 of a shape without corners."""
+    """Side on which a phase is, the sign of the acceleration; 1 of a shape without corners."""
 
 
 @generic
@@ -153,28 +143,6 @@ def side_of_smooth(drive: Drive) -> float:
 @implements(until_corner, Oscillation, Oscillations)
 def until_corner_smooth(drive: Drive, x: float) -> float:
     return np.inf
-
-
-@implements(side_at, Parabolic)
-def side_at_parabolic(shape: Shape, x: float) -> float:
-    return stretch_at(x)[0]
-
-
-@implements(side_of, Parabola)
-def side_of_parabola(drive: Parabola) -> float:
-    return drive.side
-
-
-@jit
-def _from_middle(drive: Parabola, x: float) -> float:
-    """Phase from the middle of the present stretch."""
-    return x if drive.side > 0.0 else x - math.copysign(0.5, x)
-
-
-@implements(until_corner, Parabola)
-def until_corner_parabola(drive: Parabola, x: float) -> float:
-    left = CORNER - _from_middle(drive, x)
-    return left if left > 0.0 else 0.0
 
 
 @implements(steepness, Sine)
@@ -292,7 +260,7 @@ def place_oscillations(drive: Oscillations, at: Phase) -> Place:
     return Place(height, speed, pull, jerk)
 
 
-@implements(forcing, Oscillations, Parabola)
+@implements(forcing, Oscillations)
 def forcing_oscillations(drive: Drive, at: Phase, stiffness: float, drag: float) -> float:
     forced = place(drive, at)
     return forced.pull + 2.0 * drag * forced.speed + stiffness * forced.height
@@ -337,34 +305,3 @@ def onto_oscillations(drive: Oscillations, at: Phase, s: float, free: Share) -> 
         d_h += d_more
         c_h += c_more
     return Share(rise, gain, pull, jerk)
-
-
-@implements(steepness, Parabolic)
-def steepness_parabolic(shape: Shape) -> float:
-    return 4.0
-
-
-@implements(forced, Parabolic)
-def forced_parabolic(
-    shape: Shape, alpha: float, w: float, zeta: float, mass: float, side: float
-) -> Parabola:
-    return Parabola(alpha, side, 4.0 * alpha * side * (mass - 1.0) / (w * w))
-
-
-@implements(place, Parabola)
-def place_parabola(drive: Parabola, at: Phase) -> Place:
-    y, pull = _from_middle(drive, at.x), 4.0 * drive.alpha * drive.side
-    height = drive.alpha * drive.side * fma(2.0 * y, y, -TOP)
-    return Place(height - drive.sag, pull * y, pull, 0.0)
-
-
-@implements(reach_of, Parabola)
-def reach_of_parabola(drive: Parabola) -> Reach:
-    return Reach(drive.alpha * TOP + abs(drive.sag), 4.0 * drive.alpha, 0.0, 0.0)
-
-
-@implements(onto, Parabola)
-def onto_parabola(drive: Parabola, at: Phase, s: float, free: Share) -> Share:
-    pull = 4.0 * drive.alpha * drive.side
-    rise, gain = fma(0.5 * pull * s, s, free.rise), fma(pull, s, free.gain)
-    return Share(rise, gain, free.pull + pull, free.jerk)

@@ -24,6 +24,7 @@ import numpy as np
 
 from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit, part
+from vibrosweep.kernels.bases import parabolic_drive  # noqa: F401 -- implementations
 from vibrosweep.kernels.bases.drives import (
     Drive,
     Phase,

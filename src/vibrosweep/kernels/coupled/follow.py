@@ -268,13 +268,11 @@ def follow(
                 _resting(work, load, fixed.mu > 0.0, place, left, each)
                 continue
             left = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
-            if event.kind == EVENT.CORNER:
-                pass
-            elif event.kind == EVENT.LAUNCH:
+            if event.kind == EVENT.LAUNCH:
                 if not past:
                     take_off(work, event.who)
                     launch_height[place + event.who] = work.lifted[2, event.who]
-            elif event.kind != EVENT.LIFT:
+            elif event.kind == EVENT.BOUNCE or event.kind == EVENT.STICK:
                 landing = _listed(state, event, opening, fixed.r)
                 seen = landing.who >= 0.0
                 if not past and memory.total[event.who] >= budget:
