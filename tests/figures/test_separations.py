@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 from vibrosweep.errors import DataError
+from vibrosweep.figures.registry import FIGURES
 from vibrosweep.figures.sensitivity import sobol_bars
 from vibrosweep.figures.separations import (
     decay_in_a_slot,
@@ -12,6 +13,7 @@ from vibrosweep.figures.separations import (
     separations_over_chance,
 )
 
+FLAGS = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "a b c"}
 OTHER = xr.Dataset({"separation": ("particle", [1.0])})
 
 
@@ -37,6 +39,21 @@ def test_realizations_without_chance_are_left_out_and_counted():
         "none: 0 of 1 realizations",
     ]
     np.testing.assert_allclose(chance.get_ydata(), 1.0 - np.exp(-chance.get_xdata()))
+
+
+def test_a_noise_that_varies_has_a_curve_for_each_quarter_of_its_range():
+    size = 40
+    strength = np.linspace(0.0, 0.2, size)
+    gap = {"dt_min": ("realization", np.geomspace(1e-6, 0.1, size)[::-1])}
+    codes = {"collision_free": ("realization", np.ones(size, np.int8), FLAGS)}
+    times = {"contact_time": 1e-4, "duration": 5.0, "frequency": 1.0, "gravity": 9.81}
+    at = {"kick_noise": ("realization", strength)}
+    sweep = xr.Dataset(gap | codes | times, at, attrs={"base": "high-bounce"})
+    axes = FIGURES["separation_distribution"].draw(sweep)
+    labels = [one.get_label() for one in axes.lines[:4]]
+    assert labels == [r"$\sigma_V$ to 0.05", "to 0.1", "to 0.15", "to 0.2 (m s$^{-1}$)"]
+    middles = [np.median(one.get_xdata()[1:-1]) for one in axes.lines[:4]]
+    assert middles == sorted(middles, reverse=True)
 
 
 def test_what_is_no_decay_is_refused():

@@ -16,7 +16,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import known
-from vibrosweep.model.parameters import MOUNT, OF_RESTITUTION
+from vibrosweep.model.parameters import MOUNT, NOISE, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME
 
@@ -40,6 +40,9 @@ SYMBOLS: Final = {
     "launch_velocity": "v_0",
     "contact_time": r"\tau_c",
     "restitution_speed": "v_r",
+    "restitution_noise": r"\sigma_e",
+    "kick_noise": r"\sigma_V",
+    "drive_noise": r"\sigma_A",
     "mass_ratio": r"\mu",
     "particle_mass": "m",
     "base_mass": "M",
@@ -188,14 +191,14 @@ def _units(name: str) -> str:
 
 
 def conditions(dataset: xr.Dataset) -> str:
-    """Base, law, and the restitution, forcing and frequency that all realizations share, in a line.
+    """Base, law, and what all realizations share of restitution, forcing and noise, in a line.
 
     The forcing has the form in which it was given, if the dataset holds that.
     """
     parts = []
     given = str(dataset.attrs.get("forcing", "amplitude"))
     forcing = given if given in dataset.variables else "amplitude"
-    for name in ("restitution", *OF_RESTITUTION, forcing, "frequency", *MOUNT):
+    for name in ("restitution", *OF_RESTITUTION, forcing, "frequency", *NOISE, *MOUNT):
         value = fixed(dataset, name) if name in dataset.variables else None
         if value is not None:
             units = _units(name)

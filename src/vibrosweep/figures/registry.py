@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibrosweep.errors import OutputError
 from vibrosweep.figures import data, height_curves, plane, restitution, returns, separations, style
 from vibrosweep.figures.data import Needs
+from vibrosweep.model.parameters import NOISE
 from vibrosweep.store.disk import replacing
 from vibrosweep.store.rows import flat
 
@@ -26,6 +28,7 @@ FORMATS: Final[Mapping[str, Mapping[str, None]]] = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 DOTS_PER_INCH: Final = 200
+QUARTERS: Final = 4  # of the range of a noise
 
 _SOURCES: Final = {
     "record": "the record of every landing: add a [record] section to the sweep file",
@@ -63,8 +66,27 @@ def _separation_distribution(sweep: xr.Dataset) -> Axes:
 
     sweep = flat(sweep)
     contact = float(data.quantity(sweep, "contact_time").min())
-    name = f"{sweep.sizes['realization']} realizations"
-    return separations.separation_distributions([separation_distribution(sweep)], [name], contact)
+    parts = _by_noise(sweep) or {f"{sweep.sizes['realization']} realizations": sweep}
+    found = [separation_distribution(part) for part in parts.values()]
+    return separations.separation_distributions(found, list(parts), contact)
+
+
+def _by_noise(sweep: xr.Dataset) -> dict[str, xr.Dataset]:
+    """Return quarters of the range of the noise, by their names; none unless one kind varies."""
+    kinds = [name for name in NOISE if name in sweep.variables and data.varies(sweep, name)]
+    if len(kinds) != 1:
+        return {}
+    name, strength = kinds[0], data.quantity(sweep, kinds[0])
+    ends = np.linspace(strength.min(), strength.max(), QUARTERS + 1)
+    place = np.searchsorted(ends[1:-1], strength, "right")
+    found: dict[str, xr.Dataset] = {}
+    for k, high in enumerate(ends[1:]):
+        rows = np.flatnonzero(place == k)
+        if rows.size:
+            before = "" if found else f"{data.symbol(name).strip()} "
+            after = data.format_units(NOISE[name].units) if k == QUARTERS - 1 else ""
+            found[f"{before}to {high:.3g}{after}"] = sweep.isel(realization=rows)
+    return found
 
 
 def _separation_over_chance(sweep: xr.Dataset) -> Axes:
