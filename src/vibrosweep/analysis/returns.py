@@ -77,8 +77,12 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     dims = ("point",)
     return xr.Dataset(
         {
-            "arrival_speed": variable(dims, before[known], "speed of arrival", "m s-1"),
-            "next_arrival_speed": variable(dims, after[known], "next speed of arrival", "m s-1"),
+            "arrival_speed": variable(
+                dims, before[known], "velocity of arrival, downwards", "m s-1"
+            ),
+            "next_arrival_speed": variable(
+                dims, after[known], "next velocity of arrival, downwards", "m s-1"
+            ),
             "kick": variable(dims, leaving[known] - kept, "kick w - e v", "m s-1"),
             "landing_time": variable(dims, time[known], "time of landing", "s"),
             "particle": variable(dims, particle[known], "particle"),

@@ -44,7 +44,7 @@ DOTS: Final[Mapping[str, Dots]] = {
         analysis.return_map,
         "arrival_speed",
         "next_arrival_speed",
-        "speed of arrival vₙ (m s⁻¹)",
+        "velocity of arrival vₙ (m s⁻¹)",
         "next one vₙ₊₁ (m s⁻¹)",
     ),
     "phases": Dots(
@@ -115,7 +115,8 @@ def _stays(one: xr.Dataset, base: BaseMotion, end: float) -> Columns:
     pieces = np.ones(start.size, np.int64)
     if base.speed > 0.0:  # it follows the base as finely as that is drawn
         wanted = np.ceil(SAMPLES * base.frequency * length)
-        pieces = np.maximum(wanted * min(1.0, MOST_SAMPLES / wanted.sum()), OF_STAY).astype(int)
+        share = min(1.0, MOST_SAMPLES / max(wanted.sum(), 1.0))
+        pieces = np.maximum(wanted * share, OF_STAY).astype(int)
     stay = np.repeat(np.arange(start.size), pieces)
     number = np.arange(stay.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     step = (length / pieces)[stay]

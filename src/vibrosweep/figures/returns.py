@@ -42,7 +42,7 @@ MOST_MODES: Final = 12
 
 @style.styled
 def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the arrival speed at each landing against that at the landing before.
+    """Draw the arrival velocity at each landing, downwards, against that at the landing before.
 
     All points lie in the strip of slope e and half-width A; over a moving base, whose height
     changes between landings, the half-width is A + 2 V0 with V0 = A / (1 + e).  Points of the
@@ -76,7 +76,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import return_map
     >>> return_map(vs.simulate(launch_time=[0.0, 0.125])).get_xlabel()
-    'arrival speed $v_n$ (m s$^{-1}$)'
+    'arrival velocity $v_n$ (m s$^{-1}$)'
     """
     from vibrosweep.analysis.returns import return_points  # loads xarray, which drawing does not
 
@@ -97,8 +97,8 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     _draw_points(axes, before, after, late, data.pick(one, "duration") / 2.0)
     view = (1.06 * lowest - 0.03 * top, top)
     axes.set(xlim=view, ylim=view, aspect="equal")
-    axes.set_xlabel("arrival speed $v_n$ (m s$^{-1}$)")
-    axes.set_ylabel("next arrival speed $v_{n+1}$ (m s$^{-1}$)")
+    axes.set_xlabel("arrival velocity $v_n$ (m s$^{-1}$)")
+    axes.set_ylabel("next arrival velocity $v_{n+1}$ (m s$^{-1}$)")
     style.head(axes, data.conditions(one), columns=2)
     return axes
 

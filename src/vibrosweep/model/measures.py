@@ -680,7 +680,7 @@ IMPACTS: Final[Mapping[str, Variable]] = {
             "arrival_speed",
             _RPI,
             "m s-1",
-            "speed of arrival, downwards",
+            "velocity of arrival, downwards",
             "that of the particle, not relative to the base; negative where the base catches up "
             "with a particle that rises",
         ),
