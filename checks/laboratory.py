@@ -35,6 +35,8 @@ from vibrosweep.lab.lines import flights_of, table_lines
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import samples_of
 from vibrosweep.lab.spec import read_experiments
+from vibrosweep.lab.surfaces import oscillating
+from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.lab.twin import Comparison
 from vibrosweep.model.locked_theory import amplitude_max
@@ -340,6 +342,15 @@ def drawn(figures):
         tracks = perform_trials(plan)[0].tracks
         figure = for_file(fitted_track, flights_of(tracks, fit_tracks(tracks, G, LEVEL)))
         save_formats(figure, figures, f"laboratory_track_{stem}")
+    (plan,) = read_experiments(SWEEPS / "two_tones.toml").experiments
+    plan = replace(plan, repeats=1, scene=replace(plan.scene, duration=26.0))
+    time = np.arange(20.0, 26.0, 1e-3)
+    height = oscillating(plan.parameters, plan.scene.waveform).height(time)
+    height += 1e-5 * np.random.default_rng(1).standard_normal(time.size)
+    view = View(trace=make_trace(time, height, "height"))
+    tracks = perform_trials(plan)[0].tracks
+    figure = for_file(fitted_track, flights_of(tracks, fit_tracks(tracks, G, view)))
+    save_formats(figure, figures, "laboratory_two_tones")
     return True
 
 

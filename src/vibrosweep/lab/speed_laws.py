@@ -156,7 +156,9 @@ def law_text(found: xr.Dataset) -> str:
     if not named:
         return ""
     if " or " in named:
-        return f"the bounces do not decide whether the law of restitution is {named}"
+        *others, last = named.split(" or ")
+        either = f"{', '.join(others)} or {last}"
+        return f"the bounces do not decide whether the law of restitution is {either}"
     if named == CONSTANT:
         others = " and ".join(name for name in FITTED if name != CONSTANT)
         return f"the restitution is constant: the bounces rule out {others} laws"
