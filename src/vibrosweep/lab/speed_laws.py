@@ -160,8 +160,8 @@ def law_text(found: xr.Dataset) -> str:
         either = f"{', '.join(others)} or {last}"
         return f"the bounces do not decide whether the law of restitution is {either}"
     if named == CONSTANT:
-        others = " and ".join(name for name in FITTED if name != CONSTANT)
-        return f"the restitution is constant: the bounces rule out {others} laws"
+        ruled_out = " and ".join(name for name in FITTED if name != CONSTANT)
+        return f"the restitution is constant: the bounces rule out {ruled_out} laws"
     one = found.sel(law=named)
     e, speed = (
         f"{float(one[name]):.4g} ± {float(one[name + '_error']):.2g}"
