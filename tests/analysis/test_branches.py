@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
@@ -213,8 +214,11 @@ def test_bad_input_is_refused_with_its_range():
 def test_figures_show_branches_and_curves_alone_and_over_a_sweep():
     branches = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], doublings=2, base="moving")
     assert orbit_branches(branches, ax=Figure().add_subplot()).lines
-    curves = vs.boundaries(restitution=[0.8, 0.9], amplitude=[0.5, 3.5])
-    plane = vs.sweep(restitution=[0.8, 0.85, 0.9], amplitude=[0.5, 2.0, 3.5])
+    curves = vs.boundaries(restitution=[0.8, 0.9], base_displacement=[0.03, 0.3])
+    velocity = 2.0 * np.pi * curves.base_displacement
+    xr.testing.assert_allclose(curves.amplitude, (1.0 + curves.restitution) * velocity)
+    # the plane is that of the amplitude
+    plane = vs.sweep(restitution=[0.8, 0.85, 0.9], base_displacement=[0.03, 0.1, 0.3])
     before = len(parameter_plane(plane, ax=Figure().add_subplot()).lines)
     drawn = orbit_boundaries(curves, sweep=plane, ax=Figure().add_subplot())
     assert len(drawn.lines) == before + 2 * curves.sizes["curve"]

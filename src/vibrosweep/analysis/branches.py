@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.analysis.closed_orbits import MOST_IMPACTS, MOST_PERIODS, cycle_name, multipliers
-from vibrosweep.analysis.common import attributes, grid_axes, require_ability, shared
+from vibrosweep.analysis.common import KEPT, attributes, grid_axes, require_ability, shared
 from vibrosweep.analysis.orbit_lines import (
     ENDS,
     EVENTS,
@@ -24,7 +24,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.closed import MEETS_BASE, RESTS
 from vibrosweep.kernels.continuation import BORN
 from vibrosweep.kernels.extended import FIX_DRIVE, FIX_E
-from vibrosweep.model.forcing import INPUTS, forcing_of
+from vibrosweep.model.forcing import FORCINGS, INPUTS, forcing_of
 from vibrosweep.model.measures import VARIABLES, Variable
 from vibrosweep.runs.result import coordinate_attributes
 
@@ -105,7 +105,13 @@ def boundaries(
     kinds = np.array([curve.kind for curve in curves], np.int8)
     kind = Variable("bifurcation", ("curve",), "int8", "1", "what happens there", flags=MET)
     data["bifurcation"] = (kind.dims, kinds, kind.attributes)
-    data |= shared(spec.scene, ["restitution", forcing])
+    varied = ("restitution", forcing)
+    every = spec.scene.quantities({name: data[name][1].ravel() for name in varied})
+    dims, values, _ = data[forcing]
+    for name in (name for name in KEPT if name != forcing):
+        words = coordinate_attributes(FORCINGS[name])
+        data[name] = (dims, every[name].reshape(values.shape), words)
+    data |= shared(spec.scene, varied)
     told = attributes(spec.scene, "Curves of bifurcations") | {"forcing": forcing}
     return xr.Dataset(data, attrs=told | _source(spec))
 

@@ -197,8 +197,9 @@ def boundaries(
     Returns
     -------
     xarray.Dataset
-        Dims (curve, point): ``restitution`` and the forcing under its name; and the other
-        variables of `vibrosweep.branches`.  Dim curve: ``bifurcation``, its kind.
+        Dims (curve, point): ``restitution``, the forcing under its name, ``amplitude`` and
+        ``base_acceleration``; and the other variables of `vibrosweep.branches`.  Dim curve:
+        ``bifurcation``, its kind.
 
     Raises
     ------
