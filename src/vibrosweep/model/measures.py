@@ -509,7 +509,7 @@ _JOINT: Final = Measure(
 _IMPACT_SPEED: Final = Measure(
     "greatest speed of impact, and whether the law of restitution holds there; always measured "
     'with restitution_law = "viscoelastic"',
-    "0.1 ns",
+    "0.1 ns over 12 periods, next to nothing over 1000",
     (
         _real(
             "impact_speed_max",
