@@ -13,7 +13,7 @@ from typing import Any, Final
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
-from vibrosweep.model.shapes import SINE_NAME, WAVEFORMS
+from vibrosweep.model.shapes import PARABOLIC_NAME, SINE_NAME, WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
 
@@ -77,7 +77,7 @@ _RANDOM: Final[Mapping[str, Ability]] = {
         (HIGH_BOUNCE,),
         "needs base = {others}: a base that moves would jump where its amplitude changes; take "
         "kick_noise or restitution_noise",
-        (SINE_NAME,),
+        (SINE_NAME, PARABOLIC_NAME),
     ),
 }
 # Analyses that take a constant restitution only, each with the reason

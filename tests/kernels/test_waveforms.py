@@ -7,7 +7,15 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.analysis import energy_balance, slot_decay
 from vibrosweep.kernels.harmonics import shape_of
-from vibrosweep.kernels.waveforms import Parabolic, kick_slope, left_out, lift_offs, velocity
+from vibrosweep.kernels.waveforms import (
+    Parabolic,
+    Sine,
+    kick_slope,
+    left_out,
+    lift_offs,
+    rise_of,
+    velocity,
+)
 from vibrosweep.model.shapes import Waveform
 
 TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
@@ -131,6 +139,15 @@ def test_cycles_with_different_rests_are_found_and_counted():
             apart = np.abs(late[block:] - late[:-block])
             assert np.minimum(apart, 1.0 - apart).max() < 1e-9
             assert len(set(np.round(late[-block:], 9))) > 1
+
+
+@pytest.mark.parametrize("shape", [Sine(), Parabolic()], ids=str)
+def test_a_kick_rises_and_falls_through_a_threshold_at_the_same_distance_from_its_peak(shape):
+    for ratio in (1e-6, 0.3, 0.999):
+        x = rise_of(shape, ratio)
+        assert velocity(shape, x) == pytest.approx(ratio, rel=1e-12)
+        assert velocity(shape, 0.5 - x) == pytest.approx(ratio, rel=1e-9)
+        assert velocity(shape, -x) == -velocity(shape, x)
 
 
 def test_the_triangle_keeps_its_bounds_at_its_corners():

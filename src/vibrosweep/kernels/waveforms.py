@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, generic, implements
+from vibrosweep.kernels._jit import Floats, generic, implements, jit
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
-from vibrosweep.model.arcsine import ARCSINE_ERROR
+from vibrosweep.model.arcsine import ARCSINE_ERROR, arcsin_turns
 
+_arcsin_turns = jit(arcsin_turns)
 Shape = Any
 LiftOffs = Any  # phases in turns at which a resting particle is lifted: a number, or a tuple
 CURVATURE = 2.0 * math.pi * math.pi  # half the second derivative of sin(2 pi x)
@@ -67,6 +68,14 @@ def lift_offs(shape: Shape, a: float, r: float, of_sine: float) -> LiftOffs:
     """Phases at which the kick a w(x) rises through r, NaN where it does not.
 
     `of_sine` is the phase for the sine.
+    """
+
+
+@generic
+def rise_of(shape: Shape, ratio: float) -> float:
+    """Phase in [0, 1/4] at which w rises through a ratio; it falls through it as long before 1/2.
+
+    Only of shapes that are the same on both sides of 1/4 and, with the other sign, of 0.
     """
 
 
@@ -139,6 +148,16 @@ def peak_of_one(shape: Shape) -> float:
 @implements(lift_offs, Sine)
 def lift_offs_sine(shape: Shape, a: float, r: float, of_sine: float) -> float:
     return of_sine
+
+
+@implements(rise_of, Sine)
+def rise_of_sine(shape: Shape, ratio: float) -> float:
+    return _arcsin_turns(ratio)  # type: ignore[no-any-return]
+
+
+@implements(rise_of, Parabolic)
+def rise_of_parabolic(shape: Shape, ratio: float) -> float:
+    return 0.25 * ratio
 
 
 @implements(lifts_once, Sine, Parabolic)

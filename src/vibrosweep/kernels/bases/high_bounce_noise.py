@@ -18,12 +18,10 @@ from vibrosweep.kernels.deviates import OF_DRIVE, deviate
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.noise import Noise, draw_of, driven, period_of
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
-from vibrosweep.kernels.waveforms import lift_off_error
-from vibrosweep.model.arcsine import arcsin_turns
+from vibrosweep.kernels.waveforms import Shape, lift_off_error, rise_of
 
 __all__: list[str] = []
 
-_arcsin_turns = jit(arcsin_turns)
 USELESS: Final = 2.0**-20  # turns; a larger bound of the error of a lift-off is of no use
 LONGEST: Final = 2**24  # forcing periods after which the search for a lift-off ends
 
@@ -48,9 +46,9 @@ def random_high_bounce(
 
 
 @jit
-def _lift_in(kick: float, r: float, after: float) -> tuple[bool, float]:
+def _lift_in(shape: Shape, kick: float, r: float, after: float) -> tuple[bool, float]:
     """Return whether the kick exceeds r later in a period than `after`, and when, in turns."""
-    rises = _arcsin_turns(r / abs(kick))
+    rises = rise_of(shape, r / abs(kick))
     falls = 0.5 - rises
     # where it is negative the kick is upward in the second half of the period
     rises, falls = (0.5 + rises, 0.5 + falls) if kick < 0.0 else (rises, falls)
@@ -58,18 +56,16 @@ def _lift_in(kick: float, r: float, after: float) -> tuple[bool, float]:
 
 
 @jit
-def _first_lift(
-    noise: Noise, stream: float, size: float, a: float, r: float, n: float, x: float
-) -> tuple[float, float]:
+def _first_lift(noise: Noise, fixed: Constants, n: float, x: float) -> tuple[float, float]:
     """Whole periods and phase at which the kick first exceeds r from (n, x) on.
 
     After `LONGEST` periods the search ends: the count is NaN then.
     """
-    period = period_of(n, x)
+    period, stream, size = period_of(n, x), fixed.source.stream, fixed.source.drive
     after = x + (n - period)  # turns from the beginning of the period, in [0, 1]
     for _ in range(LONGEST):
-        kick = driven(noise, a, size * deviate(noise.key, stream, 0.0, period, OF_DRIVE))
-        lifts, after = _lift_in(kick, r, after)
+        kick = driven(noise, fixed.a, size * deviate(noise.key, stream, 0.0, period, OF_DRIVE))
+        lifts, after = _lift_in(fixed.base.waveform, kick, fixed.r, after)
         if lifts:
             whole = np.rint(after)
             return period + whole, after - whole
@@ -96,7 +92,7 @@ def first_lift_error(
         if not abs(kick - r) > 2.0 * off:
             return StateError(np.inf, np.inf)
         if kick > r:
-            rises = _arcsin_turns(r / kick)
+            rises = rise_of(fixed.base.waveform, r / kick)
             factor = 3.0 + a * abs(drive) / kick
             edge += factor * lift_off_error(fixed.base.waveform, kick, r, rises) + 4.0 * HALF_ULP
             turned = 0.5 if 1.0 + drive < 0.0 else 0.0
@@ -129,24 +125,23 @@ def _wake_in(
 ) -> tuple[float, float]:
     if on is None or n == np.inf:
         return n, x
-    stream, size = fixed.source.stream, fixed.source.drive
-    whole, phase = _first_lift(noise, stream, size, fixed.a, fixed.r, n + origin, x)
+    whole, phase = _first_lift(noise, fixed, n + origin, x)
     return whole - origin, phase
 
 
 @implements(bases.prepare, HighBounce)
 def prepare_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
-    _wake_all(base.noise, s, lanes)
+    _wake_all(base.noise, base.waveform, s, lanes)
 
 
 @jit
-def _wake_all(noise: Noise | None, s: Floats, lanes: int) -> None:
+def _wake_all(noise: Noise | None, shape: Shape, s: Floats, lanes: int) -> None:
     if noise is not None:
-        _wake_lanes(noise.drive, noise, s, lanes)
+        _wake_lanes(noise.drive, noise, shape, s, lanes)
 
 
 @jit
-def _wake_lanes(on: int | None, noise: Noise, s: Floats, lanes: int) -> None:
+def _wake_lanes(on: int | None, noise: Noise, shape: Shape, s: Floats, lanes: int) -> None:
     """Check whether the drawn forcing period ends the rest of a lane, as `_first_lift` does."""
     if on is not None:
         wide_vectors()
@@ -156,7 +151,7 @@ def _wake_lanes(on: int | None, noise: Noise, s: Floats, lanes: int) -> None:
             asked = s[ROW.ASLEEP + j]
             period = period_of(n + origin, x)
             kick = driven(noise, a, s[ROW.DRIVE + j])
-            lifts, after = _lift_in(kick, r, x + (n + origin - period))
+            lifts, after = _lift_in(shape, kick, r, x + (n + origin - period))
             rests = asked > 0.0
             given_up = rests & (asked >= LONGEST) & (not lifts)
             whole = np.rint(after) if lifts else 1.0
