@@ -121,6 +121,11 @@ def over_laws(seeds):
     return wrong <= WRONG * len(seeds) * len(FITTED) * len(LAWS_OVER)
 
 
+def fastest(impacts):
+    """Speed in m/s that few bounces on a level base exceed; only those above it may yield."""
+    return float(impacts["impact_speed"].quantile(0.9))
+
+
 def law_left(base, numbers, law, seed):
     """How a film with this law is judged."""
     rng = np.random.default_rng((seed, 39))
@@ -147,6 +152,8 @@ def law_left(base, numbers, law, seed):
         return "not measured"
     if left == [""]:
         return "not measured"
+    if law == "plastic" and left[0] == "constant" and scene["restitution_speed"] > fastest(found):
+        law = "constant"
     return "ruled out" if law not in left else "only it" if len(left) == 1 else "it and others"
 
 

@@ -14,11 +14,13 @@ from vibrosweep.arrays import Array
 from vibrosweep.lab.bounces import Bounces, solve, whiten
 from vibrosweep.lab.regression import TURN, spread_of_influences
 from vibrosweep.lab.speed_laws import FAR, FITTED, FittedLaw, Law, best, summary, trials, unfitted
+from vibrosweep.model.restitution_laws import CONSTANT, PLASTIC
 
 # Most rounds of the adjustment, and the step in standard errors at which it has converged.
 ROUNDS: Final = 50
 CLOSE: Final = 1e-6
 ROUGH: Final = 1e-2  # the same of a law with a kink, on which a step may never be smaller
+BETWEEN: Final = (0.05, 0.999)  # restitutions of a law that depends on speed
 LONGEST: Final = 0.3  # step of the logarithm of a speed
 
 
@@ -48,7 +50,7 @@ def adjust(
     if law.parameters:
         values = np.append(values, np.log(law.speed))
     errors, instant = bounces.errors, bounces.instant.copy()
-    half, close = bounces.gravity / 2.0, ROUGH if law.parameters else CLOSE
+    half, close = bounces.gravity / 2.0, ROUGH if law.name == PLASTIC else CLOSE
     for _ in range(ROUNDS):
         e, s, c = values[:3]
         f = values[3] if free else rate
@@ -76,6 +78,8 @@ def adjust(
         if law.parameters:
             step[-1] = np.clip(step[-1], -LONGEST, LONGEST)
         values = values + step
+        if law.name != CONSTANT:
+            values[0] = np.clip(values[0], *BETWEEN)
         if np.all(np.abs(step) <= close * np.sqrt(np.diag(inverse))):
             break
     else:
@@ -97,7 +101,12 @@ def fit_laws(bounces: Bounces, found: Adjusted, rate: float, *, free: bool) -> l
 
 def _fit(bounces: Bounces, found: Adjusted, rate: float, free: bool, law: Law) -> FittedLaw:
     try:
-        one = adjust(bounces, found.values[:3], float(found.values[3]) if free else rate, free, law)
+        # at a fixed speed first, because a constant restitution may give a bad beginning
+        values = found.values
+        for one_law in dict.fromkeys((law._replace(fixed=True), law)):
+            at = float(values[3]) if free else rate
+            one = adjust(bounces, values[:3], at, free, one_law)
+            values = one.values
     except np.linalg.LinAlgError:
         return unfitted(law, bounces.middle.size)
     freedom = max(bounces.middle.size - one.values.size, 1)

@@ -35,15 +35,19 @@ LEAST_SPEED: Final = 1e-9  # m s-1
 
 
 class Law(NamedTuple):
-    """A law of restitution, and its speed in m s-1 unless that is a parameter."""
+    """A law of restitution, and its speed in m s-1.
+
+    The speed is where a fit begins if it is a parameter, as of a plastic law unless it is `fixed`.
+    """
 
     name: str = CONSTANT
     speed: float = np.nan
+    fixed: bool = False
 
     @property
     def parameters(self) -> int:
         """Number of parameters beside the restitution: the logarithm of the speed of yielding."""
-        return int(self.name == PLASTIC)
+        return int(self.name == PLASTIC and not self.fixed)
 
     def after(self, v: Array, e: float, logarithm: float) -> tuple[Array, Array | float]:
         """Speed after an impact at the speed v, and its derivative by v."""
@@ -114,17 +118,18 @@ def possible(fits: Sequence[FittedLaw]) -> list[str]:
     def size(one: FittedLaw) -> float:
         return float(one.distance.sum() + one.law.parameters * np.log(one.distance.size))
 
-    fits = [one for one in fits if np.isfinite(one.distance).all()]
-    if not fits:
+    fitted = [one for one in fits if np.isfinite(one.distance).all()]
+    if not fitted:
         return []
-    first, *others = sorted(fits, key=size)
+    first, *others = sorted(fitted, key=size)
     kept = [first.law.name]
     for other in others:
         gain = other.distance - first.distance
         scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
         if size(other) - size(first) <= DECIDED * scatter:
             kept.append(other.law.name)
-    return kept
+    # where no fit is found nothing is ruled out
+    return kept + [one.law.name for one in fits if not np.isfinite(one.distance).all()]
 
 
 def speed_laws(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
