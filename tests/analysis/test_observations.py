@@ -14,6 +14,7 @@ from vibrosweep.engine import landings
 from vibrosweep.engine import measure as engine
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.lab.prediction import predict
+from vibrosweep.model.shapes import SINE
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.scene import Scene
 
@@ -39,7 +40,9 @@ ANALYSES = {
     },
     "sweep": lambda workers: sweep(amplitude=SCAN, separation=True, particles=20, duration=300.0),
     "sensitivity": lambda workers: sobol(amplitude=(0.3, 3.5), particles=5, realizations=64),
-    "lab compare": lambda workers: predict(IMPACTS, all_parameters({"amplitude": SCAN}), workers),
+    "lab compare": lambda workers: predict(
+        IMPACTS, all_parameters({"amplitude": SCAN}), [SINE] * SCAN.size, workers
+    ),
 }
 
 
