@@ -15,7 +15,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import ABSENT, Mistake, Word
 from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
 from vibrosweep.model.parameters import STREAM
-from vibrosweep.model.restitution_laws import CONSTANT, range_of
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.times import Periods, in_seconds
 from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes
@@ -60,9 +60,7 @@ def note_of(scene: Scene, restitution: float | None = None) -> str:
 
 def attributes(scene: Scene, title: str) -> dict[str, Any]:
     """Attributes of a dataset, without those parameters that it holds as coordinates."""
-    limited = range_of(scene.restitution_law, scene.inputs)
     return {
-        **({"restitution_law_range": limited} if limited else {}),
         "title": title,
         "particles": scene.particles,
         "launch": scene.launch if isinstance(scene.launch, str) else np.asarray(scene.launch),

@@ -126,7 +126,7 @@ def range_of(law: str, inputs: Mapping[str, float]) -> str:
     if {"restitution", SPEED} <= inputs.keys():
         e, speed = (np.asarray(inputs[name], np.float64) for name in ("restitution", SPEED))
         said += f", in impacts of up to {float(fastest_in_range(law, e, speed)):.4g} m s-1"
-    return f"{said}: orbits with faster ones are computed with the same law, and not marked"
+    return f"{said}; faster ones are computed with the same law"
 
 
 def law_in(attributes: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from vibrosweep.model.forcing import ACCELERATION, INPUTS, sources
 from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import STREAM, Parameter
 from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
+from vibrosweep.model.restitution_laws import range_of
 from vibrosweep.model.times import Periods
 from vibrosweep.runs.chunks import Stream, batch_size, column_kinds
 from vibrosweep.runs.identity import identity
@@ -182,11 +183,14 @@ def identity_in(file: Any) -> str:
 
 def attributes_of_scene(scene: Scene, varied: Collection[str] = ()) -> dict[str, Any]:
     """Attributes of a dataset that say what moves; `varied` are inputs that differ in it."""
+    shared = {name: value for name, value in scene.inputs.items() if name not in varied}
+    limited = range_of(scene.restitution_law, shared)
     return {
         "base": scene.base,
         "rebound": scene.rebound,
         "waveform": scene.waveform.text,
         "restitution_law": scene.restitution_law,
+        **({"restitution_law_range": limited} if limited else {}),
         "forcing": scene.forcing(varied),
         **({"noise_seed": scene.noise_seed} if scene.noise(varied) else {}),
         **{f"{n}_periods": t.number for n, t in scene.times.items() if isinstance(t, Periods)},
