@@ -1,6 +1,5 @@
 """Points of every kind of result, and the realizations behind them."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ import xarray as xr
 import vibrosweep as vs
 from vibrosweep.errors import DataError
 from vibrosweep.explore.points import of_result, open_points
-from vibrosweep.model.shapes import Waveform
 from vibrosweep.store.rows import flat
 
 HERE = Path("out.h5")
@@ -128,5 +126,3 @@ def test_a_point_of_another_waveform_is_simulated_with_it(tmp_path):
     np.testing.assert_array_equal(shown["landing_time"], expected["landing_time"])
     for base in ("moving", "sprung"):
         assert choice.over(base).scene.waveform == choice.scene.waveform
-    parabolas = replace(choice, scene=replace(choice.scene, waveform=Waveform("parabolic")))
-    assert parabolas.over("moving").scene.waveform.name == "sine"

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 import vibrosweep as vs
-from vibrosweep.abilities import refusal
 from vibrosweep.model.forcing import inputs_of
 from vibrosweep.model.parameters import LAWS, SPRUNG, STAGGERED
 from vibrosweep.model.shapes import SINE
@@ -82,15 +81,10 @@ class Choice:
         return replace(self._changed(inputs=used, given=frozenset(used)), mount=every)
 
     def over(self, base: str) -> Choice:
-        """Return the choice over another base, with the law of rebound that every base has.
-
-        The waveform is kept where that base has it too, and else a sine.
-        """
+        """Return the choice over another base, with the law of rebound that every base has."""
         if base == self.scene.base:
             return self
-        waveform = self.scene.waveform
-        waveform = SINE if refusal(base, waveform=waveform.name) else waveform
-        return self._changed(base=base, rebound=LAWS[0], waveform=waveform).with_inputs()
+        return self._changed(base=base, rebound=LAWS[0]).with_inputs()
 
     def with_particles(self, particles: int) -> Choice:
         """Return the choice with another number of particles; listed launches become staggered."""
