@@ -72,7 +72,10 @@ def over_harmonics(seeds):
             continue
         try:
             one = estimate(find_impacts(perform_trials(plan)[0].tracks, trace=trace))
+            determined = bool(one["determined"])
         except TrackError:
+            determined = False
+        if not determined:
             refused += 1
             continue
         size = 0.5 * np.ptp(base.height(np.linspace(0.0, 1.0 / scene["frequency"], 20001)))
@@ -91,7 +94,7 @@ def over_harmonics(seeds):
             kind = name.split("_")[0] if name[-1].isdigit() else name
             kind = "phase of a harmonic" if name.startswith("phase_") else kind
             off.setdefault(kind, []).append((away / errors[name], errors[name]))
-    print(f"{right} of {len(seeds)} numbers of harmonics right, {refused} films refused\n")
+    print(f"{right} of {len(seeds)} numbers of harmonics right, {refused} films not determined\n")
     print("| parameter | typical error | mean square deviation | 68 % cover |\n|---|---|---|---|")
     every = []
     for kind, pairs in off.items():

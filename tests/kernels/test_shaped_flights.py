@@ -26,8 +26,8 @@ def test_no_first_landing_is_missed():
     random = np.random.default_rng(7)
     found = judge(drawn(3, random), 20_000, random)
     assert not found.missed.any()
-    assert found.error.max() <= 4.0
-    assert found.speed_error.max() <= 4.0
+    assert found.error.max() <= 1.0
+    assert found.speed_error.max() <= 1.0
 
 
 def test_a_known_trajectory():

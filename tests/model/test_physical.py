@@ -19,7 +19,8 @@ FUNCTIONS = {n: f for n, f in vars(vs.theory).items() if n in vs.theory.__all__ 
 
 def possible(function):
     values = {"restitution": 0.9, "acceleration": 2.0, "contact_time": 1e-4}
-    names = [n for n in inspect.signature(function).parameters if n not in ("base", "law")]
+    chosen = ("base", "law", "waveform")  # by their names
+    names = [n for n in inspect.signature(function).parameters if n not in chosen]
     return {name: values.get(name, 1.0) for name in names}
 
 
