@@ -128,7 +128,7 @@ def changed(page, before):
 def realization(drawn):
     """The record that the lines of Python on the page give."""
     names = {}
-    exec(drawn["code"].partition("figure = ")[0], names)
+    exec(drawn["code"].partition("\nvs.figures.")[0], names)
     return names["record"]
 
 
