@@ -61,7 +61,7 @@ def main() -> None:
     threads = parser.parse_args().threads
     found, missing = available(OPTIONAL)
     always = [ensembles.package, compiled.naive, ensembles.vectorised, flights.scipy_events]
-    points, _ = measure(SWEEPS, [*always, *found], threads)
+    points = measure(SWEEPS, [*always, *found], threads)
     write_table(points + bare_points(threads, missing), missing, TABLE)
     rows = read_rows(TABLE)
     draw(rows, PICTURE)

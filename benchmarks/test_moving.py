@@ -185,19 +185,20 @@ def test_streaming_against_heyoka_with_events(key, record_property):
     """Time per impact; heyoka is too slow to be raced with."""
     taylor = pytest.importorskip("methods.taylor")
     from methods import compiled
-    from methods.scenes import MOVING_SCENES
-    from methods.truth import prove
+    from methods.finals import read_references
+    from methods.scenes import SCENES
 
-    (scene,) = (scene for scene in MOVING_SCENES if scene.key == key)
+    (scene,) = (scene for scene in SCENES if scene.key == key)
     scene = replace(scene, tolerances=scene.tolerances[-1:])
-    orbits = prove(scene)
-    (peer,) = taylor.heyoka_events(scene, orbits, 1)
+    sizes = [reference.landings for reference in read_references()[key]]
+    (peer,) = taylor.heyoka_events(scene, sizes, 1)
     with Workers(THREADS) as workers:
-        impacts = int(compiled.stream(scene, scene.batch, workers).landings.sum())
+        run = compiled.streaming(scene, workers)
+        impacts = run()
         seconds = math.inf
         for _ in range(9):
             began = time.perf_counter()
-            compiled.stream(scene, scene.batch, workers)
+            run()
             seconds = min(seconds, time.perf_counter() - began)
     ratio = peer.ns_per_impact / (1e9 * seconds / impacts)
     print(f"\n{key}: {ratio:.0f} times the speed of heyoka")

@@ -1,54 +1,84 @@
-"""Run time per impact against largest landing-time error, for this package and its rivals.
+"""Processor time per landing against the error of the last landing, for this package and others.
 
-    python benchmarks/work_precision.py -o docs
+    python benchmarks/work_precision.py prove      # benchmarks/references.csv, once
+    python benchmarks/work_precision.py time       # benchmarks/finals.csv
+    python benchmarks/work_precision.py compare    # docs: work-precision.md, its table and figure
 
-writes ``work-precision.md``, ``work_precision.csv``, and ``work_precision.png`` and
-``work_precision_moving.png`` in ``images``.  Errors are against the proved reference.  heyoka and
-diffrax take part where they are installed.
+Each step reads only what the step before has stored.  All methods run on one thread; heyoka and
+diffrax are timed where they are installed, and else keep the rows of the day when they were.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import time
 from pathlib import Path
 
-from methods import compiled, flights, moving
-from methods.contest import available, measure, write_table
-from methods.figure import draw
-from methods.report import report
-from methods.scenes import MOVING_SCENES, SCENES
-from vibrosweep.runs.driver import available_threads
-
-OPTIONAL = (
-    ("heyoka", "methods.taylor", "heyoka_events"),
-    ("diffrax", "methods.jaxed", "diffrax_events"),
+from methods.finals import (
+    FINALS,
+    REFERENCES,
+    Reference,
+    error_of,
+    keep,
+    prove_references,
+    read,
+    read_references,
+    row_of,
+    write,
 )
+from methods.scenes import SCENES
+
+DOCS = Path(__file__).parents[1] / "docs"
+HEYOKA = ("heyoka", "methods.taylor", "heyoka_events")
+DIFFRAX = ("diffrax", "methods.jaxed", "diffrax_events")
+
+
+def prove() -> None:
+    """Store the references."""
+    write(REFERENCES, Reference._fields, prove_references(SCENES))
+
+
+def time() -> None:
+    """Time every method that is installed, and store what it found."""
+    from methods import compiled, flights, mounted, moving, shaken
+    from methods.contest import available, timings
+
+    heyoka, diffrax = (available([peer])[0] for peer in (HEYOKA, DIFFRAX))
+    moved = [moving.scalar, flights.scipy_events, *heyoka, *diffrax]
+    drawn = [shaken.shaken, flights.scipy_events, *heyoka]
+    own = {
+        "sprung": [mounted.scalar_mounted, mounted.scipy_mounted],
+        "tones": drawn,
+        "noise": drawn,
+    }
+    plain = [compiled.naive, flights.scipy_events, compiled.fixed_step, *heyoka, *diffrax]
+    for scene in SCENES:
+        sizes = [reference.landings for reference in read_references()[scene.key]]
+        others = own.get(scene.key, moved if scene.base == "moving" else plain)
+        points = timings(scene, sizes, [compiled.kernel, *others], threads=1)
+        keep([row_of(point, sizes) for point in points])
+
+
+def compare() -> None:
+    """Write errors, the figure and the page from what is stored."""
+    from methods.figure import draw
+    from methods.report import report
+
+    references, rows = read_references(), read(FINALS)
+    for row in rows:
+        row["last_landing_error_s"] = f"{error_of(row, references[row['scene']]):.3e}"
+        del row["finals"]
+    order = [scene.key for scene in SCENES]
+    rows.sort(key=lambda row: order.index(row["scene"]))
+    write(DOCS / "work_precision.csv", tuple(rows[0]), (row.values() for row in rows))
+    draw(rows, SCENES, DOCS / "images" / "work_precision.png")
+    (DOCS / "work-precision.md").write_text(report(rows, references), encoding="utf-8")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs"), metavar="DIR")
-    parser.add_argument("--threads", type=int, default=available_threads(), metavar="N")
-    options = parser.parse_args()
-    began, load = time.perf_counter(), os.getloadavg()[0]
-    always = [compiled.kernel, compiled.naive, flights.scipy_events, compiled.fixed_step]
-    found, missing = available(OPTIONAL)
-    points, bound = measure(SCENES, [*always, *found], options.threads)
-    alike = [compiled.kernel, moving.scalar, flights.scipy_events, *found]
-    more, bound_of_moving = measure(MOVING_SCENES, alike, options.threads)
-    bound = max(bound, bound_of_moving)
-    images = options.output / "images"
-    images.mkdir(parents=True, exist_ok=True)
-    write_table(points + more, missing, options.output / "work_precision.csv")
-    draw(points, SCENES, images / "work_precision.png")
-    draw(more, MOVING_SCENES, images / "work_precision_moving.png")
-    minutes = (time.perf_counter() - began) / 60.0
-    loads = (load, os.getloadavg()[0])
-    text = report(points + more, missing, bound, options.threads, loads, minutes)
-    (options.output / "work-precision.md").write_text(text, encoding="utf-8")
-    print(f"{minutes:.1f} minutes; written to {options.output}")
+    steps = {"prove": prove, "time": time, "compare": compare}
+    parser.add_argument("step", choices=steps)
+    steps[parser.parse_args().step]()
 
 
 if __name__ == "__main__":

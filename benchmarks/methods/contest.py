@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import importlib.util
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from methods.scenes import Point, Scene
 from methods.sweeps import Sweep
-from methods.truth import Orbit, prove
+from methods.truth import prove, worst
 
-Method = Callable[[Scene | Sweep, list[Orbit], int], Iterator[Point]]
+# of a scene, the landings that are wanted of each proved trajectory, and threads
+Method = Callable[[Scene | Sweep, list[int], int], Iterator[Point]]
 
 COLUMNS = (
     "scene", "method", "setting", "threads", "trajectories", "impacts", "ns_per_impact",
@@ -36,25 +38,28 @@ def available(optional: Sequence[tuple[str, str, str]]) -> tuple[list[Method], l
     return found, missing
 
 
-def measure(
-    scenes: Sequence[Scene | Sweep], methods: Sequence[Method], threads: int
-) -> tuple[list[Point], float]:
-    """Every point of every scene, told as they come, and the error of the truth itself in s."""
-    points, bound = [], 0.0
-    for scene in scenes:
-        orbits = prove(scene)
-        radius = max(orbit.radius for orbit in orbits)
-        bound = max(bound, radius)
-        print(f"{scene.title}: {scene.proved} orbits proved to {radius:.0e} s", flush=True)
-        for method in methods:
-            for point in method(scene, orbits, threads):
-                print(
-                    f"  {point.method:24} {point.setting:14} {point.ns_per_impact:12.4g} ns "
-                    f"{point.error:10.2e} s  {point.note}",
-                    flush=True,
-                )
-                points.append(point)
-    return points, bound
+def measure(sweeps: Sequence[Sweep], methods: Sequence[Method], threads: int) -> list[Point]:
+    """Every point of every sweep, with the largest error of any landing."""
+    points = []
+    for sweep in sweeps:
+        orbits = prove(sweep)
+        for point in timings(sweep, [orbit.size for orbit in orbits], methods, threads):
+            error, missing = worst(orbits, point.times)
+            note = point.note if point.partial else missing or point.note
+            points.append(replace(point, error=error, note=note))
+    return points
+
+
+def timings(
+    scene: Scene | Sweep, sizes: list[int], methods: Sequence[Method], threads: int
+) -> Iterator[Point]:
+    """Points of a scene without errors, told as they come."""
+    print(scene.title, flush=True)
+    for method in methods:
+        for point in method(scene, sizes, threads):
+            told = f"{point.method:24} {point.setting:36} {point.ns_per_impact:12.4g} ns"
+            print(f"  {told}  {point.note}", flush=True)
+            yield point
 
 
 def write_table(points: list[Point], missing: list[str], path: Path) -> None:

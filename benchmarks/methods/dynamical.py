@@ -14,7 +14,6 @@ from methods.compiled import MARGIN, count_landings
 from methods.scenes import Point, table
 from methods.sweeps import Sweep
 from methods.timing import medians, timed
-from methods.truth import Orbit, worst
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS
 
@@ -42,7 +41,7 @@ def _starts(rows: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(rows[:, [-1, VELOCITY]])
 
 
-def ensemble(sweep: Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+def ensemble(sweep: Sweep, sizes: list[int], threads: int) -> Iterator[Point]:
     """One call per realization, because a call takes one parameter set; it keeps all states.
 
     A call takes a number of impacts and no end: here as many as the longest trajectory needs.
@@ -56,7 +55,6 @@ def ensemble(sweep: Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]
         states = system.trajectory(_starts(row[None]), impacts, parameters=row)
         left = np.concatenate([_starts(row[None]), states[:-1]])
         times.append(left[:, 0] + 2.0 * left[:, 1] / row[GRAVITY])
-    error, note = worst(orbits, times)
     counts = count_landings(sweep.table, sweep.duration, sweep.reflect)
     by_realization = sweep.table.reshape(sweep.realizations, sweep.particles, -1)
     longest = counts.reshape(sweep.realizations, -1).max(axis=1)
@@ -70,12 +68,12 @@ def ensemble(sweep: Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]
     for used in {1, threads}:  # short calls are over before a second thread has joined
         numba.set_num_threads(used)
         run()
-        by_threads[used] = timed(run)[1]
+        by_threads[used] = timed(run, threads)[1]
     used = min(by_threads, key=by_threads.__getitem__)
     landings = int(counts.sum())
     steps = int(longest.sum()) * sweep.particles / landings
-    note = note or f"one call per realization; {steps:.2g} times the landings, for want of an end"
-    run_of = (used, sweep.lanes, landings, by_threads[used], error)
+    note = f"one call per realization; {steps:.2g} times the landings, for want of an end"
+    run_of = (used, sweep.lanes, landings, by_threads[used], times)
     yield Point(sweep.key, PYNAMICALSYS, "", *run_of, note)
 
 
@@ -150,6 +148,6 @@ def bare_points(threads: int) -> list[Point]:
     runs += [(PYNAMICALSYS, way, bare.their_impacts) for way in BARE]
     size = bare.trajectories
     return [
-        Point("bare", name, way, threads, size, size * impacts, taken, float("nan"))
+        Point("bare", name, way, threads, size, size * impacts, taken, [])
         for (name, way, impacts), taken in zip(runs, seconds, strict=True)
     ]

@@ -14,7 +14,6 @@ from methods.moving import count_moving_landings
 from methods.scenes import Point, Scene, table
 from methods.sweeps import Sweep
 from methods.timing import timed
-from methods.truth import Orbit, worst
 from vibrosweep.model.parameters import PARAMETERS
 
 # read when jax is first imported
@@ -51,7 +50,7 @@ class HighBounce:
         The law.
     """
 
-    solver = diffrax.Tsit5()
+    solver, settings = diffrax.Tsit5(), "rtol {:.0e}, atol {:.0e}, Tsit5"
 
     def __init__(self, reflects: bool) -> None:
         self.reflects = reflects
@@ -89,7 +88,7 @@ class HighBounce:
 class Moving:
     """Impacts on a moving base; heights and velocities are relative to it."""
 
-    solver = diffrax.Dopri8()
+    solver, settings = diffrax.Dopri8(), "rtol {:.0e}, atol {:.0e}, Dopri8"
 
     def constants(self, row) -> dict:
         """As those of `HighBounce`."""
@@ -193,36 +192,34 @@ def _statistics(rows: np.ndarray, duration: float, reflects: bool) -> Callable:
     return jax.jit(jax.vmap(trajectory)).lower(rows).compile()
 
 
-def jax_map(scene: Scene | Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+def jax_map(scene: Scene | Sweep, sizes: list[int], threads: int) -> Iterator[Point]:
     """The map in a loop under `vmap`, which goes on until the last lane of a block has ended."""
     sample, reflects = table(scene.cases), bool(scene.reflect)
     impacts = int(count_landings(sample, scene.duration + MARGIN, scene.reflect).max())
     found = np.asarray(_landings(sample, _parabola, HighBounce(reflects), impacts)(sample))
-    error, note = worst(orbits, list(found))
+    times = list(found)
     blocks = np.array_split(scene.table, scene.lanes // BLOCK)
     solve = _statistics(blocks[0], scene.duration, reflects)
     found, seconds = timed(lambda: jax.block_until_ready([solve(block) for block in blocks]))
-    run = (1, scene.lanes, sum(int(counts.sum()) for counts, *_ in found), seconds, error)
-    note = note or f"{BLOCK} lanes under vmap; compilation is not timed"
+    run = (1, scene.lanes, sum(int(counts.sum()) for counts, *_ in found), seconds, times)
+    note = f"{BLOCK} lanes under vmap; compilation is not timed"
     yield Point(scene.key, JAX, "streaming", *run, note)
 
 
-def diffrax_events(scene: Scene | Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+def diffrax_events(scene: Scene | Sweep, sizes: list[int], threads: int) -> Iterator[Point]:
     """Every tolerance of the scene; the sample and further lanes in one vectorised run."""
     sample = table(scene.cases)
-    long = max(orbit.size for orbit in orbits) >= MOST_IMPACTS
+    long = max(sizes) >= MOST_IMPACTS
     extra = scene.table[:: scene.lanes // LANES][: 0 if long else LANES - len(sample)]
     rows = np.concatenate([sample, extra])
     moving = scene.base == "moving"
     base = Moving() if moving else HighBounce(bool(scene.reflect))
     count = count_moving_landings if moving else count_landings
     counts = count(rows, scene.duration, scene.reflect)
-    counts[: len(sample)] = [orbit.size for orbit in orbits]
+    counts[: len(sample)] = sizes
     for rtol in scene.tolerances:
         solve = _landings(rows, _event(base, rtol), base, int(counts.max()))
         found, seconds = timed(lambda solve=solve: np.asarray(solve(rows)))
-        error, note = worst(orbits, list(found[: len(sample)]))
-        yield Point(
-            scene.key, DIFFRAX, f"rtol {rtol:.0e}", 1, len(rows), int(counts.sum()), seconds,
-            error, note or f"{len(rows)} lanes under vmap; compilation is not timed",
-        )  # fmt: skip
+        setting, note = base.settings.format(rtol, 1e-3 * rtol), f"{len(rows)} lanes under vmap"
+        run = (1, len(rows), int(counts.sum()), seconds, list(found[: len(sample)]))
+        yield Point(scene.key, DIFFRAX, setting, *run, note)

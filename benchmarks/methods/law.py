@@ -6,6 +6,8 @@ import math
 from typing import NamedTuple
 
 from methods.scenes import Case
+from vibrosweep.model.shapes import SINE
+from vibrosweep.proof.deviates import deviates_of
 
 AFTER_REST = 1e-5  # radians of phase; see `MovingBase`
 
@@ -39,15 +41,25 @@ class HighBounceBase:
         self.liftoff_angle = math.asin(self.rest_velocity / self.amplitude)
         self.reflects = case.rebound == "reflect"
         self.start = LiftOff(case.launch, 0.0, p["launch_velocity"])
+        self.tones = case.waveform.tones or ((1, 1.0, 0.0),)
+        self.push = (1.0 + self.restitution) * p.get("kick_noise", 0.0)
+        self.drawn, self.impacts = deviates_of(0, 0.0, case.particle).of_impact, 0
+        self.plain = case.waveform == SINE and self.push == 0.0
 
     def leave(self, time: float, speed: float) -> LiftOff:
         """Lift-off after a landing at `time` with `speed`."""
         angle = self.omega * time + self.phase
-        w = self.restitution * speed + self.amplitude * math.sin(angle)
+        shape = sum(weight * math.sin(h * angle + psi) for h, weight, psi in self.tones)
+        w = self.restitution * speed + self.amplitude * shape
+        if self.push > 0.0:
+            w += self.push * self.drawn(self.impacts)[1]
+            self.impacts += 1
         if self.reflects:
             w = abs(w)
         if w > self.rest_velocity:
             return LiftOff(time, 0.0, w)
+        if not self.plain:
+            raise NotImplementedError("a rest under two tones or noise, which no scene here has")
         wait = (self.liftoff_angle - angle) % (2.0 * math.pi)
         return LiftOff(time + wait / self.omega, 0.0, self.rest_velocity)
 

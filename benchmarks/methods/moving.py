@@ -9,7 +9,6 @@ import numpy as np
 from methods.compiled import MARGIN
 from methods.scenes import Point, Scene, table
 from methods.timing import timed
-from methods.truth import Orbit, worst
 from moving_loops import scalar_moving
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, launches
@@ -39,13 +38,12 @@ def count_moving_landings(rows: np.ndarray, duration: float, reflect: None) -> n
     return out[0]
 
 
-def scalar(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+def scalar(scene: Scene, sizes: list[int], threads: int) -> Iterator[Point]:
     """The same search, one flight after the other."""
     sample = table(scene.cases)
-    times = np.full((len(sample), max(orbit.size for orbit in orbits)), np.nan)
+    times = np.full((len(sample), max(sizes)), np.nan)
     end = scene.duration + MARGIN
     scalar_moving(0, len(sample), *_given(sample, end), end, times, _room(len(sample)))
-    error, note = worst(orbits, list(times))
     problem, start = _given(scene.table, scene.duration)
     out = _room(scene.lanes)
     task = min(TRAJECTORIES_PER_TASK, -(-scene.lanes // (4 * threads)))
@@ -59,6 +57,7 @@ def scalar(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
             )
 
         run()
-        _, seconds = timed(run)
+        _, seconds = timed(run, threads)
     impacts = int(out[0].sum())
-    yield Point(scene.key, SCALAR, "streaming", threads, scene.lanes, impacts, seconds, error, note)
+    run_of = (threads, scene.lanes, impacts, seconds, list(times))
+    yield Point(scene.key, SCALAR, "streaming", *run_of)

@@ -2,199 +2,155 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-from importlib.metadata import version
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from methods import compiled, moving
-from methods.scenes import MOVING_SCENES, SCENES, Point, Scene
-from methods.truth import forced_phase_error
-from vibrosweep.store.provenance import provenance
+from accuracy import table
+from methods import compiled
+from methods.finals import Reference, Row
+from methods.flights import SCIPY
+from methods.scenes import SCENES, Scene
 
-PACKAGES = ("numpy", "numba", "scipy", "python-flint")
-OPTIONAL = {"heyoka": ("heyoka",), "diffrax": ("diffrax", "optimistix", "jax")}
-
-INTRODUCTION = """\
+PAGE = """\
 # Work and precision
 
-From one run of `python benchmarks/work_precision.py -o docs`. [All numbers](work_precision.csv).
+Nine fixed problems: the map, the moving base, the base of finite mass, two tones, noise. Three
+steps of `python benchmarks/work_precision.py`, each of which reads only what the one before stored:
 
-![Run time per impact against largest landing-time error](images/work_precision.png)
+1. `prove`: the time of the last landing of each particle up to the end, proved in ball arithmetic,
+   with 34 digits, off by {radius} s at most (`benchmarks/references.csv`).
+2. `time`: what each method finds for these landings, its processor time, and in each row the
+   processor, date, settings, threads, precision and versions (`benchmarks/finals.csv`).
+3. `compare`: the differences of the two in exact arithmetic: this page, and
+   [all rows](work_precision.csv).
 
-**Error**: the largest of any landing, against a truth proved in ball arithmetic to
-{radius:.0e} s (on the long scene: the closed form of the locked orbit). **Run time**: wall time of
-a batch over its impacts, the fastest of repeated runs, without compilation.
+![Processor time per landing against the error of the last landing](images/work_precision.png)
 
-- **kernel**: keeps statistics; **every landing**: as `vs.simulate`; **state**: count and phase as
-  carried, before they become one double.
-- **naive map**: a scalar numba loop with a running time and the library's sine.
+**Error**: the largest of the particles' last landings. **Processor time**: of one thread, over the
+landings of a run; the median of runs that fill a second, without compilation, on a machine that had
+other work. Nothing is skipped (`skip = false`).
+
+- **kernel**: keeps statistics; **every landing**: as `vs.simulate`.
+- **naive map**, **scalar loop**: plain numba with a running time and the library's sine. Where the
+  base moves the loop searches for one landing after the other.
 - **RK4**: the study's fixed step, compiled by numba.
-- **SciPy** (`solve_ivp`, RK45), **heyoka.py** (Taylor series), **diffrax** (Tsit5, `jit`, `vmap`):
-  landings as terminal events, one thread. For heyoka.py flights start 1e-300 m above the base, as
-  it misses events near the start.
-"""
+- **SciPy** (`solve_ivp`), **heyoka.py** (Taylor series), **diffrax** (`jit`, `vmap`): landings as
+  terminal events. In heyoka.py and diffrax flights start 1e-300 m above the base, because an event
+  needs a change of sign. After a rest on the moving base the integrators begin 1e-5 rad later,
+  because they find no event where neither speed nor acceleration is left.
 
-READING = """\
-- SciPy, heyoka.py and diffrax integrate parabolas exactly at any tolerance: what is left is
-  rounding, most of it in the running time.
+| problem | e | A (m/s) | base, law | launched between (s) | particles |
+|---|---|---|---|---|---|
+{scenes}
+
+On the base of finite mass a particle has {mass_ratio:g} of its mass, the mount
+{mount_frequency:g} Hz and the damping {mount_damping:g}; {realizations} realizations are timed.
+The tones are `[[1, 1.0, 0.0], [2, 0.4, 1.1]]`. The noise is `kick_noise = {kick_noise:g}` (m/s) of
+seed 0 and stream 0. Its deviates are stored beside the references: the kernel draws them, the
+others are given them.
+
+{absent}
+
+## Each method at its finest setting
+
+{finest}
+
+- Over a base at rest integrators step along parabolas exactly, whatever the tolerance: what is left
+  is rounding, most of it in the running time. Where the base moves tolerances count. Errors of a
+  large part of a period mean a lost orbit; "missed": fewer landings were found than there are.
 - RK4, as any integrator with fixed steps, sees contact late by up to one step: observed order
-  {order:.2f}. At the kernel's error it would need steps of {step:.1g} s.
-- Over 10^6 impacts on a locked orbit the phase as the kernel carries it is off by at most
-  {state:.1e} turns (rounding at each impact can force {forced:.1e}), the naive map by {naive:.1e}.
-- In the chaotic scene all methods at their finest settings agree with the truth to {agree:.2g} s.
-- Left out on the long scene: RK4 below 1e-4 s, SciPy past its first 10 000 landings, all but the
-  finest tolerance of SciPy, heyoka.py and diffrax.
+  {order:.2f} on the locked problem.
+- A rest forgets the errors before it: where particles rest, the last landing flatters all alike.
+
+*{origin}*
 """
 
-MOVING = """\
-## On the moving base
-
-![The same on the moving base](images/work_precision_moving.png)
-
-Tolerances matter here: SciPy takes DOP853 and diffrax Dopri8, their methods of highest order.
-**scalar loop** ({threads} threads) is the kernel's search as a scalar numba loop with the library's
-sine. After a rest the integrators begin 1e-5 rad later, because they find no event where neither
-speed nor acceleration is left. Each method is at its finest setting; the last column is its error
-at its coarsest. Errors of a large part of a period mean a lost orbit or a missed event.
-
-| scene | method | setting | time over kernel's | error (s) | kernel's | coarsest |
-|---|---|---|---|---|---|---|
-{rows}
-"""
-
-ORIGIN = """\
-*{when}, {cpu}, {threads} threads, load {load[0]:.1f} before and {load[1]:.1f} at the end of \
-{minutes:.0f} minutes; {source}, Python {python}, {versions}.{missing}*
-"""
+ABSENT = """\
+Without a row, because the programs here do not take them: {gaps}.
+That of heyoka.py follows one particle over a base that nothing moves back; the compiled loop of
+diffrax takes the sine alone and no stream of random numbers."""
 
 
-def report(
-    points: list[Point],
-    missing: list[str],
-    radius: float,
-    threads: int,
-    load: tuple[float, float],
-    minutes: float,
-) -> str:
+def report(rows: Sequence[Row], references: Mapping[str, Sequence[Reference]]) -> str:
     """The whole page, in Markdown."""
-    parts = [
-        INTRODUCTION.format(radius=radius),
-        _scenes(),
-        _locked(points),
-        _reading(points),
-        _moving(points),
-        _origin(missing, threads, load, minutes),
-    ]
-    return "\n".join(parts)
-
-
-def _origin(missing: list[str], threads: int, load: tuple[float, float], minutes: float) -> str:
-    packages = [*PACKAGES, *(p for name, ps in OPTIONAL.items() if name not in missing for p in ps)]
-    source = provenance(threads)
-    return ORIGIN.format(
-        when=datetime.now(UTC).date().isoformat(),
-        cpu=source["cpu"],
-        source=source["source"],
-        python=source["python"],
-        versions=", ".join(f"{name} {version(name)}" for name in packages),
-        threads=threads,
-        load=load,
-        minutes=minutes,
-        missing=f" Not installed, therefore absent: {', '.join(missing)}." if missing else "",
+    sprung, noise = (scene for scene in SCENES if scene.key in ("sprung", "noise"))
+    return PAGE.format(
+        **{**sprung.parameters, **noise.parameters},
+        realizations=sprung.realizations,
+        radius=max((r.radius for kept in references.values() for r in kept), key=float),
+        scenes="\n".join(_scene_row(scene) for scene in SCENES),
+        absent=_absent(rows),
+        finest=_finest(rows),
+        order=_order(rows),
+        origin=_origin(rows),
     )
-
-
-def _scenes() -> str:
-    rows = "\n".join(_scene_row(scene) for scene in (*SCENES, *MOVING_SCENES))
-    return f"""\
-Scenes, at 1 Hz, launched at {SCENES[0].parameters["launch_velocity"]:g} m/s:
-
-| scene | e | A (m/s) | base, law | launched between (s) |
-|---|---|---|---|---|
-{rows}
-"""
 
 
 def _scene_row(scene: Scene) -> str:
     p = scene.parameters
-    law = "moving" if scene.base == "moving" else f"high-bounce, `{scene.rebound}`"
+    base = f"{scene.base}, `{scene.rebound}`"
     return (
-        f"| {scene.title} | {p['restitution']:g} | {p['amplitude']:g} | {law} | "
-        f"{scene.span[0]:g} and {scene.span[1]:g} |"
+        f"| {scene.title} | {p['restitution']:g} | {p['amplitude']:g} | {base} | "
+        f"{scene.span[0]:g} and {scene.span[1]:g} | {scene.proved} |"
     )
 
 
-def _of(points: list[Point], scene: str, method: str) -> list[Point]:
-    """Points of a method on all its threads, coarsest setting first."""
-    found = [p for p in points if (p.scene, p.method) == (scene, method)]
-    most = max(p.threads for p in found)
-    return [p for p in found if p.threads == most]
+def _absent(rows: Sequence[Row]) -> str:
+    """Say which integrators are missing from which problems."""
+    gaps = []
+    for method in (SCIPY, "heyoka.py", "diffrax"):
+        there = {row["scene"] for row in rows if row["method"] == method}
+        gone = [scene.title for scene in SCENES if scene.key not in there]
+        titles = [title.partition(",")[0].lower() for title in gone]
+        gaps += [f"{method} ({', '.join(titles)})"] if titles else []
+    return ABSENT.format(gaps="; ".join(gaps))
 
 
-def _locked(points: list[Point]) -> str:
-    kernels = {p.threads: p for p in points if (p.scene, p.method) == ("locked", compiled.KERNEL)}
-    rows = []
-    for method in dict.fromkeys(p.method for p in points if p.scene == "locked"):
-        found = _of(points, "locked", method)
-        if method != compiled.KERNEL_STATE:
-            shown = found if method == compiled.RK4 else found[:1]
-            rows += [_ratio_row(p, kernels[p.threads]) for p in shown]
-    table = "\n".join(rows)
-    return f"""\
-## On the locked scene
-
-Each method at its first setting, RK4 at every step; times also over the kernel's on as many
-threads:
-
-| | setting | ns per impact | over kernel's | error (s) |
-|---|---|---|---|---|
-{table}
-"""
-
-
-def _ratio_row(p: Point, kernel: Point) -> str:
-    return (
-        f"| {p.method} | {p.setting} | {p.ns_per_impact:.3g} | "
-        f"{p.ns_per_impact / kernel.ns_per_impact:.2g} | {p.error:.1e} |"
-    )
-
-
-def _reading(points: list[Point]) -> str:
-    (kernel,) = _of(points, "locked", compiled.KERNEL)
-    rk4 = _of(points, "locked", compiled.RK4)
-    steps, errors = (np.log10([getattr(p, name) for p in rk4]) for name in ("step", "error"))
-    (scene,) = (scene for scene in SCENES if scene.key == "long")
-    (state,) = _of(points, "long", compiled.KERNEL_STATE)
-    (naive,) = _of(points, "long", compiled.NAIVE)
-    finest = {p.method: p.error for p in points if p.scene == "chaotic"}
-    return READING.format(
-        order=np.polyfit(steps, errors, 1)[0],
-        step=rk4[-1].step * kernel.error / rk4[-1].error,
-        state=state.error,
-        forced=forced_phase_error(scene),
-        naive=naive.error,
-        agree=max(finest.values()),
-    )
-
-
-def _moving(points: list[Point]) -> str:
-    rows = []
-    for scene in MOVING_SCENES:
-        here = [p for p in points if p.scene == scene.key]
-        kernels = {p.threads: p for p in here if p.method == compiled.KERNEL}
+def _finest(rows: Sequence[Row]) -> str:
+    lines = []
+    for scene in SCENES:
+        here = [row for row in rows if row["scene"] == scene.key]
+        (kernel,) = (row for row in here if row["method"] == compiled.KERNEL)
         title = scene.title  # on the first row of the scene
-        for method in dict.fromkeys(p.method for p in here):
-            if method in (compiled.KERNEL, compiled.KERNEL_STATE, compiled.KERNEL_RECORD):
-                continue
-            found = _of(points, scene.key, method)
-            kernel, fine = kernels[found[-1].threads], found[-1]
-            coarse = f"{found[0].error:.1e}" if len(found) > 1 else "-"
-            rows.append(
-                f"| {title} | {method} | {fine.setting} | "
-                f"{fine.ns_per_impact / kernel.ns_per_impact:.3g} | {fine.error:.1e} | "
-                f"{kernel.error:.1e} | {coarse} |"
-            )
+        for method in dict.fromkeys(row["method"] for row in here):
+            *coarser, fine = (row for row in here if row["method"] == method)
+            ratio = float(fine["ns_per_impact"]) / float(kernel["ns_per_impact"])
+            errors = [_error(fine), _error(coarser[0]) if coarser else "-"]
+            time = f"{float(fine['ns_per_impact']):.3g}"
+            lines.append([title, method, fine["setting"], time, f"{ratio:.3g}", *errors])
             title = ""
-    (scalar, *_) = _of(points, MOVING_SCENES[0].key, moving.SCALAR)
-    return MOVING.format(threads=scalar.threads, rows="\n".join(rows))
+    head = [
+        "problem",
+        "method",
+        "setting",
+        "ns per landing",
+        "over kernel's",
+        "error (s)",
+        "coarsest",
+    ]
+    return table(head, lines)
+
+
+def _error(row: Row) -> str:
+    error = float(row["last_landing_error_s"])
+    return f"{error:.1e}" if np.isfinite(error) else "missed"
+
+
+def _order(rows: Sequence[Row]) -> float:
+    rk4 = [row for row in rows if (row["scene"], row["method"]) == ("locked", compiled.RK4)]
+    steps = [float(row["setting"].split()[1]) for row in rk4]
+    errors = [float(row["last_landing_error_s"]) for row in rk4]
+    return float(np.polyfit(np.log10(steps), np.log10(errors), 1)[0])
+
+
+def _origin(rows: Sequence[Row]) -> str:
+    """Processors and dates, and the versions of all methods."""
+    by_place: dict[tuple[str, str], dict[str, None]] = {}
+    for row in rows:
+        versions = by_place.setdefault((row["date"], row["processor"]), {})
+        versions.update(dict.fromkeys(row["versions"].split(", ")))
+    return "; ".join(
+        f"{date}, {cpu}, one thread: {', '.join(versions)}"
+        for (date, cpu), versions in by_place.items()
+    )

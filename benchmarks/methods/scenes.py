@@ -7,12 +7,14 @@ number plus a reduced phase without any rounding.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, PARAMETERS
+from vibrosweep.model.shapes import SINE, Waveform
 
+TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 TABLE_1 = {name: parameter.default for name, parameter in PARAMETERS.items()}
 
 
@@ -23,25 +25,28 @@ class Case:
     Attributes
     ----------
     parameters
-        As in `vibrosweep.model.parameters.PARAMETERS`.
+        As in `vibrosweep.model.parameters`.
     rebound
         The law.
     duration
         s; landings at t <= duration count.
     launch
         Launch time in s.
-    locked
-        Flight time in periods of the orbit that it settles on, where that shortens the proof.
     base
         One of `vibrosweep.model.parameters.BASES`.
+    waveform
+        Shape of the motion of the base.
+    particle
+        Its number, which tells its random numbers.
     """
 
     parameters: dict[str, float]
     rebound: str
     duration: float
     launch: float
-    locked: int | None = None
     base: str = HIGH_BOUNCE
+    waveform: Waveform = SINE
+    particle: int = 0
 
     @property
     def longest_flight(self) -> float:
@@ -74,7 +79,7 @@ class Scene:
     key, title
         Name in the table, and heading of the panel.
     parameters
-        As in `vibrosweep.model.parameters.PARAMETERS`.
+        As in `vibrosweep.model.parameters`.
     rebound
         The law.
     duration
@@ -85,14 +90,14 @@ class Scene:
         Trajectories launched evenly over the span, for methods that run many at once.
     proved
         Trajectories, evenly over the span, that are compared with the proved reference.
-    locked
-        Flight time in periods of the orbit that every trajectory settles on; None without one.
-    steps
-        Steps of RK4 in s.
     tolerances
         Relative tolerances of SciPy and diffrax.
     base
         One of `vibrosweep.model.parameters.BASES`.
+    waveform
+        Shape of the motion of the base.
+    realizations
+        Of all launches, where the particles of one are few because they act on each other.
     """
 
     key: str
@@ -103,10 +108,10 @@ class Scene:
     span: tuple[float, float]
     lanes: int
     proved: int
-    locked: int | None
-    steps: tuple[float, ...]
-    tolerances: tuple[float, ...]
+    tolerances: tuple[float, ...] = TOLERANCES
     base: str = HIGH_BOUNCE
+    waveform: Waveform = SINE
+    realizations: int = 1
 
     @property
     def batch(self) -> np.ndarray:
@@ -122,7 +127,10 @@ class Scene:
     def cases(self) -> list[Case]:
         """The trajectories that are compared with the proved reference."""
         p, law = self.parameters, self.rebound
-        return [Case(p, law, self.duration, float(t), self.locked, self.base) for t in self.sample]
+        return [
+            Case(p, law, self.duration, float(t), self.base, self.waveform, i)
+            for i, t in enumerate(self.sample)
+        ]
 
     @property
     def table(self) -> np.ndarray:
@@ -150,15 +158,15 @@ class Point:
     trajectories, impacts
         Numbers covered by the timed run.
     seconds
-        Wall time of the fastest timed run.
-    error
-        Largest landing-time error over the proved trajectories, s.
+        Median time of a run: of a processor for one thread, by the clock for several.
+    times
+        Landing times of each proved trajectory.
     note
         Note for the reader on this point.
     partial
         Whether it covers fewer landings than the scene has.
-    step
-        Step of the integration in s, where it is fixed.
+    error
+        Largest error of these times, s, once they have been compared.
     """
 
     scene: str
@@ -168,21 +176,20 @@ class Point:
     trajectories: int
     impacts: int
     seconds: float
-    error: float
+    times: list[np.ndarray] = field(repr=False)
     note: str = ""
     partial: bool = False
-    step: float | None = None
+    error: float = math.nan
 
     @property
     def ns_per_impact(self) -> float:
-        """Wall time over impacts."""
+        """Time over impacts."""
         return 1e9 * self.seconds / self.impacts
 
 
-STEPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+STEPS = (1e-2, 1e-3, 1e-4, 1e-5)
 
-SCENES = (
+MAP_SCENES = (
     Scene(
         key="locked",
         title="Locked after a transient, 200 periods",
@@ -192,9 +199,6 @@ SCENES = (
         span=(0.12, 0.13),
         lanes=32768,
         proved=9,
-        locked=1,
-        steps=STEPS,
-        tolerances=TOLERANCES,
     ),
     Scene(
         key="resting",
@@ -205,9 +209,6 @@ SCENES = (
         span=(0.0, 0.001),
         lanes=16384,
         proved=9,
-        locked=None,
-        steps=STEPS,
-        tolerances=TOLERANCES,
     ),
     Scene(
         key="chaotic",
@@ -217,54 +218,64 @@ SCENES = (
         duration=8.0,
         span=(0.1, 0.2),
         lanes=32768,
-        proved=33,
-        locked=None,
-        steps=STEPS,
-        tolerances=TOLERANCES,
-    ),
-    Scene(
-        key="long",
-        title="Locked, 1 000 000 periods",
-        parameters=TABLE_1,
-        rebound="rest",
-        duration=1e6,
-        span=(0.12, 0.13),
-        lanes=256,
-        proved=2,
-        locked=1,
-        steps=STEPS[:3],
-        tolerances=TOLERANCES[-1:],
+        proved=9,
     ),
 )
 
 
 def _moving(key: str, title: str, e: float, gamma: float, **others) -> Scene:
-    """A scene on the moving base, whose largest acceleration is gamma times gravity."""
+    """A scene on a base that moves with gamma times the acceleration of gravity at most."""
+    mount = {name: others.pop(name) for name in MOUNT if name in others}
     amplitude = (1.0 + e) * gamma * TABLE_1["gravity"] / (2.0 * math.pi)
     return Scene(
         key=key,
         title=title,
-        parameters=TABLE_1 | {"restitution": e, "amplitude": amplitude},
+        parameters=TABLE_1 | {"restitution": e, "amplitude": amplitude} | mount,
         rebound="rest",
-        locked=None,
-        steps=(),
-        tolerances=TOLERANCES,
-        base="moving",
-        **others,
+        **{"base": "moving"} | others,
     )
 
 
-MOVING_SCENES = (
+TWO_TONES = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
+
+SCENES = (
+    *MAP_SCENES,
     _moving(
-        "moving-locked", "Moving base, Gamma = 0.9, 200 periods", 0.7, 0.9,
+        "moving-locked", "Moving, Gamma = 0.9, 200 periods", 0.7, 0.9,
         duration=200.0, span=(0.12, 0.13), lanes=32768, proved=9,
     ),
     _moving(
-        "moving-resting", "Moving base, Gamma = 2, 50 periods", 0.5, 2.0,
+        "moving-resting", "Moving, Gamma = 2, 50 periods", 0.5, 2.0,
         duration=50.0, span=(0.1, 0.2), lanes=16384, proved=9,
     ),
     _moving(
-        "moving-chaotic", "Moving base, Gamma = 5, 8 periods", 0.8, 5.0,
-        duration=8.0, span=(0.1, 0.2), lanes=32768, proved=33,
+        "moving-chaotic", "Moving, Gamma = 5, 8 periods", 0.8, 5.0,
+        duration=8.0, span=(0.1, 0.2), lanes=32768, proved=9,
+    ),
+    _moving(
+        "sprung", "Finite mass, 4 particles, 20 periods", 0.8, 5.0,
+        duration=20.0, span=(0.2, 0.5), lanes=4, proved=4, base="sprung", realizations=500,
+        mass_ratio=0.02, mount_frequency=0.5, mount_damping=0.05,
+    ),
+    Scene(
+        key="tones",
+        title="Two tones, 8 periods",
+        parameters=TABLE_1 | {"amplitude": 3.5},
+        rebound="reflect",
+        duration=8.0,
+        span=(0.1, 0.2),
+        lanes=32768,
+        proved=9,
+        waveform=TWO_TONES,
+    ),
+    Scene(
+        key="noise",
+        title="Noise of the kick, 50 periods",
+        parameters=TABLE_1 | {"kick_noise": 0.01},
+        rebound="rest",
+        duration=50.0,
+        span=(0.12, 0.13),
+        lanes=16384,
+        proved=9,
     ),
 )  # fmt: skip

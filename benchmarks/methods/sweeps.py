@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from methods.scenes import TABLE_1, TOLERANCES, Case
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS
 
 
 def paper_parameters(realizations: int) -> dict[str, np.ndarray]:
@@ -47,6 +47,7 @@ class Sweep:
     tolerances: tuple[float, ...]
     rebound: str = "rest"
     reflect: None = None
+    base: str = HIGH_BOUNCE
 
     @cached_property
     def arrays(self) -> dict[str, np.ndarray]:
