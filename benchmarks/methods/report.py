@@ -46,6 +46,7 @@ other work. Nothing is skipped (`skip = false`).
 
 On the base of finite mass a particle has {mass_ratio:g} of its mass, the mount
 {mount_frequency:g} Hz and the damping {mount_damping:g}; {realizations} realizations are timed.
+The launches were chosen so that none rests, because the program for SciPy leaves rests out there.
 The tones are `[[1, 1.0, 0.0], [2, 0.4, 1.1]]`. The noise is `kick_noise = {kick_noise:g}` (m/s) of
 seed 0 and stream 0. Its deviates are stored beside the references: the kernel draws them, the
 others are given them.
