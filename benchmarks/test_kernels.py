@@ -142,10 +142,10 @@ def test_speed_does_not_depend_on_the_place_in_memory():
     for place in [0, *range(places)] * 5:
         block = memory[start + place * page :][:size]
         block[:] = 0.0
-        memory = memory_around(block)
+        around = memory_around(block)
         begin = time.perf_counter()
-        left = advance(Share(0, trajectories, 0), batch, options, False, memory, out, None, None)
-        advance(Share(0, 0, left), batch, options, False, memory, out, None, None)
+        left = advance(Share(0, trajectories, 0), batch, options, None, around, out, None, None)
+        advance(Share(0, 0, left), batch, options, None, around, out, None, None)
         fastest[place] = min(fastest[place], time.perf_counter() - begin)
     slow = np.mean(fastest > 1.2 * fastest.min())
     mean = fastest.mean() / fastest.min()
