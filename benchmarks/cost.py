@@ -104,7 +104,7 @@ def chunked(folder: Path) -> Iterator[Chunked]:
         for chunks in CHUNKS:
             began = time.perf_counter()
             size = CHUNKS[-1] // chunks
-            run_sweep(sweep, folder / "out.h5", threads=1, force=True, chunk=size, **options)  # type: ignore[arg-type]
+            run_sweep(sweep, folder / "out.h5", threads=1, force=True, chunk=size, **options)
             took.append(time.perf_counter() - began)
         return (took[1] - took[0]) / (CHUNKS[1] - CHUNKS[0])
 

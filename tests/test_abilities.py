@@ -124,8 +124,6 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
         "orbits",
         "branches",
         "boundaries",
-        "branches",
-        "boundaries",
         *RESULTS,
     ):
         return  # tests of their own compute them

@@ -7,7 +7,7 @@ number plus a reduced phase without any rounding.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -257,17 +257,7 @@ SCENES = (
         duration=20.0, span=(0.2, 0.5), lanes=4, proved=4, base="sprung", realizations=500,
         mass_ratio=0.02, mount_frequency=0.5, mount_damping=0.05,
     ),
-    Scene(
-        key="tones",
-        title="Two tones, 8 periods",
-        parameters=TABLE_1 | {"amplitude": 3.5},
-        rebound="reflect",
-        duration=8.0,
-        span=(0.1, 0.2),
-        lanes=32768,
-        proved=9,
-        waveform=TWO_TONES,
-    ),
+    replace(MAP_SCENES[-1], key="tones", title="Two tones, 8 periods", waveform=TWO_TONES),
     Scene(
         key="noise",
         title="Noise of the kick, 50 periods",
