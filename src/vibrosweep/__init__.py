@@ -5,7 +5,7 @@
 `bifurcation`, `basins`, `orbits`, `branches`, `boundaries`, `sobol` and `separations` answer one
 question each.  All take the same keywords and return an `xarray.Dataset`.  `analysis` holds what is
 derived from a result or a record, `figures` draws, `lab` reads camera tracks, `theory` holds closed
-forms, `errors` what is raised.
+forms, `errors` the exceptions.
 
 Importing this package loads neither numba nor xarray: they are loaded when first used.
 """

@@ -20,13 +20,12 @@ APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on
 
 @dataclass(frozen=True)
 class Ability:
-    """The bases over which something can be had."""
+    """Bases and waveforms that a measure, an analysis or a kind of noise supports."""
 
     bases: tuple[str, ...]
-    # Why it cannot be had over another base; ``{base}`` and ``{others}`` stand for that one, and
-    # for those over which it can
+    # Reason for the refusal of any other base, ``{base}``; ``{others}`` stands for `bases`
     why: str
-    waveforms: tuple[str, ...] = WAVEFORMS  # with which it can be had
+    waveforms: tuple[str, ...] = WAVEFORMS
 
 
 _FOLLOWED = (
@@ -38,7 +37,8 @@ _INDEPENDENT = (
     "the sweep with mass_ratio = 0, or with base = {others}"
 )
 _ANYWHERE = Ability(BASES, "")
-_OF_PARTICLES: Final[Mapping[bool | None, Ability]] = {
+# Bases of a measure, by its field `coupled`
+_BY_COUPLING: Final[Mapping[bool | None, Ability]] = {
     None: _ANYWHERE,
     True: Ability(
         (SPRUNG,), "describes particles that a base of finite mass couples; take base = {others}"
@@ -80,21 +80,21 @@ _RANDOM: Final[Mapping[str, Ability]] = {
         (SINE_NAME, PARABOLIC_NAME),
     ),
 }
-# Analyses that take a constant restitution only, each with the reason
+# Analyses that require a constant restitution, each with the reason
 OF_CONSTANT: Final[Mapping[str, str]] = {
     "heights_against_restitution": "compares heights with those of a constant restitution",
     "slot_decay": "compares a decay with the multipliers of a constant restitution",
     "explore": "draws closed forms of a constant restitution",
 }
-# Keywords without a meaning to an analysis, which has points and measures of its own; a sweep file
+# Keywords that an analysis cannot use, because it has points and measures of its own; a sweep file
 # may hold them for other commands
-_OF_OTHERS: Final = (*MEASURES, "tolerance", "record", "windows")
+_OF_SWEEPS: Final = (*MEASURES, "tolerance", "record", "windows")
 WITHOUT_MEANING: Final[Mapping[str, tuple[str, ...]]] = {
-    **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), _OF_OTHERS),
+    **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), _OF_SWEEPS),
     "windows": (*MEASURES, "record", "realizations", "seed"),
     "sobol": ("design", "record", "windows"),
 }
-# Measures and analyses that cannot be had where something is random, each with the reason
+# Measures and analyses that do not work with noise, each with the reason
 REPEATS: Final = "looks for orbits that repeat, and random motion never does"
 WHY_NOT_RANDOM: Final[Mapping[str, str]] = {
     **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), REPEATS),
@@ -120,12 +120,12 @@ def refusal(
     analysis: str = "",
     noise: Collection[str] = (),
 ) -> str:
-    """Say in one sentence why something cannot be had over a base; empty where it can.
+    """Return a sentence that says why a base does not support something; empty if it does.
 
-    Anything but one of `BASES` is refused.  A law, of rebound, is one of `LAWS`, that of
-    restitution one of `vibrosweep.model.restitution_laws.RESTITUTION_LAWS`, a waveform one of
-    `WAVEFORMS`, a measure a key of `vibrosweep.model.measures.MEASURES`, an analysis a key of
-    `ANALYSES`, noise keys of `vibrosweep.model.parameters.NOISE`.
+    `base` is one of `BASES`; any other is refused.  `law` is a law of rebound, one of `LAWS`;
+    `restitution` is one of `vibrosweep.model.restitution_laws.RESTITUTION_LAWS`, `waveform` one of
+    `WAVEFORMS`, `measure` a key of `vibrosweep.model.measures.MEASURES`, `analysis` a key of
+    `ANALYSES`; `noise` holds keys of `vibrosweep.model.parameters.NOISE`.
     """
     if base not in BASES:
         return f'base = "{base}": must be {_quoted(BASES)}'
@@ -138,7 +138,7 @@ def refusal(
         )
     if waveform and waveform not in WAVEFORMS:
         return f'waveform = "{waveform}": must be {_quoted(WAVEFORMS)}'
-    wanted = [_OF_PARTICLES[MEASURES[measure].coupled]] if measure else []
+    wanted = [_BY_COUPLING[MEASURES[measure].coupled]] if measure else []
     wanted += [ANALYSES[analysis]] if analysis else []
     wanted += [_RANDOM[kind] for kind in noise] if not measure and not analysis else []
     for ability in wanted:
@@ -149,9 +149,9 @@ def refusal(
                 f'cannot be had with waveform = "{waveform}" yet: take waveform = '
                 f"{_quoted(ability.waveforms)}"
             )
-    asked = measure or analysis
-    if noise and asked in WHY_NOT_RANDOM:
-        return f"{WHY_NOT_RANDOM[asked]}: leave out {' and '.join(noise)}"
+    name = measure or analysis
+    if noise and name in WHY_NOT_RANDOM:
+        return f"{WHY_NOT_RANDOM[name]}: leave out {' and '.join(noise)}"
     return ""
 
 
@@ -170,43 +170,43 @@ def _quoted(bases: Collection[str]) -> str:
 
 
 def cells() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Give every base with each law, noise, measure and analysis, as `refusal` takes them."""
+    """Yield each base with each law, waveform, noise, measure and analysis, as `refusal` takes."""
     yield from product(BASES, _choices())
 
 
 def table() -> Iterator[str]:
-    """Give the lines of the table on the page of sweep files."""
+    """Yield the lines of the table on the page of sweep files."""
     yield f"| | {' | '.join(f'`{base}`' for base in BASES)} | under noise |"
     yield f"|---|{'---|' * len(BASES)}---|"
-    for one in _choices():
-        ((kind, name),) = one.items()
-        kept = (_kept(base, one) for base in BASES)
+    for choice in _choices():
+        ((kind, name),) = choice.items()
+        support = (_support(base, choice) for base in BASES)
         shown = name if isinstance(name, str) else name[0]
         what = "restitution_law" if kind == "restitution" else kind
-        yield f"| {what} `{shown}` | {' | '.join(kept)} | {_kept_under_noise(one)} |"
+        yield f"| {what} `{shown}` | {' | '.join(support)} | {_support_under_noise(choice)} |"
 
 
-def _kept_under_noise(one: dict[str, Any]) -> str:
-    """Say over which bases something can be had under noise, and which noise it excludes."""
-    had = [base for base in BASES if not refusal(base, **one)]
-    pairs = [pair for pair in product(had, NOISE) if not refusal(pair[0], noise=pair[1:])]
-    kept = [pair for pair in pairs if not refusal(pair[0], **{"noise": pair[1:], **one})]
-    if not kept:
+def _support_under_noise(choice: dict[str, Any]) -> str:
+    """Return the bases that support a choice under noise, and the noise that it excludes."""
+    quiet = [base for base in BASES if not refusal(base, **choice)]
+    pairs = [pair for pair in product(quiet, NOISE) if not refusal(pair[0], noise=pair[1:])]
+    noisy = [pair for pair in pairs if not refusal(pair[0], **{"noise": pair[1:], **choice})]
+    if not noisy:
         return "no"
-    bases = [f"`{base}`" for base in had if base in dict(kept)]
-    missing = {noise for _, noise in pairs} - {noise for _, noise in kept}
-    without = [f"not `{noise}`" for noise in sorted(missing)]
-    return ", ".join((*(bases if len(bases) < len(had) else []), *without)) or "yes"
+    bases = [f"`{base}`" for base in quiet if base in dict(noisy)]
+    excluded = {noise for _, noise in pairs} - {noise for _, noise in noisy}
+    without = [f"not `{noise}`" for noise in sorted(excluded)]
+    return ", ".join((*(bases if len(bases) < len(quiet) else []), *without)) or "yes"
 
 
-def _kept(base: str, one: dict[str, Any]) -> str:
-    """Say whether something can be had over a base; with what, where not with everything."""
-    if refusal(base, **one):
+def _support(base: str, choice: dict[str, Any]) -> str:
+    """Return yes, no, or the restriction under which a base supports a choice."""
+    if refusal(base, **choice):
         return "no"
-    (name,) = one.values()
-    kept = [shape for shape in WAVEFORMS if not refusal(base, **{"waveform": shape, **one})]
-    limits = [] if len(kept) == len(WAVEFORMS) or "waveform" in one else kept
-    limits += ["constant restitution"] if "analysis" in one and name in OF_CONSTANT else []
+    (name,) = choice.values()
+    shapes = [shape for shape in WAVEFORMS if not refusal(base, **{"waveform": shape, **choice})]
+    limits = [] if len(shapes) == len(WAVEFORMS) or "waveform" in choice else shapes
+    limits += ["constant restitution"] if "analysis" in choice and name in OF_CONSTANT else []
     return ", ".join(limits) or "yes"
 
 

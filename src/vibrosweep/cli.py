@@ -80,7 +80,7 @@ def _perform(arguments: Sequence[str]) -> int:
 
 def _complain(message: Text) -> None:
     with suppress(OSError):
-        print(f"vibrosweep: {COMMAND_LINE.told(message)}", file=sys.stderr, flush=True)
+        print(f"vibrosweep: {COMMAND_LINE.write(message)}", file=sys.stderr, flush=True)
 
 
 def _drop_output() -> None:

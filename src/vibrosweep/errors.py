@@ -1,8 +1,8 @@
-"""Every mistake a user can make, as one family of exceptions; and warnings.
+"""Exceptions for mistakes of users, all derived from `VibrosweepError`, and warnings.
 
 Each message is one clear text that names the file, the key, the value, what is allowed and what
-to do.  The command line prints it, with its own options, and exits with code 2; no traceback is
-shown.  Mistakes in a description are held as data too (`VibrosweepError.mistakes`).
+to do.  The command line prints it, naming its own options, and exits with code 2 and without a
+traceback.  Mistakes in a description are held as data too (`VibrosweepError.mistakes`).
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ __all__ = [
 ]
 
 
-class _Told(BaseException):
-    """An exception whose message the command line can tell in its own way."""
+class _InDialect(BaseException):
+    """An exception whose message can be written again in another dialect."""
 
     def __init__(self, *parts: Text, dialect: Dialect = PYTHON) -> None:
-        super().__init__(dialect.told(parts))
+        super().__init__(dialect.write(parts))
         self.parts = parts
 
 
-class VibrosweepError(_Told, Exception):
+class VibrosweepError(_InDialect, Exception):
     """Base of all errors that a user can cause and mend."""
 
     @property
@@ -99,8 +99,8 @@ class RunError(VibrosweepError, RuntimeError):
     """Another run or an unfinished run blocks the output, or chunks of a run failed."""
 
 
-class Interruption(_Told, KeyboardInterrupt):
-    """An interruption, with a sentence on what was kept."""
+class Interruption(_InDialect, KeyboardInterrupt):
+    """The user interrupted a computation; the message says what was kept."""
 
 
 class TrackError(VibrosweepError, ValueError):
@@ -108,11 +108,11 @@ class TrackError(VibrosweepError, ValueError):
 
 
 class OtherKernelsWarning(UserWarning):
-    """The code that now follows the particles of a result is not the code that computed it."""
+    """The kernels differ from those that computed the result that is used."""
 
 
 class ShortObservationWarning(UserWarning):
-    """Orbits are observed for too short a time to tell what they settle on."""
+    """The observation is too short to tell which attractors the orbits settle on."""
 
 
 def refuse(

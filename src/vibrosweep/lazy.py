@@ -13,12 +13,12 @@ from vibrosweep.waiting import Line
 def lazily(
     package: str, homes: Mapping[str, str], replaced: Mapping[str, str] | None = None
 ) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package from the module in which each public name stands.
+    """Return the ``__getattr__`` of a package.
 
-    `replaced` gives new spellings of names that are no longer public.
-
-    A name that is the last part of its module's name stands for the module.  No name may be that of
-    another module of the package: once that is imported, Python finds it first.
+    `homes` gives the module that defines each public name; a name that is the last part of its
+    module's name stands for the module itself.  `replaced` gives advice for names that are no
+    longer public.  No name may be that of another module of the package: as soon as that module is
+    imported, Python finds it first.
     """
 
     def find(name: str) -> Any:

@@ -1,7 +1,7 @@
-"""Mistakes as data, and the dialects in which they are told.
+"""Mistakes as data, and the dialects in which messages are written.
 
 A mistake holds a key, the value given, the rule that it breaks and the remedy.  A text is a tuple
-of parts: plain strings, and what a sweep file, Python and the command line write differently.
+of parts: plain strings, and parts that a sweep file, Python and the command line write differently.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ LONGEST: Final = 60  # characters of a value that are shown
 
 
 class Key(NamedTuple):
-    """A key of a sweep file by its path, as ``scene.duration``: a keyword of Python."""
+    """A key of a sweep file by its path, as ``scene.duration``; in Python the keyword."""
 
     path: str
 
@@ -32,15 +32,15 @@ class Word(NamedTuple):
 
     file: str
     python: str
-    option: str = ""  # that of the file where empty
+    option: str = ""  # by default as in a sweep file
 
 
 class Cell(NamedTuple):
-    """A place in a table of realizations: a value, a column, a row or, with neither, all of it."""
+    """A place in a table of realizations: a value, a column, a row or the whole table."""
 
     table: str  # its file
     column: str | None = None
-    row: int = 0  # counted from 1, without the line of names
+    row: int = 0  # counted from 1 after the line of names; 0 for no row
 
     def __str__(self) -> str:
         row = f"row {self.row} (the first row of values is 1)" if self.row else ""
@@ -51,7 +51,7 @@ class Cell(NamedTuple):
 class Mistake:
     """One mistake: what was given, and how to mend it."""
 
-    # Path in a sweep file, which ends with a point for a rule between keys of a table; or a cell
+    # Path in a sweep file, or a cell; a path that ends with a point is that of a whole table
     key: str | Cell
     rule: Text  # the allowed values, or the contradiction
     value: object = ABSENT
@@ -76,14 +76,14 @@ IMPACT_BUDGET: Final = Word("impact_budget=", "impact_budget=", "--impact-budget
 
 @dataclass(frozen=True)
 class Dialect:
-    """Styles in which keys, values and words are written."""
+    """Functions that write keys, values and words in one style."""
 
     key: Callable[[str], str]
     value: Callable[[object], str]
     word: Callable[[Word], str]
 
-    def told(self, text: Text) -> str:
-        """Write a text."""
+    def write(self, text: Text) -> str:
+        """Return a text in this style."""
         if isinstance(text, str):
             return text
         if isinstance(text, Key):
@@ -93,11 +93,11 @@ class Dialect:
         if isinstance(text, Word):
             return self.word(text)
         if isinstance(text, Mistake):
-            return self._told(text)
-        return "".join(map(self.told, text))
+            return self._mistake(text)
+        return "".join(map(self.write, text))
 
-    def _told(self, mistake: Mistake) -> str:
-        rest = "; ".join(told for told in map(self.told, (mistake.rule, mistake.remedy)) if told)
+    def _mistake(self, mistake: Mistake) -> str:
+        rest = "; ".join(filter(None, map(self.write, (mistake.rule, mistake.remedy))))
         if isinstance(mistake.key, Cell):
             return f"{_place(mistake)} {rest}".lstrip()
         head = self.key(mistake.key)
@@ -120,7 +120,7 @@ def cut(text: str) -> str:
 
 
 def toml(value: object, most: int | None = None) -> str:
-    """Write a value as TOML does, of a list the first `most` members."""
+    """Write a value as TOML does; of a list, only the first `most` members."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -151,15 +151,15 @@ PYTHON: Final = Dialect(lambda path: path.rpartition(".")[2], _python, lambda wo
 
 @dataclass
 class Mistakes:
-    """All that is wrong with one description."""
+    """All mistakes in one description of a computation."""
 
-    where: str = ""  # name of the file, as messages begin with it
-    dialect: Dialect = TOML  # that in which the description was given
-    # Keywords of Python as they were given, to be shown so
+    where: str = ""  # name of the file, with which messages begin
+    dialect: Dialect = TOML  # dialect of the description
+    # Keywords of Python as they were given, for messages
     given: Mapping[str, Any] = field(default_factory=dict)
     listed: list[Mistake] = field(default_factory=list)
-    # Keys, or whole tables, with an invalid value.  Rules that involve one of them are not checked,
-    # so that one mistake is never reported twice.
+    # Keys, or whole tables, with an invalid value.  Rules that involve them are not checked, so
+    # that no mistake is reported twice.
     broken: set[str] = field(default_factory=set)
 
     def add_cell(
@@ -181,7 +181,7 @@ class Mistakes:
         remedy: Text = (),
         involves: Iterable[str] = (),
     ) -> None:
-        """Add a violation by ``key`` of a rule that also involves the keys ``involves``."""
+        """Add a mistake of ``key`` against a rule that also involves the keys ``involves``."""
         if not any(self.is_broken(k) for k in (key, *involves)):
             value = value if value is ABSENT else self.given.get(PYTHON.key(key), value)
             self.listed.append(Mistake(key, rule, value, remedy))

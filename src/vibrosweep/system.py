@@ -1,4 +1,4 @@
-"""Locks of files and memory, in which operating systems differ.
+"""Locks of files, and amounts of memory: what differs between operating systems.
 
 Where memory is stated neither by the POSIX ``sysconf`` nor below ``/proc``, psutil is required.
 """
@@ -16,16 +16,16 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-POLL: Final = 0.05  # s, between two looks at a lock of Windows
-# Windows lets nobody read a byte that is locked: this one lies behind all that a lock file says.
+POLL: Final = 0.05  # s between two attempts to lock a file on Windows
+# Windows allows nobody to read a locked byte, so this one lies behind the text of a lock file.
 LOCKED_BYTE: Final = 1 << 30
 
 
 def locked(descriptor: int, *, wait: bool) -> bool:
     """Lock a file that is open for writing, until it is closed or the process ends.
 
-    False if another holds the lock and is not waited for; an OSError where the file system has
-    none.
+    Returns False if another process holds the lock and `wait` is False.  Raises an OSError where
+    the file system has no locks.
     """
     if fcntl is None:
         return _locked_on_windows(descriptor, wait=wait)

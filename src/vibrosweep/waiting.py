@@ -1,6 +1,7 @@
-"""A line on a terminal or in a notebook while something takes long.
+"""A line on a terminal or in a notebook that says which task takes long.
 
-Other streams stay as they are.  ``TQDM_DISABLE=1`` silences it, as it does the bars.
+Nothing is written to any other standard error.  ``TQDM_DISABLE=1`` silences the line, as it does
+the progress bars.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ SECONDS: Final = 1.0  # before the line, and between its versions
 
 
 class Line:
-    """Line that is rewritten every second until its end: the task, and for how long."""
+    """Line with a task and the seconds it has taken, rewritten every second until its end."""
 
     def __init__(self, words: str) -> None:
         self._words = words
         self._done = threading.Event()
-        self._thread = threading.Thread(target=self._tell, daemon=True)
+        self._thread = threading.Thread(target=self._show, daemon=True)
         if _is_seen():
             self._thread.start()
 
@@ -32,12 +33,12 @@ class Line:
         self.end()
 
     def end(self) -> None:
-        """Take the line away."""
+        """Erase the line."""
         self._done.set()
         if self._thread.is_alive():
             self._thread.join()
 
-    def _tell(self) -> None:
+    def _show(self) -> None:
         began, line = time.monotonic(), ""
         while not self._done.wait(SECONDS):
             line = f"vibrosweep: {self._words}: {time.monotonic() - began:.0f} s"

@@ -176,7 +176,7 @@ def test_a_mistake_is_named_with_its_value_and_what_is_allowed(name, value, allo
     (mistake,) = caught.value.mistakes
     assert PYTHON.key(mistake.key) == name
     assert mistake.value is value
-    assert allowed in PYTHON.told((mistake.rule, mistake.remedy))
+    assert allowed in PYTHON.write((mistake.rule, mistake.remedy))
 
 
 @pytest.mark.parametrize("threads", [0, 1.0])

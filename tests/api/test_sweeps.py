@@ -194,7 +194,7 @@ def test_a_label_may_be_called_as_what_python_and_xarray_know(tmp_path):
 
 def test_a_label_is_not_called_as_a_group_of_a_result(tmp_path):
     for name in ("record", "identity"):
-        with pytest.raises(TableError, match=f'"{name}" has the name of something that a result'):
+        with pytest.raises(TableError, match=f'"{name}" has the name of a variable of a result'):
             vs.run({"design": PLAIN | {name: [1.0, 2.0, 3.0]}}, tmp_path / "out.h5")
 
 

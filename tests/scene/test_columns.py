@@ -73,7 +73,7 @@ def test_the_digest_is_that_of_names_and_values():
         ({"restitution": [0.5, 0.6], "amplitude": [1.0]}, "its columns differ in length"),
         ({"restitution": 0.5, "amplitude": 1.0}, "2 mistakes"),
         ({"restitution": [0.5], "amplitude": [[2.0]]}, "must share a single dimension"),
-        ({"restitution": [0.5], "amplitude": [2.0], "dt_min": [1]}, "the name of something that"),
+        ({"restitution": [0.5], "amplitude": [2.0], "dt_min": [1]}, "the name of a variable"),
         ({"e": [0.5], "A": [2.0]}, 'did you mean "restitution"'),
         ({"restitution": [], "amplitude": []}, "has no rows"),
         ({"restitution": [0.5], "amplitude": [[1], [2, 3]]}, "is no list of values"),
@@ -91,7 +91,7 @@ def test_masked_values_and_spreads_beside_a_table_are_refused():
     masked = {"restitution": np.ma.masked_less([0.1, 0.9], 0.5), "amplitude": [1.0, 2.0]}
     with pytest.raises(ParameterError, match="restitution: holds masked values"):
         opened(masked)
-    with pytest.raises(SpecError, match="must be a number, because the table lists"):
+    with pytest.raises(SpecError, match="must be a number, because the table gives"):
         opened(PAIRS, frequency=(1.0, 2.0))
     with pytest.raises(TableError, match='column "amplitude" is also fixed'):
         opened(PAIRS, amplitude=1.0)

@@ -129,7 +129,7 @@ def test_even_axes_are_written_shortly_and_exactly():
         ({"duration": 3, "duration_periods": 3}, "duration = 3.0 is given too"),
         ({"frequency": 1e9, "duration": 1e20}, "forcing periods: at most"),
         ({"scene": {"restitution": 0.9}, "restitution": 0.8}, "is given in scene too"),
-        ({"launch": (0.0, 0.5)}, "no range is drawn from here; give a list"),
+        ({"launch": (0.0, 0.5)}, "nothing is drawn from a range here; give a list"),
         ({"launch_time": [0.0]}, 'did you mean "launch"'),
         ({"scene": 3}, "scene = 3:"),
         ({"restitution": object()}, "is not a finite number"),

@@ -252,7 +252,7 @@ def test_an_unknown_unit_is_refused(netcdf, name, unit):
         opened(netcdf(**given))
     said = str(caught.value)
     assert f'column "{name}" is in {unit!r}' in said
-    assert "convert it; known are products of m, km, cm, mm" in said
+    assert "known are products of m, km, cm, mm" in said
 
 
 def test_labels_of_a_netcdf_table(netcdf):

@@ -214,6 +214,6 @@ def test_a_file_in_which_values_are_missing_never_appears(tmp_path, rows):
             inner.write("dt_min", 0, np.ones(rows))
 
     for group in (False, True):
-        with pytest.raises(RunError, match=r"out\.h5: dt_min: not written to the end"):
+        with pytest.raises(RunError, match=r"out\.h5: dt_min: rows are missing"):
             write(group)
     assert list(tmp_path.iterdir()) == []

@@ -23,7 +23,7 @@ def test_a_result_in_which_values_are_missing_is_none(name, rows):
         found.write(other, 0, np.ones(4))
     found.write(name, 0, np.ones(rows))
     assert found.awaits(name)
-    with pytest.raises(RunError, match=f"the result: {name}: not written to the end"):
+    with pytest.raises(RunError, match=f"the result: {name}: rows are missing"):
         found.dataset()
     found.write(name, rows, np.ones(4 - rows))
     assert not found.awaits(name)

@@ -12,7 +12,15 @@ from vibrosweep.errors import ParameterError, SpecError, refuse
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.experiment import WINDOW, Experiment, Variation, with_defaults
 from vibrosweep.mistakes import Mistakes
-from vibrosweep.scene.keys import MAX_SEED, SECTIONS, Check, Sections, flag, read_tables, whole
+from vibrosweep.scene.keys import (
+    MAX_SEED,
+    SECTIONS,
+    Check,
+    Sections,
+    flag,
+    read_tables,
+    whole_number,
+)
 from vibrosweep.scene.sweep import checked, read_text
 
 MOST_PARTICLES: Final = 1000
@@ -71,7 +79,7 @@ def _number(low: float, high: float, units: str, above: bool = False) -> Check:
     return check
 
 
-_COUNT: Final = partial(whole, f" from 1 to {MOST_PARTICLES}", 1, MOST_PARTICLES)
+_COUNT: Final = partial(whole_number, f" from 1 to {MOST_PARTICLES}", 1, MOST_PARTICLES)
 
 
 def _particles(value: object) -> tuple[int, ...]:
@@ -105,7 +113,7 @@ _SECTIONS: Final[Sections] = {
         )
     },
     "trials": {
-        "repeats": partial(whole, " from 1 to 1000", 1, 1000),
-        "seed": partial(whole, f" from 0 to {MAX_SEED}", 0, MAX_SEED),
+        "repeats": partial(whole_number, " from 1 to 1000", 1, 1000),
+        "seed": partial(whole_number, f" from 0 to {MAX_SEED}", 0, MAX_SEED),
     },
 }

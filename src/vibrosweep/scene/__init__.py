@@ -1,1 +1,1 @@
-"""From keywords, a mapping or a sweep file to checked, frozen descriptions of a computation."""
+"""Checked, frozen descriptions of a computation, from keywords, a mapping or a sweep file."""

@@ -18,8 +18,8 @@ from vibrosweep.store.rows import REALIZATION, flat
 if TYPE_CHECKING:
     import xarray as xr
 
-# Attributes of a label that go into the result.
-KEPT: Final = ("units", "long_name", "comment")
+# Attributes of a label that are copied to the result
+COPIED: Final = ("units", "long_name", "comment")
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,7 @@ class Label:
 class GivenTable:
     """A table in memory."""
 
-    # Its columns as they were given, not checked
-    columns: Mapping[str, Label] = field(compare=False)
+    columns: Mapping[str, Label] = field(compare=False)  # as given, not yet checked
     digest: str  # of all names and values
 
     def __str__(self) -> str:
@@ -44,9 +43,9 @@ class GivenTable:
 
     @classmethod
     def from_table(cls, table: Any) -> GivenTable:
-        """Take a pandas data frame, a dataset of xarray, or a mapping of columns.
+        """Take a pandas data frame, an xarray dataset or a mapping of columns.
 
-        Raises a TableError for anything else, and for a column with values that are masked.
+        Raises a TableError for anything else, and a ParameterError for masked values.
         """
         if hasattr(table, "data_vars"):
             columns = columns_of(table)
@@ -63,13 +62,13 @@ class GivenTable:
 
 
 def columns_of(dataset: xr.Dataset) -> dict[str, Label]:
-    """Columns of a dataset: all parameters, and other variables along their dimension."""
+    """Return the columns of a dataset: parameters, and other variables along their dimension."""
     found = {str(name): variable for name, variable in flat(dataset).variables.items()}
     shared = next((v.dims for name, v in found.items() if name in INPUTS), None)
     return {
         name: Label(
             variable.to_numpy(),
-            {key: str(variable.attrs[key]) for key in KEPT if key in variable.attrs},
+            {key: str(variable.attrs[key]) for key in COPIED if key in variable.attrs},
             tuple(map(str, variable.dims)),
         )
         for name, variable in found.items()
@@ -79,7 +78,7 @@ def columns_of(dataset: xr.Dataset) -> dict[str, Label]:
 
 
 def _of_frame(frame: Any) -> dict[str, Label]:
-    """Columns of a data frame, and its index where that has a name."""
+    """Return the columns of a data frame, and its index if that has a name."""
     if any(name is not None for name in frame.index.names):
         frame = frame.reset_index()
     if not frame.columns.is_unique:

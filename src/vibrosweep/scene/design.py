@@ -1,7 +1,7 @@
 """Designs: ranges or axes of the parameters that vary, and how values are drawn.
 
-`DESIGNS` holds the designs that draw, each with the points of the unit cube that it takes and the
-way in which a coordinate of a point becomes a value; `register_design` adds one.
+`DESIGNS` holds the designs that draw from ranges.  Each consists of a sequence of points in the
+unit cube and a function that maps a coordinate to a value; `register_design` adds one.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vibrosweep.scene.columns import GivenTable
 
 # (start, stop) -> points start, ..., stop - 1 of the unit cube, shape (stop - start, parameters)
 Rows = Callable[[int, int], Array]
-# (realizations, parameters, seed) -> rows; a ValueError with what is allowed where there are none
+# (realizations, parameters, seed) -> rows; a ValueError says what is allowed
 Points = Callable[[int, int, int], Rows]
 # (coordinates in [0, 1], low, high) -> values in [low, high]
 Place = Callable[[Array, float, float], Array]
@@ -65,12 +65,12 @@ class Design:
 
     name: str = "uniform"  # a key of `DESIGNS`, ``"grid"`` or ``"table"``
     # Inputs that vary, in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` where values
-    # are drawn, an `Axis` under a grid; empty for a table, which decides by itself
+    # are drawn, an `Axis` under a grid; empty for a table, whose columns are known when it is read
     sampled: Mapping[str, Range | Axis] = field(default_factory=dict)
     realizations: int | None = 1  # None for a table whose length the sweep does not state
     seed: int = 0
     table: Path | GivenTable | None = None  # the table, or its path; None for other designs
-    # The columns of the table to use, parameters first and then labels; None for all
+    # Columns of the table to use, parameters first and then labels; None for all
     columns: tuple[str, ...] | None = None
 
     @property
@@ -100,7 +100,7 @@ def linear(unit: Array, low: float, high: float) -> Array:
 
 def _uniform(count: int, width: int, seed: int) -> Rows:
     def rows(start: int, stop: int) -> Array:
-        # one float64 takes one step of the generator, so a chunk can skip to its place
+        # each float64 takes one step of the generator, so the steps of earlier rows can be skipped
         bits = np.random.PCG64(seed).advance(start * width)
         return np.random.Generator(bits).random((stop - start, width))
 
@@ -177,8 +177,9 @@ def register_design(name: str, place: Place, points: str | Points = "uniform") -
         values in the range of a parameter.
     points
         Points of the unit cube: those of ``"uniform"``, ``"latin"``, ``"sobol"`` or another design,
-        or ``points(realizations, parameters, seed)``, which gives a function of the first row and
-        the one after the last; the same rows whatever slices are asked for.
+        or a function ``points(realizations, parameters, seed)`` that returns a function
+        ``rows(start, stop)`` of shape (stop - start, parameters).  A row must not depend on the
+        slice in which it is asked for.
 
     Returns
     -------
@@ -201,11 +202,11 @@ def register_design(name: str, place: Place, points: str | Points = "uniform") -
     True
     """
     functions = [place] if isinstance(points, str) else [place, points]
-    code = "\n".join(part for one in functions for part in parts(one, f"design {name!r}"))  # type: ignore[arg-type]
+    code = "\n".join(text for one in functions for text in parts(one, f"design {name!r}"))  # type: ignore[arg-type]
     if name in (GRID, TABLE) or (name in DESIGNS and not DESIGNS[name].source):
-        raise ParameterError(f"design {name!r}: is there already; choose another name")
+        raise ParameterError(f"design {name!r}: this name is taken; choose another name")
     if isinstance(points, str) and points not in DESIGNS:
         raise ParameterError(f"points = {points!r}: must be one of {', '.join(DESIGNS)}")
-    taken = DESIGNS[points].points if isinstance(points, str) else points
-    DESIGNS[name] = Drawn(taken, place, code)
+    cube = DESIGNS[points].points if isinstance(points, str) else points
+    DESIGNS[name] = Drawn(cube, place, code)
     return place

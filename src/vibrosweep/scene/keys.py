@@ -1,8 +1,7 @@
-"""Tables and keys of a sweep file, which are the keywords of Python: types and ranges of each.
+"""Tables and keys of a sweep file, which are also the keywords of Python: types and ranges.
 
-Contradictions between keys are judged in `vibrosweep.scene.rules`.  The checks are plain functions:
-building the models of a validation library took longer than reading, computing and writing a small
-sweep.
+`vibrosweep.scene.rules` reports contradictions between keys.  The checks are plain functions,
+because building the models of a validation library took longer than a whole small sweep.
 """
 
 from __future__ import annotations
@@ -41,14 +40,13 @@ from vibrosweep.scene.waveform import waveform_of
 
 SUFFIXES: Final = (".csv", ".nc")
 
-# Far beyond any disk or memory; indices of realizations and of drawn values stay far below 2**63.
+# Far beyond any disk or memory, and small enough that no index reaches 2**63
 MAX_REALIZATIONS: Final = 10**12
 MAX_PARTICLES: Final = 10**9
 MAX_SEED: Final = 2**63 - 1  # the largest integer of TOML
-# An axis is held in memory.
-MAX_STEPS: Final = 10**6
+MAX_STEPS: Final = 10**6  # values of an axis, which is held in memory
 
-# Returns the value of a key in its own type, or raises ValueError with what is allowed.
+# Return the value of a key in its own type, or raise a ValueError that says what is allowed
 Check = Callable[[object], Any]
 # Checks of the keys of each table
 Sections = Mapping[str, Mapping[str, Check]]
@@ -63,25 +61,23 @@ class Steps:
     num: int
 
 
-Spread = float | tuple[float, ...] | Steps
-
-
+Spread = float | tuple[float, ...] | Steps  # values of a parameter in [sample]
 Tables = dict[str, dict[str, Any]]
 
 
 def read_tables(
     data: Mapping[str, Any], mistakes: Mistakes, sections: Sections | None = None
 ) -> tuple[str | None, Tables]:
-    """Check each key of a parsed file by itself; return its title, and its tables.
+    """Check each key of a parsed file by itself; return its title and its tables.
 
-    Keys with a mistake are noted in ``mistakes`` and then left out, so that the rules between
-    the remaining keys can still be judged.  By default the tables are those of a sweep file.
+    Keys with a mistake are noted in ``mistakes`` and left out, so that the rules between the
+    remaining keys can still be checked.  By default the tables are those of a sweep file.
     """
     sections = sections or SECTIONS
     of_tables: dict[str, Check] = {name: partial(_table, name) for name in sections}
-    top = _sound("", data, {"title": _title, **of_tables}, mistakes, sections)
+    top = _valid("", data, {"title": _title, **of_tables}, mistakes, sections)
     tables = {
-        name: _sound(name, top[name], checks, mistakes, sections)
+        name: _valid(name, top[name], checks, mistakes, sections)
         for name, checks in sections.items()
         if name in top
     }
@@ -95,25 +91,25 @@ def inputs_in(table: Mapping[str, Any]) -> dict[str, Any]:
     return {name: table[name] for name in INPUTS if name in table}
 
 
-def _sound(
+def _valid(
     home: str,
     data: Mapping[str, Any],
     checks: Mapping[str, Check],
     mistakes: Mistakes,
     sections: Sections,
 ) -> dict[str, Any]:
-    """Values of the known keys that pass their check; the others are noted."""
-    sound = {}
+    """Return the values of the known keys that pass their check; note the others."""
+    valid = {}
     for name, value in data.items():
         key = f"{home}.{name}" if home else name
         if name not in checks:
             _note_unknown(home, name, value, mistakes, sections)
             continue
         try:
-            sound[name] = checks[name](value)
+            valid[name] = checks[name](value)
         except ValueError as error:
             mistakes.add_broken(key, error.args, value)
-    return sound
+    return valid
 
 
 def _note_unknown(
@@ -139,7 +135,7 @@ def _note_unknown(
 
 
 def _one_time(home: str, key: str, values: dict[str, Any], mistakes: Mistakes) -> None:
-    """Put a time in periods into the place of that in s, of which only one may be given."""
+    """Store a time given in periods under the key of the time in s; report if both are given."""
     of_periods = f"{key}_periods"
     if of_periods not in values:
         return
@@ -155,11 +151,11 @@ def _one_time(home: str, key: str, values: dict[str, Any], mistakes: Mistakes) -
 def _title(value: object) -> str:
     if isinstance(value, str) and value.strip() and is_plain(value):
         return value
-    raise ValueError("must be one line of text that is not empty and says what the sweep shows")
+    raise ValueError("must be one line of text, not empty, that says what the sweep shows")
 
 
 def is_plain(text: str) -> bool:
-    """Return whether a text has no control character, which a terminal might obey."""
+    """Return whether a text is free of control characters, which a terminal might obey."""
     return not any(unicodedata.category(character) == "Cc" for character in text)
 
 
@@ -169,7 +165,7 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
     raise ValueError("must be ", Word(f"a table: write [{name}] on a line of its own", "a mapping"))
 
 
-def whole(allowed: str, low: int, high: int, value: object) -> int:
+def whole_number(allowed: str, low: int, high: int, value: object) -> int:
     """Return a whole number within a range, or raise ValueError."""
     integer = isinstance(value, int) and not isinstance(value, bool)
     if integer and low <= value <= high:  # type: ignore[operator]
@@ -283,7 +279,7 @@ def _is_finite_number(value: object) -> bool:
 
 
 def _within(parameter: Parameter, value: object) -> float:
-    """Return a number within the parameter's range, or raise ValueError with what is allowed."""
+    """Return a number in the parameter's range, or raise a ValueError that says what is allowed."""
     if not _is_finite_number(value):
         rule = f" is not a finite number (allowed: {parameter.allowed})"
         raise ValueError(Value(value), rule)
@@ -309,10 +305,12 @@ def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
     return Steps(start, stop, num)
 
 
-_SEED: Final = partial(whole, ", at least 0 and at most 2**63 - 1", 0, MAX_SEED)
+_SEED: Final = partial(whole_number, ", at least 0 and at most 2**63 - 1", 0, MAX_SEED)
 _SCENE: Final[Mapping[str, Check]] = {
     **{name: partial(_within, parameter) for name, parameter in INPUTS.items()},
-    "particles": partial(whole, f", at least 1 and at most {MAX_PARTICLES}", 1, MAX_PARTICLES),
+    "particles": partial(
+        whole_number, f", at least 1 and at most {MAX_PARTICLES}", 1, MAX_PARTICLES
+    ),
     "launch": _launch,
     "duration": partial(_positive, "s"),
     "duration_periods": partial(_positive, "forcing periods"),
@@ -327,7 +325,7 @@ SECTIONS: Final[Sections] = {
     "sample": {
         "design": _design,
         "realizations": partial(
-            whole, f", at least 1 and at most {MAX_REALIZATIONS}", 1, MAX_REALIZATIONS
+            whole_number, f", at least 1 and at most {MAX_REALIZATIONS}", 1, MAX_REALIZATIONS
         ),
         "seed": _SEED,
         "columns": _columns,
@@ -345,6 +343,6 @@ SECTIONS: Final[Sections] = {
         "continuation": flag,
         "tolerance": _bracket,
         "prove": flag,
-        "noise_replicas": partial(whole, ", at least 1 and at most 1000000", 1, 10**6),
+        "noise_replicas": partial(whole_number, ", at least 1 and at most 1000000", 1, 10**6),
     },
 }

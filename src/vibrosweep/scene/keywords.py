@@ -1,7 +1,7 @@
-"""Turn keywords of Python, or a mapping of them, into the checked sweep that a file would give.
+"""Turn keywords of Python, or a mapping of them, into the same checked sweep as a sweep file.
 
-A physical parameter that is a tuple is a range, a list or an array is an axis of a grid, and a
-number is fixed.  Keywords become the tables of a sweep file, and those are checked.
+A tuple is the range of a physical parameter, a list or an array is an axis of a grid, and a number
+is a fixed value.  Keywords become the tables of a sweep file, which are then checked.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, checked, kept_for, lacks_trace
 from vibrosweep.scene.text import text_of
 
-# Where a keyword is looked for, in this order
-_RANGE: Final = "is a range, because it is a tuple, and no range is drawn from here"
+_RANGE: Final = "is a range, because it is a tuple, and nothing is drawn from a range here"
 BUDGET: Final = "impact_budget"
+# Tables that may hold a keyword, in the order in which they are searched
 HOMES: Final = ("scene", "sample", "measure")
 # Evenly spaced values of at least this number are written as start, stop and num.
 LONG: Final = 10
@@ -44,11 +44,11 @@ def keyword_spec(
 ) -> Sweep:
     """Validate keywords, or a mapping of them that may hold whole tables of a sweep file.
 
-    None stands for a keyword that is not given; a mapping under the name of a table of a sweep file
-    means what it means there.  Keywords are looked for in the table of an `analysis` before all
-    others; those that are stated for it and have no meaning to it are mistakes, unless they are
-    False.  `kept` is that of `vibrosweep.scene.sweep.read_spec`.  A SpecError lists all mistakes,
-    each with its keyword; a ParameterError tells of masked values.
+    A keyword that is None is not given.  A mapping under the name of a table is this table.  The
+    table of an `analysis` is searched for a keyword before all others.  A keyword among
+    `stated_for_it` that has no meaning for the analysis is a mistake, unless it is False.  `kept`
+    is that of `vibrosweep.scene.sweep.read_spec`.  Raises a SpecError that lists all mistakes, each
+    with its keyword, and a ParameterError for masked values.
     """
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes = Mistakes(dialect=PYTHON, given=stated)
@@ -66,11 +66,11 @@ def keyword_spec(
 
 
 def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Array]]:
-    """Validate keywords of a batch of realizations: a scene, and the parameters that vary.
+    """Validate keywords of a batch of realizations; return the scene and the varying parameters.
 
-    Of a physical parameter a list or a 1-D array has an entry for each realization, or for all;
-    ``launch_time`` is a number or a list.  Of the keywords of [measure] there are the impact budget
-    and `measured`.  A SpecError lists all mistakes.
+    A list or 1-D array of a physical parameter has one entry for each realization, or a single one
+    for all; ``launch_time`` is a number or a list.  Of the keywords of [measure] only the impact
+    budget and `measured` are known.  Raises a SpecError that lists all mistakes.
     """
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes, remaining = Mistakes(dialect=PYTHON, given=stated), dict(stated)
@@ -80,7 +80,7 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
     if "launch_time" in remaining:
         times = _numbers("launch_time", remaining.pop("launch_time"), mistakes)
         if "launch" in remaining or "particles" in remaining:
-            rule = "says when each particle is launched, and so do particles and launch"
+            rule = "gives the launch of each particle, and so do particles and launch"
             mistakes.add_broken("launch_time", rule, None, "keep one of the two")
         remaining["launch"] = times.ravel().tolist()
     varied = {}
@@ -112,10 +112,10 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
 
 
 def _streams(value: object, given: Collection[str], mistakes: Mistakes) -> Array:
-    """Return the streams of random numbers of realizations; report anything else."""
+    """Return the indices of the random streams of realizations; report invalid ones."""
     streams = _numbers(STREAM, value, mistakes)
     if NOISE.keys().isdisjoint(given):
-        rule = "says which random numbers are taken, and nothing is random"
+        rule = "selects random numbers, but nothing is random"
         remedy = f"give {', '.join(NOISE)} as well, or leave it out"
         mistakes.add_broken(STREAM, rule, value, remedy)
     elif not ((streams >= 0) & (streams < STREAMS) & (streams == np.rint(streams))).all():
@@ -125,7 +125,7 @@ def _streams(value: object, given: Collection[str], mistakes: Mistakes) -> Array
 
 
 def _numbers(name: str, value: object, mistakes: Mistakes) -> Array:
-    """Return finite numbers as a 1-D array, a single one with length 1; report anything else."""
+    """Return one or more finite numbers as a 1-D array; report anything else."""
     refuse_masked(name, value)
     if isinstance(value, tuple):
         mistakes.add_broken(name, _RANGE, value, "give a list")
@@ -168,14 +168,14 @@ def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes
 
 
 def _home(name: str, value: object, homes: tuple[str, ...]) -> str | None:
-    """Table in which a keyword belongs."""
+    """Return the table to which a keyword belongs."""
     if name in INPUTS and _kind(value) is not None:
         return "sample"
     return next((home for home in homes if name in SECTIONS[home]), None)
 
 
 def _kind(value: object) -> str | None:
-    """Return whether a parameter is a range or an axis; None for anything else."""
+    """Return "range" or "axis" for the value of a parameter that varies; None for any other."""
     if isinstance(value, tuple):
         return "range"
     several = isinstance(value, list | range | Mapping) or np.ndim(np.asarray(value)) > 0
@@ -183,7 +183,7 @@ def _kind(value: object) -> str | None:
 
 
 def _choose_design(given: Mapping[str, Any], data: dict[str, Any], mistakes: Mistakes) -> None:
-    """Take a grid where there are axes; report ranges and axes that do not fit the design."""
+    """Choose a grid if there are axes; report ranges and axes that do not fit the design."""
     kinds = {name: _kind(value) for name, value in given.items() if name in INPUTS}
     axes, ranges = ([n for n, kind in kinds.items() if kind == k] for k in ("axis", "range"))
     sample = data.get("sample", {})
@@ -223,7 +223,7 @@ def _note_unknown(name: str, value: object, known: Collection[str], mistakes: Mi
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Value as a TOML file would give it: numbers, texts, lists and dicts of Python."""
+    """Return a value as `tomllib` gives it: numbers, texts, lists and dicts of Python."""
     if name == "design" and not isinstance(value, str):
         return GivenTable.from_table(value)
     refuse_masked(name, value)
@@ -235,7 +235,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def short_axis(values: Any) -> Any:
-    """Write a long axis of even steps as start, stop and num, where that gives the same values."""
+    """Write a long, evenly spaced axis as start, stop and num if that gives the same values."""
     if not (isinstance(values, list) and LONG <= len(values) <= MAX_STEPS):
         return values
     if not all(isinstance(v, float) for v in values) or not values[0] < values[-1]:

@@ -1,7 +1,7 @@
 """Realizations of a sweep: their parameters, chunk by chunk, in bounded memory.
 
-The values of a realization depend on the sweep and on its index alone: any chunking gives the same
-bits.
+The parameters of a realization depend only on the sweep and on its index, so that any division
+into chunks gives the same bits.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ class Realizations:
     """The realizations of a sweep."""
 
     realizations: int
-    # Names of the sampled parameters, in the order of `vibrosweep.model.forcing.INPUTS`, and with
-    # noise of the streams of random numbers
+    # Names of the sampled parameters, in the order of `vibrosweep.model.forcing.INPUTS`; with noise
+    # also `STREAM`
     sampled: tuple[str, ...]
     columns: Columns  # fastest for increasing starts
-    # Other columns of a table, which are copied to the result only
+    # Other columns of a table, which are only copied to the result
     labels: Mapping[str, Label] = field(default_factory=dict)
 
     def take(self, start: int, stop: int) -> dict[str, Array]:
         """Return the sampled parameters of the realizations start, ..., stop - 1, in their units.
 
-        Thread-safe; fastest for increasing `start`.  An IndexError unless 0 <= start <= stop <=
-        realizations.
+        Thread-safe; fastest for increasing `start`.  Raises an IndexError unless 0 <= start <= stop
+        <= realizations.
         """
         if not 0 <= start <= stop <= self.realizations:
             raise IndexError(f"no realizations {start} to {stop} among {self.realizations}")
@@ -55,15 +55,15 @@ def open_design(sweep: Sweep) -> Realizations:
     ``uniform`` draws independent values; ``latin`` puts one value of each parameter into each of as
     many equal slices as there are realizations; ``sobol`` is a scrambled low-discrepancy sequence,
     balanced best when the number of realizations is a power of two; ``grid`` takes all
-    combinations, the last parameter varying fastest; ``table`` reads them.  Raises a TableError
-    where the table cannot be used, and a SpecError for more realizations than a Sobol' sequence has
+    combinations, the last parameter varying fastest; ``table`` reads them.  Raises a TableError if
+    the table cannot be used, and a SpecError for more realizations than a Sobol' sequence has
     points, or than a Latin hypercube can hold in memory.
     """
     opened = _opened(sweep)
     noise = sweep.scene.noise(opened.sampled)
     if not noise:
         return opened
-    if sweep.design.name == TABLE:  # whose columns may not have been known before
+    if sweep.design.name == TABLE:  # its columns may have been unknown until now
         _require_random(sweep, noise)
 
     def columns(start: int, stop: int) -> list[Array]:
@@ -73,18 +73,18 @@ def open_design(sweep: Sweep) -> Realizations:
 
 
 def _require_random(sweep: Sweep, noise: tuple[str, ...]) -> None:
-    """Raise a TableError where the base, or a measure, cannot be had with the noise of a table."""
+    """Raise a TableError if the base, or a measure, does not support the noise of a table."""
     base, measures = sweep.scene.base, sweep.scene.measures
-    asked = [key for key in MEASURES if getattr(measures, key)]
+    keys = [key for key in MEASURES if getattr(measures, key)]
     of_scene = refusal(base, noise=noise, waveform=sweep.scene.waveform.name)
-    wrong = [of_scene, *(refusal(base, measure=m, noise=noise) for m in asked)]
-    for about, text in zip(("", *(f"{key} " for key in asked)), wrong, strict=True):
+    wrong = [of_scene, *(refusal(base, measure=key, noise=noise) for key in keys)]
+    for about, text in zip(("", *(f"{key} " for key in keys)), wrong, strict=True):
         if text:
             raise TableError(f"{sweep.design.table}: {', '.join(noise)}: {about}{text}")
 
 
 def _opened(sweep: Sweep) -> Realizations:
-    """Open the design of a sweep, without streams of random numbers."""
+    """Open the design of a sweep, without the random streams."""
     design = sweep.design
     if design.name == TABLE:
         return _open_table(sweep)
@@ -100,7 +100,7 @@ def _opened(sweep: Sweep) -> Realizations:
 
 
 def chosen(design: Realizations, rows: Sequence[int]) -> Realizations:
-    """Return a design that holds some realizations of another, selected by increasing indices."""
+    """Return some of the realizations of a design, selected by increasing indices."""
     places = np.asarray(rows, dtype=np.int64)
 
     def columns(start: int, stop: int) -> list[Array]:
@@ -138,8 +138,8 @@ def _open_table(sweep: Sweep) -> Realizations:
     table, design = read_table(sweep), sweep.design
     count = len(next(iter(table.parameters.values())))
     if design.realizations not in (None, count):
-        asks = f"realizations = {design.realizations}"
-        key = f"sample.{asks} in {sweep.source}" if sweep.source else asks
+        stated = f"realizations = {design.realizations}"
+        key = f"sample.{stated} in {sweep.source}" if sweep.source else stated
         raise TableError(f"{design.table}: holds {count} rows, but {key}; leave that out")
     return Realizations(count, tuple(table.parameters), _slices(table.parameters), table.labels)
 

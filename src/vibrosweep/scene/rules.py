@@ -41,9 +41,9 @@ from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, Range
 from vibrosweep.scene.keys import MAX_REALIZATIONS, Steps, inputs_in
 from vibrosweep.scene.scene import Scene
 
-# Keys that decide which parameters are needed, and these
+# The base and the law of restitution, with the parameters that only some of them need
 DEPENDENT: Final = ("base", *OF_MOUNT, "restitution_law", *OF_RESTITUTION)
-Table = Mapping[str, Any]  # of a sweep file: its sound values by their keys
+Table = Mapping[str, Any]  # valid values of a table of a sweep file, by key
 
 
 def kind(sample: Table) -> str:
@@ -101,7 +101,7 @@ def check_measures(
     measures: Measures,
     mistakes: Mistakes,
 ) -> None:
-    """Report measures that the base, or noise, does not allow."""
+    """Report measures that do not work with the base, the waveform or the noise."""
     for key in MEASURES:
         wrong = refusal(base, measure=key, waveform=waveform.name, noise=noise)
         if wrong and getattr(measures, key):
@@ -112,9 +112,9 @@ def check_measures(
 def check_noise(
     scene: Table, homes: Mapping[str, str], sizes: Mapping[str, int], mistakes: Mistakes
 ) -> None:
-    """Report noise that a scene cannot have, or that is for too many realizations or particles.
+    """Report noise that the base does not support, or too many realizations or particles for it.
 
-    `scene` holds its settings; `homes` names the table in which each kind of noise is given.
+    `scene` holds the settings of the scene; `homes` names the table that gives each kind of noise.
     """
     needs = [f"{table}.{key}" for table in ("scene", "record") for key in ("base", "waveform")]
     for name, home in homes.items():
@@ -123,18 +123,18 @@ def check_noise(
     for key, most in (("sample.realizations", STREAMS), ("scene.particles", STREAM_PARTICLES)):
         number = sizes.get(key, 0)
         if homes and number > most:
-            rule = f"with noise it must be at most {most}, for which there are random numbers"
+            rule = f"with noise it must be at most {most}, the number of random sequences"
             mistakes.add(key, rule, number)
 
 
 def noise_homes(numbers: Table, sample: Table, varied: Collection[str]) -> dict[str, str]:
-    """Return the noise that is given, other than zero, each with the table that gives it."""
+    """Return the table that gives each kind of noise that is not zero."""
     on = [name for name in NOISE if name in varied or numbers.get(name, 0.0) != 0.0]
     return {name: "sample" if name in sample or name in varied else "scene" for name in on}
 
 
 def check_forcing(scene: Table, sample: Table, mistakes: Mistakes) -> None:
-    """Report if the forcing is given in two ways."""
+    """Report a forcing that is given in two ways."""
     given: list[tuple[str, str, object]] = [
         (f"{table}.{name}", name, parameters[name])
         for table, parameters in (("scene", scene), ("sample", sample))
@@ -152,9 +152,9 @@ def check_forcing(scene: Table, sample: Table, mistakes: Mistakes) -> None:
 
 
 def check_given(base: str, law: str, scene: Table, sample: Table, mistakes: Mistakes) -> None:
-    """Report missing parameters of a mount or a law of restitution, and those of another one.
+    """Report parameters that the base or the law of restitution lacks, or does not have.
 
-    Columns of a table that the file does not name are judged when the table is read.
+    If the file does not name the columns of its table, they are checked when the table is read.
     """
     if kind(sample) == TABLE and "columns" not in sample:
         return
@@ -168,7 +168,7 @@ def check_given(base: str, law: str, scene: Table, sample: Table, mistakes: Mist
 
 
 def fixed_numbers(scene: Table, sample: Table, mistakes: Mistakes) -> dict[str, float]:
-    """Return the parameters that are given as a number, in [scene] or in [sample], not in both."""
+    """Return the parameters that are given as numbers; report those that are given twice."""
     in_scene, in_sample = inputs_in(scene), inputs_in(sample)
     for name in in_sample:
         if name in in_scene:
@@ -178,14 +178,14 @@ def fixed_numbers(scene: Table, sample: Table, mistakes: Mistakes) -> dict[str, 
 
 
 def sampled(sample: Table, mistakes: Mistakes) -> dict[str, Range | Axis]:
-    """Ranges under a drawn design, axes under a grid; in the order of `INPUTS`."""
+    """Return the ranges, or under a grid the axes, in the order of `INPUTS`."""
     found: dict[str, Range | Axis] = {}
     for name, value in inputs_in(sample).items():
         if isinstance(value, float):
             continue
         key = f"sample.{name}"
         if kind(sample) == TABLE:
-            mistakes.add(key, "must be a number, because the table lists what is sampled", value)
+            mistakes.add(key, "must be a number, because the table gives what varies", value)
         elif kind(sample) == GRID:
             found[name] = _axis(key, value, mistakes)
         else:
@@ -222,7 +222,7 @@ def _range(key: str, value: tuple[float, ...] | Steps, design: str, mistakes: Mi
 
 
 def columns(sample: Table, numbers: Collection[str], mistakes: Mistakes) -> tuple[str, ...] | None:
-    """Columns of the table to use; none of them may be a fixed number too."""
+    """Return the columns of the table to use; report those that are also fixed numbers."""
     named: tuple[str, ...] | None = sample.get("columns")
     if named is not None and kind(sample) != TABLE:
         remedy = 'give its path as the design, as in design = "table.csv"'
@@ -238,7 +238,7 @@ def columns(sample: Table, numbers: Collection[str], mistakes: Mistakes) -> tupl
 def realizations(
     sample: Table, spreads: Mapping[str, Range | Axis], mistakes: Mistakes
 ) -> int | None:
-    """Return the number of realizations; None for a table when the file does not state it."""
+    """Return the number of realizations; None for a table whose length the file does not state."""
     key, number, design = "sample.realizations", sample.get("realizations"), kind(sample)
     if design == TABLE:
         return number
@@ -268,9 +268,9 @@ def record(
     varied: Collection[str] | None,
     mistakes: Mistakes,
 ) -> dict[str, Any]:
-    """Return the fields of the recorded scene: [record] over the sweep's own ``values``.
+    """Return the fields of the recorded scene: [record], completed by ``values`` of the sweep.
 
-    ``varied`` names the sampled parameters, None where only the table knows them.
+    ``varied`` names the sampled parameters; None if they are known only from the table.
     """
     given, fields = inputs_in(table), settings("record", table, shared, mistakes)
     base, law = fields["base"], fields["restitution_law"]
@@ -284,7 +284,7 @@ def record(
         first, second, *_ = forcings
         also = ("gives the forcing, and so does ", Key(f"record.{first}"))
         mistakes.add(f"record.{second}", also, given[second], "keep one of the two")
-    # values of the sweep that [record] replaces: it gives them in another way, or has another base
+    # values of the sweep that [record] gives in another way, or that its base or law does not have
     replaced = {*FORCINGS} if forcings else set()
     replaced |= {*MASSES} if MASS_RATIO in given else set()
     replaced |= set() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
@@ -311,8 +311,8 @@ def check_extremes(
 ) -> None:
     """Report parameters whose extreme values cannot be computed together.
 
-    The amplitude may follow from a forcing that makes it too large, and the mass ratio from masses;
-    forcing periods may be too many to be counted exactly.
+    The forcing may give too large an amplitude, the masses too large a mass ratio, and a run may
+    have more forcing periods than can be counted exactly.
     """
     ends: dict[str, tuple[float, ...]] = {name: (value,) for name, value in scene.inputs.items()}
     ends |= {name: tuple(sorted({*spread.ends})) for name, spread in sampled.items()}

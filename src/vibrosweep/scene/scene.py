@@ -44,16 +44,16 @@ class Scene:
     duration: Time = 12.0  # end of the observation: a number in s, or `Periods`
     rebound: str = LAWS[0]  # one of `vibrosweep.model.parameters.LAWS`
     measures: Measures = field(default_factory=Measures)
-    # True to count repetitions of a cycle instead of following them; False where every landing is
-    # kept, and for comparison
+    # True to count repetitions of a cycle instead of following them; False for records of all
+    # landings, and for comparison
     skip: bool = True
     base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`
     waveform: Waveform = SINE
     # One of `vibrosweep.model.restitution_laws.RESTITUTION_LAWS`
     restitution_law: str = CONSTANT
-    # Physical parameters by the names of `vibrosweep.model.forcing.INPUTS`, in their units: those
-    # that do not vary, defaults included; of the forcings no more than one, and those of a mount
-    # for a sprung base only.  The engine takes arrays of all parameters instead.
+    # Physical parameters that do not vary, defaults included, by the names of
+    # `vibrosweep.model.forcing.INPUTS` and in their units: at most one forcing, and parameters of
+    # the mount for a sprung base only.  The engine takes arrays of all parameters instead.
     inputs: Mapping[str, float] = field(default_factory=dict)
     given: frozenset[str] = frozenset()  # names of the inputs that were stated
     noise_seed: int = 0
@@ -69,7 +69,7 @@ class Scene:
         return replace(self, measures=replace(self.measures, **changes))
 
     def recorded(self, impact_budget: int | None = None) -> Scene:
-        """Return the same scene without measures, its window wide enough for every landing."""
+        """Return the same scene without measures, with a window that holds every landing."""
         budget = impact_budget or self.measures.impact_budget
         every = Measures(transient=-math.inf, tolerance=math.inf, impact_budget=budget)
         return replace(self, measures=every)
@@ -86,7 +86,7 @@ class Scene:
 
     @property
     def budget(self) -> int:
-        """Impacts after which a particle is given up: the impact budget, rounded up."""
+        """Impacts after which a particle is abandoned: the impact budget, rounded up."""
         from vibrosweep.kernels.advance import LOOK_AFTER  # slow to import
 
         return -(-self.measures.impact_budget // LOOK_AFTER) * LOOK_AFTER
@@ -101,22 +101,23 @@ class Scene:
 
     @property
     def times(self) -> dict[str, Time]:
-        """End of the observation, and beginning of the window of measures where it has one."""
+        """End of the observation, and the beginning of the window of measures if it is finite."""
         begin = self.measures.transient
         windowed = {"transient": begin} if math.isfinite(amount(begin)) else {}
         return {"duration": self.duration, **windowed}
 
     def forcing(self, varied: Collection[str] = ()) -> str:
-        """Name of the forcing; one that varies replaces that of the scene."""
+        """Return the name of the forcing; one that varies replaces that of the scene."""
         return forcing_of([name for name in varied if name in FORCINGS] or self.given)
 
     def quantities(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """Return all quantities of realizations; some `INPUTS` vary, each of shape (realization,).
+        """Return all quantities of realizations in which some `INPUTS` vary.
 
-        There are as many realizations as values of a varying input, or `size`. The result holds the
-        stated inputs, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
-        `vibrosweep.model.parameters.MOUNT`, the acceleration of the base, and with noise the stream
-        of each realization, by default its index.
+        `varied` and the result hold arrays of shape (realization,); without a varying input there
+        are `size` realizations.  The result holds the stated inputs, all of
+        `vibrosweep.model.parameters.PARAMETERS`, for a sprung base all of
+        `vibrosweep.model.parameters.MOUNT`, the acceleration of the base, and with noise the random
+        stream of each realization, by default its index.
         """
         size = size or max((values.size for values in varied.values()), default=1)
         others = [name for name in (*varied, *self._given) if name not in FORCINGS]
@@ -138,11 +139,11 @@ class Scene:
         return [name for name in self.given if name not in NOISE or self.inputs.get(name) != 0.0]
 
     def noise(self, varied: Collection[str] = ()) -> tuple[str, ...]:
-        """Names of `vibrosweep.model.parameters.NOISE` that are on, where some inputs vary."""
+        """Return the names of `vibrosweep.model.parameters.NOISE` that vary or are not zero."""
         return tuple(name for name in NOISE if name in (*varied, *self._given))
 
     def parameters(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """Parameters of these realizations for the engine, each of shape (realization,)."""
+        """Return the parameters that the engine takes, each of shape (realization,)."""
         return only_parameters(self.quantities(varied, size))
 
     def timed(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
@@ -151,12 +152,12 @@ class Scene:
         return found | {n: in_seconds(t, found["frequency"]) for n, t in self.times.items()}
 
     def varied(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """Those of `timed` that `varying` names."""
+        """Return the quantities and times that differ between realizations, as `varying` names."""
         found = self.timed(varied, size)
         return {name: found[name] for name in self.varying(varied)}
 
     def varying(self, varied: Collection[str]) -> tuple[str, ...]:
-        """Names of quantities that differ between realizations: varying inputs, and others."""
+        """Return the names of quantities and times that differ if some inputs vary."""
         times = [name for name, time in self.times.items() if isinstance(time, Periods)]
         inputs = [name for name in varied if name != STREAM]
         found = differing(inputs, self.forcing(varied))

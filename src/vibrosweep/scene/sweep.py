@@ -1,4 +1,4 @@
-"""A checked sweep, from TOML or keywords: every mistake is found before anything runs."""
+"""Checked sweeps, from TOML or keywords: all mistakes are found before anything is computed."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ from vibrosweep.scene.text import text_of
 from vibrosweep.scene.traces import Traced, measured
 from vibrosweep.scene.unused import check_unused
 
-# Fields of a scene that [record] takes from [scene], beside the inputs
+# Fields of a scene, apart from its inputs, that [record] takes from [scene] by default
 SHARED: Final = (
     *("particles", "launch", "duration", "rebound", "restitution_law"),
     *("base", "waveform", "noise_seed"),
 )
 HDF5: Final = b"\x89HDF"  # the first bytes of a result
-WRITTEN_FOR: Final = "# written for\n"  # heads the original text of a file with a fitted trace
+# Line before the original text of a sweep file whose trace was replaced by harmonics
+WRITTEN_FOR: Final = "# written for\n"
 
 
 @dataclass(frozen=True)
@@ -37,14 +38,13 @@ class Sweep:
     """A scene and the design of its realizations, checked together."""
 
     title: str  # one line that describes the sweep
-    text: str  # the whole TOML text; for keywords, one that asks for the same
-    source: Path | None  # the file it was read from, None for a text and for keywords
+    text: str  # the whole TOML text; for keywords, an equivalent one
+    source: Path | None  # the file it was read from; None for a text and for keywords
     scene: Scene
     design: Design
-    record: Scene | None  # the scene of which every landing is recorded beside it, or None
-    # How the stability windows are found that are asked for, by the keys of [windows], or None
-    windows: Mapping[str, Any] | None
-    # True to keep recorded landings one after the other, without empty places; None without record
+    record: Scene | None  # the scene, if any, of which every landing is recorded
+    windows: Mapping[str, Any] | None  # values of [windows] by their keys; None without this table
+    # True to store recorded landings as one list without padding; None without a record
     ragged: bool | None = None
 
     def with_measures(self, **changes: Any) -> Sweep:
@@ -63,7 +63,7 @@ class Sweep:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """Files that the sweep is read from."""
+        """Files from which the sweep is read."""
         return tuple(path for path in (self.source, self.design.table) if isinstance(path, Path))
 
     def refusal(self, text: Text) -> SpecError:
@@ -74,7 +74,7 @@ class Sweep:
 
     @property
     def states_duration(self) -> bool:
-        """True where the sweep file states the end of the observation, and leaves no default."""
+        """True if the sweep file states the end of the observation."""
         scene = tomllib.loads(self.text).get("scene", {})
         return not scene.keys().isdisjoint({"duration", "duration_periods"})
 
@@ -90,8 +90,8 @@ class Sweep:
 def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = None) -> Sweep:
     """Read and validate a sweep file; a SpecError lists all mistakes.
 
-    If the file of its trace is missing, `kept` gives the text that a result or an unfinished run
-    holds.  The harmonics in that text are taken if it was written for this very sweep file.
+    If the file of its trace is missing, `kept` returns the text that a result or an unfinished run
+    holds, and its harmonics are used, provided that it was written for the same sweep file.
     """
     source = Path(path)
     text = read_text(source)
@@ -101,7 +101,7 @@ def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = Non
 
 
 def kept_for(text: str, kept: Callable[[], str]) -> str:
-    """Return the text that is kept, with harmonics, if it was written for this one; else empty."""
+    """Return the text with harmonics that a run holds, or "" if it belongs to another sweep."""
     held = kept()
     _, _, written = held.partition(WRITTEN_FOR)
     return held if written and written == _quoted(text) else ""
@@ -111,7 +111,7 @@ def _lacks_trace(text: str, folder: Path) -> bool:
     """Return whether a sweep file names a trace whose file is missing."""
     try:
         return lacks_trace(tomllib.loads(text), folder)
-    except (ValueError, RecursionError):  # a mistake told later
+    except (ValueError, RecursionError):  # a mistake that is reported later
         return False
 
 
@@ -119,7 +119,7 @@ def lacks_trace(data: Mapping[str, Any], folder: Path) -> bool:
     """Return whether tables name a trace, relative to a folder, whose file is missing."""
     try:
         return not (folder / data["scene"]["waveform"]["trace"]).exists()
-    except (KeyError, TypeError, ValueError):  # no trace, or a mistake told later
+    except (KeyError, TypeError, ValueError):  # no trace, or a mistake that is reported later
         return False
 
 
@@ -129,9 +129,9 @@ def _quoted(text: str) -> str:
 
 
 def read_text(source: Path) -> str:
-    """Read the text of a TOML file; a SpecError where it cannot be read."""
+    """Read the text of a TOML file; a SpecError says why it cannot be read."""
     try:
-        # utf-8-sig: editors on Windows put a byte order mark first, which TOML does not know
+        # utf-8-sig: editors on Windows put a byte order mark first, which TOML does not allow
         return source.read_bytes().decode("utf-8-sig")
     except FileNotFoundError as error:
         raise SpecError(f"{source}: there is no such sweep file; check the path") from error
@@ -140,7 +140,7 @@ def read_text(source: Path) -> str:
     except UnicodeDecodeError as error:
         wrong = f"is not UTF-8 text (byte {error.start}); save it as UTF-8"
         if bytes(error.object).startswith(HDF5):
-            wrong = "is a result: give the sweep file it is of, or the opened result in Python"
+            wrong = "is a result: give its sweep file, or in Python the opened result"
         raise SpecError(f"{source}: {wrong}") from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
@@ -150,7 +150,7 @@ def read_text(source: Path) -> str:
 def parse_spec(text: str, source: Path | None = None) -> Sweep:
     """Validate the TOML text of a sweep file; a SpecError lists all mistakes.
 
-    Messages name its path `source`, and the path of a table is relative to its folder.
+    Messages name the file `source`; the path of a table is relative to its folder.
     """
     mistakes = Mistakes("the sweep's text" if source is None else str(source))
     try:
@@ -161,10 +161,10 @@ def parse_spec(text: str, source: Path | None = None) -> Sweep:
 
 
 def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: Mistakes) -> Sweep:
-    """Validate what a sweep file holds, as `tomllib` reads it.
+    """Validate the data of a sweep file as `tomllib` reads them.
 
-    `text` and `source` are those of `Sweep`; a SpecError lists all `mistakes`, to which this
-    function adds its own.
+    `text` and `source` are those of `Sweep`.  Raises a SpecError that lists all `mistakes`, those
+    that this function adds included.
     """
     title, tables = read_tables(data, mistakes)
     if title is None:
@@ -177,7 +177,7 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
         text = text_of({**data, "title": title or "", "scene": scene}) + quoted
     sweep = _assembled(tables, source, mistakes)
     sweep = replace(sweep, title=title or "", text=text)
-    # a table is judged when it is read, since only then its values are known
+    # a table is checked when it is read
     if sweep.design.name != TABLE:
         rules.check_extremes("scene", sweep.scene, sweep.design.sampled, mistakes)
     if sweep.record is not None:
@@ -187,19 +187,19 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
 
 
 def _measured(tables: Tables, source: Path | None, mistakes: Mistakes) -> dict[str, Any]:
-    """Fit the trace that [scene] asks for, and put the result into the table; return the result."""
+    """Replace the trace in [scene] by its harmonics, frequency and velocity; return these keys."""
     scene, sample = tables.get("scene", {}), tables.get("sample", {})
     if isinstance(tables.get("record", {}).get("waveform"), Traced):
-        asked = tables["record"].pop("waveform")
+        traced = tables["record"].pop("waveform")
         rule = "a trace is read in [scene] only; give its harmonics here"
-        mistakes.add_broken("record.waveform", rule, asked.trace)
+        mistakes.add_broken("record.waveform", rule, traced.trace)
     if not isinstance(scene.get("waveform"), Traced):
         return {}
-    asked = scene.pop("waveform")
+    traced = scene.pop("waveform")
     try:
-        found = measured(asked, (source or Path()).parent)
+        found = measured(traced, (source or Path()).parent)
     except ValueError as error:
-        mistakes.add_broken("scene.waveform", error.args, asked.trace)
+        mistakes.add_broken("scene.waveform", error.args, traced.trace)
         return {}
     replaced = {"frequency": found.frequency, "base_velocity": found.velocity}
     given = {*scene, *sample, *sample.get("columns", ())}
@@ -212,7 +212,7 @@ def _measured(tables: Tables, source: Path | None, mistakes: Mistakes) -> dict[s
 
 
 def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep:
-    """Apply the rules between keys; a SpecError lists all mistakes until then."""
+    """Apply the rules between keys; a SpecError lists all mistakes found so far."""
     scene, sample = tables.get("scene", {}), tables.get("sample", {})
     sampled = rules.sampled(sample, mistakes)
     numbers = rules.fixed_numbers(scene, sample, mistakes)
@@ -227,7 +227,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     check_unused(tables, mistakes, every=source is not None)
     noise = rules.noise_homes(numbers, sample, varied)
     rules.check_measures(base, settings["waveform"], noise, measures, mistakes)
-    # one forcing only, also where two were reported
+    # only the first forcing, even if two were given and reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
     values = {name: numbers.get(name, INPUTS[name].default) for name in inputs_of(given, base)}
@@ -240,13 +240,13 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
         known = varied if rules.kind(sample) != TABLE or columns is not None else None
         recorded = rules.record(tables["record"], settings, values, known, mistakes)
     realizations = rules.realizations(sample, sampled, mistakes)
-    asked = {"sample.realizations": realizations or 0, "scene.particles": settings["particles"]}
-    rules.check_noise(settings, noise, asked, mistakes)
+    sizes = {"sample.realizations": realizations or 0, "scene.particles": settings["particles"]}
+    rules.check_noise(settings, noise, sizes, mistakes)
     refuse(mistakes)
     fixed = {
         name: value
         for name, value in values.items()
-        if name not in varied and not math.isnan(value)  # one that only the table knows
+        if name not in varied and not math.isnan(value)  # NaN: known from the table only
     }
     kind, named = rules.kind(sample), sample.get("design")
     if isinstance(named, str) and kind == TABLE:

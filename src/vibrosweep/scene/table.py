@@ -51,14 +51,14 @@ class Table:
 
 
 def read_table(sweep: Sweep) -> Table:
-    """Read the table of a sweep whole.
+    """Read the whole table of a sweep.
 
     Raises
     ------
     TableError
-        The table cannot be read, lacks or repeats a column, holds a value that is no finite number
-        or out of range, has a column in an unknown unit or whose name is nearly that of a parameter
-        or that of a result, or contradicts the sweep file; all mistakes are listed.
+        The table cannot be read or contradicts the sweep file; a column is missing, appears twice,
+        has an unknown unit, or has nearly the name of a parameter or the name of a variable of
+        results; a value is not a finite number or out of range.  All mistakes are listed.
     """
     path = sweep.design.table
     mistakes = Mistakes(str(sweep.design.table), dialect=PYTHON if sweep.source is None else TOML)
@@ -96,7 +96,7 @@ def _source(sweep: Sweep) -> str:
 
 
 def _read_csv(path: Path, mistakes: Mistakes) -> dict[str, Label]:
-    """Return all columns as text; Python's float then rounds each cell correctly."""
+    """Return all columns as text, which `float` then rounds correctly."""
     try:
         # utf-8-sig: spreadsheets put a byte order mark first
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -129,7 +129,7 @@ def _judge_header(path: Path, names: list[str], mistakes: Mistakes) -> None:
 
 
 def _rows(lines: Any, width: int, mistakes: Mistakes) -> Iterator[list[str | None]]:
-    """Yield the cells of each row that is not empty, all None where their number is wrong."""
+    """Yield the cells of each row that is not empty; all are None if their number is wrong."""
     for number, row in enumerate(filter(None, lines), start=1):
         if len(row) != width:
             rule = f"in line {lines.line_num} has {len(row)} values for {width} columns"
@@ -140,7 +140,7 @@ def _rows(lines: Any, width: int, mistakes: Mistakes) -> Iterator[list[str | Non
 
 
 def _read_netcdf(path: Path) -> dict[str, Label]:
-    """Return all parameters, and other variables with their dimension."""
+    """Return the columns of a netCDF file."""
     import xarray as xr
 
     try:
@@ -156,7 +156,7 @@ def _read_netcdf(path: Path) -> dict[str, Label]:
 
 
 def _chosen(columns: Mapping[str, Label], sweep: Sweep, mistakes: Mistakes) -> list[str]:
-    """Names of the columns to use."""
+    """Return the names of the columns to use; report columns that are missing or contradictory."""
     found = list(columns)
     if sweep.design.columns is not None:
         for name in sweep.design.columns:
@@ -205,19 +205,20 @@ def _judge_name(name: str, sweep: Sweep, mistakes: Mistakes) -> None:
         remedy = ("to keep it as a label rename it, to leave it out list the others in ", COLUMNS)
         mistakes.add_cell(f"{rule} Known columns: {', '.join(INPUTS)}", name, remedy=remedy)
     elif name in RESERVED.union(sweep.scene.measures.observable_names):
-        mistakes.add_cell("has the name of something that a result holds", name, remedy=elsewhere)
+        mistakes.add_cell("has the name of a variable of a result", name, remedy=elsewhere)
     elif name in {*SECTIONS["scene"], *SECTIONS["measure"]}:
         rule = "has the name of a key that is the same for all realizations"
         mistakes.add_cell(rule, name, remedy=elsewhere)
     elif not name.isidentifier():
         rule = (
-            "cannot be a label of a result, whose name is made of letters, digits and underscores"
+            "cannot be a label of a result: names of labels are made of letters, digits and "
+            "underscores"
         )
         mistakes.add_cell(rule, name, remedy=elsewhere)
 
 
 def _judge_shapes(columns: Mapping[str, Label], mistakes: Mistakes) -> None:
-    """Check that parameters lie along one dimension, the same for all."""
+    """Check that all columns lie along the same single dimension."""
     shared = next((column.dims for column in columns.values()), ())
     for name, column in columns.items():
         if len(column.dims) != 1 or column.dims != shared:
@@ -248,9 +249,8 @@ def _numbers(name: str, column: Label, mistakes: Mistakes) -> Array:
     scale = factor(unit, parameter.units)
     if scale is None:
         mistakes.add_cell(
-            f"is in {unit!r}, which is not known as a unit of the {parameter.long_name}, "
-            f"{parameter.units}; convert it; known are products of {', '.join(KNOWN_UNITS)}, as in "
-            f"mm s-1",
+            f"is in {unit!r}, which is not a known unit of the {parameter.long_name}; convert it "
+            f"to {parameter.units}; known are products of {', '.join(KNOWN_UNITS)}, as in mm s-1",
             name,
         )
         return numbers
@@ -283,7 +283,7 @@ def _number(value: object) -> float:
 
 
 def _judge_labels(labels: Mapping[str, Label], mistakes: Mistakes) -> None:
-    """Check that a file can hold the labels, before anything is computed."""
+    """Check that a result file can hold the labels."""
     if len(labels) > _MOST_LABELS:
         mistakes.add_cell(
             f"has {len(labels)} columns that are no parameters; a result holds at most "
@@ -299,7 +299,7 @@ def _judge_labels(labels: Mapping[str, Label], mistakes: Mistakes) -> None:
 
 
 def _label(column: Label) -> Label:
-    """Return a label as numbers where each of its values is one, or is missing; else as texts."""
+    """Return a label as numbers if each of its values is a number or missing; else as texts."""
     values = column.values
     if values.dtype.kind in "iuf":
         numbers = values.astype(np.float64)

@@ -1,4 +1,4 @@
-"""Text of a sweep file that asks for given tables."""
+"""Text of a sweep file with given tables."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vibrosweep.scene.keys import SECTIONS
 
 
 def text_of(data: Mapping[str, Any]) -> str:
-    """Return the text of a sweep file with a title and these tables."""
+    """Return the text of a sweep file that holds a title and tables."""
     lines = [f"title = {toml(data['title'])}"]
     for section in SECTIONS:
         if section in data:

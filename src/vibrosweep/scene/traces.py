@@ -1,13 +1,12 @@
-"""Waveforms from a measured motion of the base, as harmonics by least squares.
+"""Waveforms from a measured motion of the base: harmonics fitted by least squares.
 
-The trace is a mean, a trend and harmonics of one frequency f,
+The model of the trace is a mean, a trend and harmonics of one frequency f,
 
     y(t) = m + n t + sum A_h cos(2 pi h f t) + B_h sin(2 pi h f t).
 
-f minimizes the sum of squares of the residual: the highest peak of the spectrum, or a simple
-fraction of it, is refined by Newton's method on a parabola through three trials (successive
-parabolic interpolation).  The harmonics of the velocity follow by differentiating a height, or
-integrating an acceleration, term by term.
+f minimizes the sum of squared residuals.  The search starts at the highest peak of the spectrum and
+at simple fractions of it, and refines f by successive parabolic interpolation.  Differentiating a
+height, or integrating an acceleration, term by term gives the harmonics of the velocity.
 """
 
 from __future__ import annotations
@@ -26,15 +25,15 @@ from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, Trace, Waveform, zer
 
 COLUMNS: Final = ("height", "acceleration")
 FEWEST_PERIODS: Final = 2.0
-HELD: Final = 0.5  # least share of the variance that harmonics of a period must hold
+LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain
 DRIFT: Final = 0.05  # largest drift in one period, relative to the range
-FRACTIONS: Final = 6  # simple fractions of the highest peak that may be the frequency
-AS_GOOD: Final = 1.05  # residual relative to the least, of a fit that is as good
+FRACTIONS: Final = 6  # the frequency is that of the highest peak, divided by 1, ..., 6
+AS_GOOD: Final = 1.05  # residual, relative to the least one, up to which a fit is as good
 
 
 @dataclass(frozen=True)
 class Traced:
-    """A waveform that is asked for as a trace."""
+    """A waveform that is given by the path of a trace."""
 
     trace: str
     column: str
@@ -50,34 +49,35 @@ class Measured:
     velocity: float  # V0, m s-1
 
 
-def measured(asked: Traced, folder: Path) -> Measured:
+def measured(traced: Traced, folder: Path) -> Measured:
     """Read a trace and fit its harmonics; a ValueError says why it cannot be used."""
-    path = folder / asked.trace
+    path = folder / traced.trace
     try:
         content = path.read_bytes()
     except OSError as error:
         raise ValueError(f"the trace {path} cannot be read: {error.strerror}") from error
-    time, values = _columns(content, asked.column)
-    frequency, terms, held = _fitted(time, values, asked.harmonics)
-    h = TWO_PI * frequency * np.arange(1, asked.harmonics + 1)
+    time, values = _columns(content, traced.column)
+    frequency, terms, share = _fitted(time, values, traced.harmonics)
+    rates = TWO_PI * frequency * np.arange(1, traced.harmonics + 1)  # rad/s
     cosines, sines = terms
-    if asked.column == "height":
-        along, across = -h * cosines, h * sines
+    # velocity: sum of in_phase sin(rate t) + quadrature cos(rate t)
+    if traced.column == "height":
+        in_phase, quadrature = -rates * cosines, rates * sines
     else:
-        along, across = cosines / h, -sines / h
-    weights, phases = np.hypot(along, across), np.arctan2(across, along)
+        in_phase, quadrature = cosines / rates, -sines / rates
+    weights, phases = np.hypot(in_phase, quadrature), np.arctan2(quadrature, in_phase)
     pairs = zip(weights.tolist(), phases.tolist(), strict=True)
     tones = [(k + 1, *pair) for k, pair in enumerate(pairs)]
     raw = Waveform(HARMONICS_NAME, tuple(tones))
     velocity = float(np.abs(raw.velocity(zeros(raw, 1))).max())
     scaled = tuple((k, w / velocity, p) for k, w, p in tones)
     digest = hashlib.blake2b(content, digest_size=8).hexdigest()
-    trace = Trace(asked.trace, asked.column, digest, round(held, 6))
+    trace = Trace(traced.trace, traced.column, digest, round(share, 6))
     return Measured(Waveform(HARMONICS_NAME, scaled, trace), frequency, velocity)
 
 
 def _columns(content: bytes, column: str) -> tuple[Array, Array]:
-    """Times in s, from the trace, and the column."""
+    """Return the times in s and the values of a column."""
     try:
         rows = list(csv.reader(content.decode("utf-8-sig").splitlines()))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -99,34 +99,34 @@ def _columns(content: bytes, column: str) -> tuple[Array, Array]:
         line = int(np.flatnonzero(~np.isfinite(numbers).all(axis=1))[0]) + 2
         raise ValueError(f"the trace has a number that is not finite in line {line}")
     if time.size < 8 or not np.all(np.diff(time) > 0.0):
-        raise ValueError("the trace needs eight or more lines whose times grow")
+        raise ValueError("the trace needs eight or more lines, with increasing times")
     return time, values
 
 
 def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, float]:
-    """Frequency in Hz, coefficients of cosines and sines, and the share that they hold."""
+    """Return frequency (Hz), coefficients of cosines and sines, and their share of the variance."""
     span = float(time[-1] - time[0])
-    total = _left(time, values, 1.0, 0)[0]
+    total = _least_squares(time, values, 1.0, 0)[0]
     if not total > 1e-24 * float(np.sum(values * values)):
         raise ValueError("the trace does not move")
     peak = _peak(time, values)
     trials = [peak / k for k in range(1, FRACTIONS + 1) if peak * span / k >= 0.75]
     trials = [_refined(time, values, f, harmonics, span) for f in trials or [1.0 / span]]
-    squares = [_left(time, values, f, harmonics)[0] for f in trials]
-    least = min(squares) + 1e-20 * total
-    frequency = next(f for f, left in zip(trials, squares, strict=True) if left <= AS_GOOD * least)
-    left, solution = _left(time, values, frequency, harmonics)
-    held = 1.0 - left / total
+    residuals = [_least_squares(time, values, f, harmonics)[0] for f in trials]
+    least = min(residuals) + 1e-20 * total
+    frequency = next(f for f, r in zip(trials, residuals, strict=True) if r <= AS_GOOD * least)
+    residual, solution = _least_squares(time, values, frequency, harmonics)
+    share = 1.0 - residual / total
     periods = span * frequency
     if periods < FEWEST_PERIODS:
         raise ValueError(
-            f"the trace covers {periods:.2g} periods; at least {FEWEST_PERIODS:g} must be there, "
-            f"by which its period is known"
+            f"the trace covers {periods:.2g} periods; at least {FEWEST_PERIODS:g} are needed to "
+            f"know its period"
         )
-    if held < HELD:
+    if share < LEAST_SHARE:
         raise ValueError(
-            f"the trace has no period: harmonics of {frequency:.6g} Hz hold {100.0 * held:.3g} % "
-            f"of it"
+            f"the trace has no period: harmonics of {frequency:.6g} Hz explain "
+            f"{100.0 * share:.3g} % of its variance"
         )
     if time.size < 2.0 * (2 * harmonics + 1) or time.size / periods < 2 * harmonics + 1:
         raise ValueError(
@@ -139,11 +139,11 @@ def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, f
             f"the trace has a mean velocity: it drifts by {drift:.3g} in a period, more than "
             f"{100 * DRIFT:g} % of its range"
         )
-    return frequency, np.stack([solution[2::2], solution[3::2]]), held
+    return frequency, np.stack([solution[2::2], solution[3::2]]), share
 
 
 def _peak(time: Array, values: Array) -> float:
-    """Frequency of the highest peak of the spectrum."""
+    """Return the frequency of the highest peak of the spectrum."""
     even = np.linspace(time[0], time[-1], time.size)
     line = np.interp(even, time, values)
     line -= np.polyval(np.polyfit(even - even[0], line, 1), even - even[0])
@@ -154,11 +154,12 @@ def _peak(time: Array, values: Array) -> float:
 
 
 def _refined(time: Array, values: Array, f: float, harmonics: int, span: float) -> float:
-    """Frequency near f with the least residual."""
+    """Return the frequency near f with the least residual."""
     step = 0.2 / span / harmonics
     for _ in range(60):
-        squares = [_left(time, values, trial, harmonics)[0] for trial in (f - step, f, f + step)]
-        low, middle, high = squares
+        low, middle, high = (
+            _least_squares(time, values, trial, harmonics)[0] for trial in (f - step, f, f + step)
+        )
         bend = low - 2.0 * middle + high
         move = 0.5 * step * (low - high) / bend if bend > 0.0 else math.copysign(step, low - high)
         f += min(max(move, -step), step)
@@ -168,8 +169,8 @@ def _refined(time: Array, values: Array, f: float, harmonics: int, span: float) 
     return abs(f)
 
 
-def _left(time: Array, values: Array, f: float, harmonics: int) -> tuple[float, Array]:
-    """Sum of squares of the residual of mean, trend and harmonics, and their coefficients."""
+def _least_squares(time: Array, values: Array, f: float, harmonics: int) -> tuple[float, Array]:
+    """Fit mean, trend and harmonics; return the sum of squared residuals and the coefficients."""
     columns = [np.ones_like(time), time]
     for h in range(1, harmonics + 1):
         turns = h * f * time
@@ -177,5 +178,5 @@ def _left(time: Array, values: Array, f: float, harmonics: int) -> tuple[float, 
         columns += [np.cos(angle), np.sin(angle)]
     design = np.stack(columns, axis=1)
     solution = np.linalg.lstsq(design, values, rcond=None)[0]
-    rest = values - design @ solution
-    return float(np.sum(rest * rest)), np.asarray(solution, np.float64)
+    residual = values - design @ solution
+    return float(np.sum(residual * residual)), np.asarray(solution, np.float64)

@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
-# Unit -> numerator and denominator of its size, and its dimension with an exponent. Two integers,
-# because to divide by 1000 is rounded once, to multiply by 0.001 twice.
+# Unit -> numerator and denominator of its size, and its dimension with an exponent.  Dividing by
+# the integer 1000 is rounded once; multiplying by 0.001 would be rounded twice.
 _UNITS: Final[Mapping[str, tuple[float, float, str, int]]] = {
     "m": (1, 1, "m", 1),
     "km": (1000, 1, "m", 1),
@@ -46,10 +46,10 @@ _FACTOR: Final = re.compile(r"([A-Za-z%]+|1)(?:\^|\*\*)?([+-]?[1-9])?")
 
 
 def factor(unit: str, wanted: str) -> tuple[float, float] | None:
-    """Numerator and denominator of the factor that converts a value from one unit to another.
+    """Return numerator and denominator of the factor that converts a value to the wanted unit.
 
-    A unit is a product of known units with exponents, as ``mm s-1``, ``mm.s^-1`` or ``mm/s``.  None
-    where the unit is not known, or measures something else.
+    A unit is a product of known units with exponents, as ``mm s-1``, ``mm.s^-1`` or ``mm/s``.
+    Returns None if it is not known or has other dimensions than the wanted one.
     """
     given, target = _parsed(unit), _parsed(wanted)
     if given is None or target is None or given[2] != target[2]:
@@ -58,7 +58,7 @@ def factor(unit: str, wanted: str) -> tuple[float, float] | None:
 
 
 def _parsed(unit: str) -> tuple[float, float, Mapping[str, int]] | None:
-    """Size of a unit, as numerator and denominator, and its dimensions with their exponents."""
+    """Return numerator and denominator of the size of a unit, and exponents of its dimensions."""
     for mark, plain in _SAME.items():
         unit = unit.replace(mark, plain)
     numerator, denominator, dimensions = 1.0, 1.0, Counter[str]()

@@ -1,4 +1,4 @@
-"""Keys without a meaning, since another one is not given."""
+"""Keys that have no meaning without another key."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from vibrosweep.scene.rules import kind
 
 
 def check_unused(tables: Tables, mistakes: Mistakes, *, every: bool) -> None:
-    """Report keys that have no meaning without another one, which is not given.
+    """Report keys that have no meaning because another key is missing.
 
-    `every` such key, or else keywords: a result of an earlier version may hold others in its text.
+    If `every` is False, only keywords are reported: the text that a result of an earlier version
+    holds may have such keys.
     """
     scene, sample, measure = (tables.get(name, {}) for name in ("scene", "sample", "measure"))
     design, unless = kind(sample), " as well, or leave it out"
@@ -24,7 +25,7 @@ def check_unused(tables: Tables, mistakes: Mistakes, *, every: bool) -> None:
     if "noise_seed" in scene and not random and (design != TABLE or "columns" in sample):
         unused["scene.noise_seed"] = ("nothing is random", f"give {', '.join(NOISE)}{unless}")
     if "tolerance" in measure and "trust" not in measure:
-        rule = "is the error up to which landings are trusted"
+        rule = "bounds the error up to which landings are trusted"
         unused["measure.tolerance"] = (rule, ("give ", Key("measure.trust"), unless))
     for key, (words, remedy) in unused.items():
         table, _, name = key.partition(".")

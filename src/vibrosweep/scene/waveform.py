@@ -22,11 +22,11 @@ from vibrosweep.model.shapes import (
 from vibrosweep.scene.traces import COLUMNS, Traced
 
 _TRACE: Final = ("trace", "column", HARMONICS_NAME)
-_STORED: Final = (HARMONICS_NAME, *Trace._fields)  # as a result holds it
+_STORED: Final = (HARMONICS_NAME, *Trace._fields)  # keys of a fitted trace in a result
 
 
 def waveform_of(value: object) -> Waveform | Traced:
-    """Return the waveform that a key gives, or raise ValueError with what is allowed."""
+    """Return the waveform that a key gives, or raise a ValueError that says what is allowed."""
     if value in (SINE_NAME, PARABOLIC_NAME):
         return Waveform(str(value))
     if isinstance(value, Mapping) and set(value) == {*_TRACE} and _of_trace(value):
@@ -38,7 +38,7 @@ def waveform_of(value: object) -> Waveform | Traced:
 
 
 def stored(attributes: Mapping[str, Any]) -> Waveform:
-    """Waveform that attributes of a result hold; by default the sine."""
+    """Return the waveform that attributes of a result hold; by default the sine."""
     text = str(attributes.get("waveform", SINE_NAME))
     value = text if name_in(attributes) == text else tomllib.loads(f"waveform = {text}")["waveform"]
     found = waveform_of(value)
@@ -46,7 +46,7 @@ def stored(attributes: Mapping[str, Any]) -> Waveform:
 
 
 def _of_trace(value: Mapping[str, Any]) -> bool:
-    """Return whether a trace is asked for; a ValueError says what is wrong with it."""
+    """Return True for a valid description of a trace; a ValueError says what is wrong with it."""
     number = value[HARMONICS_NAME]
     if not isinstance(value["trace"], str) or not value["trace"]:
         raise ValueError('the trace must be the path of a CSV file, as in "shaker.csv"')

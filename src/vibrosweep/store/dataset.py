@@ -23,17 +23,16 @@ from vibrosweep.store.writer import Attributes, Writer
 # to write them; level 9 gains nothing more.  The digits of measured doubles are random: deflate
 # saves 14 % and takes 16 times as long, so doubles are stored uncompressed.
 COMPRESSION: Final = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-# Small enough that a chunk stays in HDF5's cache until it is full, for writes of any size.
+# A chunk of HDF5 of this size stays in the cache until it is full, whatever the size of the writes
 CHUNK_VALUES: Final = 1 << 13
 
-
 POINTERS: Final = "coordinates"  # attribute of a variable that lists its coordinates
-# Name, in netCDF-4, of an axis without a variable; it ends with the length of the axis.
+# Name that netCDF-4 gives to an axis without a variable; it ends with the length of the axis
 NO_VARIABLE: Final = "This is a netCDF dimension but not a netCDF variable.%10d"
 
 
 class Contents(NamedTuple):
-    """The contents of a file that this process has written, as they were declared."""
+    """What a file that this process has written holds, except the values."""
 
     # dims, shape, type and attributes of each array
     arrays: Mapping[str, tuple[tuple[str, ...], tuple[int, ...], np.dtype[Any], Attributes]]
@@ -41,12 +40,12 @@ class Contents(NamedTuple):
     attributes: Attributes
 
 
-# The last file, by its device, inode, size and time of change, and its contents
+# The last file written, by its device, inode, size and time of change, with its contents
 _last: tuple[tuple[int, ...], Contents] | None = None
 
 
 def just_written(path: Path) -> Contents | None:
-    """Return the contents of a file if it is the last that this process wrote, and unchanged."""
+    """Return the contents of the file that this process wrote last, unless it has changed."""
     with suppress(OSError):
         if _last is not None and _last[0] == _identified(path.stat()):
             return _last[1]
@@ -58,10 +57,10 @@ def _identified(found: os.stat_result) -> tuple[int, ...]:
 
 
 class Group(Writer):
-    """A group of a file being written.
+    """A group of a file that is being written.
 
     A netCDF-4 file is an HDF5 file whose axes have dimension scales.  h5py writes it in half the
-    time of h5netcdf, which looks up every object whenever it is used.
+    time of h5netcdf, which looks up every object at each use.
     """
 
     def __init__(self, disk: Disk, group: h5py.Group, parent: Group | None = None) -> None:
@@ -71,11 +70,11 @@ class Group(Writer):
         self._attributes: dict[str, Any] = {}
 
     def has_outer(self, name: str) -> bool:
-        """Tell whether the file that holds this group has a dimension of that name."""
+        """Return whether the file that holds this group has a dimension of that name."""
         return self._parent is not None and name in self._parent._sizes
 
     def _described(self, variable: Variable) -> Attributes:
-        # a coordinate of its own dimension belongs to all variables anyway
+        # a coordinate with the name of its dimension belongs to all variables anyway
         listed = [name for name in self._coordinates if self._arrays[name][0] != (name,)]
         pointers = {POINTERS: " ".join(listed)} if listed else {}
         return {**variable.attributes, **pointers}
@@ -102,23 +101,22 @@ class Group(Writer):
 
     @undisturbed()
     def attributes(self, values: Attributes) -> None:
-        """Set attributes of the group; a character that no file can hold is marked."""
+        """Set attributes of the group; a character that no file can hold is replaced."""
         for name, value in values.items():
             self._group.attrs[name] = self._attributes[name] = _storable(value)
 
     @undisturbed()
     def group(self, name: str) -> Group:
-        """Create a subgroup; in the file, the names of its dimensions begin with its name.
+        """Create a subgroup; in the file, names of its dimensions are prefixed with its name.
 
-        xarray cannot open a file as a tree if dimensions of one name differ in length between
-        groups.
+        xarray cannot open a tree of groups in which two dimensions of one name differ in length.
         """
         inner = self._group.create_group(name, track_order=True)
         self._groups.append(Group(self._disk, inner, self))
         return self._groups[-1]
 
     def contents(self) -> Contents:
-        """Return what was declared."""
+        """Return the arrays, coordinates and attributes as they were declared."""
         arrays = {
             name: (
                 dims,
@@ -132,9 +130,9 @@ class Group(Writer):
 
     @undisturbed()
     def complete(self, prefix: str = "") -> None:
-        """Name the axes of all variables.
+        """Attach dimension scales to the axes of all variables.
 
-        Raises a RunError if values were never written: HDF5 would fill them with zeros.
+        Raises a RunError if values are missing: HDF5 would fill them with zeros.
         """
         self._require_written(str(self._disk.path))
         for name, size in self._sizes.items():
@@ -159,7 +157,7 @@ def _storable(value: Any) -> Any:
 
 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Chunks of about `CHUNK_VALUES` values that follow each other in memory."""
+    """Return the shape of chunks of about `CHUNK_VALUES` values, contiguous in memory."""
     sides: list[int] = []
     for size in reversed(shape):
         sides.insert(0, min(size, max(1, CHUNK_VALUES // math.prod(sides))))
@@ -168,9 +166,9 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 @contextmanager
 def creating(path: Path, directory: Path | None = None, *, force: bool = True) -> Iterator[Group]:
-    """Create a file as `vibrosweep.store.disk.replacing` does.
+    """Create a netCDF-4 file, with a seal, as `vibrosweep.store.disk.replacing` does.
 
-    Raises a RunError where a declared variable was not written completely.
+    Raises a RunError if rows of a declared variable are missing.
     """
     global _last
     with replacing(path, directory, force=force) as disk:

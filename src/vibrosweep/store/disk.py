@@ -1,7 +1,7 @@
-"""Atomic writing of files: safe against full disks, signals and crashes.
+"""Atomic writing of files, safe against full disks, signals and crashes.
 
-A file is written under a temporary name in the directory of the output, flushed to the disk, closed
-and renamed: however a run ends, it leaves no incomplete file that looks complete.
+A file is written under a temporary name in the directory of the output, flushed to the disk and
+renamed.  However a run ends, no incomplete file has the name of the output.
 """
 
 from __future__ import annotations
@@ -41,15 +41,14 @@ def path_of(name: str, value: object) -> Path:
 
 
 def target_of(path: Path) -> Path:
-    """Resolve symbolic links, so that links are kept; a loop of links is returned as it is."""
+    """Return the file behind symbolic links, which are kept; a loop of links is left as it is."""
     return Path(os.path.realpath(path))  # Path.resolve raises a RuntimeError for a loop of links
 
 
 def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ()) -> None:
-    """Refuse an output that cannot be written or that exists, before anything is computed.
+    """Raise an OutputError for an output that cannot be written, or that exists.
 
-    Without `force` no file is replaced, and `inputs` never are.  The OutputError names the path and
-    what to do.
+    An existing file is accepted with `force`, unless it is one of `inputs`.
     """
     try:
         mode = path.stat().st_mode
@@ -64,7 +63,7 @@ def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ())
         raise OutputError(f"{path}: is {kind}; give the name of a file with ", OUTPUT)
     if mode is not None and not force:
         raise ExistingOutputError(path)
-    if any(one is not None and one.exists() and one.samefile(path) for one in inputs if mode):
+    if any(file is not None and file.exists() and file.samefile(path) for file in inputs if mode):
         raise OutputError(f"{path}: is an input of this run; write to another file with ", OUTPUT)
     parent = target_of(path).parent
     if not parent.is_dir():
@@ -120,7 +119,7 @@ class Disk(io.FileIO):
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Delay signals during calls of HDF5, which loses exceptions raised inside them."""
+    """Delay signals during calls of HDF5, which loses exceptions that are raised inside it."""
     late: list[tuple[int, FrameType | None]] = []
 
     def hold(number: int, frame: FrameType | None) -> None:
@@ -147,9 +146,9 @@ def replacing(path: Path, directory: Path | None = None, *, force: bool = True) 
     """Write a file that is renamed to `path` if the block succeeds, and removed otherwise.
 
     The temporary file is in `directory`, on the same file system; by default in that of `path`.
-    Raises an OutputError where the file cannot be written, and a TakenOutputError where, without
-    `force`, another file of this name appeared meanwhile; the new file was then saved next to it,
-    under another name.
+    Raises an OutputError if the file cannot be written.  Without `force`, raises a TakenOutputError
+    if another file of this name has appeared; the new file is then saved beside it under another
+    name.
     """
     target, beside = target_of(path), None
     name = target.name[:40]
@@ -172,22 +171,21 @@ def replacing(path: Path, directory: Path | None = None, *, force: bool = True) 
     finally:
         with suppress(OSError):  # the directory may have been removed
             partial.unlink()
-    with suppress(OSError):  # not every system can flush a directory
-        flush_directory(target.parent)
+    flush_directory(target.parent)
     if beside is not None:
         raise TakenOutputError(path, beside)
 
 
 def _begun(directory: Path, name: str, path: Path) -> Disk:
-    """Create a temporary file, locked until it is closed: so nobody clears it away."""
+    """Create a temporary file, locked until it is closed, so that no other process removes it."""
     while True:
         disk = Disk(directory / f".{name}.{secrets.token_hex(4)}.partial", path)
         try:
             if locked(disk.fileno(), wait=False) and os.fstat(disk.fileno()).st_nlink:
                 return disk
-        except OSError:  # a file system without locks, on which nothing is cleared away
+        except OSError:  # a file system without locks, on which no temporary file is removed
             return disk
-        disk.close()  # another process took it for a remainder before it was locked
+        disk.close()  # another process removed it before it was locked
 
 
 def clear_partials(directory: Path, name: str = "*") -> None:
@@ -236,7 +234,7 @@ def reporting(path: Path) -> Iterator[None]:
 
 
 def unwritten(path: Path, error: OSError) -> OutputError:
-    """Return an error that says what could not be written, and what to do."""
+    """Return the OutputError for an error of writing."""
     if error.errno == errno.ENOENT:
         return OutputError(
             f"{path}: writing failed: {target_of(path).parent} was removed; make the directory "
@@ -253,9 +251,10 @@ def unwritten(path: Path, error: OSError) -> OutputError:
 
 
 def flush_directory(directory: Path) -> None:
-    """Flush the entries of a directory to the disk."""
-    descriptor = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    """Flush the entries of a directory to the disk, on systems that can."""
+    with suppress(OSError):
+        descriptor = os.open(directory, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -1,6 +1,7 @@
-"""A file that this process has just written, opened without looking up again what it holds.
+"""Open the file that this process has just written without reading its structure again.
 
-h5netcdf looks up every object of a file several times: half of the processor time of a small run.
+h5netcdf looks up every object of a file several times, which takes half of the processor time of a
+small run.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from vibrosweep.store.dataset import just_written
 
 
 def opened(path: Path) -> xr.Dataset | None:
-    """Open the file that this process wrote last; None for another, a changed one, and for texts.
+    """Open the file that this process wrote last, as ``xarray.open_dataset`` does.
 
-    The dataset is that of ``xarray.open_dataset``: values are read when they are needed.
+    Returns None for any other file, and for one that has changed or holds texts.
     """
     found = just_written(path)
     if found is None or any(dtype.hasobject for _, _, dtype, _ in found.arrays.values()):
-        return None  # h5netcdf turns texts, labels of a table, into its own types
+        return None  # h5netcdf has types of its own for texts, such as labels of a table
     files = CachingFileManager(h5py.File, str(path), mode="r", lock=HDF5_LOCK)
     files.acquire()
     arrays = {
@@ -40,7 +41,7 @@ def opened(path: Path) -> xr.Dataset | None:
 
 
 def _lazily(stored: _Stored) -> Any:
-    """Wrap an array as `xarray.open_dataset` does: read once, when needed, copied when changed."""
+    """Wrap an array as `xarray.open_dataset` does: read once when needed, copied when changed."""
     lazy = indexing.LazilyIndexedArray(stored)
     kept: Any = indexing.MemoryCachedArray(lazy)  # type: ignore[no-untyped-call]
     return indexing.CopyOnWriteArray(kept)

@@ -1,8 +1,8 @@
 """The kinds of results: the command that makes each, its lines for ``info`` and its figure.
 
-An attribute of the file names its kind.  `vibrosweep.api.result_kinds` registers those of this
-package; another package names its own in the entry points `GROUP`, which are searched when a file
-of an unregistered kind is read.
+An attribute of the file names its kind.  `vibrosweep.api.result_kinds` registers the kinds of this
+package.  Another package names its kinds in entry points of the group `GROUP`, which are searched
+when a file of an unregistered kind is read.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-# Attribute of a file that names its kind.
-KIND: Final = "result"
+KIND: Final = "result"  # attribute of a file that names its kind
 GROUP: Final = "vibrosweep.results"
 
 
@@ -48,13 +47,13 @@ class ResultKind:
     stem
         Name of the figure's files without their ending; by default `name`.
     undrawn
-        Why there is no figure, and what to do instead.
+        Reason why there is no figure, and what to do instead.
     unverified
-        Why ``vibrosweep verify`` does not check such a result; empty where it does.
+        Reason why ``vibrosweep verify`` does not check such a result; empty if it does.
     verify
         Function from the path and the keywords ``sample``, ``seed`` and ``advance`` of
-        `vibrosweep.verify` to its report; None for results of a sweep, and for those that it does
-        not check.
+        `vibrosweep.verify` to its report; None for results of a sweep, and for results that are
+        not checked.
 
     Examples
     --------
@@ -73,14 +72,14 @@ class ResultKind:
     verify: Callable[..., Any] | None = None
 
     def axes(self, result: xr.Dataset) -> Axes | NDArray[Any]:
-        """Draw a result; a DataError where results of this kind have no figure."""
+        """Draw a result; a DataError if results of this kind have no figure."""
         if self.draw is None:
             raise DataError(self.undrawn)
         return self.draw(result)
 
 
 SWEEP: Final = ResultKind("sweep", "vibrosweep run", unverified="")
-KINDS: Final[dict[str, ResultKind]] = {SWEEP.name: SWEEP}  # the registered ones
+KINDS: Final[dict[str, ResultKind]] = {SWEEP.name: SWEEP}  # registered kinds by name
 
 
 def register_kind(kind: ResultKind) -> ResultKind:
@@ -118,16 +117,16 @@ def register_kind(kind: ResultKind) -> ResultKind:
 
 
 def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> ResultKind:
-    """Return the kind of a file from its attributes; other programs' files have none.
+    """Return the kind of a file from its attributes; by default the result of a sweep.
 
-    Raises a DataError where no installed package knows the kind.
+    Raises a DataError if no installed package knows the kind.
     """
     name = str(attributes.get(KIND, SWEEP.name))
     if name not in KINDS:
         from importlib.metadata import entry_points  # takes 30 ms
 
-        for found in entry_points(group=GROUP, name=name):
-            register_kind(found.load())
+        for entry_point in entry_points(group=GROUP, name=name):
+            register_kind(entry_point.load())
     if name not in KINDS:
         raise DataError(
             f"{path}: is a result of the kind {name!r}, which this version of vibrosweep does not "
@@ -137,7 +136,7 @@ def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> Resu
 
 
 def read_kind(path: Path) -> ResultKind:
-    """Return the kind of a result file; a DataError where it cannot be read or is no result."""
+    """Return the kind of a result file; a DataError if it is none, or cannot be read."""
     import h5netcdf
 
     from vibrosweep.store.reading import reading
@@ -147,7 +146,7 @@ def read_kind(path: Path) -> ResultKind:
 
 
 def load_dataset(path: Path) -> xr.Dataset:
-    """Read a result other than a sweep into memory; errors as of `read_kind`."""
+    """Read a result other than a sweep into memory; raises a DataError as `read_kind` does."""
     import xarray as xr
 
     from vibrosweep.store.reading import reading

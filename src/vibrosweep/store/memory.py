@@ -1,4 +1,4 @@
-"""A result in memory: it is written like a file, and becomes a dataset."""
+"""Results in memory, written like a file and returned as a dataset."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class InMemory(Writer):
         self._attributes.update(values)
 
     def dataset(self) -> xr.Dataset:
-        """Return the dataset; a RunError where values were never written."""
+        """Return the dataset; a RunError if rows of a variable are missing."""
         import xarray as xr
 
         self._require_written("the result")
         coordinates = {name: self._arrays[name] for name in self._coordinates}
-        others = {name: one for name, one in self._arrays.items() if name not in coordinates}
+        others = {name: array for name, array in self._arrays.items() if name not in coordinates}
         return xr.Dataset(others, coordinates, self._attributes)

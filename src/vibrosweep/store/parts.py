@@ -1,9 +1,9 @@
 """Parts: one file per finished chunk of a run, and the manifest of the run.
 
 They are kept in a run directory next to the output.  A part is written under a temporary name,
-flushed to the disk and renamed to a name with its chunk number and its checksum: the rename is
-atomic, so a chunk is either finished, with a valid checksum, or missing, wherever the process is
-killed.  The checksum includes the manifest, so that a part of another run is never accepted.
+flushed to the disk and renamed to a name with its chunk number and its checksum.  Renaming is
+atomic: whenever the process is killed, a chunk is either finished, with a valid checksum, or
+missing.  The checksum includes the manifest, so that a part of another run is never accepted.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -34,15 +33,15 @@ ALIGNMENT: Final = 64
 
 @dataclass(frozen=True)
 class Manifest:
-    """Identity of a run and its division into chunks; fixed from its start to its end."""
+    """Identity of a run and its division into chunks, which never change during the run."""
 
-    identity: Mapping[str, str]  # resume key: everything that the results depend on, key by key
+    identity: Mapping[str, str]  # everything on which the results depend, by name
     realizations: int
     chunk: int  # realizations in a chunk; the last one may hold fewer
-    # Type and shape of each column, as returned by `kinds`; every part must have exactly these
+    # Type and shape of each column, as `kinds` gives them; the same for every part
     columns: Mapping[str, str]
     replaces: bool = False  # True if an existing output is to be replaced at the end
-    text: str = ""  # the sweep file, as a result holds it
+    text: str = ""  # text of the sweep file as it stands in the result
 
     @property
     def key(self) -> str:
@@ -61,17 +60,16 @@ class Manifest:
 
 
 def kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:
-    """Return the type of each column and its shape along the dimensions after the first."""
+    """Return the type of each column, and its shape without the first dimension."""
     return {name: f"{values.dtype.str} {values.shape[1:]}" for name, values in columns.items()}
 
 
 def write_manifest(directory: Path, manifest: Manifest) -> None:
-    """Write the manifest of a run directory; an OutputError where it cannot be written."""
+    """Write the manifest of a run directory; an OutputError if it cannot be written."""
     text = json.dumps({"run": asdict(manifest), "checksum": manifest.key}, indent=1)
     with replacing(directory / MANIFEST) as disk:
         disk.write(text.encode())
-    with suppress(OSError):  # not every system can flush a directory
-        flush_directory(directory.parent)
+    flush_directory(directory.parent)
 
 
 def read_manifest(directory: Path) -> Manifest | None:
@@ -105,9 +103,9 @@ class Parts:
     manifest: Manifest
 
     def write(self, index: int, columns: Mapping[str, NDArray[Any]]) -> None:
-        """Write the part of a chunk; the same columns make the same file, bit for bit.
+        """Write the part of a chunk; equal columns give equal files, bit for bit.
 
-        Raises a RunError unless the columns are those of the manifest, and an OutputError where the
+        Raises a RunError for columns other than those of the manifest, and an OutputError if the
         part cannot be written.
         """
         if not self._fits(index, columns):
@@ -121,7 +119,7 @@ class Parts:
                 disk.write(piece)
 
     def finished(self) -> dict[int, Path]:
-        """Paths of the parts of all finished chunks, by chunk number."""
+        """Return the paths of the parts of all finished chunks, by chunk number."""
         found = ((PART.fullmatch(path.name), path) for path in self.directory.iterdir())
         return {int(match[1]): path for match, path in found if match}
 
@@ -137,7 +135,7 @@ class Parts:
         return columns if self._fits(index, columns) else None
 
     def _fits(self, index: int, columns: Mapping[str, NDArray[Any]]) -> bool:
-        """Tell whether the columns are those of the manifest and have the length of the chunk."""
+        """Return whether the columns are those of the manifest and have the length of the chunk."""
         start, stop = self.manifest.bounds(index)
         lengths = {len(values) for values in columns.values()}
         return kinds(columns) == self.manifest.columns and lengths <= {stop - start}
@@ -158,8 +156,8 @@ def _packed(columns: Mapping[str, NDArray[Any]]) -> list[bytes | memoryview]:
     head = json.dumps([(name, v.dtype.str, v.shape) for name, v in columns.items()]).encode()
     pieces: list[bytes | memoryview] = [head + b" " * (-(len(head) + 1) % ALIGNMENT) + b"\n"]
     for values in columns.values():
-        whole = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
-        pieces += [whole.data, bytes(-whole.size % ALIGNMENT)]
+        data = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
+        pieces += [data.data, bytes(-data.size % ALIGNMENT)]
     return pieces
 
 

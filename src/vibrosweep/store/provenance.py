@@ -13,12 +13,12 @@ from typing import Final
 from vibrosweep._version import __version__
 
 CONVENTIONS: Final = "CF-1.11"
-version: Callable[[str], str] = cache(metadata.version)  # metadata.version reads files at each call
+version: Callable[[str], str] = cache(metadata.version)  # which reads files at each call
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "h5py", "h5netcdf")
 
 
 def provenance(threads: int) -> dict[str, str | int]:
-    """Attributes that state the program, libraries, machine and time of a computation."""
+    """Return attributes that state the program, libraries, machine and time of a computation."""
     attributes: dict[str, str | int] = {
         "Conventions": CONVENTIONS,
         "source": f"vibrosweep {__version__}",
@@ -35,7 +35,7 @@ def provenance(threads: int) -> dict[str, str | int]:
 
 
 def _processor() -> str:
-    """Model name of the processor as reported by the system."""
+    """Return the model name of the processor as the system reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -45,7 +45,7 @@ def _processor() -> str:
 
 
 def _revision() -> str:
-    """Git revision of the source tree that the package runs from; empty for an installed one."""
+    """Return the git revision of the source tree; empty for an installed package."""
     git = Path(__file__).parents[3] / ".git"
     try:
         head = (git / "HEAD").read_text(encoding="utf-8").strip()

@@ -19,9 +19,9 @@ from vibrosweep.store.trial import require_readable, require_whole
 def reading(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn any failure to read a result file into one clear DataError.
 
-    A sealed file is first compared with its checksum; a file without a seal is first read in a
-    separate process, so that a damaged file cannot crash or block this one.  Links to other files
-    are never opened.
+    A file with a seal is first compared with its checksum.  A file without a seal is first read in
+    a separate process, so that damage cannot crash or block this one.  Links to other files are
+    never opened.
     """
     file_path = path_of("path", path)
     try:
@@ -54,8 +54,8 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
 def using(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn any failure to use a file that another program saved into one clear DataError.
 
-    Such a file may hold anything under any name.  A failure with a file that this program has
-    sealed is a fault of this program, and raised as it is.
+    Such a file may hold anything under any name.  If the file has a seal, the failure is a fault of
+    this program and is raised unchanged.
     """
     try:
         yield
@@ -76,7 +76,7 @@ def using(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def no_result(path: str | os.PathLike[str]) -> DataError:
-    """Return the error for a result file that does not exist."""
+    """Return the DataError for a result file that does not exist."""
     return DataError(f"{path}: there is no such result file; check the path")
 
 

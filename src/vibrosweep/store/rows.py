@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 REALIZATION: Final = "realization"
-# Characters that no text in a file can have: a zero byte, and lone surrogates.
+# Characters that no text in a file can contain: a zero byte, and lone surrogates
 UNSTORABLE: Final = re.compile("[\0\ud800-\udfff]")
-# Rows of a grid in one reading: reading one takes as long as reading thousands.
+# Rows of a grid that are read at once: one row takes as long as thousands
 ROWS_AT_A_TIME: Final = 1 << 14
 
 Box = tuple[slice, ...]
 
 
 def along(dims: tuple[str, ...], axes: tuple[str, ...]) -> tuple[str, ...]:
-    """Replace the dimension of realizations by the axes along which a result has them."""
+    """Replace the dimension of realizations by the axes of their grid."""
     return tuple(d for dim in dims for d in (axes if dim == REALIZATION else (dim,)))
 
 
@@ -54,8 +54,8 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
     >>> vs.analysis.flat(grid).sizes["realization"]
     6
     """
-    of_each = ([d for d in v.dims if d in INPUTS] for v in sweep.variables.values())
-    longest = max(of_each, key=len, default=[])
+    axes_of = ([d for d in v.dims if d in INPUTS] for v in sweep.variables.values())
+    longest = max(axes_of, key=len, default=[])
     axes = list(dict.fromkeys([*longest, *(d for d in sweep.sizes if d in INPUTS)]))
     if not axes:
         return sweep
@@ -63,7 +63,7 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
 
 
 def row_dims(file: Any) -> tuple[str, ...]:
-    """Dimensions of an open result file along which its realizations lie."""
+    """Return the dimensions of an open result file along which its realizations lie."""
     single = REALIZATION in file.dimensions
     return (REALIZATION,) if single else tuple(file.variables["status"].dimensions)
 
@@ -74,10 +74,10 @@ def row_count(file: Any) -> int:
 
 
 def read_rows(file: Any, name: str, rows: slice | NDArray[np.int64]) -> NDArray[Any]:
-    """Read a variable of a file, open with h5netcdf, at some realizations: (realization, ...).
+    """Read some realizations of a variable of a file of h5netcdf, shape (realization, ...).
 
-    It lies along realizations, or along some axes of their grid; rows are a range without a step,
-    or growing indices.
+    The variable lies along realizations, or along some axes of their grid; `rows` is a slice
+    without a step, or increasing indices.
     """
     variable, dims = file.variables[name], row_dims(file)
     if len(dims) == 1:
@@ -91,8 +91,8 @@ def read_rows(file: Any, name: str, rows: slice | NDArray[np.int64]) -> NDArray[
         pieces = [_range(variable, sizes, 0, 0)]
         for block in np.unique(blocks).tolist():
             start = block * ROWS_AT_A_TIME
-            whole = _range(variable, sizes, start, min(start + ROWS_AT_A_TIME, total))
-            pieces.append(whole[rows[blocks == block] - start])
+            found = _range(variable, sizes, start, min(start + ROWS_AT_A_TIME, total))
+            pieces.append(found[rows[blocks == block] - start])
         return np.concatenate(pieces)
     flat_index = np.arange(total)[rows] if isinstance(rows, slice) else rows
     places = dict(zip(dims, np.unravel_index(flat_index, sizes), strict=True))
@@ -109,16 +109,16 @@ def _range(variable: Any, sizes: list[int], start: int, stop: int) -> NDArray[An
 
 
 def boxes(sizes: list[int], start: int, stop: int) -> Iterator[Box]:
-    """Cut the elements start, ..., stop - 1 of an array into boxes, both in the order of memory."""
+    """Cut elements start, ..., stop - 1 of an array, in the order of memory, into boxes."""
     inner = math.prod(sizes[1:])
     while start < stop:
         row, within = divmod(start, inner)
-        whole = (stop - start) // inner
-        if within or not whole:  # a part of one row
+        rows = (stop - start) // inner
+        if within or not rows:  # a part of one row
             end = min((row + 1) * inner, stop)
             for box in boxes(sizes[1:], within, end - row * inner):
                 yield (slice(row, row + 1), *box)
         else:
-            end = start + whole * inner
-            yield (slice(row, row + whole), *(slice(0, size) for size in sizes[1:]))
+            end = start + rows * inner
+            yield (slice(row, row + rows), *(slice(0, size) for size in sizes[1:]))
         start = end

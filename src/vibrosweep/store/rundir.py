@@ -20,15 +20,15 @@ LOCK: Final = "lock"
 
 
 def run_directory(output: Path) -> Path:
-    """Path of the run directory of an output, on the same file system."""
+    """Return the path of the run directory of an output, on the same file system."""
     target = target_of(output)
     return target.with_name(f"{target.name}.parts")
 
 
 def replaces(output: Path) -> bool:
-    """Tell whether an unfinished run was started with ``force``, to replace the output.
+    """Return whether an unfinished run was started with ``force``, to replace the output.
 
-    Raises a RunError where its manifest is damaged.
+    Raises a RunError if its manifest is damaged.
     """
     manifest = read_manifest(run_directory(output))
     return manifest is not None and manifest.replaces
@@ -36,11 +36,11 @@ def replaces(output: Path) -> bool:
 
 @contextmanager
 def holding(output: Path) -> Iterator[Path]:
-    """Create the run directory of an output and lock it; the lock ends with its process.
+    """Create the run directory of an output and lock it; the lock ends with the process.
 
-    Temporary files of killed processes are removed at first, and the directory at the end, unless
-    it holds the manifest of a run that can be resumed.  Raises a RunError where another process
-    holds the lock, and an OutputError where the directory cannot be created.
+    First, temporary files of killed processes are removed.  At the end the directory is removed,
+    unless it holds the manifest of a run that can be resumed.  Raises a RunError if another process
+    holds the lock, and an OutputError if the directory cannot be created.
     """
     directory = run_directory(output)
     descriptor = _locked(output, directory)
@@ -55,13 +55,13 @@ def holding(output: Path) -> Iterator[Path]:
 
 
 def _locked(output: Path, directory: Path) -> int:
-    """Descriptor of the locked lock file."""
+    """Create the directory, lock its lock file and return the descriptor."""
     while True:
         with reporting(output):
             directory.mkdir(exist_ok=True)
         try:
             descriptor = os.open(directory / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
-        except FileNotFoundError:  # removed meanwhile by a run that ended
+        except FileNotFoundError:  # a run that ended has just removed the directory
             continue
         except OSError as error:
             raise unwritten(output, error) from error
@@ -72,7 +72,7 @@ def _locked(output: Path, directory: Path) -> int:
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)  # the run that removed it has ended
+        os.close(descriptor)  # a run that ended has just removed the file
 
 
 def _lock(output: Path, directory: Path, descriptor: int) -> None:
@@ -91,7 +91,7 @@ def _lock(output: Path, directory: Path, descriptor: int) -> None:
             f"holds {directory}; wait for its end, or write to another file with ",
             OUTPUT,
         )
-    with suppress(OSError):  # the holder's name is only for the message
+    with suppress(OSError):  # the text is needed for messages only
         os.ftruncate(descriptor, 0)
         os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
 
@@ -105,7 +105,7 @@ def empty(directory: Path) -> None:
 
 
 def abandon(directory: Path) -> None:
-    """Invalidate the parts in a run directory, so that no run resumes with them."""
+    """Remove the manifest of a run directory, so that no run resumes with its parts."""
     (directory / MANIFEST).unlink(missing_ok=True)
 
 

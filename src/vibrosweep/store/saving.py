@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 def save_result(
     dataset: xr.Dataset, path: str | os.PathLike[str], kind: ResultKind, *, force: bool = False
 ) -> Path:
-    """Write a dataset as netCDF-4, with its kind and a seal like the result of a sweep.
+    """Write a dataset as netCDF-4, with its kind and, as for results of sweeps, a seal.
 
-    The file appears when it is complete, and damage to it is noticed when it is read.
+    The file appears only when it is complete; the seal shows later damage.
 
     Parameters
     ----------
@@ -53,8 +53,8 @@ def save_result(
     """
     output = Path(path)
     with tempfile.TemporaryDirectory() as directory, replacing(output, force=force) as disk:
-        whole = Path(directory) / "dataset.h5"
-        dataset.assign_attrs({KIND: kind.name}).to_netcdf(whole, engine="h5netcdf")
-        disk.write(whole.read_bytes())
+        draft = Path(directory) / "dataset.h5"
+        dataset.assign_attrs({KIND: kind.name}).to_netcdf(draft, engine="h5netcdf")
+        disk.write(draft.read_bytes())
         append_seal(disk)
     return output

@@ -1,7 +1,7 @@
-"""The seal: a checksum appended to a result file, which shows damage before HDF5 reads it.
+"""The seal: a checksum at the end of a result file, which is compared before HDF5 reads the file.
 
-HDF5 ignores bytes after its own end of file.  Reading a damaged file, it may return wrong numbers,
-crash the process or never return.
+HDF5 ignores bytes after its own end of file.  When it reads a damaged file, it may return wrong
+numbers, crash the process or never return.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def append_seal(file: BinaryIO) -> None:
 def state_of(path: Path) -> State:
     """Compare the contents of a file with its seal; takes about a second per 1-2 GB.
 
-    Raises a ValueError where it is no ordinary file.
+    Raises a ValueError for anything but an ordinary file.
     """
     found = require_file(path)
     return _state(path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns)
@@ -48,7 +48,7 @@ def state_of(path: Path) -> State:
 
 @lru_cache(maxsize=16)
 def _state(path: Path, inode: int, size: int, modified: int) -> State:
-    """Compare, cached: a changed file has another modification time or inode."""
+    """Compare once: a changed file has another modification time or inode."""
     with path.open("rb") as file:
         file.seek(max(0, size - LENGTH))
         seal = PATTERN.fullmatch(file.read())
@@ -59,7 +59,7 @@ def _state(path: Path, inode: int, size: int, modified: int) -> State:
 
 
 def _digest(file: BinaryIO, length: int) -> str:
-    """Checksum of the first bytes of a file."""
+    """Return the checksum of the first `length` bytes of a file."""
     digest = hashlib.sha256()
     file.seek(0)
     while length > 0 and (block := file.read(min(BLOCK, length))):

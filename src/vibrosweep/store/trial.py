@@ -1,6 +1,6 @@
-"""Trial reading of a whole file in a separate process: HDF5 may crash or never return.
+"""Trial reading of a whole file in a separate process, because HDF5 may crash or never return.
 
-As a program, ``python trial.py PATH`` reads the file and prints the reason if it fails.
+``python trial.py PATH`` reads the file and prints the reason if that fails.
 """
 
 from __future__ import annotations
@@ -14,24 +14,21 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-# Far more than reading takes, even from a slow disk.
+# Time allowed for reading, far more than even a slow disk needs
 PATIENCE: Final = 20.0  # s
 BYTES_PER_SECOND: Final = 1 << 24
 ROWS_AT_A_TIME: Final = 1 << 16
 
 
 def require_readable(path: Path) -> None:
-    """Raise a ValueError with the reason if HDF5 cannot read all of a file.
-
-    It fails, crashes, or does not finish in time.
-    """
+    """Raise a ValueError if HDF5 cannot read all of a file, crashes or is not done in time."""
     found = require_file(path)
     _try(path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
 def _try(path: Path, inode: int, size: int, modified: int) -> None:
-    """Try, and remember success: a changed file has another modification time or inode."""
+    """Try once if reading succeeds: a changed file has another modification time or inode."""
     patience = PATIENCE + size / BYTES_PER_SECOND
     # -P: modules in this directory must not shadow others of the same name
     command = [sys.executable, "-P", "-W", "ignore", __file__, str(path)]
@@ -56,7 +53,7 @@ def _try(path: Path, inode: int, size: int, modified: int) -> None:
 def require_file(path: Path) -> os.stat_result:
     """Return the status of an ordinary file; a ValueError for anything else.
 
-    A pipe or a device may never end, or never begin to answer.
+    Reading a pipe or a device might never end.
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
@@ -67,7 +64,7 @@ def require_file(path: Path) -> os.stat_result:
 def require_whole(file: Any) -> None:
     """Raise a ValueError if an open file of h5py keeps any of its data in another file.
 
-    That other file may have changed, or be a pipe, which blocks the reader.
+    The other file may have changed, or be a pipe that blocks the reader.
     """
     import h5py
 
@@ -75,11 +72,11 @@ def require_whole(file: Any) -> None:
     file.visititems_links(links.__setitem__)
     away = [name for name, link in links.items() if isinstance(link, h5py.ExternalLink)]
 
-    def look(name: str, one: Any) -> None:
-        if isinstance(one, h5py.Dataset) and (one.is_virtual or one.external):
+    def check(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and (item.is_virtual or item.external):
             away.append(name)
 
-    file.visititems(look)
+    file.visititems(check)
     if away:
         raise ValueError(f"{', '.join(sorted(away))}: kept in another file, which is not opened")
 
@@ -95,7 +92,7 @@ def _read(group: Any) -> None:
             if member.shape:
                 for start in range(0, member.shape[0], ROWS_AT_A_TIME):
                     member[start : start + ROWS_AT_A_TIME]
-            elif member.shape is not None:  # else it holds nothing
+            elif member.shape is not None:  # None: an empty dataset
                 member[()]
 
 
@@ -108,13 +105,13 @@ def _resolve(group: Any) -> None:
 
 
 def _limit_memory() -> None:
-    """Limit memory, so that a damaged size cannot exhaust the machine."""
+    """Limit the memory of this process: a damaged size must not exhaust that of the machine."""
     try:
         import resource
-    except ImportError:  # Windows has no such limit
+    except ImportError:  # Windows has no limits of memory
         return
     half = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
-    with suppress(OSError, ValueError):  # nor have all versions of macOS
+    with suppress(OSError, ValueError):  # some versions of macOS have none either
         resource.setrlimit(resource.RLIMIT_AS, (half, half))
 
 

@@ -1,6 +1,6 @@
-"""The writer of a result: its declarations and its rows, whether in a file or in memory.
+"""The writer of a result, in a file or in memory: it declares arrays and appends their rows.
 
-`Writer.write` must fill every declared array; a result with a gap is refused.
+Every declared array must be filled; a result with missing rows is refused.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class Writer(ABC):
     ) -> None:
         """Declare a coordinate of all variables declared after it.
 
-        Given values, numbers or strings as objects, are written at once; without them, `write`
-        adds them piece by piece.
+        `values`, numbers or strings as objects, are written at once; without them, `write` adds
+        them piece by piece.
         """
         texts = values is not None and values.dtype == object
         array = self._declare(name, dims, object if texts else "float64", attributes)
@@ -70,7 +70,7 @@ class Writer(ABC):
     def fixed(self, name: str, attributes: Attributes, value: float) -> None:
         """Write a value that all realizations share as a variable without dimensions.
 
-        It is no coordinate: xarray writes all coordinates of one value above a plot.
+        It is not a coordinate, because xarray prints every scalar coordinate above a plot.
         """
         self._declare(name, (), "float64", attributes)[...] = value
 
@@ -78,7 +78,7 @@ class Writer(ABC):
     def array(
         self, name: str, dims: tuple[str, ...], attributes: Attributes, values: NDArray[Any]
     ) -> None:
-        """Write an array that does not lie along realizations, as a whole."""
+        """Write a whole array that does not lie along realizations."""
         self._declare(name, dims, values.dtype, attributes)[...] = values
 
     @undisturbed()
@@ -125,6 +125,6 @@ class Writer(ABC):
         names = [name for name, rows in self._missing.items() if rows]
         if names:
             raise RunError(
-                f"{what}: {', '.join(names)}: not written to the end; this is a fault of "
+                f"{what}: {', '.join(names)}: rows are missing; this is a fault of "
                 f"vibrosweep: please report it"
             )
