@@ -6,9 +6,7 @@ of parts: plain strings, and parts that a sweep file, Python and the command lin
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple, TypeAlias
 
 ABSENT: Final = object()
@@ -47,8 +45,7 @@ class Cell(NamedTuple):
         return row if self.column is None else f'column "{self.column}"{row and f", {row}"}'
 
 
-@dataclass(frozen=True)
-class Mistake:
+class Mistake(NamedTuple):
     """One mistake: what was given, and how to mend it."""
 
     # Path in a sweep file, or a cell; a path that ends with a point is that of a whole table
@@ -74,8 +71,7 @@ CHUNK: Final = Word("chunk=", "chunk=", "--chunk")
 IMPACT_BUDGET: Final = Word("impact_budget=", "impact_budget=", "--impact-budget")
 
 
-@dataclass(frozen=True)
-class Dialect:
+class Dialect(NamedTuple):
     """Functions that write keys, values and words in one style."""
 
     key: Callable[[str], str]
@@ -123,6 +119,8 @@ def toml(value: object, most: int | None = None) -> str:
     """Write a value as TOML does; of a list, only the first `most` members."""
     if isinstance(value, bool):
         return str(value).lower()
+    import json  # only a mistake needs it
+
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, list | tuple):
@@ -149,18 +147,21 @@ COMMAND_LINE: Final = Dialect(TOML.key, TOML.value, lambda word: word.option or 
 PYTHON: Final = Dialect(lambda path: path.rpartition(".")[2], _python, lambda word: word.python)
 
 
-@dataclass
 class Mistakes:
-    """All mistakes in one description of a computation."""
+    """All mistakes in one description of a computation.
 
-    where: str = ""  # name of the file, with which messages begin
-    dialect: Dialect = TOML  # dialect of the description
-    # Keywords of Python as they were given, for messages
-    given: Mapping[str, Any] = field(default_factory=dict)
-    listed: list[Mistake] = field(default_factory=list)
-    # Keys, or whole tables, with an invalid value.  Rules that involve them are not checked, so
-    # that no mistake is reported twice.
-    broken: set[str] = field(default_factory=set)
+    `where` is the name of its file, with which messages begin, `dialect` that of the description,
+    and `given` holds the keywords of Python as they were given, for messages.
+    """
+
+    def __init__(
+        self, where: str = "", dialect: Dialect = TOML, given: Mapping[str, Any] | None = None
+    ) -> None:
+        self.where, self.dialect, self.given = where, dialect, given or {}
+        self.listed: list[Mistake] = []
+        # Keys, or whole tables, with an invalid value.  Rules that involve one of them are not
+        # checked, so that one mistake is never reported twice.
+        self.broken: set[str] = set()
 
     def add_cell(
         self,

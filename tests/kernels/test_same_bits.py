@@ -52,9 +52,6 @@ OTHERS = {
     "noise": OF_NOISE,
 }
 WIDTHS = {"128": "fma", "256": "avx2", "512": "avx512f"}
-# One scene at each width, since all of it is compiled anew; this file as a script compares every
-# scene at every width.
-TAKEN = {"128": "noise", "256": "high-bounce", "512": "moving"}
 
 
 def of_scene(name):
@@ -96,13 +93,12 @@ def test_the_hashes_of_this_processor(name):
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="plain Python has no vector registers")
-@pytest.mark.parametrize("bits", WIDTHS)
-def test_the_hashes_of_each_width(bits):
-    name = TAKEN[bits]
-    found = of_width(bits, name)
+def test_the_hash_of_the_narrowest_width():
+    # all of it is compiled anew; this file as a script compares every scene at every width
+    found = of_width("128", "noise")
     if found is None:
-        pytest.skip(f"this processor has no {WIDTHS[bits]}")
-    assert found == HASHES[name]
+        pytest.skip(f"this processor has no {WIDTHS['128']}")
+    assert found == HASHES["noise"]
 
 
 if __name__ == "__main__":

@@ -10,9 +10,8 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from vibrosweep.errors import DataError, ParameterError
 
@@ -29,8 +28,7 @@ def _no_lines(result: xr.Dataset) -> Iterable[str]:
     return ()
 
 
-@dataclass(frozen=True)
-class ResultKind:
+class ResultKind(NamedTuple):
     """A kind of result, for ``vibrosweep info``, ``figures`` and ``verify``.
 
     Attributes
