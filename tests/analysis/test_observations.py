@@ -13,7 +13,7 @@ from vibrosweep.analysis.conditions import NAMED
 from vibrosweep.engine import landings
 from vibrosweep.engine import measure as engine
 from vibrosweep.engine.landings import all_parameters, record_landings
-from vibrosweep.lab.prediction import predict
+from vibrosweep.lab.prediction import predict, scene_of
 from vibrosweep.model.shapes import SINE
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.scene import Scene
@@ -41,7 +41,11 @@ ANALYSES = {
     "sweep": lambda workers: sweep(amplitude=SCAN, separation=True, particles=20, duration=300.0),
     "sensitivity": lambda workers: sobol(amplitude=(0.3, 3.5), particles=5, realizations=64),
     "lab compare": lambda workers: predict(
-        IMPACTS, all_parameters({"amplitude": SCAN}), [SINE] * SCAN.size, workers
+        IMPACTS,
+        all_parameters({"amplitude": SCAN}),
+        [SINE] * SCAN.size,
+        scene_of(IMPACTS, "rest", SINE, "constant"),
+        workers,
     ),
 }
 

@@ -11,11 +11,13 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.fitting import View
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
-from vibrosweep.lab.prediction import draw, first_flights, predict
+from vibrosweep.lab.prediction import draw, first_flights, predict, scene_of
 from vibrosweep.lab.repeats import agreement, phases, quantities
 from vibrosweep.lab.twin import Comparison
+from vibrosweep.model.shapes import SINE
 from vibrosweep.theory import locked_height
 
+IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
 KNOWN = {"frequency": 20.0, "restitution": 0.9, "amplitude": 0.06, "contact_time": 2.5e-5}
 
 
@@ -60,8 +62,9 @@ def test_errors_by_hand(found):
 
 def test_prediction_follows_each_particle_from_its_first_flight(irregular, found, workers):
     """At the true parameters the means are those of the true record."""
-    sets, shapes, refused = draw({**LABORATORY, "amplitude": 0.12, "restitution": 0.85}, None, 0)
-    foretold = predict(found, sets, shapes, workers)
+    scene = scene_of(found, "rest", SINE, "constant")
+    sets, shapes, refused = draw(IRREGULAR, scene, None, 0)
+    foretold = predict(found, sets, shapes, scene, workers)
     among = comparable(found)
     assert refused == 0
     assert among.any()
@@ -73,32 +76,32 @@ def test_a_particle_that_never_flew_is_not_launched(found, workers):
     """Its copy would be launched at t = 0 with no speed, and its camera errors those of nothing."""
     still = found.copy(deep=True)
     still["flight_time"][1] = np.nan
-    scene = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
-    sets, shapes, _ = draw(scene, None, 0)
+    scene = scene_of(found, "rest", SINE, "constant")
+    sets, shapes, _ = draw(IRREGULAR, scene, None, 0)
     flights = first_flights(still, sets)
     assert flights.particle.tolist() == [0, 2]
     assert flights.sets["phase"].size == 2
-    foretold = predict(still, sets, shapes, workers)
+    foretold = predict(still, sets, shapes, scene, workers)
     assert np.isnan(foretold.height[0]).tolist() == [False, True, False]
 
 
 def test_draws_stay_physical_or_are_refused(found):
-    scene = dict(LABORATORY)
+    scene = scene_of(found, "rest", SINE, "constant")
     estimated = estimate(found, frequency=20.0)
-    sets, _, refused = draw(scene, estimated, 50)
+    sets, _, refused = draw(LABORATORY, scene, estimated, 50)
     assert sets["restitution"].size == 51
     assert refused == 0
     assert np.std(sets["restitution"][1:]) == pytest.approx(float(estimated["error"][0]), rel=0.3)
     edge = estimated.copy(deep=True)
     edge["estimate"][0] = 1.0 - float(estimated["error"][0])  # 16 % of the draws exceed 1
-    sets, _, refused = draw(scene, edge, 50)
+    sets, _, refused = draw(LABORATORY, scene, edge, 50)
     assert 1 <= refused <= 25
     assert (sets["restitution"] <= 1.0).all()
     edge["estimate"][0] = 1.01
     with pytest.raises(
         ParameterError, match=r"restitution is estimated as 1\.01: must be at least"
     ):
-        draw(scene, edge, 50)
+        draw(LABORATORY, scene, edge, 50)
 
 
 def test_what_cannot_be_compared_is_said(locked, irregular, trial, workers):

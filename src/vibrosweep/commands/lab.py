@@ -21,7 +21,10 @@ NAME: Final = "lab"
 HELP: Final = "measure camera tracks and compare them with prediction"
 
 # Options that are physical parameters of a scene
-PHYSICAL: Final = ("gravity", "frequency", "restitution", "amplitude", "phase", "contact_time")
+PHYSICAL: Final = (
+    *("gravity", "frequency", "restitution", "amplitude", "phase", "contact_time"),
+    "restitution_speed",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, unit in (("frequency", "HZ"), ("restitution", "E"), ("amplitude", "M/S")):
         compare.add_argument(f"--{name}", metavar=unit, type=float, help="estimated by default")
     compare.add_argument("--phase", metavar="RAD", type=float, help="at t = 0; by default found")
+    compare.add_argument(
+        "--restitution-law", metavar="LAW", default="constant", help="of a given restitution"
+    )
+    compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="of this law")
     compare.add_argument("--contact-time", metavar="S", type=float, help="default: 1e-4")
     compare.add_argument(
         "--draws", metavar="N", type=positive, default=64, help="sets within the errors; default 64"
@@ -104,14 +111,15 @@ def _synthesize(options: argparse.Namespace) -> None:
 def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     """Read the tracks, and refuse what no recording can have, before anything is computed."""
     from vibrosweep.lab.track_files import read_tracks
-    from vibrosweep.model.parameters import PARAMETERS
+    from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
     from vibrosweep.store.disk import check_output
 
+    known = {**PARAMETERS, **OF_RESTITUTION}
     for name in PHYSICAL:
         value = getattr(options, name, None)
-        if value is not None and not PARAMETERS[name].accepts(value):
+        if value is not None and not known[name].accepts(value):
             key = name.replace("_", "-")
-            raise ParameterError(f"--{key} {value:g}: must be {PARAMETERS[name].allowed}")
+            raise ParameterError(f"--{key} {value:g}: must be {known[name].allowed}")
     if options.base is not None and not math.isfinite(options.base):
         raise TrackError(f"--base {options.base:g}: must be a finite number")
     if not 0.0 <= options.exposure <= 1.0:
@@ -197,6 +205,7 @@ def _compare(options: argparse.Namespace) -> None:
         view=_view(options),
         draws=options.draws,
         seed=options.seed,
+        restitution_law=options.restitution_law,
     )
     with Workers(available_threads()) as workers:
         table = compare(recordings, how, workers)

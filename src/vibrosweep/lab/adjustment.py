@@ -12,8 +12,17 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.lab.bounces import Bounces, solve, whiten
-from vibrosweep.lab.regression import TURN, spread_of_influences
-from vibrosweep.lab.speed_laws import FAR, FITTED, FittedLaw, Law, best, summary, trials, unfitted
+from vibrosweep.lab.regression import TURN, spread_of_influences, widened
+from vibrosweep.lab.speed_laws import (
+    FAR,
+    FITTED,
+    FittedLaw,
+    Law,
+    best,
+    speeds_of,
+    trials,
+    unfitted,
+)
 from vibrosweep.model.restitution_laws import CONSTANT, PLASTIC
 
 # Most rounds of the adjustment, and the step in standard errors at which it has converged.
@@ -109,7 +118,9 @@ def _fit(bounces: Bounces, found: Adjusted, rate: float, free: bool, law: Law) -
             values = one.values
     except np.linalg.LinAlgError:
         return unfitted(law, bounces.middle.size)
-    freedom = max(bounces.middle.size - one.values.size, 1)
-    error = np.sqrt(np.diag(one.covariance) * max(1.0, one.chi_square / freedom))
-    ends = float(one.values[0]), float(one.values[-1])
-    return summary(law, ends, (float(error[0]), float(error[-1])), np.minimum(one.distance, FAR))
+    number = bounces.middle.size
+    misfit, freedom = one.chi_square / (number - one.values.size), number - one.values.size
+    spread = widened(one.covariance, misfit, freedom, one.influences)
+    values, spread = speeds_of(law, one.values, spread)
+    far = np.minimum(one.distance, FAR)
+    return FittedLaw(law, values, spread, misfit, freedom, number, far)

@@ -23,19 +23,33 @@ from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import check_method, impacts_of, numbers_in
 from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.prediction import DRAWS, Prediction, draw, predict
-from vibrosweep.lab.speed_laws import law_text
+from vibrosweep.lab.prediction import DRAWS, Prediction, draw, predict, scene_of
+from vibrosweep.lab.speed_laws import law_of, law_text
 from vibrosweep.lab.twin import Comparison, camera_shares
 from vibrosweep.model.forcing import ACCELERATION
-from vibrosweep.model.parameters import LAWS, PARAMETERS
+from vibrosweep.model.parameters import LAWS, OF_RESTITUTION, PARAMETERS
+from vibrosweep.model.restitution_laws import (
+    CONSTANT,
+    RESTITUTION_LAWS,
+    SPEED,
+    range_mistake,
+    speed_mistakes,
+)
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.runs.driver import thread_count
+from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.waveform import stored
 
 __all__ = ["compare", "compare_tracks"]
 
-KNOWN: Final = ("restitution", "amplitude", "frequency", "phase", "gravity", "contact_time")
-USED: Final = ("restitution", "amplitude", "frequency")
+KNOWN: Final = {
+    **{
+        name: PARAMETERS[name]
+        for name in ("restitution", "amplitude", "frequency", "phase", "gravity", "contact_time")
+    },
+    **OF_RESTITUTION,
+}
+USED: Final = ("restitution", "amplitude", "frequency", SPEED)
 SHARES: Final = ("frames", "pixels", "parameters")
 
 
@@ -50,7 +64,8 @@ class _Compared(NamedTuple):
     favoured: str
     motion: str
     waveform: str
-    law: str
+    restitution_law: str
+    law: str  # what the bounces tell of it
     warning: str
 
 
@@ -63,6 +78,7 @@ def compare_tracks(
     motion: str = "detect",
     trace: Trace | None = None,
     rebound: str = "rest",
+    restitution_law: str = CONSTANT,
     draws: int = DRAWS,
     seed: int = 0,
     threads: int | None = None,
@@ -78,6 +94,9 @@ def compare_tracks(
         As in `find_impacts`.
     rebound
         Law of rebound, ``"rest"`` or ``"reflect"``.
+    restitution_law
+        Law of a restitution that is known.  An estimated restitution has the best law where the
+        bounces rule out a constant one.
     draws
         Parameter sets drawn within the errors of an estimate, at least 2.
     seed
@@ -86,7 +105,8 @@ def compare_tracks(
         Number of threads, by default one per processor; the result does not depend on it.
     **known
         Parameters that are known: restitution (1), amplitude (m s-1), frequency (Hz), phase (rad),
-        gravity (m s-2), contact_time (s).  The first four are estimated where they are not given.
+        gravity (m s-2), contact_time (s), restitution_speed (m s-1) of a `restitution_law`.  The
+        first four are estimated where they are not given.
 
     Returns
     -------
@@ -95,7 +115,8 @@ def compare_tracks(
         measured``, the mean over the repeats, and the contributions of ``frames``, ``pixels``
         and ``parameters``, each alone (in per cent of the measured value); their squares add.
         Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).
-        Dim case: ``particles``, ``repeats``, ``compared``, and the parameters used.
+        Dim case: ``particles``, ``repeats``, ``compared``, and the parameters used.  Attributes:
+        the base, the ``waveform`` and the ``restitution_law`` of the prediction.
 
     Raises
     ------
@@ -117,11 +138,11 @@ def compare_tracks(
     for name, value in known.items():
         if name not in KNOWN:
             raise ParameterError(f"{name}: is not a parameter; known are {', '.join(KNOWN)}")
-        if not PARAMETERS[name].accepts(value):
-            raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
+        if not KNOWN[name].accepts(value):
+            raise ParameterError(f"{name} = {value!r}: must be {KNOWN[name].allowed}")
     several = [recordings] if isinstance(recordings, xr.Dataset) else recordings
     view = View(base, exposure, motion, known.get("frequency"), trace)
-    how = Comparison(known, method, view, draws, rebound, seed)
+    how = Comparison(known, method, view, draws, rebound, seed, restitution_law)
     with Workers(thread_count(threads)) as workers:
         return compare(several, how, workers)
 
@@ -153,6 +174,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
             "base_motion": ", ".join(sorted({one.motion for row in rows for one in row})),
             "favoured_base": ", ".join(sorted({one.favoured for row in rows for one in row})),
             "waveform": "; ".join(sorted({one.waveform for row in rows for one in row})),
+            "restitution_law": ", ".join(sorted({o.restitution_law for row in rows for o in row})),
             "law": "; ".join(sorted({one.law for row in rows for one in row if one.law})),
         },
     )
@@ -167,6 +189,19 @@ def _check(recordings: Sequence[xr.Dataset], how: Comparison) -> None:
         raise ParameterError(f"rebound = {how.rebound!r}: must be one of {', '.join(LAWS)}")
     if how.draws < 2:
         raise ParameterError(f"draws = {how.draws}: must be at least 2, as one has no spread")
+    law = how.restitution_law
+    if law not in RESTITUTION_LAWS:
+        allowed = ", ".join(RESTITUTION_LAWS)
+        raise ParameterError(f"restitution_law = {law!r}: must be one of {allowed}")
+    for name, text in speed_mistakes(law, how.known).items():
+        raise ParameterError(f"{name}: {text}")
+    if law != CONSTANT and "restitution" not in how.known:
+        raise ParameterError(
+            f"restitution_law = {law!r}: needs the restitution; give restitution and amplitude, or "
+            f"leave out the law and its speed, which are estimated then"
+        )
+    if wrong := range_mistake(law, np.array(how.known.get("restitution", 1.0))):
+        raise ParameterError(wrong)
 
 
 def _errors(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
@@ -196,7 +231,7 @@ def _means(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
     gamma = {"units": "1", "long_name": "peak acceleration of the base in units of gravity"}
     about: dict[str, dict[str, str]] = {
         "compared": compared,
-        **{n: {"units": PARAMETERS[n].units, "long_name": PARAMETERS[n].long_name} for n in USED},
+        **{n: {"units": KNOWN[n].units, "long_name": KNOWN[n].long_name} for n in USED},
         ACCELERATION: gamma,
         **{
             f"{name}_error": {"long_name": f"typical standard error of the {name} of one recording"}
@@ -206,6 +241,9 @@ def _means(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
 
     def average(name: str, row: Sequence[_Compared]) -> float:
         values = np.array([one.numbers[name] for one in row])
+        values = values[np.isfinite(values)]  # a constant restitution has no speed
+        if not values.size:
+            return float("nan")
         return float(np.sqrt(np.mean(values**2)) if name.endswith("_error") else np.mean(values))
 
     return {
@@ -231,13 +269,18 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
             f"{tracks.attrs['source']}: no particle's flights are nearly all seen, so nothing can "
             f"be compared; film faster or closer"
         )
-    scene, shape, estimated = _parameters(by_fit, how)
-    sets, shapes, refused = draw(scene, estimated, how.draws, how.seed, shape)
-    found = predict(by_fit, sets, shapes, workers, how.rebound)
+    numbers, scene, estimated = _parameters(by_fit, how)
+    sets, shapes, refused = draw(numbers, scene, estimated, how.draws, how.seed)
+    found = predict(by_fit, sets, shapes, scene, workers)
     best = {"height": found.height[0], "period": found.period[0]}
     means = measured_means(impacts, among)
     used = {name: float(values[0]) for name, values in sets.items()}
-    shares = camera_shares(tracks, by_fit, used, how, shape)
+    warnings = [f"{refused} drawn sets were not physical and were drawn anew"] if refused else []
+    try:
+        shares = camera_shares(tracks, by_fit, used, scene, how)
+    except TrackError as error:
+        shares = {n: {q: dict.fromkeys(READINGS, np.nan) for q in QUANTITIES} for n in SHARES[:2]}
+        warnings.append(f"the errors of the camera are not known: {error}")
     shares["parameters"] = {
         q: dict.fromkeys(READINGS, float(values.mean())) | {"worst": float(values.max())}
         for q, values in _spreads(found, means, among).items()
@@ -247,12 +290,13 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
     return _Compared(
         np.array(errors),
         np.array([[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]),
-        {"compared": float(among.mean()), **_used(estimated, used, shape)},
+        {"compared": float(among.mean()), **_used(estimated, used, scene.waveform)},
         fitted.favoured_base,
         impacts.attrs["base_motion"],
-        shape.text,
+        scene.waveform.text,
+        scene.restitution_law,
         "" if estimated is None else law_text(estimated),
-        f"{refused} drawn sets were not physical and were drawn anew" if refused else "",
+        "; ".join(warnings),
     )
 
 
@@ -278,14 +322,14 @@ def _used(
         errors |= {f"{n}_error": float(estimated["error"].sel(parameter=n)) for n in names}
         if "base_acceleration_error" in estimated:
             errors[f"{ACCELERATION}_error"] = float(estimated["base_acceleration_error"])
-    return {**used, ACCELERATION: gamma, **errors}
+    return {SPEED: float("nan"), **used, ACCELERATION: gamma, **errors}
 
 
 def _parameters(
     impacts: xr.Dataset, how: Comparison
-) -> tuple[dict[str, float], Waveform, xr.Dataset | None]:
-    """Known parameters of the scene, its waveform, and the estimate of the others."""
-    scene = {name: how.known.get(name, p.default) for name, p in PARAMETERS.items()}
+) -> tuple[dict[str, float], Scene, xr.Dataset | None]:
+    """Known parameters, the scene of the prediction, and the estimate of other parameters."""
+    known = {name: p.default for name, p in PARAMETERS.items()} | dict(how.known)
     given = {"restitution", "amplitude"} & how.known.keys()
     if len(given) == 1:
         raise ParameterError(
@@ -294,15 +338,18 @@ def _parameters(
         )
     if not given:
         found = estimate(impacts, frequency=how.known.get("frequency"))
-        return scene, stored(found.attrs), found
+        law, speed = law_of(found)
+        known |= {} if law == CONSTANT else {SPEED: speed}
+        return known, scene_of(impacts, how.rebound, stored(found.attrs), law), found
     if "frequency" not in how.known:
         raise ParameterError("the frequency is missing: give it with restitution and amplitude")
     if impacts.attrs["base_motion"] == "moving":
         values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
         plain, _, shape = polar(values, covariance, numbers_in(impacts))
-        return {**scene, "phase": how.known.get("phase", float(plain[2]))}, shape, None
-    if "phase" not in how.known:
-        scene["phase"] = fit_phase(
-            impacts, **{n: scene[n] for n in ("restitution", "amplitude", "frequency")}
-        )
-    return scene, SINE, None
+        known |= {"phase": how.known.get("phase", float(plain[2]))}
+    else:
+        shape = SINE
+        if "phase" not in how.known:
+            named = {name: known[name] for name in USED if name in known}
+            known["phase"] = fit_phase(impacts, law=how.restitution_law, **named)
+    return known, scene_of(impacts, how.rebound, shape, how.restitution_law), None

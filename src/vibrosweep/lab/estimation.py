@@ -24,14 +24,15 @@ from vibrosweep.lab.impacts import numbers_in
 from vibrosweep.lab.regression import (
     FEWEST,
     TURN,
-    is_improbable,
     outside,
     weakest_signal,
+    widened,
     with_subharmonics,
 )
 from vibrosweep.lab.remarks import SIGNAL, bad_fit, undetermined
-from vibrosweep.lab.speed_laws import possible, speed_laws
+from vibrosweep.lab.speed_laws import possible, preferred, speed_laws
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.restitution_laws import SPEED, restitution_at
 from vibrosweep.model.shapes import Waveform
 
 __all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
@@ -42,6 +43,7 @@ PARAMETER_UNITS: Final = {
     "amplitude": "m s-1",
     "phase": "rad",
     "frequency": "Hz",
+    SPEED: "m s-1",
 }
 # Number of phases that are tried, a third of a degree apart.  A second minimum is equally good if
 # its sum of squares exceeds the smallest by at most this share of the sum of squares of the kicks.
@@ -86,7 +88,9 @@ def estimate(
 
         Dim law: ``law_restitution`` and ``law_speed`` (m s-1) with their errors, of each law of
         restitution fitted to the same bounces.  The attribute ``restitution_law`` names those that
-        the bounces do not rule out, the best first; empty where nothing is determined.
+        the bounces do not rule out, the best first; empty where nothing is determined.  If a
+        constant restitution is ruled out, all parameters are those of the best law, and those of
+        a plastic one include ``restitution_speed`` (m s-1).
 
     Raises
     ------
@@ -135,13 +139,18 @@ def estimate(
         )
     freedom = bounces.middle.size - found.values.size
     misfit = found.chi_square / freedom
-    covariance = found.covariance * max(1.0, misfit)
-    if is_improbable(misfit, freedom):
-        covariance = covariance + found.influences
+    covariance = widened(found.covariance, misfit, freedom, found.influences)
     values, covariance, shape = polar(found.values, covariance)
     rate = float(found.values[3]) if free else rates[0]
+    names = ["restitution", "amplitude", "phase"] + ["frequency"] * free
     warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
     laws = [] if warnings[0] else fit_laws(bounces, found, rate, free=free)
+    if law := preferred(laws):
+        values, covariance, shape = polar(law.values, law.covariance)
+        rate = float(law.values[3]) if free else rates[0]
+        names += [SPEED] * law.law.parameters
+        misfit, freedom = law.misfit, law.freedom
+        warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
     about = {
         "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
         "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
@@ -149,13 +158,14 @@ def estimate(
         "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
         **speed_laws(laws),
     }
-    one = _estimated(values, covariance, about, warnings, shape)
+    one = _estimated(names, values, covariance, about, warnings, shape)
     return one.assign_attrs(restitution_law=" or ".join(possible(laws)))
 
 
 def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     """Parameters from the fit of a moving base."""
     values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
+    of_base = impacts["of_base"].values.astype(str).tolist()
     rate, gravity = float(impacts["shaken_frequency"]), impacts.attrs["gravity"]
     numbers = numbers_in(impacts)
     plain, spread, shape = polar(values, covariance, numbers)  # e, V0, phi and perhaps f
@@ -167,9 +177,12 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     # V0 / w and w V0 / g: their relative errors are those of V0 and of f
     relative = np.zeros((2, values.size))
     relative[:, 1] = 1.0 / velocity
-    if values.size > 3:
+    names = ["restitution", "amplitude", "phase"]
+    if "frequency" in of_base:
+        names += ["frequency", *names_of(numbers)]
         relative[:, 3] = -1.0 / rate, 1.0 / rate
-        relative[:, 4:] = slopes_of_sizes(shape, numbers)
+        relative[:, 4 : len(names)] = slopes_of_sizes(shape, numbers)
+    names += [SPEED] * (SPEED in of_base)
     size = np.array(
         [velocity / (shape.per_displacement * rate), shape.fall * rate * velocity / gravity]
     )
@@ -190,21 +203,20 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     misfit, freedom = float(impacts["shaken_misfit"]), int(impacts["shaken_freedom"])
     warnings = undetermined(SIGNAL, kicks, covariance, misfit), bad_fit(misfit, freedom)
     of_laws = impacts[[name for name in impacts.data_vars if impacts[name].dims == ("law",)]]
-    one = _estimated(kicks, covariance, about, warnings, shape, numbers)
+    one = _estimated(names, kicks, covariance, about, warnings, shape)
     law = impacts.attrs["restitution_law"]
     return one.merge(of_laws).assign_attrs({**one.attrs, "restitution_law": law})
 
 
 def _estimated(
+    names: list[str],
     values: Array,
     covariance: Array,
     about: dict[str, Any],
     warnings: tuple[str, str],
     shape: Waveform,
-    numbers: tuple[int, ...] = (1,),
 ) -> xr.Dataset:
     """Dataset of `estimate`; the first warning concerns parameters that are not determined."""
-    names = [*list(PARAMETER_UNITS)[: values.size], *names_of(numbers)]
     units = [PARAMETER_UNITS.get(n, "1" if n.startswith("weight") else "rad") for n in names]
     error = np.sqrt(np.diag(covariance))
     return xr.Dataset(
@@ -229,17 +241,18 @@ def _estimated(
 
 
 def fit_phase(
-    impacts: xr.Dataset, *, restitution: float, amplitude: float, frequency: float
+    impacts: xr.Dataset, *, amplitude: float, frequency: float, **of_restitution: Any
 ) -> float:
     """Phase of the forcing at t = 0 of a recording, rad, if all other parameters are known.
 
+    `of_restitution` are the arguments of `vibrosweep.theory.restitution_at` beside the speed.
     On a locked orbit two phases explain the bounces equally well; the function returns that of the
     stable branch, on which the kick decreases at impact.  Raises a TrackError without bounces.
     """
     arrive, leave, time = bounces_of(impacts).speeds()
     if not time.size:
         raise TrackError(f"{impacts.attrs['source']}: no bounce has a whole flight on either side")
-    kick = leave - restitution * arrive
+    kick = leave - restitution_at(arrive, **of_restitution) * arrive
     angle = TURN * frequency * time
     trial = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
     wave = amplitude * np.sin(angle + trial[:, np.newaxis])

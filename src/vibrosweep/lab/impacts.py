@@ -16,7 +16,7 @@ from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, Trace
 from vibrosweep.lab.quality import coverage
 from vibrosweep.lab.segments import Samples, low_points
-from vibrosweep.lab.speed_laws import possible, speed_laws
+from vibrosweep.lab.speed_laws import FittedLaw, possible, preferred, speed_laws
 
 __all__ = ["BOUNCED", "DOUBTFUL", "METHODS", "STAYED", "find_impacts", "impacts_of"]
 
@@ -86,7 +86,9 @@ def find_impacts(
         ``shaken`` and ``shaken_covariance`` hold restitution, S, C (m s-1) and, if it was found,
         the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi f t.  With a
         trace that is no sine there are S and C of each harmonic h, multiplied by the sine and
-        cosine of 2 pi h f t.
+        cosine of 2 pi h f t.  Where the bounces rule out a constant restitution they are those of
+        the law that is named first in the attribute ``restitution_law``, with its
+        ``restitution_speed`` (m s-1) if that was fitted.
 
     Raises
     ------
@@ -134,8 +136,9 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         found[name] = ("particle", values, {"units": units, "long_name": words})
     found = found.assign_coords(particle=tracks["particle"])
     if flights.shaken is not None:
-        found = found.merge(_shaken(flights.shaken, gravity / flights.curvature))
-        found = found.assign(speed_laws(flights.laws, gravity / flights.curvature))
+        law, scale = preferred(flights.laws), gravity / flights.curvature
+        found = found.merge(_shaken(flights.shaken, law, scale))
+        found = found.assign(speed_laws(flights.laws, scale))
     found.attrs = {
         "method": method,
         "source": tracks.attrs["source"],
@@ -164,32 +167,36 @@ def numbers_in(impacts: xr.Dataset) -> tuple[int, ...]:
     return tuple(int(n[1:] or 1) for n in impacts["of_base"].values.astype(str) if n[0] == "S")
 
 
-def _shaken(shaken: Shaken, scale: float) -> xr.Dataset:
+def _shaken(shaken: Shaken, law: FittedLaw | None, scale: float) -> xr.Dataset:
     """Restitution and motion of the base, with covariance, without the levels.
 
-    `scale` multiplies its lengths, which corrects those of tracks of a wrong scale.
+    They are those of a law of restitution, unless that is None.  `scale` multiplies lengths, which
+    corrects those of tracks of a wrong scale.
     """
-    names = ["restitution", "S", "C", "frequency"][: shaken.values.size - shaken.levels.size]
+    number = shaken.values.size - shaken.levels.size
+    names = ["restitution", "S", "C", "frequency"][:number]
     words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
     numbers = shaken.oscillation.numbers
     if len(numbers) > 1:
         pairs = [f"{letter}{h}" for h in numbers for letter in "SC"]
         names = ["restitution", *pairs[:2], "frequency", *pairs[2:]]
         words = "of the base that moves with the sum of Sh sin 2 pi h f t + Ch cos 2 pi h f t"
+    fit, used = law or shaken, law.bounces if law else int(shaken.kept.sum())
+    names += ["restitution_speed"] if law and law.law.parameters else []
     of_base = slice(None, len(names))
     scales = np.where(np.isin(names, ["restitution", "frequency"]), 1.0, scale)
     return xr.Dataset(
         {
-            "shaken": ("of_base", scales * shaken.values[of_base], {"long_name": words}),
+            "shaken": ("of_base", scales * fit.values[of_base], {"long_name": words}),
             "shaken_covariance": (
                 ("of_base", "other"),
-                np.outer(scales, scales) * shaken.covariance[of_base, of_base],
+                np.outer(scales, scales) * fit.covariance[of_base, of_base],
                 {"long_name": "covariance"},
             ),
             "shaken_frequency": ((), shaken.oscillation.frequency, {"units": "Hz"}),
-            "shaken_misfit": ((), shaken.misfit, {"long_name": "chi-square per degree of freedom"}),
-            "shaken_freedom": ((), shaken.freedom, {"long_name": "degrees of freedom"}),
-            "shaken_bounces": ((), int(shaken.kept.sum()), {"long_name": "bounces used"}),
+            "shaken_misfit": ((), fit.misfit, {"long_name": "chi-square per degree of freedom"}),
+            "shaken_freedom": ((), fit.freedom, {"long_name": "degrees of freedom"}),
+            "shaken_bounces": ((), used, {"long_name": "bounces used"}),
         },
         coords={
             "of_base": names,

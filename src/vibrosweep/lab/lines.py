@@ -16,6 +16,7 @@ from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
 from vibrosweep.lab.speed_laws import law_text
 from vibrosweep.mistakes import toml
+from vibrosweep.model.restitution_laws import CONSTANT, SPEED
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE
 from vibrosweep.scene.waveform import stored
 
@@ -144,11 +145,15 @@ def table_lines(table: xr.Dataset) -> list[str]:
             lines.append(f"  {case} {q}: {shown}")
     moves = table.attrs["base_motion"] == "moving"
     forcing = "base_acceleration" if moves else "amplitude"
-    parameters = [_with_error(table, n) for n in ("restitution", forcing, "frequency")]
+    law = str(table.attrs.get("restitution_law", CONSTANT))
+    names = ["restitution", forcing, "frequency", *([SPEED] if law != CONSTANT else [])]
+    parameters = [_with_error(table, name) for name in names]
     base = "moves" if moves else "stays at its level"
     lines.append(f"predicted over a base that {base}, with {', '.join(parameters)}")
     if str(table.attrs.get("waveform", SINE.text)) != SINE.text:
         lines.append(f"waveform {table.attrs['waveform']}")
+    if law != CONSTANT:
+        lines.append(f"restitution_law {law}")
     lines.append(f"base favoured by the landings: {_favoured(table)}")
     return lines + [table.attrs[name] for name in ("law", "warning") if table.attrs.get(name)]
 

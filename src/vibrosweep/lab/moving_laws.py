@@ -6,8 +6,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from vibrosweep.lab.contacts import Contacts
-from vibrosweep.lab.oscillation import MOST_STEPS, ROUNDS, Problem, Shaken, Trace
-from vibrosweep.lab.speed_laws import FITTED, FittedLaw, best, summary, trials, unfitted
+from vibrosweep.lab.oscillation import MOST_STEPS, ROUNDS, Problem, Shaken, Trace, spread_of
+from vibrosweep.lab.speed_laws import FITTED, FittedLaw, best, speeds_of, trials, unfitted
 
 
 def fit_laws(
@@ -46,13 +46,10 @@ def _fit(problem: Problem, shaken: Shaken) -> FittedLaw:
             )
         except np.linalg.LinAlgError:
             return unfitted(law, kept.size)
+        used = int(kept.sum())
         start, kept = found.x, problem.near(found.x)
-    slopes = np.asarray(found.jac)
-    size = np.linalg.norm(slopes, axis=0)
-    size[size == 0.0] = 1.0
-    inverse = np.linalg.pinv((slopes / size).T @ (slopes / size), hermitian=True)
-    freedom = max(found.fun.size - found.x.size, 1)
-    error = np.sqrt(np.diag(inverse) * max(1.0, 2.0 * found.cost / freedom)) / size
-    ends = float(found.x[0]), float(found.x[-1])
-    errors = float(error[0]), float(error[-1])
-    return summary(law, ends, errors, problem.distance(found.x))
+    covariance, misfit, freedom = spread_of(found)
+    last = found.x.size - law.parameters
+    of_law = np.r_[: problem.parameters, last : found.x.size]  # without the levels
+    values, spread = speeds_of(law, found.x[of_law], covariance[np.ix_(of_law, of_law)])
+    return FittedLaw(law, values, spread, misfit, freedom, used, problem.distance(found.x))

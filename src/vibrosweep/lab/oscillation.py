@@ -20,12 +20,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import Contacts
-from vibrosweep.lab.regression import TURN, is_improbable, spread_of_influences
+from vibrosweep.lab.regression import TURN, spread_of_influences, widened
 from vibrosweep.lab.speed_laws import FAR, STEP, Law
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
@@ -271,18 +271,7 @@ def fit_shaken(
             max_nfev=MOST_STEPS,
         )
         values = found.x
-    freedom = found.fun.size - values.size
-    misfit = 2.0 * found.cost / max(freedom, 1)
-    # scaled, because a trace without noise determines some parameters far better than others
-    slopes = np.asarray(found.jac)
-    size = np.linalg.norm(slopes, axis=0)
-    size[size == 0.0] = 1.0  # a level of which all contacts are outliers
-    slopes = slopes / size
-    inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
-    covariance = inverse / np.outer(size, size) * max(1.0, misfit)
-    if is_improbable(misfit, freedom):
-        influences = spread_of_influences(found.fun, slopes, inverse)
-        covariance = covariance + influences / np.outer(size, size)
+    covariance, misfit, freedom = spread_of(found)
     return Shaken(
         values,
         covariance,
@@ -291,10 +280,24 @@ def fit_shaken(
         particles,
         values[count:],
         kept,
-        float(misfit),
+        misfit,
         freedom,
         problem.distance(values),
     )
+
+
+def spread_of(found: OptimizeResult) -> tuple[Array, float, int]:
+    """Covariance of fitted parameters, chi-square per degree of freedom, and number of these."""
+    freedom = found.fun.size - found.x.size
+    misfit = float(2.0 * found.cost / max(freedom, 1))
+    # scaled, because a trace without noise determines some parameters far better than others
+    slopes = np.asarray(found.jac)
+    size = np.linalg.norm(slopes, axis=0)
+    size[size == 0.0] = 1.0  # a level of which all contacts are outliers
+    slopes = slopes / size
+    inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
+    scale, influences = np.outer(size, size), spread_of_influences(found.fun, slopes, inverse)
+    return widened(inverse / scale, misfit, freedom, influences / scale), misfit, freedom
 
 
 def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Array]:

@@ -15,8 +15,9 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.lab.base_harmonics import with_values
-from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
-from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, OF_RESTITUTION, PARAMETERS
+from vibrosweep.model.restitution_laws import range_mistake
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.scene.scene import Scene
 
 DRAWS: Final = 64
@@ -35,16 +36,17 @@ class Prediction(NamedTuple):
 
 
 def draw(
-    scene: Mapping[str, float],
+    known: Mapping[str, float],
+    scene: Scene,
     estimated: xr.Dataset | None,
     draws: int,
     seed: int = 0,
-    waveform: Waveform = SINE,
 ) -> tuple[dict[str, Array], list[Waveform], int]:
     """Draw parameter sets: first the best one, then samples of a normal posterior.
 
-    `scene` holds every parameter of `PARAMETERS`; those in `estimated`, a result of `estimate`,
-    override it, and of the waveform too.  Without an estimate there is only the scene itself.
+    `known` holds every parameter of `PARAMETERS`, and the speed of a law of restitution; those in
+    `estimated`, a result of `estimate`, override them, and the waveform of the scene.  Without an
+    estimate there is only what is known.
 
     Returns
     -------
@@ -61,24 +63,27 @@ def draw(
         The orbit does not determine the parameters, the best set is not physical, or more than
         half of the draws are not.
     """
+    waveform, law = scene.waveform, scene.restitution_law
     if estimated is None:
-        return {name: np.array([scene[name]]) for name in PARAMETERS}, [waveform], 0
+        return {name: np.array([value]) for name, value in known.items()}, [waveform], 0
     names = [str(name) for name in estimated["parameter"].values]
     best, covariance = estimated["estimate"].values, estimated["covariance"].values
     if not np.isfinite(covariance).all():
         raise ParameterError(f"the parameters cannot be used: {estimated.attrs['warning']}")
-    physical = [(k, PARAMETERS[name]) for k, name in enumerate(names) if name in PARAMETERS]
-    for name, value in zip(names, best, strict=True):
-        if name in PARAMETERS and not PARAMETERS[name].accepts(value):
+    every = {**PARAMETERS, **OF_RESTITUTION}
+    physical = [(k, every[name]) for k, name in enumerate(names) if name in every]
+    for k, one in physical:
+        if not one.accepts(best[k]):
             raise ParameterError(
-                f"{name} is estimated as {value:.4g}: must be {PARAMETERS[name].allowed}; check "
-                f"the scale and the frequency, or give the parameters"
+                f"{one.name} is estimated as {best[k]:.4g}: must be {one.allowed}; check the "
+                f"scale and the frequency, or give the parameters"
             )
     rng = np.random.default_rng(seed)
     kept, refused = [best], 0
     while len(kept) <= draws:
         values = rng.multivariate_normal(best, covariance)
-        if all(bool(one.accepts(values[k])) for k, one in physical):
+        within = not range_mistake(law, values[:1])  # the restitution is the first
+        if within and all(bool(one.accepts(values[k])) for k, one in physical):
             kept.append(values)
         else:
             refused += 1
@@ -92,8 +97,21 @@ def draw(
         with_values(waveform, {name: float(values[k]) for name, values in drawn.items()})
         for k in range(len(kept))
     ]
-    every = {name: drawn.get(name, np.full(len(kept), scene[name])) for name in PARAMETERS}
-    return every, shapes, refused
+    sets = {name: drawn.get(name, np.full(len(kept), value)) for name, value in known.items()}
+    return sets, shapes, refused
+
+
+def scene_of(impacts: xr.Dataset, rebound: str, waveform: Waveform, restitution_law: str) -> Scene:
+    """Scene of one particle that is launched at t = 0, over the base of a recording."""
+    base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
+    return Scene(
+        1,
+        (0.0,),
+        rebound=rebound,
+        base=base,
+        waveform=waveform,
+        restitution_law=restitution_law,
+    ).recorded()
 
 
 class FirstFlights(NamedTuple):
@@ -111,7 +129,7 @@ class FirstFlights(NamedTuple):
 def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> FirstFlights:
     """Launch each particle as it first left the base.
 
-    The parameters are all of `model.parameters.PARAMETERS`, of shape (draw,); the phase is that at
+    The parameters are those of `draw`, of shape (draw,); the phase is that at
     t = 0 of the recording, and the launch velocity is not used.
     """
     whole = np.isfinite(impacts["flight_time"].values)
@@ -132,25 +150,24 @@ def predict(
     impacts: xr.Dataset,
     parameters: Mapping[str, Array],
     waveforms: Sequence[Waveform],
+    scene: Scene,
     workers: Workers,
-    rebound: str = "rest",
 ) -> Prediction:
     """Means of each particle from its first whole flight to the end of the film.
 
-    The parameters are those of `first_flights`, with a waveform for each draw.  A particle that
-    appears late is followed for as long as the others.
+    The parameters are those of `first_flights`, with a waveform for each draw, in a scene of
+    `scene_of`.  A particle that appears late is followed for as long as the others.
     """
     draws = parameters["frequency"].size
     height, period = np.full((2, draws, impacts.sizes["particle"]), np.nan)
     flown, start, _, sets = first_flights(impacts, parameters)
     if flown.size:
         length = impacts.attrs["end"] - float(start.min())
-        base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
-        bare = Scene(1, (0.0,), length, rebound, base=base).recorded()
         for shape in dict.fromkeys(waveforms):
             alike = np.array([one == shape for one in waveforms])
             chosen = {name: values[np.repeat(alike, flown.size)] for name, values in sets.items()}
-            found = measure(all_parameters(chosen), replace(bare, waveform=shape), workers)
+            own = replace(scene, duration=length, waveform=shape)
+            found = measure(all_parameters(chosen), own, workers)
             for each, name in ((height, "rebound_height_mean"), (period, "flight_time_mean")):
                 each[np.ix_(alike, flown)] = found[name].reshape(-1, flown.size)
     return Prediction(height, period)

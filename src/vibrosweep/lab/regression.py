@@ -91,6 +91,16 @@ def is_improbable(misfit: float, freedom: int) -> bool:
     return freedom > 0 and bool(chdtrc(freedom, misfit * freedom) < IMPROBABLE)
 
 
+def widened(covariance: Array, misfit: float, freedom: int, influences: Array) -> Array:
+    """Covariance of parameters by a fit with this chi-square per degree of freedom.
+
+    A misfit above 1 multiplies it; if noise is an improbable explanation, the `influences` of
+    `spread_of_influences` are added.
+    """
+    wider = covariance * max(1.0, misfit)
+    return wider + influences if is_improbable(misfit, freedom) else wider
+
+
 def spread_of_influences(residual: Array, slopes: Array, inverse: Array) -> Array:
     """Covariance of parameters from the scatter of residuals of any distribution.
 

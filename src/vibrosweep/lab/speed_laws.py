@@ -78,12 +78,27 @@ class FittedLaw(NamedTuple):
     """A law that was fitted to bounces."""
 
     law: Law
-    restitution: float
-    error: float
-    # speed, speed_error: m s-1; NaN for a constant restitution
-    speed: float
-    speed_error: float
+    # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics, and the
+    # speed of yielding (m s-1) if the law has one
+    values: Array
+    covariance: Array
+    # misfit, freedom, bounces: chi-square per degree of freedom, the number of these, and that of
+    # the bounces used
+    misfit: float
+    freedom: int
+    bounces: int
     distance: Array  # squared distance of each bounce in standard errors; infinite without a fit
+
+    @property
+    def speed(self) -> float:
+        """Speed of the law in m s-1; NaN for a constant restitution."""
+        return float(self.values[-1]) if self.law.parameters else self.law.speed
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Standard errors of the restitution and of the speed, NaN if that is no parameter."""
+        error = np.sqrt(np.diag(self.covariance))
+        return float(error[0]), float(error[-1]) if self.law.parameters else np.nan
 
 
 def trials(name: str, speeds: Array) -> list[Law]:
@@ -97,19 +112,19 @@ def best(fits: Sequence[FittedLaw]) -> FittedLaw:
     return min(fits, key=lambda one: float(one.distance.sum()))
 
 
-def summary(
-    law: Law, values: tuple[float, float], errors: tuple[float, float], far: Array
-) -> FittedLaw:
-    """Describe a fit by restitution and logarithm of the speed, their errors, and distances."""
-    if not law.parameters:
-        return FittedLaw(law, values[0], errors[0], law.speed, np.nan, far)
-    speed = float(np.exp(values[1]))
-    return FittedLaw(law, values[0], errors[0], speed, speed * errors[1], far)
-
-
 def unfitted(law: Law, bounces: int) -> FittedLaw:
     """Return the result for a law that no parameters bring near that many bounces."""
-    return FittedLaw(law, np.nan, np.nan, np.nan, np.nan, np.full(bounces, np.inf))
+    law, none = law._replace(speed=np.nan), np.full((1, 1), np.nan)
+    return FittedLaw(law, none[0], none, np.nan, 0, 0, np.full(bounces, np.inf))
+
+
+def speeds_of(law: Law, values: Array, covariance: Array) -> tuple[Array, Array]:
+    """Values and covariance with the speed of yielding in place of its logarithm, the last one."""
+    if not law.parameters:
+        return values, covariance
+    scale = np.ones(values.size)
+    scale[-1] = np.exp(values[-1])
+    return np.append(values[:-1], scale[-1]), covariance * np.outer(scale, scale)
 
 
 def possible(fits: Sequence[FittedLaw]) -> list[str]:
@@ -132,17 +147,38 @@ def possible(fits: Sequence[FittedLaw]) -> list[str]:
     return kept + [one.law.name for one in fits if not np.isfinite(one.distance).all()]
 
 
+def preferred(fits: Sequence[FittedLaw]) -> FittedLaw | None:
+    """Return the best law where bounces rule out a constant restitution, else None."""
+    name = law_named(" or ".join(possible(fits)))
+    return None if name == CONSTANT else next(one for one in fits if one.law.name == name)
+
+
+def law_named(left: str) -> str:
+    """Return the law of the parameters, where the bounces leave these laws, the best one first.
+
+    It is the constant one unless they rule that out.
+    """
+    names = left.split(" or ")
+    return CONSTANT if not left or CONSTANT in names else names[0]
+
+
+def law_of(found: xr.Dataset) -> tuple[str, float]:
+    """Law of the parameters in a result of `estimate` or `find_impacts`, and its speed (m s-1).
+
+    The speed is NaN where the restitution is constant.
+    """
+    name = law_named(str(found.attrs["restitution_law"]))
+    return name, np.nan if name == CONSTANT else float(found["law_speed"].sel(law=name))
+
+
 def speed_laws(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
     """Variables of the dim law, for a dataset; `scale` multiplies speeds."""
+    speeds = [[scale * v for v in (one.speed, one.errors[1])] for one in fits]
     columns = {
-        "law_restitution": ([one.restitution for one in fits], "1", "restitution of the law"),
-        "law_restitution_error": ([one.error for one in fits], "1", "its standard error"),
-        "law_speed": ([scale * one.speed for one in fits], "m s-1", "restitution_speed of the law"),
-        "law_speed_error": (
-            [scale * one.speed_error for one in fits],
-            "m s-1",
-            "its standard error",
-        ),
+        "law_restitution": ([float(f.values[0]) for f in fits], "1", "restitution of the law"),
+        "law_restitution_error": ([one.errors[0] for one in fits], "1", "its standard error"),
+        "law_speed": ([v for v, _ in speeds], "m s-1", "restitution_speed of the law"),
+        "law_speed_error": ([error for _, error in speeds], "m s-1", "its standard error"),
         "law_distance": (
             [float(one.distance.mean()) for one in fits],
             "1",
@@ -160,21 +196,22 @@ def law_text(found: xr.Dataset) -> str:
     named = str(found.attrs["restitution_law"])
     if not named:
         return ""
+    law, open_ = law_named(named), ""
     if " or " in named:
         *others, last = named.split(" or ")
         either = f"{', '.join(others)} or {last}"
-        return f"the bounces do not decide whether the law of restitution is {either}"
-    if named == CONSTANT:
+        open_ = f"the bounces do not decide whether the law of restitution is {either}"
+    if law == CONSTANT:
         ruled_out = " and ".join(name for name in FITTED if name != CONSTANT)
-        return f"the restitution is constant: the bounces rule out {ruled_out} laws"
-    one = found.sel(law=named)
+        return open_ or f"the restitution is constant: the bounces rule out {ruled_out} laws"
+    one = found.sel(law=law)
     e, speed = (
         f"{float(one[name]):.4g} ± {float(one[name + '_error']):.2g}"
         if np.isfinite(one[name + "_error"])
         else f"{float(one[name]):.4g}"
         for name in ("law_restitution", "law_speed")
     )
-    return (
-        f'the restitution depends on speed: restitution_law = "{named}", restitution {e}, '
-        f"restitution_speed {speed} m/s; other parameters are those of a constant restitution"
-    )
+    text = f'restitution_law = "{law}", restitution {e}, restitution_speed {speed} m/s'
+    if open_:
+        return f"{open_}; the parameters are those of the best: {text}"
+    return f"the restitution depends on speed: {text}"

@@ -21,12 +21,14 @@ from vibrosweep.lab.comparison import QUANTITIES, comparable, prediction_errors
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.prediction import BASE_OF_MOTION, DRAWS, first_flights
+from vibrosweep.lab.prediction import DRAWS, first_flights
 from vibrosweep.lab.surfaces import LEVEL, oscillating
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS, Launches, dimensionless
-from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.shapes import Waveform
+from vibrosweep.scene.scene import Scene
 
 # Variance of S and C of a base without motion, (m s-1)^2
 LEAST_VARIANCE: Final = 1e-24
@@ -36,14 +38,15 @@ LEAST_VARIANCE: Final = 1e-24
 class Comparison:
     """Options of the comparison of recordings with prediction."""
 
-    # Known parameters, by their names in `PARAMETERS`; without them restitution, amplitude, phase
-    # and frequency are estimated
+    # Known parameters, by their names in `PARAMETERS` and `OF_RESTITUTION`; without them
+    # restitution, amplitude, phase and frequency are estimated
     known: Mapping[str, float]
     method: str = "fit"  # ``"fit"`` or ``"sign_change"``
     view: View = field(default_factory=View)  # as `find_impacts` takes it
     draws: int = DRAWS  # parameter sets drawn within the errors of an estimate
     rebound: str = "rest"  # ``"rest"`` or ``"reflect"``
     seed: int = 0  # of the random numbers
+    restitution_law: str = CONSTANT  # of a restitution that is known
 
     @property
     def gravity(self) -> float:
@@ -54,16 +57,16 @@ class Comparison:
 def camera_shares(
     tracks: xr.Dataset,
     impacts: xr.Dataset,
-    scene: Mapping[str, float],
+    numbers: Mapping[str, float],
+    scene: Scene,
     how: Comparison,
-    waveform: Waveform = SINE,
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Errors of the predicted motion that are due to frames alone, and to pixels beside them.
 
-    They are in per cent, by ``frames`` and ``pixels``, quantity and reading.  `scene` holds every
-    parameter of `PARAMETERS` with the value of the prediction, whose base has the `waveform`.
+    They are in per cent, by ``frames`` and ``pixels``, quantity and reading.  `numbers` are the
+    parameters of the prediction, and the `scene` one of `scene_of`.
     """
-    motions = _twin(impacts, scene, how.rebound, waveform)
+    motions = _twin(impacts, numbers, scene)
     time = tracks["time"].values
     true = heights(motions, time, how.view.exposure)
     means = [motion.means(time[0], time[-1]) for motion in motions]
@@ -76,7 +79,7 @@ def camera_shares(
     view = how.view
     if view.base is None:
         motion = impacts.attrs["base_motion"]
-        trace = _known(scene, waveform) if motion == "moving" else None
+        trace = _known(numbers, scene.waveform) if motion == "moving" else None
         view = view._replace(motion=motion, trace=trace)
     by_frames = _measurement_error(true, time, sharp, predicted, how, view)
     together = _measurement_error(true, time, rough, predicted, how, view)
@@ -90,39 +93,36 @@ def camera_shares(
     return {"frames": by_frames, "pixels": by_pixels}
 
 
-def _known(scene: Mapping[str, float], waveform: Waveform) -> Trace:
+def _known(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
     """Motion of the base of the prediction, as if it had been measured to a millionth."""
-    velocity = scene["amplitude"] / (1.0 + scene["restitution"])
+    velocity = numbers["amplitude"] / (1.0 + numbers["restitution"])
     values = []
     for h, weight, psi in waveform.tones or ((1, 1.0, 0.0),):
-        angle, size = psi + h * scene["phase"], weight * velocity
+        angle, size = psi + h * numbers["phase"], weight * velocity
         values += [size * np.cos(angle), size * np.sin(angle)]
-    variance = np.insert(np.full(len(values), velocity), 2, scene["frequency"]) ** 2 * 1e-12
+    variance = np.insert(np.full(len(values), velocity), 2, numbers["frequency"]) ** 2 * 1e-12
     return Trace(
-        np.insert(values, 2, scene["frequency"]),
+        np.insert(values, 2, numbers["frequency"]),
         np.diag(np.maximum(variance, LEAST_VARIANCE)),
         tuple(h for h, *_ in waveform.tones) or (1,),
     )
 
 
-def _twin(
-    impacts: xr.Dataset, scene: Mapping[str, float], rebound: str, waveform: Waveform
-) -> list[Motion]:
+def _twin(impacts: xr.Dataset, numbers: Mapping[str, float], scene: Scene) -> list[Motion]:
     """Predicted motion of every particle with a whole flight, on the clock of the recording."""
-    best = {name: np.array([value]) for name, value in scene.items()}
+    best = {name: np.array([value]) for name, value in numbers.items()}
     _, start, speed, sets = first_flights(impacts, best)
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
     at_once = np.zeros((1, start.size))
-    base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
-    surface = LEVEL if base == HIGH_BOUNCE else oscillating(scene, waveform)
-    batch = Batch(base_of(base, rebound, waveform), problem, Launches(at_once, at_once))
-    record = wandering_record(batch, np.zeros(2), scene["frequency"], scene["gravity"])
+    surface = LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers, scene.waveform)
+    batch = Batch(base_of(*scene.mechanics), problem, Launches(at_once, at_once))
+    record = wandering_record(batch, np.zeros(2), numbers["frequency"], numbers["gravity"])
     return [
         Motion.from_record(
             Record(record.landing_time + t, record.liftoff_time + t, *record[2:]),
             p,
             Launch(t, speed[p]),
-            scene["gravity"],
+            numbers["gravity"],
             surface,
         )
         for p, t in enumerate(start)
