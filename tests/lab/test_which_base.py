@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment
+from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.flights import contradicts
 from vibrosweep.lab.impacts import find_impacts, impacts_of
@@ -170,7 +170,7 @@ def test_a_scale_is_held_to_gravity_in_all(base, error):
 
 
 def test_residuals_larger_than_noise_widen_the_errors_and_are_said():
-    """Restitution that falls with speed, measured as if it did not."""
+    """Restitutions that differ among the particles, measured as if they did not."""
     scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.2}
     plan = Experiment(
         **scene,
@@ -179,8 +179,7 @@ def test_residuals_larger_than_noise_widen_the_errors_and_are_said():
         repeats=1,
         transient=0.0,
         duration=6.0,
-        restitution_law="plastic",
-        restitution_speed=0.2,
+        variation=Variation(restitution_spread=0.03),
     )
     found = find_impacts(perform_trials(plan)[0].tracks, frequency=20.0, motion="moving")
     one = estimate(found, frequency=20.0)

@@ -61,12 +61,7 @@ class _Compared(NamedTuple):
     means: Array  # measured and predicted, m and s; shape (2, quantity)
     # Share of the particles that were compared, parameters of the prediction and their errors
     numbers: dict[str, float]
-    favoured: str
-    motion: str
-    waveform: str
-    restitution_law: str
-    law: str  # what the bounces tell of it
-    warning: str
+    texts: dict[str, str]  # attributes of the result
 
 
 def compare_tracks(
@@ -158,7 +153,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
         groups.setdefault(tracks.sizes["particle"], []).append(_one(tracks, how, workers))
     counts = sorted(groups)
     rows = [groups[count] for count in counts]
-    warnings = {one.warning for row in rows for one in row if one.warning}
+    texts = [one.texts for row in rows for one in row]
     return xr.Dataset(
         {**_errors(rows), **_means(rows)},
         coords={
@@ -170,12 +165,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
         },
         attrs={
             "method": how.method,
-            "warning": "; ".join(sorted(warnings)),
-            "base_motion": ", ".join(sorted({one.motion for row in rows for one in row})),
-            "favoured_base": ", ".join(sorted({one.favoured for row in rows for one in row})),
-            "waveform": "; ".join(sorted({one.waveform for row in rows for one in row})),
-            "restitution_law": ", ".join(sorted({o.restitution_law for row in rows for o in row})),
-            "law": "; ".join(sorted({one.law for row in rows for one in row if one.law})),
+            **{name: "; ".join(sorted({one[name] for one in texts} - {""})) for name in texts[0]},
         },
     )
 
@@ -273,6 +263,11 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
     sets, shapes, refused = draw(numbers, scene, estimated, how.draws, how.seed)
     found = predict(by_fit, sets, shapes, scene, workers)
     best = {"height": found.height[0], "period": found.period[0]}
+    if not np.isfinite(best["period"][among]).any():
+        raise ParameterError(
+            f"{tracks.attrs['source']}: with these parameters none of the particles makes a whole "
+            f"flight, so nothing can be compared: check restitution, amplitude and frequency"
+        )
     means = measured_means(impacts, among)
     used = {name: float(values[0]) for name, values in sets.items()}
     warnings = [f"{refused} drawn sets were not physical and were drawn anew"] if refused else []
@@ -291,12 +286,14 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
         np.array(errors),
         np.array([[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]),
         {"compared": float(among.mean()), **_used(estimated, used, scene.waveform)},
-        fitted.favoured_base,
-        impacts.attrs["base_motion"],
-        scene.waveform.text,
-        scene.restitution_law,
-        "" if estimated is None else law_text(estimated),
-        "; ".join(warnings),
+        {
+            "warning": "; ".join(warnings),
+            "base_motion": impacts.attrs["base_motion"],
+            "favoured_base": fitted.favoured_base,
+            "waveform": scene.waveform.text,
+            "restitution_law": scene.restitution_law,
+            "law": "" if estimated is None else law_text(estimated),
+        },
     )
 
 
