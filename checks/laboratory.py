@@ -32,13 +32,13 @@ from vibrosweep.lab.flight_search import find_flights
 from vibrosweep.lab.flights import fit
 from vibrosweep.lab.impacts import BOUNCED, impacts_of
 from vibrosweep.lab.lines import flights_of, table_lines
+from vibrosweep.lab.prediction import Comparison
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import samples_of
 from vibrosweep.lab.spec import read_experiments
 from vibrosweep.lab.surfaces import oscillating
 from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.trials import perform_trials
-from vibrosweep.lab.twin import Comparison
 from vibrosweep.model.locked_theory import amplitude_max
 
 sys.path.append(str(Path(__file__).parents[1]))  # where the study stands

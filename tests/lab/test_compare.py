@@ -11,9 +11,8 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.fitting import View
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
-from vibrosweep.lab.prediction import draw, first_flights, predict, scene_of
+from vibrosweep.lab.prediction import Comparison, draw, first_flights, predict, scene_of
 from vibrosweep.lab.repeats import agreement, phases, quantities
-from vibrosweep.lab.twin import Comparison
 from vibrosweep.model.shapes import SINE
 from vibrosweep.theory import locked_height
 

@@ -193,7 +193,7 @@ def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.engine.workers import Workers
     from vibrosweep.lab.compare import compare
     from vibrosweep.lab.lines import table_lines
-    from vibrosweep.lab.twin import Comparison
+    from vibrosweep.lab.prediction import Comparison
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.store.saving import save_result
 

@@ -11,7 +11,6 @@ import xarray as xr
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.base_harmonics import polar
 from vibrosweep.lab.comparison import (
     QUANTITIES,
     READINGS,
@@ -19,13 +18,20 @@ from vibrosweep.lab.comparison import (
     measured_means,
     prediction_errors,
 )
-from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import View, fit_tracks
-from vibrosweep.lab.impacts import check_method, impacts_of, numbers_in
+from vibrosweep.lab.impacts import check_method, impacts_of
 from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.prediction import DRAWS, Prediction, draw, predict, scene_of
-from vibrosweep.lab.speed_laws import law_of, law_text
-from vibrosweep.lab.twin import Comparison, camera_shares
+from vibrosweep.lab.prediction import (
+    DRAWS,
+    USED,
+    Comparison,
+    Prediction,
+    draw,
+    parameters_of,
+    predict,
+)
+from vibrosweep.lab.speed_laws import law_text
+from vibrosweep.lab.twin import camera_shares
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import LAWS, OF_RESTITUTION, PARAMETERS
 from vibrosweep.model.restitution_laws import (
@@ -35,10 +41,8 @@ from vibrosweep.model.restitution_laws import (
     range_mistake,
     speed_mistakes,
 )
-from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.runs.driver import thread_count
-from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.waveform import stored
 
 __all__ = ["compare", "compare_tracks"]
 
@@ -49,7 +53,6 @@ KNOWN: Final = {
     },
     **OF_RESTITUTION,
 }
-USED: Final = ("restitution", "amplitude", "frequency", SPEED)
 SHARES: Final = ("frames", "pixels", "parameters")
 
 
@@ -259,7 +262,7 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
             f"{tracks.attrs['source']}: no particle's flights are nearly all seen, so nothing can "
             f"be compared; film faster or closer"
         )
-    numbers, scene, estimated = _parameters(by_fit, how)
+    numbers, scene, estimated = parameters_of(by_fit, how)
     sets, shapes, refused = draw(numbers, scene, estimated, how.draws, how.seed)
     found = predict(by_fit, sets, shapes, scene, workers)
     best = {"height": found.height[0], "period": found.period[0]}
@@ -320,33 +323,3 @@ def _used(
         if "base_acceleration_error" in estimated:
             errors[f"{ACCELERATION}_error"] = float(estimated["base_acceleration_error"])
     return {SPEED: float("nan"), **used, ACCELERATION: gamma, **errors}
-
-
-def _parameters(
-    impacts: xr.Dataset, how: Comparison
-) -> tuple[dict[str, float], Scene, xr.Dataset | None]:
-    """Known parameters, the scene of the prediction, and the estimate of other parameters."""
-    known = {name: p.default for name, p in PARAMETERS.items()} | dict(how.known)
-    given = {"restitution", "amplitude"} & how.known.keys()
-    if len(given) == 1:
-        raise ParameterError(
-            f"{given.pop()} is given alone: give restitution and amplitude, or leave both to be "
-            f"estimated"
-        )
-    if not given:
-        found = estimate(impacts, frequency=how.known.get("frequency"))
-        law, speed = law_of(found)
-        known |= {} if law == CONSTANT else {SPEED: speed}
-        return known, scene_of(impacts, how.rebound, stored(found.attrs), law), found
-    if "frequency" not in how.known:
-        raise ParameterError("the frequency is missing: give it with restitution and amplitude")
-    if impacts.attrs["base_motion"] == "moving":
-        values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
-        plain, _, shape = polar(values, covariance, numbers_in(impacts))
-        known |= {"phase": how.known.get("phase", float(plain[2]))}
-    else:
-        shape = SINE
-        if "phase" not in how.known:
-            named = {name: known[name] for name in USED if name in known}
-            known["phase"] = fit_phase(impacts, law=how.restitution_law, **named)
-    return known, scene_of(impacts, how.rebound, shape, how.restitution_law), None

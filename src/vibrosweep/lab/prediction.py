@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,13 +14,19 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.lab.base_harmonics import with_values
+from vibrosweep.lab.base_harmonics import polar, with_values
+from vibrosweep.lab.estimation import estimate, fit_phase
+from vibrosweep.lab.fitting import View
+from vibrosweep.lab.impacts import numbers_in
+from vibrosweep.lab.speed_laws import law_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, OF_RESTITUTION, PARAMETERS
-from vibrosweep.model.restitution_laws import range_mistake
-from vibrosweep.model.shapes import Waveform
+from vibrosweep.model.restitution_laws import CONSTANT, SPEED, range_mistake
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.waveform import stored
 
 DRAWS: Final = 64
+USED: Final = ("restitution", "amplitude", "frequency", SPEED)
 # Motion of the base of a recording -> name of the base.
 BASE_OF_MOTION: Final = {"level": HIGH_BOUNCE, "moving": MOVING}
 # Unphysical draws may outnumber the draws by this many, which are due to chance.
@@ -33,6 +39,56 @@ class Prediction(NamedTuple):
     # height, period: m and s, shape (draw, particle); NaN for a particle without a whole flight
     height: Array
     period: Array
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Options of the comparison of recordings with prediction."""
+
+    # Known parameters, by their names in `PARAMETERS` and `OF_RESTITUTION`; without them
+    # restitution, amplitude, phase and frequency are estimated
+    known: Mapping[str, float]
+    method: str = "fit"  # ``"fit"`` or ``"sign_change"``
+    view: View = field(default_factory=View)  # as `find_impacts` takes it
+    draws: int = DRAWS  # parameter sets drawn within the errors of an estimate
+    rebound: str = "rest"  # ``"rest"`` or ``"reflect"``
+    seed: int = 0  # of the random numbers
+    restitution_law: str = CONSTANT  # of a restitution that is known
+
+    @property
+    def gravity(self) -> float:
+        """Gravity in m s-2."""
+        return self.known.get("gravity", PARAMETERS["gravity"].default)
+
+
+def parameters_of(
+    impacts: xr.Dataset, how: Comparison
+) -> tuple[dict[str, float], Scene, xr.Dataset | None]:
+    """Known parameters, the scene of the prediction, and the estimate of other parameters."""
+    known = {name: p.default for name, p in PARAMETERS.items()} | dict(how.known)
+    given = {"restitution", "amplitude"} & how.known.keys()
+    if len(given) == 1:
+        raise ParameterError(
+            f"{given.pop()} is given alone: give restitution and amplitude, or leave both to be "
+            f"estimated"
+        )
+    if not given:
+        found = estimate(impacts, frequency=how.known.get("frequency"))
+        law, speed = law_of(found)
+        known |= {} if law == CONSTANT else {SPEED: speed}
+        return known, scene_of(impacts, how.rebound, stored(found.attrs), law), found
+    if "frequency" not in how.known:
+        raise ParameterError("the frequency is missing: give it with restitution and amplitude")
+    if impacts.attrs["base_motion"] == "moving":
+        values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
+        plain, _, shape = polar(values, covariance, numbers_in(impacts))
+        known |= {"phase": how.known.get("phase", float(plain[2]))}
+    else:
+        shape = SINE
+        if "phase" not in how.known:
+            named = {name: known[name] for name in USED if name in known}
+            known["phase"] = fit_phase(impacts, law=how.restitution_law, **named)
+    return known, scene_of(impacts, how.rebound, shape, how.restitution_law), None
 
 
 def draw(

@@ -6,7 +6,6 @@ Its errors are those of the camera alone, because its motion is the prediction.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -21,37 +20,16 @@ from vibrosweep.lab.comparison import QUANTITIES, comparable, prediction_errors
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.prediction import DRAWS, first_flights
+from vibrosweep.lab.prediction import Comparison, first_flights
 from vibrosweep.lab.surfaces import LEVEL, oscillating
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
-from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS, Launches, dimensionless
-from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.parameters import HIGH_BOUNCE, Launches, dimensionless
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.scene.scene import Scene
 
 # Variance of S and C of a base without motion, (m s-1)^2
 LEAST_VARIANCE: Final = 1e-24
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Options of the comparison of recordings with prediction."""
-
-    # Known parameters, by their names in `PARAMETERS` and `OF_RESTITUTION`; without them
-    # restitution, amplitude, phase and frequency are estimated
-    known: Mapping[str, float]
-    method: str = "fit"  # ``"fit"`` or ``"sign_change"``
-    view: View = field(default_factory=View)  # as `find_impacts` takes it
-    draws: int = DRAWS  # parameter sets drawn within the errors of an estimate
-    rebound: str = "rest"  # ``"rest"`` or ``"reflect"``
-    seed: int = 0  # of the random numbers
-    restitution_law: str = CONSTANT  # of a restitution that is known
-
-    @property
-    def gravity(self) -> float:
-        """Gravity in m s-2."""
-        return self.known.get("gravity", PARAMETERS["gravity"].default)
 
 
 def camera_shares(
