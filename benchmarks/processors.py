@@ -73,7 +73,7 @@ def jobs(workers):
     def separate():
         return follow(problem, launch, tolerance, observation, workers)
 
-    found["separations"] = Job(separate, float(separate().whole.landings.sum()))
+    found["separations"] = Job(separate, float(separate().realizations.landings.sum()))
     return found
 
 

@@ -45,7 +45,7 @@ def scalar(given, particles, workers):
 
     def run():
         found = np.zeros((size, particles), np.int64)
-        workers.each(
+        workers.run(
             lambda a, b: scalar_coupled(a, b, problem, mount, start, DURATION, None, found), size, 4
         )
         return int(found.sum())

@@ -59,7 +59,7 @@ def test_streaming_kernel_against_the_obvious_scalar_loop(race, realizations, pe
     with Workers(THREADS) as workers:
 
         def scalar():
-            workers.each(
+            workers.run(
                 lambda a, b: scalar_trajectories(a, b, problem, launch, periods, *out),
                 trajectories,
                 min(TRAJECTORIES_PER_TASK, trajectories // 4),

@@ -97,7 +97,7 @@ def test_streaming_against_the_same_search_as_a_scalar_loop(
     with Workers(THREADS) as workers:
 
         def scalar():
-            workers.each(
+            workers.run(
                 lambda a, b: scalar_moving(
                     a, b, given.problem, given.launch, periods, None, out
                 ),

@@ -122,7 +122,7 @@ def naive(scene: Scene | Sweep, sizes: list[int], threads: int) -> Iterator[Poin
     with Workers(threads) as workers:
 
         def run() -> None:
-            workers.each(
+            workers.run(
                 lambda a, b: naive_trajectories(
                     a, b, rows, scene.duration, scene.reflect, None, out
                 ),

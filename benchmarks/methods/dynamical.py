@@ -126,7 +126,7 @@ class BareMap:
 
     def ours(self) -> None:
         """This package's map."""
-        self._workers.each(lambda i, _: bare_map(self._state[i], self.impacts), self.threads, 1)
+        self._workers.run(lambda i, _: bare_map(self._state[i], self.impacts), self.threads, 1)
 
     def theirs(self, way: str) -> Callable[[], np.ndarray]:
         """pynamicalsys' call in one of its ways."""

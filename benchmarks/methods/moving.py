@@ -50,7 +50,7 @@ def scalar(scene: Scene, sizes: list[int], threads: int) -> Iterator[Point]:
     with Workers(threads) as workers:
 
         def run() -> None:
-            workers.each(
+            workers.run(
                 lambda a, b: scalar_moving(a, b, problem, start, scene.duration, None, out),
                 scene.lanes,
                 task,

@@ -1,11 +1,11 @@
 """The joint state on a base of finite mass: its Floquet map, exponents and recurrence."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from vibrosweep.engine.coupled import Neighbours, carry_on, measure_coupled, standard_error
+from vibrosweep.engine.coupled import measure_coupled, standard_error
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.follow import Coupled
@@ -13,17 +13,57 @@ from vibrosweep.kernels.coupled.settling import (
     BLOCKS,
     WAVES,
     _add_waves,
+    carry,
     empty_joint,
     notes,
     settle_jointly,
 )
+from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
 from vibrosweep.model.forcing import completed, only_parameters
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches, mounts
 from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """A state in which all particles fly, and the derivative of the motion that led to it."""
+
+    height: np.ndarray  # of each particle above the base, in g / (2 f^2)
+    speed: np.ndarray  # of each particle relative to the base, in g / (2 f)
+    phase: float  # of the forcing, in turns
+    deviation: tuple[float, float]  # of the base from its forced oscillation: height and velocity
+    # Derivative by the initial heights and velocities of the particles and of the base, shape
+    # (2 * particle + 2,) twice
+    matrix: np.ndarray
+    landings: int  # during the motion
+
+
+def carry_on(parameters, begin, periods):
+    """Carry a state on for some forcing periods; its matrix becomes that of the Floquet map."""
+    problem = dimensionless(parameters, Periods(periods))
+    state, matrix = system(begin.height.size), np.array(begin.matrix, order="F")
+    state.mode[:] = MODE.FLYING
+    state.particle[PARTICLE.HEIGHT], state.particle[PARTICLE.SPEED] = begin.height, begin.speed
+    state.particle[PARTICLE.SCALE] = np.abs(begin.speed)
+    state.now[NOW.X] = begin.phase
+    state.now[NOW.D], state.now[NOW.B] = begin.deviation
+    rode = np.zeros_like(state.mode)
+    mount = mounts(parameters, Constant(), Sine())
+    landings = carry(state, problem, mount, 0, periods, rode, matrix)
+    assert landings >= 0
+    return Neighbours(
+        state.particle[PARTICLE.HEIGHT].copy(),
+        state.particle[PARTICLE.SPEED].copy(),
+        float(state.now[NOW.X]),
+        (float(state.now[NOW.D]), float(state.now[NOW.B])),
+        matrix,
+        landings,
+    )
 
 
 def parameters_of(base):

@@ -270,13 +270,13 @@ def test_an_error_in_a_task_reaches_the_caller(workers):
         raise RuntimeError("task")
 
     with pytest.raises(RuntimeError, match="task"):
-        workers.each(fail, 10, 2)
+        workers.run(fail, 10, 2)
 
 
 @pytest.mark.parametrize(("total", "size"), [(0, 5), (1, 5), (5, 5), (17, 4), (3, 1)])
 def test_tasks_cover_everything_once(total, size, workers):
     seen = []
-    workers.each(lambda first, last: seen.append((first, last)), total, size)
+    workers.run(lambda first, last: seen.append((first, last)), total, size)
     covered = [n for first, last in sorted(seen) for n in range(first, last)]
     assert covered == list(range(total))
     assert all(last - first <= size for first, last in seen)

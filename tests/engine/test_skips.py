@@ -50,9 +50,9 @@ def work(parameters, scene, *, skip=True):
             sizes.append(total)
             super().stream(begin, total)
 
-        def each(self, task, total, size, *results):
+        def run(self, task, total, size, *results):
             sizes.append(total)
-            super().each(task, total, size, *results)
+            super().run(task, total, size, *results)
 
     with Counting(1) as workers:
         measure(parameters, dataclasses.replace(scene, skip=skip), workers)

@@ -281,7 +281,7 @@ def _shortest(
     firsts = taken(problem, rows)
     base, found = base_of(*scene.mechanics), empty_shortest(rows.size)
     states = (orbits.phase[rows], orbits.flight[rows], orbits.impacts[rows])
-    workers.each(
+    workers.run(
         lambda begin, end: shortest_flights(begin, end, base, firsts, *states, found),
         rows.size,
         16,

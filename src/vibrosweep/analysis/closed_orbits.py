@@ -149,7 +149,7 @@ def _searched_all(
     size = problem.kick.size
     require_memory("orbits", size * capacity, 2 * BYTES_PER_IMPACT * wanted.impacts)
     out = empty_closed(size, capacity, wanted)
-    workers.each(
+    workers.run(
         lambda first, last: find_closed(first, last, base, problem, wanted, out),
         size,
         PROBLEMS_PER_TASK,

@@ -88,7 +88,7 @@ def fixed_orbits(
     """Orbits of k periods of each problem, without noise; `sign` is that of `find_fixed`."""
     found, base = empty_fixed(problem.kick.size), base_of(*scene.mechanics)
     every = np.full(problem.kick.size, k)
-    workers.each(
+    workers.run(
         lambda first, last: find_fixed(first, last, base, problem, every, sign, found),
         every.size,
         FIXED_PER_TASK,

@@ -77,7 +77,7 @@ def _windows(
         problem = dimensionless(scene.parameters(points), scene.duration)
         out, modes = empty_fixed(x.size), np.full(x.size, k)
         phases = np.asarray(x - np.rint(x))
-        workers.each(
+        workers.run(
             lambda first, last: orbits_hold(first, last, base, problem, modes, phases, out),
             x.size,
             PER_TASK,

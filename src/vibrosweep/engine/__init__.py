@@ -1,1 +1,1 @@
-"""The engine: measures one batch in memory, from arrays of parameters, on all threads."""
+"""The engine, which measures one batch in memory from arrays of parameters on all threads."""

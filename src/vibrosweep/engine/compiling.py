@@ -1,6 +1,6 @@
-"""A line while a kernel is compiled for its first use.
+"""A line on the terminal while a kernel is compiled for its first use.
 
-Meanwhile Python looks for unused cycles of objects less often, which had taken a tenth of the time.
+During compilation Python's garbage collector runs less often; it took a tenth of the time.
 """
 
 from __future__ import annotations
@@ -12,32 +12,32 @@ from numba.core.event import Event, Listener, register
 
 from vibrosweep.waiting import Line
 
-OWN: Final = "vibrosweep."
+PACKAGE: Final = "vibrosweep."
 COLLECT_AFTER: Final = 100_000  # new objects; Python's default is 700
 
 
 class Notice(Listener):  # type: ignore[misc]
-    """Listener that numba calls when it begins and ends to compile a kernel, or a piece of one."""
+    """Listener that numba calls at the beginning and the end of each compilation."""
 
     def __init__(self) -> None:
-        self._depth = 0  # pieces within pieces of a kernel that is compiled now
+        self._depth = 0  # nested compilations, from that of a kernel inwards
         self._line: Line | None = None
         self._collecting = gc.get_threshold()
 
     def on_start(self, event: Event) -> None:
-        """Start the clock when a kernel of this package begins to compile."""
+        """Show a line when the compilation of a kernel of this package begins."""
         function = event.data["dispatcher"].py_func
-        if not self._depth and not str(function.__module__).startswith(OWN):
+        if not self._depth and not str(function.__module__).startswith(PACKAGE):
             return
         self._depth += 1
         if self._depth > 1:
             return
-        self._collecting = often, *seldom = gc.get_threshold()
-        gc.set_threshold(max(COLLECT_AFTER, often) if often else 0, *seldom)  # 0: switched off
+        self._collecting = youngest, *older = gc.get_threshold()
+        gc.set_threshold(max(COLLECT_AFTER, youngest) if youngest else 0, *older)  # 0: off
         self._line = Line(f"compiling {function.__name__} (first use only; up to 30 s each)")
 
     def on_end(self, event: Event) -> None:
-        """Take the line away."""
+        """Erase the line when the compilation of the kernel has ended."""
         if not self._depth:
             return
         self._depth -= 1

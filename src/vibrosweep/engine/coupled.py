@@ -1,4 +1,4 @@
-"""Measure realizations whose particles are coupled by a base of finite mass."""
+"""Measure realizations whose particles a base of finite mass couples."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from vibrosweep.engine.in_units import (
 )
 from vibrosweep.engine.observable_values import kinds_of, observable_values
 from vibrosweep.engine.workers import Workers
-from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.coupled.counting import (
     CoupledStatistics,
     empty_coupled,
@@ -34,8 +33,7 @@ from vibrosweep.kernels.coupled.follow import (
     follow_uncached,
 )
 from vibrosweep.kernels.coupled.motion_record import MotionRecord, Track, empty_track, trace
-from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
-from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
+from vibrosweep.kernels.coupled.settling import BLOCKS, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.falling import restitution_of
 from vibrosweep.kernels.harmonics import shape_of
 from vibrosweep.kernels.noise import noise_of
@@ -43,23 +41,21 @@ from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.record import Record, Scale, Units, empty_record
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.parameters import dimensionless, launches, mounts
-from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import PARABOLIC_NAME, SINE
-from vibrosweep.model.status import Regime
-from vibrosweep.model.times import Periods
+from vibrosweep.model.shapes import PARABOLIC_NAME
+from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime
 from vibrosweep.scene.scene import Scene
 
-LANDINGS_OF_AN_EXPONENT = 64  # fewer do not show how neighbours separate
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly
 
 
 def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
     """Follow a batch of realizations on bases of finite mass and measure them.
 
-    Parameters and result are those of `vibrosweep.engine.measure.measure`; the parameters of the
-    mount are among them.
+    Parameters, which include those of the mount, and result are those of
+    `vibrosweep.engine.measure.measure`.
     """
-    (each, sums, launched, _), whole, _ = _followed(parameters, scene, workers, 0)
+    statistics, listed, _ = _followed(parameters, scene, workers, 0)
+    sums, launched = statistics.realizations, statistics.launch_height
     frequency, particles = parameters["frequency"], scene.particles
     found = of_realizations(sums, parameters)
     heights = launched.reshape(-1, particles) * height_unit(parameters)[:, np.newaxis]
@@ -68,14 +64,14 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     if scene.measures.impact_speed:
         found |= impact_speeds(sums, parameters, scene.restitution_law)
     if scene.measures.per_particle:
-        found |= of_particles(each, parameters, particles)
+        found |= of_particles(statistics.particles, parameters, particles)
     found |= observable_values(
         parameters,
         scene,
-        each,
-        lambda observer: _followed(parameters, scene, workers, 0, observer)[0].each,
+        statistics.particles,
+        lambda observer: _followed(parameters, scene, workers, 0, observer)[0].particles,
     )
-    found |= separations_in_units(whole.separations, frequency) | _order(whole, frequency)
+    found |= separations_in_units(listed.separations, frequency) | _order(listed, frequency)
     if scene.measures.joint:
         found |= _joint(parameters, scene, workers)
     return found
@@ -88,44 +84,45 @@ def _followed(
     capacity: int,
     observer: Observer | None = None,
 ) -> tuple[CoupledStatistics, PerRealization, MotionRecord]:
-    """Statistics of particles and of realizations, and their separations and order.
+    """Follow a batch; return its statistics, separations with the order, and record.
 
-    Also at most `capacity` landings of each particle, with the motion of the base; 0 for none.
+    The record holds at most `capacity` landings of each particle, with the motion of the base.
     """
     particles, size = scene.particles, parameters["frequency"].size
     batch = _batch(parameters, scene)
     kinds = (*KINDS_COUPLED, *kinds_of(scene))
-    statistics, whole = empty_coupled(size, particles, kinds, observer), empty_per_realization(size)
+    statistics = empty_coupled(size, particles, kinds, observer)
+    listed = empty_per_realization(size)
     kernel = follow if observer is None else follow_uncached
     idle = [work_for(particles) for _ in range(min(size, workers.threads))]
-    # a launch of each particle; each landing is followed by no more than one lift-off of riders
+    # each particle is launched once, and each landing is followed by at most one lift-off
     events = particles * (1 + 2 * capacity) + _corners(batch, scene) if capacity > 0 else 0
     track = empty_track(size, events)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
-    written = MotionRecord(empty_record(size * particles, capacity), track, units)
+    record = MotionRecord(empty_record(size * particles, capacity), track, units)
 
     def task(first: int, last: int) -> None:
         work, budget = idle.pop(), scene.budget
         while True:
-            first = kernel(first, last, batch, budget, work, statistics, whole, written)
+            first = kernel(first, last, batch, budget, work, statistics, listed, record)
             if first == last:
                 break
             work = more_numbers(work)
         idle.append(work)
 
-    workers.each(task, size, _per_task(batch, particles), statistics, whole, written.record)
-    return statistics, whole, written
+    workers.run(task, size, _per_task(batch, particles), statistics, listed, record.record)
+    return statistics, listed, record
 
 
 def _corners(batch: Coupled, scene: Scene) -> int:
-    """Largest number of corners that the drive passes until the end of the observation."""
+    """Return how many corners of the drive's velocity a realization passes at most."""
     if scene.waveform.name != PARABOLIC_NAME:
         return 0
     return 2 * int(np.max(batch.problem.end_count) - np.min(batch.launches.whole)) + 4
 
 
 def _per_task(batch: Coupled, particles: int) -> int:
-    """Return how many realizations a thread takes at a time."""
+    """Return the number of realizations that a thread takes at a time."""
     periods = float(np.max(batch.problem.end_count)) - float(np.min(batch.launches.whole)) + 1.0
     return max(1, int(LANDINGS_PER_TASK / (particles * max(periods, 1.0))))
 
@@ -138,20 +135,20 @@ def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     return Coupled(problem, mounts(parameters, law, shape_of(scene.waveform), noise), launch)
 
 
-def _order(whole: PerRealization, frequency: Array) -> Measured:
-    """Order of the landings."""
+def _order(listed: PerRealization, frequency: Array) -> Measured:
+    """Return the variables of the order of landings."""
     names = ("order_1", "order_2", "order_3", "order_half", "order_third")
     return {
-        **{name: whole.order[:, h].copy() for h, name in enumerate(names)},
-        "gap_median": whole.gap_median / frequency,
-        "gap_min": whole.gap_least / frequency,
-        "order_changes": whole.changes,
-        "undecided_count": whole.undecided,
+        **{name: listed.order[:, h].copy() for h, name in enumerate(names)},
+        "gap_median": listed.gap_median / frequency,
+        "gap_min": listed.gap_least / frequency,
+        "order_changes": listed.changes,
+        "undecided_count": listed.undecided,
     }
 
 
 def _joint(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
-    """Variables of the orbits that joint states settle on."""
+    """Return the variables of the orbits on which joint states settle."""
     batch, particles = _batch(parameters, scene), scene.particles
     size, problem = parameters["frequency"].size, batch.problem
     out = empty_joint(size)
@@ -160,7 +157,7 @@ def _joint(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> M
     def task(first: int, last: int) -> None:
         settle_jointly(first, last, batch, budget, notes(particles), out)
 
-    workers.each(task, size, _per_task(batch, particles), out)
+    workers.run(task, size, _per_task(batch, particles), out)
     periods = (problem.end_count - problem.begin_count) + (problem.end_phase - problem.begin_phase)
     blocks = out.growth * (BLOCKS / periods[:, np.newaxis])  # per forcing period
     with np.errstate(invalid="ignore"):
@@ -189,11 +186,12 @@ def _joint(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> M
 def standard_error(growth: Array, waves: Array) -> Array:
     """Return the standard error of the sum of each row of blocks of equal time.
 
-    A block scatters for two reasons: by the growth along it, which adds up, and by its ends, whose
-    place between impacts and whose direction of the deviation shift growth from one block to the
-    next. If the growth in each of n blocks has the variance s^2 and each end t^2, a block has the
-    variance s^2 + 2 t^2 and the sum n s^2 + 2 t^2; the scatter of the blocks would count the ends n
-    times. The ends do not enter slow waves, whose mean square is n s^2 / 2.
+    The growth in a block varies for two reasons.  Growth along the block varies from block to block
+    with a variance s^2, which adds up.  At each end of a block, the time since the last impact and
+    the direction of the deviation shift growth, with a variance t^2, from one block to the next.  A
+    block then has the variance s^2 + 2 t^2 and the sum of n blocks n s^2 + 2 t^2, so that n times
+    the variance of the blocks would count the ends n times.  The ends do not enter slow waves along
+    the row, whose mean square is n s^2 / 2.
     """
     with np.errstate(invalid="ignore"):
         adds_up = 2.0 * (waves * waves).sum(axis=1) / waves.shape[1]
@@ -202,62 +200,12 @@ def standard_error(growth: Array, waves: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Neighbours:
-    """A state of all particles and their base, and the motion of its neighbours since."""
-
-    # height, speed: of each particle above the base and relative to it, in g / (2 f^2), g / (2 f)
-    height: Array
-    speed: Array
-    phase: float  # of the forcing, in turns
-    deviation: tuple[float, float]  # of the base from its forced oscillation: height and velocity
-    # Derivative by the state at first, whose entries are heights and velocities of the particles,
-    # height and velocity of the base; shape (2 * particle + 2,) twice
-    matrix: Array
-    landings: int  # on the way
-
-
-def carry_on(
-    parameters: Mapping[str, Array],
-    begin: Neighbours,
-    periods: float,
-    restitution_law: str = CONSTANT,
-) -> Neighbours:
-    """Carry a state in which all particles fly on for some forcing periods: the Floquet map.
-
-    Its matrix is multiplied from the left.  The parameters are those of `measure_coupled`, of one
-    realization.  Raises a ParameterError where a landing could not be found.
-    """
-    problem = dimensionless(parameters, Periods(periods))
-    state, matrix = system(begin.height.size), np.array(begin.matrix, order="F")
-    state.mode[:] = MODE.FLYING
-    state.particle[PARTICLE.HEIGHT], state.particle[PARTICLE.SPEED] = begin.height, begin.speed
-    state.particle[PARTICLE.SCALE] = np.abs(begin.speed)
-    state.now[NOW.X] = begin.phase
-    state.now[NOW.D], state.now[NOW.B] = begin.deviation
-    rode = np.zeros_like(state.mode)
-    law = restitution_of(restitution_law)
-    landings = carry(
-        state, problem, mounts(parameters, law, shape_of(SINE)), 0, periods, rode, matrix
-    )
-    if landings < 0:
-        raise ParameterError("the next landing could not be found: the parameters are too extreme")
-    return Neighbours(
-        state.particle[PARTICLE.HEIGHT].copy(),
-        state.particle[PARTICLE.SPEED].copy(),
-        float(state.now[NOW.X]),
-        (float(state.now[NOW.D]), float(state.now[NOW.B])),
-        matrix,
-        landings,
-    )
-
-
-@dataclass(frozen=True)
 class BaseTrack:
-    """Motion of the base of one realization, exactly, from event to event."""
+    """Exact motion of the base of one realization, from event to event."""
 
     parameters: dict[str, Array]  # in physical units, of shape (1,)
-    batch: Coupled  # the same, dimensionless
-    track: Track  # after every launch, landing and lift-off
+    batch: Coupled  # the same in dimensionless form
+    track: Track  # state after every launch, landing and lift-off
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return the height (m) and velocity (m s-1) of the base at increasing times (s).
@@ -278,19 +226,19 @@ class BaseTrack:
 
 
 def count_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Statistics:
-    """Statistics of every particle, ordered by realization; arguments as of `measure_coupled`."""
-    return _followed(parameters, scene, workers, 0)[0].each
+    """Return the statistics of every particle; arguments are those of `measure_coupled`."""
+    return _followed(parameters, scene, workers, 0)[0].particles
 
 
 def record_coupled(
     parameters: Mapping[str, Array], scene: Scene, workers: Workers, capacity: int
 ) -> Record:
-    """Every landing until the end of the observation, at most `capacity` of each particle."""
+    """Record landings until the end of the observation, at most `capacity` of each particle."""
     return _followed(parameters, scene, workers, capacity)[2].record
 
 
 def base_track(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> BaseTrack:
-    """Motion of a base while particles land on it; arguments as of `measure_coupled`."""
+    """Return the motion of the base of one realization; arguments as for `measure_coupled`."""
     capacity = int(count_coupled(parameters, scene, workers).landings.max())
-    written = _followed(parameters, scene, workers, max(capacity, 1))[2]
-    return BaseTrack(dict(parameters), _batch(parameters, scene), written.track)
+    record = _followed(parameters, scene, workers, max(capacity, 1))[2]
+    return BaseTrack(dict(parameters), _batch(parameters, scene), record.track)

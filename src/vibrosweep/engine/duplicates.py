@@ -1,4 +1,4 @@
-"""Duplicate realizations of a batch, which need to be computed only once."""
+"""Duplicate realizations of a batch, which are computed only once."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Places = NDArray[np.int64]
 
 
 def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Places | None:
-    """For each realization the index of the first equal one; None if all are distinct.
+    """Return the index of the first equal realization for each one; None if all are distinct.
 
-    `others` are further arrays that have to agree, each of shape (realization,).  Nothing is random
-    in the problem.
+    `others` are further arrays of shape (realization,) that have to agree.  The problem must be
+    without noise.
     """
     known = [values for values in problem if isinstance(values, np.ndarray)]
-    if any(map(_all_differ, known)):  # as drawn values do
+    if any(map(_all_differ, known)):  # as in most designs that draw values
         return None
     columns = np.stack([*known, *others])
     first = np.empty(columns.shape[1], np.int64)

@@ -1,4 +1,4 @@
-"""Totals of the kernels over any base, in physical units."""
+"""Totals of the kernels, over any base, in physical units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Measured = dict[str, NDArray[Any]]
 
 
 def height_unit(parameters: Mapping[str, Array]) -> Array:
-    """Height in m of a flight that lasts one forcing period: g / (8 f^2)."""
+    """Return g / (8 f^2), the height in m of a flight that lasts one forcing period."""
     frequency = parameters["frequency"]
     return np.asarray(parameters["gravity"] / (8.0 * frequency * frequency))
 
@@ -32,11 +32,12 @@ def of_realizations(
     lifts: NDArray[np.bool_] | None = None,
     lowest: Array | None = None,
 ) -> Measured:
-    """Statistics of realizations, by the names of `vibrosweep.model.measures`.
+    """Return statistics of realizations, by the names of `vibrosweep.model.measures`.
 
-    Flights are not counted; `lifts` tells whether the base ever lifts a resting particle.  Heights
-    count from `lowest` below the mean level; over a base that stays at that level the totals are
-    square roots of heights.
+    `lifts` says whether the base lifts a resting particle, from which the number of flights follows
+    that the kernels do not count; None if they do.  The kernels measure heights from `lowest` below
+    the mean level of the base.  In the high-bounce limit, where `lowest` is None, their totals hold
+    square roots of the greatest heights.
     """
     measured = _physical(found, parameters, lifts, lowest)
     return measured | {"at_rest_count": found.at_rest, "status": found.status}
@@ -49,7 +50,7 @@ def of_particles(
     lifts: NDArray[np.bool_] | None = None,
     lowest: Array | None = None,
 ) -> Measured:
-    """Statistics of each particle, of shape (realization, particle); see `of_realizations`."""
+    """Return statistics of particles, shape (realization, particle); see `of_realizations`."""
 
     def repeated(values: Any) -> Any:
         return None if values is None else np.repeat(values, particles)
@@ -57,14 +58,14 @@ def of_particles(
     units = {name: repeated(parameters[name]) for name in ("frequency", "gravity")}
     measured = _physical(found, units, repeated(lifts), repeated(lowest))
     measured |= {"at_rest": found.at_rest.astype(np.int8), "status": found.status}
-    # copies: the memory is written over by the next batch
+    # copies, because the next batch overwrites the memory
     return {f"particle_{n}": v.reshape(-1, particles).copy() for n, v in measured.items()}
 
 
 def of_launches(
     scene: Scene, parameters: Mapping[str, Array], heights: Array, highest: Array
 ) -> Array:
-    """Greatest height of a realization in m, of the launches in the window and of flights.
+    """Return the greatest height in m of launches in the window and of flights, by realization.
 
     `heights` are those of launches, shape (realization, particle or 1), `highest` those of flights.
     """
@@ -74,7 +75,7 @@ def of_launches(
 
 
 def impact_speeds(found: Statistics, parameters: Mapping[str, Array], law: str) -> Measured:
-    """Greatest speeds of impact of realizations, and whether the law of restitution holds there."""
+    """Return the greatest speeds of impact, and whether they are in the range of the law."""
     speed = found.total("impact_speed") * (parameters["gravity"] / (2.0 * parameters["frequency"]))
     lost = found.status == Status.NON_FINITE
     speed = np.where(lost | (found.landings == 0), np.nan, speed)
@@ -86,7 +87,7 @@ def impact_speeds(found: Statistics, parameters: Mapping[str, Array], law: str) 
 
 
 def separations_in_units(found: Separations, frequency: Array) -> Measured:
-    """Separations of realizations by the names of `vibrosweep.model.measures`."""
+    """Return separations of realizations, by the names of `vibrosweep.model.measures`."""
     shared = found.shared
     resolved = np.where(np.isnan(found.gap), UNDETERMINED, found.gap > RESOLUTION)
     return {
@@ -106,17 +107,17 @@ def _physical(
 ) -> Measured:
     unit, frequency = height_unit(parameters), parameters["frequency"]
     landings, rests = found.landings, found.total("rests").astype(np.int64)
-    # where nothing lifts a resting particle, its last landing is followed by no flight
+    # where the base lifts no resting particle, a rest is followed by no flight
     flights = found.total("flights") if lifts is None else landings - np.where(lifts, 0, rests)
-    level = lifts is not None and lowest is None
+    roots = lifts is not None and lowest is None
     ground = 0.0 if lowest is None else lowest
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         mean, largest = found.total("height_sum") / flights, found.total("height_max")
         of_flights = {
             "rebound_height_mean": unit * (mean - ground),
-            "rebound_height_max": unit * (largest * largest if level else largest - ground),
+            "rebound_height_max": unit * (largest * largest if roots else largest - ground),
             "flight_time_mean": found.total("flight_sum") / flights / frequency,
         }
-    # one NaN for all: that of 0 / 0 has a sign which depends on the length of the batch
+    # always the same NaN: the sign of 0 / 0 depends on the length of the batch
     known = {name: np.where(flights > 0, v, np.nan) for name, v in of_flights.items()}
     return {"impact_count": landings, "rest_count": rests, **known}

@@ -1,4 +1,4 @@
-"""Every landing of a small batch of realizations, as arrays."""
+"""Records: every landing of a small batch of realizations, as arrays."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
-# With phase and speed of arrival and the arrays that computing them needs, as `simulate` has them
+# As `simulate` needs: phase and speed of impact too, and the arrays from which they are computed
 BYTES_IN_MEMORY: Final = BYTES_PER_LANDING + 4 * 8
-# Of the motion of a base that recoils: four numbers for each landing and for each lift-off
+# Motion of a base that recoils: four numbers for each landing and for each lift-off
 BYTES_OF_MOTION: Final = 2 * 4 * 8
-# Bytes per trajectory apart from its landings, measured: launch, statistics, copies.
+# Measured bytes per trajectory apart from its landings: launch, statistics, copies
 BYTES_PER_TRAJECTORY: Final = 120
 BYTES_PER_REALIZATION: Final = 160
 
 
 class Form(NamedTuple):
-    """Form in which the landings of a record are kept."""
+    """Layout of the landings of a record."""
 
-    ragged: bool = False  # one after the other, without empty places; otherwise a rectangle
+    ragged: bool = False  # one list without padding; otherwise a rectangle
     bytes_per_landing: int = BYTES_PER_LANDING  # of memory, while the record is made
 
     def places(self, landings: NDArray[np.int64]) -> int:
-        """Number of places for the landings of trajectories."""
+        """Return the number of places for these numbers of landings of trajectories."""
         return int(landings.sum() if self.ragged else landings.size * landings.max(initial=0))
 
     def needed(self, landings: NDArray[np.int64], base: str) -> int:
-        """Bytes of memory for these landings of trajectories over a base."""
+        """Return the bytes of memory for these numbers of landings of trajectories over a base."""
         kept = self.bytes_per_landing * self.places(landings)
         if base != SPRUNG:
             return kept
@@ -65,7 +65,7 @@ RECTANGLE: Final = Form()
 
 
 def launch_times(launch: str | tuple[float, ...], particles: int, frequency: float) -> Array:
-    """Launch times in s, shape (particle,)."""
+    """Return the launch times in s, shape (particle,)."""
     if isinstance(launch, str):
         return np.arange(particles) / (particles * frequency)
     return np.asarray(launch, dtype=np.float64)
@@ -74,11 +74,11 @@ def launch_times(launch: str | tuple[float, ...], particles: int, frequency: flo
 def record_landings(
     parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
 ) -> dict[str, NDArray[Any]]:
-    """Every landing until the end of the observation, as `vibrosweep.model.measures.RECORD`.
+    """Record every landing until the end, as variables of `vibrosweep.model.measures.RECORD`.
 
-    Parameters are of shape (realization,); the transient of the observation is -inf.  Landings of
-    a ragged form are of shape (landing,): those of one particle after the other.  Raises a
-    ParameterError where the record would not fit into half of this machine's memory.
+    Parameters have shape (realization,); the transient of the scene must be -inf.  The landings of
+    a ragged record have shape (landing,) and are ordered by particle.  Raises a ParameterError if
+    the record does not fit into half of this machine's memory.
     """
     scene = replace(scene, skip=False)  # landings are followed one by one
     landings, status = _counted(parameters, scene, workers, form)
@@ -89,8 +89,8 @@ def record_landings(
 
         out = record_coupled(parameters, scene, workers, capacity)
         if form.ragged:
-            there = np.arange(capacity) < landings[:, np.newaxis]
-            out = Record._make(values[there] for values in out)
+            present = np.arange(capacity) < landings[:, np.newaxis]
+            out = Record._make(values[present] for values in out)
     else:
         problem = dimensionless(parameters, scene.duration, scene.measures.transient)
         launch = launches(scene.launch, scene.particles, parameters["frequency"])
@@ -116,33 +116,33 @@ def recorded(
 ) -> tuple[Record, Statistics]:
     """Record the first landings of each trajectory, as many as its capacity.
 
-    `capacities` has the shape (trajectory,), the arrays of the record have one place after the
-    other.  The statistics are those of `vibrosweep.engine.trajectories.statistics`.
+    `capacities` has shape (trajectory,); the arrays of the record have shape (sum of capacities,).
+    The statistics are those of `vibrosweep.engine.trajectories.statistics`.
     """
     first = np.zeros(capacities.size + 1, np.int64)
     np.cumsum(capacities, out=first[1:])
     out = empty_record(int(first[-1]))
     recorder = Recorder(out, first, units, problem, scene.particles)
-    each = statistics(problem, launch, scene, workers, observer=recorder)
-    leave_rest_empty(out, first, each.landings)
+    counted = statistics(problem, launch, scene, workers, observer=recorder)
+    leave_rest_empty(out, first, counted.landings)
     require_written(out)
-    return out, each
+    return out, counted
 
 
 def record_bytes(
     parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
 ) -> tuple[int, int]:
-    """Bytes of a record of landings in a file, and of memory while it is made.
+    """Return the bytes of a record in a file, and of memory while it is made.
 
     Arguments and errors are those of `record_landings`.
     """
     landings, status = _counted(parameters, scene, workers, form)
-    memory = _apart(status.size // scene.particles, scene.particles)
+    memory = _fixed_bytes(status.size // scene.particles, scene.particles)
     return BYTES_PER_LANDING * form.places(landings), memory + form.needed(landings, scene.base)
 
 
-def _apart(realizations: int, particles: int) -> int:
-    """Bytes of memory of a record apart from its landings."""
+def _fixed_bytes(realizations: int, particles: int) -> int:
+    """Return the bytes of memory of a record apart from its landings."""
     return realizations * (BYTES_PER_REALIZATION + particles * BYTES_PER_TRAJECTORY)
 
 
@@ -151,9 +151,10 @@ def require_room(
 ) -> None:
     """Raise a ParameterError if a record needs more than half of this machine's memory.
 
-    Its landings need that many bytes; each trajectory has about so many of them.
+    `for_landings` is the memory of its landings in bytes, `landings` their mean per trajectory.
     """
-    needed, available = _apart(realizations, particles) + for_landings, physical_memory()
+    needed = _fixed_bytes(realizations, particles) + for_landings
+    available = physical_memory()
     if needed > available / 2:
         raise ParameterError(
             f"the record of {realizations * particles} trajectories with {landings} or more "
@@ -166,11 +167,14 @@ def require_room(
 def _counted(
     parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form
 ) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
-    """Landings of each particle, and its status; raise if a record does not fit into memory."""
+    """Count the landings of each particle; raise if a record does not fit into memory.
+
+    Returns landings and status, each of shape (trajectory,).
+    """
     realizations, particles = parameters["frequency"].size, scene.particles
     trajectories = realizations * particles
     require_room(realizations, particles)
-    # a trajectory with more than `most` is followed no further: the record is refused anyway
+    # no trajectory is followed beyond `most` landings, with which the record is refused anyway
     most = physical_memory() // (2 * form.bytes_per_landing)
     most //= 1 if form.ragged else trajectories
     budget = min(scene.measures.impact_budget, most + LOOK_AFTER)
@@ -178,24 +182,24 @@ def _counted(
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import count_coupled
 
-        each = count_coupled(parameters, enough, workers)
+        counted = count_coupled(parameters, enough, workers)
     else:
         problem = dimensionless(parameters, scene.duration, scene.measures.transient)
         launch = launches(scene.launch, particles, parameters["frequency"])
-        # the kernel that writes them also counts them: there is one to compile
+        # the kernel that will write the landings counts them, so that no other is compiled
         units = Units(problem.kick, problem.kick)
         capacities = np.zeros(trajectories, np.int64)
-        _, each = recorded(problem, launch, enough, workers, units, capacities)
-    landings, status = each.landings.copy(), each.status.copy()
-    of_each = -(-form.places(landings) // trajectories)
-    require_room(realizations, particles, form.needed(landings, scene.base), of_each)
+        _, counted = recorded(problem, launch, enough, workers, units, capacities)
+    landings, status = counted.landings.copy(), counted.status.copy()
+    mean = -(-form.places(landings) // trajectories)
+    require_room(realizations, particles, form.needed(landings, scene.base), mean)
     return landings, status
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:
     """Fill in default parameters and broadcast all to a common shape (realization,).
 
-    Of `OF_RESTITUTION` and `MOUNT` there is what is given.
+    Parameters of `OF_RESTITUTION` and `MOUNT` have no defaults here.
     """
     size = max((values.size for values in given.values()), default=1)
     return {  # copies: numba would compile the kernels again for read-only arrays

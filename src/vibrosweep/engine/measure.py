@@ -1,4 +1,4 @@
-"""Measure a batch of realizations: parameters in, measured variables out."""
+"""Measure a batch of realizations: from arrays of parameters to arrays of variables."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ from vibrosweep.scene.scene import Scene
 def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
     """Advance a batch of realizations and measure them.
 
-    Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of the mount of a sprung
-    base, is of shape (realization,).  Returns arrays of that shape, and of (realization, particle)
-    for measures per particle, named as in `vibrosweep.model.measures`.  Raises a ParameterError
-    where more forcing periods are asked for than can be counted exactly, a RunError where a result
-    is not written to the end.
+    `parameters` holds every parameter of `vibrosweep.model.parameters.PARAMETERS`, and for a sprung
+    base those of the mount, each of shape (realization,).  Returns arrays of this shape, or for
+    measures per particle of shape (realization, particle), named as in `vibrosweep.model.measures`.
+    Raises a ParameterError for more forcing periods than can be counted exactly, and a RunError if
+    a variable is missing or incomplete.
     """
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import measure_coupled  # slow to import: it declares kernels
@@ -73,15 +73,15 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     found = follow(problem, launch, measures.tolerance * frequency, scene, workers)
     base = base_in(scene, problem)
     of_base = lifts(base, problem), lowest(base, problem)
-    measured = of_realizations(found.whole, parameters, *of_base)
+    measured = of_realizations(found.realizations, parameters, *of_base)
     moves = of_base[1] is not None
     heights = _launch_heights(parameters, problem, launch, scene.waveform if moves else None)
     highest = measured["rebound_height_max"]
     measured["flight_height_max"] = of_launches(scene, parameters, heights, highest)
     if measures.impact_speed:
-        measured |= impact_speeds(found.whole, parameters, scene.restitution_law)
-    if measures.per_particle and found.each is not None:
-        measured |= of_particles(found.each, parameters, particles, *of_base)
+        measured |= impact_speeds(found.realizations, parameters, scene.restitution_law)
+    if measures.per_particle and found.trajectories is not None:
+        measured |= of_particles(found.trajectories, parameters, particles, *of_base)
     if found.orbits is not None:
         measured |= orbit_variables(found.orbits, frequency)
     if found.separations is not None:
@@ -91,17 +91,15 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     return measured | observable_values(
         parameters,
         scene,
-        found.each,
+        found.trajectories,
         lambda observer: statistics(problem, launch, scene, workers, observer=observer),
     )
 
 
 def measure_all(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
-    """Measure a batch; realizations that cannot be computed do not make the others fail.
+    """Measure a batch as `measure` does, also if some of its realizations cannot be computed.
 
     Their floats are NaN, their counts and flags undetermined, and their status gives the reason.
-
-    Parameters and result are those of `measure`.
     """
     usable = representable(parameters, _times(scene))
     if usable.all():
@@ -122,7 +120,7 @@ def _times(scene: Scene) -> tuple[Time, ...]:
 
 
 def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:
-    """Values of a variable for realizations that were not computed."""
+    """Return the values of a variable for realizations that are not computed."""
     return np.full([sizes[d] for d in variable.dims], variable.blank, variable.dtype)
 
 
@@ -132,20 +130,22 @@ def _launch_heights(
     launch: Launches,
     waveform: Waveform | None,
 ) -> Array:
-    """Heights in m that launches reach, shape (realization, particle), or 1 where all are equal.
+    """Return the heights in m that launches reach, shape (realization, particle).
 
-    They are so over a base that does not move, None.
+    `waveform` is None in the high-bounce limit, where all launches of a realization reach the same
+    height; the shape is then (realization, 1).
     """
     with np.errstate(over="ignore"):
         thrown = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
         if waveform is None:
             return np.asarray(thrown[:, np.newaxis])
         velocity, level = motion(waveform, launch.phase + problem.phase[:, np.newaxis])
-        # the base has the speed low pi / 2 w and the height low 2 pi W; it pushes a particle that
-        # is slower, which then does not fly
-        low = (2.0 / np.pi) * (problem.kick / (1.0 + problem.restitution))
-        flies = problem.launch_flight[:, np.newaxis] >= 0.5 * np.pi * low[:, np.newaxis] * velocity
-        base = (height_unit(parameters) * low)[:, np.newaxis] * level
+        # for kick = (1 + e) a the base has the velocity a w in g / (2 f) and the height
+        # (2 / pi) a 2 pi W in g / (8 f^2); it pushes a slower particle, which then does not fly
+        scale = (2.0 / np.pi) * (problem.kick / (1.0 + problem.restitution))
+        speed = 0.5 * np.pi * scale[:, np.newaxis] * velocity
+        flies = problem.launch_flight[:, np.newaxis] >= speed
+        base = (height_unit(parameters) * scale)[:, np.newaxis] * level
         return np.where(flies, thrown[:, np.newaxis] + base, base)
 
 

@@ -1,8 +1,8 @@
 """Observables of a batch.
 
-The number of a landing is a statistic like those of the kernels, and is computed with them.  A
-function that changes totals has a pass of its own, which follows every landing: other measures keep
-their cycles, which are counted instead of followed.
+An observable that gives a number for each landing is a statistic like those of the kernels, and is
+computed with them.  One that changes totals is computed separately, because every landing must be
+followed for it: other measures can then still be counted from cycles.
 """
 
 from __future__ import annotations
@@ -22,51 +22,53 @@ from vibrosweep.scene.scene import Scene
 
 
 def kinds_of(scene: Scene) -> Kinds:
-    """Statistics that a scene asks for: of measures, and of observables of a number by landing."""
+    """Return the optional statistics of a scene: speed of impact, and numbers of each landing."""
     measured = (IMPACT_SPEED,) if scene.measures.impact_speed else ()
-    return (*measured, *(compiled(one) for one in scene.measures.observables if one.landings))
+    return (*measured, *(compiled(o) for o in scene.measures.observables if o.landings))
 
 
 def observable_values(
     parameters: Mapping[str, Array],
     scene: Scene,
-    each: Statistics | None,
+    found: Statistics | None,
     follow: Callable[[Observer], Statistics],
 ) -> dict[str, Array]:
-    """Values of all observables of a scene by name, each with the dims of its variable.
+    """Return the values of all observables of a scene by name, with the dims of their variables.
 
-    `each` holds the statistics of trajectories.  Where a function changes totals, all landings are
-    followed once more, by `follow`, which may write over `each`.  A ParameterError tells what such
-    a function raised.
+    `found` holds the statistics of trajectories.  For a function that changes totals, `follow`
+    follows all landings once more; it may overwrite `found`.  Raises a ParameterError with the
+    error of such a function.
     """
-    found = {}
-    for one in scene.measures.observables:
-        if one.landings and each is not None:
-            totals = each.total(statistic_of(type(compiled(one))).name).copy()
-            found[one.name] = _values(one, parameters, each, totals)
-    for one in scene.measures.observables:
-        if not one.landings:
-            trajectories, initial = parameters["frequency"].size * scene.particles, one.initial
-            totals = np.full((trajectories, one.width), float(initial))
+    values = {}
+    for observable in scene.measures.observables:
+        if observable.landings and found is not None:
+            totals = found.total(statistic_of(type(compiled(observable))).name).copy()
+            values[observable.name] = _values(observable, parameters, found, totals)
+    trajectories = parameters["frequency"].size * scene.particles
+    for observable in scene.measures.observables:
+        if not observable.landings:
+            initial = float(observable.initial)
+            totals = np.full((trajectories, observable.width), initial)
             try:
-                statistics = follow(Observer(compiled(one), totals, float(initial)))
+                statistics = follow(Observer(compiled(observable), totals, initial))
             except MemoryError:
                 raise
             except Exception as error:
                 raise ParameterError(
-                    f"observable {one.name!r}: its function raised {type(error).__name__}: {error}"
+                    f"observable {observable.name!r}: its function raised "
+                    f"{type(error).__name__}: {error}"
                 ) from error
-            found[one.name] = _values(one, parameters, statistics, totals)
-    return found
+            values[observable.name] = _values(observable, parameters, statistics, totals)
+    return values
 
 
 def _values(
-    observable: Observable, parameters: Mapping[str, Array], each: Statistics, totals: Array
+    observable: Observable, parameters: Mapping[str, Array], found: Statistics, totals: Array
 ) -> Array:
-    """Values of an observable from its totals: NaN where a trajectory does not stay finite."""
+    """Return the values of an observable; NaN for trajectories that do not stay finite."""
     size = parameters["frequency"].size
-    totals = totals.reshape(each.status.size, observable.width)
-    totals[each.status == Status.NON_FINITE] = np.nan
+    totals = totals.reshape(found.status.size, observable.width)
+    totals[found.status == Status.NON_FINITE] = np.nan
     values = observable.combined(totals.reshape(size, -1, observable.width))
     scale: Any = observable.scale(parameters["frequency"], parameters["gravity"])
     return np.asarray(values * scale.reshape((size,) + (1,) * (values.ndim - 1)))

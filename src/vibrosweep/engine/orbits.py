@@ -1,4 +1,4 @@
-"""Orbits of trajectories, those shared by several particles, and Lyapunov exponents."""
+"""Orbits of trajectories, orbits that particles share, and Lyapunov exponents."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ NO_ORBIT: Final = -1
 
 
 def find_orbits(problem: Dimensionless, launch: Launches, scene: Scene, workers: Workers) -> Orbits:
-    """Orbit that each trajectory settles on, ordered by realization, then by particle.
+    """Return the orbit on which each trajectory settles, ordered by realization, then by particle.
 
-    Shape (realization * particle,), in dimensionless units.  Exponents of orbits that are not
-    cycles are means over the window of the problem.  The scene must agree with the launches
-    in the number of particles, and with the problem in whether the window begins after a launch.
+    Arrays have shape (realization * particle,), in dimensionless units.  The exponent of an orbit
+    that is not a cycle is a mean over the window of the problem.  The scene must agree with the
+    launches in the number of particles, and with the problem in whether a launch precedes the
+    window.
     """
     return settled(problem, launch, replace(scene.with_measures(lyapunov=True), skip=True), workers)
 
@@ -61,11 +62,11 @@ def label_orbits(orbits: Orbits, realizations: int) -> Codes:
 
 
 def slots(orbits: Orbits) -> Codes:
-    """Slot of each particle: the phase-shifted copy of its orbit; same shape as `orbits`.
+    """Return the slot of each particle, one of the copies of its orbit; same shape as `orbits`.
 
-    A cycle of q forcing periods exists in q phase-shifted copies, shifted by whole periods.  The
-    slot is the period, modulo q, that contains the representative state of the cycle; `NO_ORBIT`
-    where no recurrence was found.
+    A cycle of q forcing periods exists in q copies, shifted by whole periods.  The slot is the
+    period, modulo q, that contains the representative state of the cycle; `NO_ORBIT` where no
+    recurrence was found.
     """
     found = orbits.impacts > 0
     slot = np.mod(orbits.whole, np.maximum(orbits.periods, 1))
@@ -73,22 +74,22 @@ def slots(orbits: Orbits) -> Codes:
 
 
 def slot_count(labels: Codes, slot: Codes) -> Codes:
-    """Number of distinct slots, over all orbits, occupied by the particles of each realization."""
+    """Return how many distinct slots of all orbits the particles of each realization occupy."""
     pairs = np.sort(np.where(labels == NO_ORBIT, NO_ORBIT, labels * (slot.max() + 1) + slot))
     steps = np.diff(pairs, axis=1, prepend=NO_ORBIT) != 0
     return np.asarray(np.count_nonzero(steps, axis=1))
 
 
 def orbit_variables(orbits: Orbits, frequency: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
-    """Measured variables of regimes and exponents, per particle and per realization.
+    """Return the variables of regimes and exponents, per particle and per realization.
 
-    Those of `vibrosweep.model.measures`; the orbits are ordered by realization.
+    They are named as in `vibrosweep.model.measures`; the orbits are ordered by realization.
     """
     shape = (frequency.size, -1)
     labels, slot = label_orbits(orbits, frequency.size), slots(orbits).reshape(shape)
     largest, regime = orbits.largest.reshape(shape), orbits.regime.reshape(shape)
     uncertain = orbits.uncertain.reshape(shape)
-    counts = {f"{one.meaning}_count": np.count_nonzero(regime == one, axis=1) for one in Regime}
+    counts = {f"{r.meaning}_count": np.count_nonzero(regime == r, axis=1) for r in Regime}
     return {
         "regime": regime,
         "cycle_impacts": orbits.impacts.reshape(shape),

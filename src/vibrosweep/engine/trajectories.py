@@ -1,7 +1,7 @@
-"""Run the kernels on a batch of dimensionless problems, duplicates only once.
+"""Run the kernels on a batch of dimensionless problems, and on duplicates only once.
 
-Each thread calls the compiled kernels on ranges of its own; results therefore depend neither on the
-number of threads nor on how a sweep is cut into batches.
+A trajectory depends on its own problem only; results therefore depend neither on the number of
+threads nor on how a sweep is cut into batches.
 """
 
 from __future__ import annotations
@@ -40,27 +40,27 @@ from vibrosweep.model.parameters import Dimensionless, Launches, taken
 from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
-# In fewer periods hardly any orbit repeats early enough for cycle detection to save time.
+# Shorter orbits hardly ever repeat early enough for the detection of cycles to save time
 PERIODS_TO_RECUR = 32.0
 
 
 def base_in(scene: Scene, problem: Dimensionless) -> Base:
-    """Base of a scene, as kernels take it, with the noise of the problem."""
+    """Return the base of a scene, with the noise of the problem, as kernels take it."""
     noise = noise_of(problem.noise, scene.noise_seed)
     return base_of(*scene.mechanics, noise)
 
 
 @dataclass(frozen=True)
 class Followed:
-    """Results of a batch of trajectories, in forcing periods; None for what was not requested."""
+    """Results of a batch in forcing periods; None for what was not requested."""
 
     # Statistics of trajectories, ordered by realization, in memory that the workers reuse for the
-    # next batch.  Only for measures per particle.
-    each: Statistics | None
-    whole: Statistics  # of the realizations
-    orbits: Orbits | None  # orbits that the trajectories settle on
-    separations: Separations | None  # of the realizations
-    bounds: Trust | None  # of the trajectories
+    # next batch; only for measures per particle and observables
+    trajectories: Statistics | None
+    realizations: Statistics
+    orbits: Orbits | None  # orbits on which the trajectories settle
+    separations: Separations | None  # of realizations
+    bounds: Trust | None  # of trajectories
 
 
 def follow(
@@ -70,14 +70,14 @@ def follow(
     scene: Scene,
     workers: Workers,
 ) -> Followed:
-    """Simulate all trajectories of a batch, duplicate realizations only once.
+    """Simulate all trajectories of a batch, and duplicate realizations only once.
 
     `tolerance` is the largest error of a trusted landing time in forcing periods, shape
     (realization,).
     """
     others = [tolerance] if scene.measures.trust else []
-    looked_for = scene.skip and problem.noise is None
-    first = find_equal(problem, launch, *others) if looked_for else None
+    search = scene.skip and problem.noise is None
+    first = find_equal(problem, launch, *others) if search else None
     if first is None:
         return _follow(problem, launch, tolerance, scene, workers)
     chosen = np.flatnonzero(first == np.arange(first.size))
@@ -102,27 +102,27 @@ def _follow(
 ) -> Followed:
     size, particles = tolerance.size, scene.particles
     measures, cycles = scene.measures, None
-    looked_for = measures.regimes or (scene.skip and _lasts(problem, launch, PERIODS_TO_RECUR))
-    if looked_for and problem.noise is None:  # random motion never recurs
+    wanted = measures.regimes or (scene.skip and _lasts(problem, launch, PERIODS_TO_RECUR))
+    if wanted and problem.noise is None:  # random motion never recurs
         cycles = workers.cycles(size * particles)
-    each = statistics(problem, launch, scene, workers, cycles)
-    whole = empty_sums(size, each.kinds)
-    workers.each(
-        lambda first, last: combine(first, last, particles, each, whole),
+    trajectories = statistics(problem, launch, scene, workers, cycles)
+    realizations = empty_sums(size, trajectories.kinds)
+    workers.run(
+        lambda first, last: combine(first, last, particles, trajectories, realizations),
         size,
         max(1, 2 * TRAJECTORIES_PER_TASK // particles),
-        whole,
+        realizations,
     )
     orbits = separations = bounds = None
     if measures.regimes:
         found = no_cycles(size * particles) if cycles is None else cycles
-        orbits = _orbits(problem, launch, each, found, scene, workers)
+        orbits = _orbits(problem, launch, trajectories, found, scene, workers)
     if measures.separation:
-        separations = _separations(problem, launch, scene, whole, cycles, workers)
+        separations = _separations(problem, launch, scene, realizations, cycles, workers)
     if measures.trust:
         bounds = _error_bounds(problem, launch, tolerance, scene, workers)
-    keeps = measures.per_particle or measures.observables
-    return Followed(each if keeps else None, whole, orbits, separations, bounds)
+    kept = trajectories if measures.per_particle or measures.observables else None
+    return Followed(kept, realizations, orbits, separations, bounds)
 
 
 def statistics(
@@ -134,11 +134,11 @@ def statistics(
     observer: Observer | Recorder | None = None,
     more: Kinds = (),
 ) -> Statistics:
-    """Statistics of every trajectory, and `more`, ordered by realization, then by particle.
+    """Return the statistics of every trajectory, ordered by realization, then by particle.
 
     The result is in memory that the workers reuse for the next batch.  If `cycles` is given, it is
-    filled, and simulation of a trajectory stops where it recurs.  An `observer`, which sees every
-    landing, takes no cycles.
+    filled, and a trajectory is followed only until it recurs.  An `observer` is called at every
+    landing, and requires that `cycles` is None.  `more` names further statistics.
     """
     total = problem.kick.size * scene.particles
     kernel, kinds = advance, (*KINDS, *kinds_of(scene), *more)
@@ -147,8 +147,8 @@ def statistics(
         kinds, block = KINDS_RECORDED, recorder_scratch
     elif observer is not None:
         kernel, kinds, block = advance_uncached, KINDS, observer_scratch
-    each = workers.statistics(total, kinds)
-    window = 1 if scene.windowed else None  # another code for each
+    found = workers.statistics(total, kinds)
+    window = 1 if scene.windowed else None  # None selects machine code without a window
     base = fitted(base_in(scene, problem), problem)
     batch = Batch(base, problem, launch)
     options = Options(
@@ -161,49 +161,48 @@ def statistics(
 
     def begin() -> Callable[[int, int], None]:
         memory = memory_around(block())
-        rests = None if cycles is None else empty_rests(each.kinds)
+        rests = None if cycles is None else empty_rests(found.kinds)
         lanes = 0
 
         def task(first: int, last: int) -> None:
             nonlocal lanes
             share = Share(first, last, lanes)
-            lanes = kernel(share, batch, options, window, memory, each, cycles, rests)
+            lanes = kernel(share, batch, options, window, memory, found, cycles, rests)
 
         return task
 
     workers.stream(begin, total)
-    require_written(each, ("at_rest", "status"))  # totals are written with them
-    return each
+    require_written(found, ("at_rest", "status"))  # written by the same function as the totals
+    return found
 
 
 def settled(problem: Dimensionless, launch: Launches, scene: Scene, workers: Workers) -> Orbits:
-    """Orbit that each trajectory settles on, ordered by realization, then by particle.
+    """Return the orbit on which each trajectory settles, ordered by realization, then by particle.
 
     Arguments are those of `statistics`.
     """
     cycles = workers.cycles(problem.kick.size * scene.particles)
-    each = statistics(problem, launch, scene, workers, cycles)
-    return _orbits(problem, launch, each, cycles, scene, workers)
+    found = statistics(problem, launch, scene, workers, cycles)
+    return _orbits(problem, launch, found, cycles, scene, workers)
 
 
 def _orbits(
     problem: Dimensionless,
     launch: Launches,
-    each: Statistics,
+    found: Statistics,
     cycles: Cycles,
     scene: Scene,
     workers: Workers,
 ) -> Orbits:
-    orbits = empty_orbits(each.status.size)
-
+    orbits = empty_orbits(found.status.size)
     batch = Batch(base_in(scene, problem), problem, launch)
     search = Search(scene.budget, int(scene.measures.lyapunov))
-    plain = each._replace(kinds=())  # one machine code, whatever statistics are chosen
+    plain = found._replace(kinds=())  # the same machine code for any choice of statistics
 
     def task(first: int, last: int) -> None:
         settle(first, last, batch, plain, cycles, search, np.empty(growth.SIZE), orbits)
 
-    workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64, orbits)
+    workers.run(task, found.status.size, TRAJECTORIES_PER_TASK // 64, orbits)
     return orbits
 
 
@@ -216,7 +215,7 @@ def _separations(
     problem: Dimensionless,
     launch: Launches,
     scene: Scene,
-    whole: Statistics,
+    realizations: Statistics,
     cycles: Cycles | None,
     workers: Workers,
 ) -> Separations:
@@ -224,12 +223,12 @@ def _separations(
     found = empty_separations(size)
     if particles == 1:  # a single particle has no separations
         found.gap[:] = found.same[:] = np.nan
-        found.shared[:] = np.where(whole.status == Status.COMPLETED, 0, UNDETERMINED)
+        found.shared[:] = np.where(realizations.status == Status.COMPLETED, 0, UNDETERMINED)
         return found
-    complete = whole.status == Status.COMPLETED
+    complete = realizations.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
     batch = Batch(base_in(scene, problem), problem, launch)
-    # costly to allocate
+    # shared by all tasks, because they are costly to allocate
     workspaces = [workspace(particles) for _ in range(min(size, workers.threads))]
 
     def task(first: int, last: int) -> None:
@@ -238,7 +237,7 @@ def _separations(
         workspaces.append(work)
 
     per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))
-    workers.each(task, size, per_task, found)
+    workers.run(task, size, per_task, found)
     return found
 
 
@@ -250,18 +249,17 @@ def _error_bounds(
     workers: Workers,
 ) -> Trust:
     bounds = empty_trust(tolerance.size * scene.particles)
-
     batch = Batch(base_in(scene, problem), problem, launch)
 
     def task(first: int, last: int) -> None:
         trust(first, last, batch, tolerance, scene.budget, bounds)
 
-    workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64, bounds)
+    workers.run(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64, bounds)
     return bounds
 
 
 def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
-    """Launches of some realizations; unchanged if all realizations share theirs."""
+    """Return the launches of some realizations; unchanged if all realizations share them."""
     if launch.whole.shape[0] == 1:
         return launch
     return Launches._make(values[which] for values in launch)
@@ -277,11 +275,11 @@ def _repeated(found: Followed, source: NDArray[np.intp], scene: Scene) -> Follow
         return type(values)(*arrays)
 
     first = source[:, np.newaxis] * scene.particles
-    each = (first + np.arange(scene.particles)).ravel()
+    trajectories = (first + np.arange(scene.particles)).ravel()
     return Followed(
-        repeated(found.each, each),
-        repeated(found.whole, source),
-        repeated(found.orbits, each),
+        repeated(found.trajectories, trajectories),
+        repeated(found.realizations, source),
+        repeated(found.orbits, trajectories),
         repeated(found.separations, source),
-        repeated(found.bounds, each),
+        repeated(found.bounds, trajectories),
     )

@@ -1,4 +1,4 @@
-"""Threads for compiled kernels, which release the GIL, and memory reused between batches."""
+"""Threads for compiled kernels, which release the GIL, and memory that batches share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statis
 from vibrosweep.kernels.unwritten import FLAG, require_written
 
 TRAJECTORIES_PER_TASK = 1 << 16
-# Range size of a stream: large against the cost of a call, small enough to balance the threads.
+# Ranges of a stream: long against the cost of a call, short enough to balance the threads
 PIECES_PER_THREAD = 16
 SMALLEST_PIECE, LARGEST_PIECE = 1 << 12, 1 << 14
 
@@ -45,7 +45,7 @@ class Workers:
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
     def statistics(self, trajectories: int, kinds: Kinds = KINDS) -> Statistics:
-        """Memory for statistics, reused at each call: fresh pages cost a third of the time."""
+        """Return memory for statistics, the same at each call: new pages cost a third of a run."""
         if self._statistics.status.size < trajectories or self._statistics.kinds != kinds:
             self._statistics = empty_statistics(trajectories, kinds)
         _, totals, at_rest, status = self._statistics
@@ -55,46 +55,43 @@ class Workers:
         return Statistics(kinds, totals, at_rest[:trajectories], status[:trajectories])
 
     def cycles(self, trajectories: int) -> Cycles:
-        """Memory for cycles, reused at each call."""
+        """Return memory for cycles, the same at each call."""
         if self._cycles.shape[1] < trajectories:
             self._cycles = empty_cycles(trajectories)
         fields = self._cycles.shape[0]
         return self._cycles.ravel()[: fields * trajectories].reshape(fields, trajectories)
 
-    def each(
-        self, task: Callable[[int, int], object], total: int, size: int, *results: Any
-    ) -> None:
+    def run(self, task: Callable[[int, int], object], total: int, size: int, *results: Any) -> None:
         """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``.
 
-        Raises a RunError where any of the results, named tuples, is not written to the end.
+        Raises a RunError if an array of the `results`, named tuples, is not filled.
         """
         size = max(1, min(size, -(-total // self.threads)))
         starts = range(0, total, size)
         for _ in self._pool.map(lambda first: task(first, min(first + size, total)), starts):
             pass
-        for one in results:
-            require_written(one)
+        for result in results:
+            require_written(result)
 
     def stream(self, begin: Callable[[], Callable[[int, int], object]], total: int) -> None:
         """Let each thread take ranges of ``range(total)``, one after the other, until none is left.
 
-        A thread calls its own ``task = begin()`` as ``task(first, last)`` for each range, and
-        finally as ``task(total, total)``: trajectories of one range may still be in progress with
-        the next range.
+        Each thread has its own ``task = begin()``.  It calls ``task(first, last)`` for each range,
+        which may leave trajectories to the next call, and at the end ``task(total, total)``.
         """
         piece = total // (PIECES_PER_THREAD * self.threads)
         piece = max(SMALLEST_PIECE, min(piece, LARGEST_PIECE))
         piece = max(1, min(piece, -(-total // self.threads)))
         starts = range(0, total, piece)
-        # one first range for each thread, so that a fast thread does not take all
+        # each thread has a first range of its own, so that no thread takes all
         first, others = starts[: self.threads], iter(starts[self.threads :])
 
-        def run(first: int, task: Callable[[int, int], object]) -> None:
+        def work(first: int, task: Callable[[int, int], object]) -> None:
             for start in itertools.chain((first,), others):
                 if self._interrupted:
                     return
                 task(start, min(start + piece, total))
             task(total, total)
 
-        for _ in self._pool.map(run, first, [begin() for _ in first]):
+        for _ in self._pool.map(work, first, [begin() for _ in first]):
             pass

@@ -1,4 +1,4 @@
-"""Chunks of a sweep, computed independently of each other and reproducible bit for bit."""
+"""Chunks of a sweep, which are computed independently and reproducible bit for bit."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from vibrosweep.store.parts import Columns, Manifest, Parts, kinds
 
 Tick = Callable[[int], object]
 
-# The statistics of this many trajectories take 22 MB, and the fixed cost per batch is negligible.
+# Statistics of so many trajectories take 22 MB, and the fixed cost per batch is negligible
 TRAJECTORIES_PER_BATCH: Final = 1 << 19
-# The totals of an observable: this many take 64 MB.
+# So many totals of an observable take 64 MB
 TOTALS_PER_BATCH: Final = 1 << 23
 
 
 @dataclass(frozen=True)
 class Job:
-    """Everything a process on any machine needs to compute a chunk; can be pickled."""
+    """Data from which a process on any machine computes a chunk; can be pickled."""
 
     spec: Sweep
-    manifest: Manifest  # how the sweep is cut into chunks
-    parts: Parts  # where its parts are written
+    manifest: Manifest  # identity of the run and division into chunks
+    parts: Parts  # files of the finished chunks
     rows: tuple[int, ...] = ()  # indices of the realizations to compute; all if empty
 
     def open(self) -> Realizations:
@@ -44,7 +44,7 @@ class Runner(Protocol):
     """Computes chunks in any order: in this process or on other machines."""
 
     def __call__(self, job: Job, chunks: Sequence[int], tick: Tick, /) -> Mapping[int, str]:
-        """Compute chunks and write their parts; return why chunks failed, by their numbers.
+        """Compute chunks and write their parts; return a reason for each failed chunk, by number.
 
         `tick` is called with the number of realizations computed since its last call.  An error
         that concerns all chunks, such as a full disk, is raised as a VibrosweepError.
@@ -69,14 +69,14 @@ def in_process(threads: int) -> Runner:
 
 
 class Stream:
-    """Rows that come in pieces of any length, taken in order in pieces of another length."""
+    """Rows that arrive in pieces of any length and are taken, in order, in other lengths."""
 
     def __init__(self, pieces: Iterable[Mapping[str, NDArray[Any]]]) -> None:
         self._pieces = iter(pieces)
         self._rest: Mapping[str, NDArray[Any]] = {}
 
     def take(self, rows: int) -> Columns:
-        """Take the next `rows` rows, or all that are left; empty where there are none."""
+        """Take the next `rows` rows, or all that are left; empty at the end."""
         taken: list[Columns] = []
         while rows and (piece := self._rest or next(self._pieces, {})):
             size = min(rows, len(piece["status"]))
@@ -92,9 +92,9 @@ class Stream:
 def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) -> int:
     """Compute a chunk and write its part; return the number of its realizations.
 
-    Repeated or simultaneous calls are safe: the same bits are written under the same name, whatever
-    the number of threads.  Raises a VibrosweepError where the part cannot be written, or the sweep
-    or the version is not that of the run, and the error of the computation where it fails twice.
+    Repeated or simultaneous calls are safe: they write the same bits under the same name, whatever
+    the number of threads.  Raises a VibrosweepError if the part cannot be written or if the sweep
+    or the version is not that of the run.  If the computation fails twice, raises its error.
     """
     design = _design(job)
     start, stop = job.manifest.bounds(index)
@@ -115,7 +115,7 @@ _opened: tuple[Job, Realizations] | None = None
 
 
 def _design(job: Job) -> Realizations:
-    """Open the design of a job; cached for the next chunk of the same job."""
+    """Open the design of a job; keep it for the next chunk of the same job."""
     global _opened  # opening a table or a Latin hypercube may take a second
     opened = _opened
     if opened is None or opened[0] != job:
@@ -152,12 +152,12 @@ def compute_rows(
     Yields
     ------
     dict
-        The columns of `column_kinds`: parameters that vary, and measured variables, each of
-        shape (realization, ...).
+        Columns as in `column_kinds`: parameters that vary and measured variables, each of shape
+        (realization, ...).
     """
     size = min(most or stop, batch_size(spec))
     for first in range(start, stop, size):
-        # free the memory before the next batch is computed
+        # not bound to a name, so that its memory is free before the next batch is computed
         yield compute_batch(spec, design, first, min(first + size, stop), workers)
 
 
@@ -177,6 +177,6 @@ def compute_batch(
 
 
 def batch_size(spec: Sweep) -> int:
-    """Number of realizations in a batch, computed together."""
-    widest = max((one.width for one in spec.scene.measures.observables), default=1)
+    """Return the number of realizations that are computed together."""
+    widest = max((observable.width for observable in spec.scene.measures.observables), default=1)
     return max(1, min(TRAJECTORIES_PER_BATCH, TOTALS_PER_BATCH // widest) // spec.scene.particles)

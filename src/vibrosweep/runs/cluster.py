@@ -1,8 +1,8 @@
-"""Chunks on the workers of a Dask cluster, each of which writes the parts that it computes.
+"""Chunks computed by the workers of a Dask cluster, which write the parts themselves.
 
-Only chunk numbers are sent over the network: finished chunks are files in the run directory, on a
-file system that all machines share.  If a worker dies, only the chunks it was computing are lost;
-if the scheduler or this process dies, the same call computes the missing chunks.
+Only chunk numbers return over the network: finished chunks are files in the run directory, on a
+file system that all machines share.  If a worker dies, only the chunks that it was computing are
+lost; if the scheduler or this process dies, the same call computes the missing chunks.
 """
 
 from __future__ import annotations
@@ -22,21 +22,19 @@ from vibrosweep.runs.chunks import Job, Runner, Tick, compute_chunk
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# Seconds to wait for an answer of the scheduler.
+# Seconds to wait for an answer of the scheduler
 PATIENCE: Final = 30
 # Seconds to wait for a new worker once all have gone.  Dask restarts a local worker within seconds,
-# but not always: a worker that dies while it starts may stay away for good.  Jobs of a batch system
-# may have to queue.
+# unless it died while it was starting.  Workers of a batch system may have to queue.
 LOCAL_ABSENCE: Final = 120.0
 ABSENCE: Final = 1800.0
-# Seconds between two looks at futures, and between two looks at workers.
-POLL: Final = 0.05
-LOOK: Final = 1.0
-# Seconds until a part written by a worker must be visible here: file servers may be slow.
+POLL: Final = 0.05  # seconds between checks of futures
+LOOK: Final = 1.0  # seconds between checks of workers
+# Seconds until a part written by a worker must be visible here: file servers may be slow
 VISIBLE_WITHIN: Final = 60.0
-# Chunks per thread into which a sweep is cut, so that all threads get about equal work.
+# Chunks per thread into which a sweep is cut, so that all threads get about equal work
 CHUNKS_PER_THREAD: Final = 4
-# Chunks per thread that are submitted ahead: no thread is idle, and the scheduler's queue is short.
+# Chunks per thread that are submitted ahead: no thread is idle, and the scheduler's queue is short
 AHEAD: Final = 3
 GONE: Final = "the scheduler of the Dask cluster has gone"
 
@@ -49,7 +47,7 @@ class MissingDaskError(VibrosweepError, ImportError):
 def local_workers(count: int) -> Iterator[Client]:
     """Start worker processes of one thread each on this machine.
 
-    Raises a MissingDaskError without Dask, and a RunError where the workers do not start.
+    Raises a MissingDaskError without Dask, and a RunError if the workers do not start.
     """
     with _settings() as distributed:
         try:
@@ -79,7 +77,7 @@ def local_workers(count: int) -> Iterator[Client]:
 def connected(address: str) -> Iterator[Client]:
     """Connect to the scheduler of a running cluster.
 
-    Raises a MissingDaskError without Dask, and a RunError where no scheduler answers.
+    Raises a MissingDaskError without Dask, and a RunError if no scheduler answers.
     """
     with _settings() as distributed:
         try:
@@ -97,8 +95,8 @@ def connected(address: str) -> Iterator[Client]:
 def _settings() -> Iterator[Any]:
     """Import Dask, and change its settings for the time of the run.
 
-    Workers are spawned, not forked: a fork would copy threads in the middle of their work.  Dask's
-    messages about lost workers are silenced, since lost chunks are computed again.
+    Workers are spawned, not forked: a fork would copy running threads.  Dask's messages about lost
+    workers are silenced, because lost chunks are computed again.
     """
     try:
         import dask
@@ -138,8 +136,8 @@ def dask_setup(worker: object) -> None:
 def on_dask(client: Client, absence: float = ABSENCE) -> Runner:
     """Return a runner that computes chunks on the workers of a cluster, each in one thread.
 
-    If it has no workers yet, the run waits for the first one; once all have gone it waits for a new
-    one for the seconds of `absence`, and then ends with a RunError.
+    The run waits for a first worker without limit.  If all workers have gone, it waits `absence`
+    seconds for a new one and then ends with a RunError.
     """
 
     def run(job: Job, chunks: Sequence[int], tick: Tick) -> Mapping[int, str]:
@@ -164,7 +162,7 @@ def on_dask(client: Client, absence: float = ABSENCE) -> Runner:
 
 
 def _compute(job: Job, index: int) -> None:
-    """Compute a chunk on a worker, unless a worker that has died since finished it."""
+    """Compute a chunk on a worker, unless another worker finished it before it died."""
     if index not in job.parts.finished():
         compute_chunk(job, index, threads=1)
 
@@ -199,7 +197,7 @@ class _Chunks:
             self._submit(done)
 
     def _await(self, done: Any) -> None:
-        """Wait until a chunk has ended, but not for ever where all workers have gone."""
+        """Wait until a chunk has ended; raise a RunError if all workers stay away too long."""
         looked = time.monotonic()
         while not done.has_ready():
             time.sleep(POLL)
@@ -214,14 +212,14 @@ class _Chunks:
                 )
 
     def _threads(self) -> int:
-        """Return the number of threads of all workers; remember when there were any."""
+        """Return the number of threads of all workers; note the time if there are any."""
         threads: int = sum(self._client.nthreads().values())
         if threads:
             self._seen = time.monotonic()
         return threads
 
     def _submit(self, done: Any) -> None:
-        """Submit enough chunks to keep all workers busy; at the end suspects, one at a time."""
+        """Submit enough chunks to keep all workers busy; at the end, suspects one at a time."""
         threads = self._threads()
         batch = min(len(self._queue), max(1, AHEAD * threads) - len(self._submitted))
         indices = [self._queue.pop() for _ in range(batch)]
@@ -234,7 +232,7 @@ class _Chunks:
             done.add(future)
 
     def _judge(self, future: Future, index: int) -> int | None:
-        """Return the size of a finished chunk; set others aside, or note why they failed."""
+        """Return the size of a finished chunk; requeue a lost one, note why another failed."""
         from distributed import KilledWorker
 
         if future.status == "finished":
@@ -249,8 +247,8 @@ class _Chunks:
         if isinstance(error, VibrosweepError):
             raise error
         if isinstance(error, KilledWorker):
-            # Dask gives up every chunk that was submitted to four workers when they died.  Computed
-            # alone, each shows whether it kills its worker.
+            # Dask gives up a chunk once four workers that held it have died, even if they were
+            # computing another one.  Computed alone, a chunk shows whether it kills its worker.
             if index == self._alone:
                 self.failed[index] = "the workers that computed it died, time after time"
             else:

@@ -25,7 +25,7 @@ from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import State, state_of
 
 ROWS_AT_A_TIME: Final = 1 << 18
-# Largest number of incomplete realizations that are listed.
+# Largest number of incomplete realizations that are listed
 LISTED: Final = 20
 PROVENANCE: Final = ("source", "created", "git_revision", "libraries", "python", "cpu", "threads")
 
@@ -33,10 +33,10 @@ PROVENANCE: Final = ("source", "created", "git_revision", "libraries", "python",
 def describe(path: Path) -> Iterator[str]:
     """Describe a result file, or an unfinished run if the file does not exist yet, line by line.
 
-    Raises a DataError where there is no such file, or it is no result that can be read, and a
-    RunError where the manifest of an unfinished run is damaged.
+    Raises a DataError if there is no such file or it is not a readable result, and a RunError if
+    the manifest of an unfinished run is damaged.
     """
-    # not Path.exists, which raises if the name is too long
+    # Path.exists would raise an error for a name that is too long
     if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110
         yield from _unfinished(path)
         return
@@ -89,9 +89,9 @@ def _head(file: Any) -> Iterator[str]:
             if f"{name}_periods" in file.attrs:
                 remark = f" ({file.attrs[f'{name}_periods']:g} forcing periods)"
             yield f"{name:32}{_spread(file.variables[name])}{remark}"
-    for name, one in file.variables.items():  # labels, and measures of the user
+    for name, variable in file.variables.items():  # labels and observables of the user
         if name not in RESERVED and name not in INPUTS:
-            words = f"{one.attrs.get('long_name', '')} ({', '.join(one.dimensions)})"
+            words = f"{variable.attrs.get('long_name', '')} ({', '.join(variable.dimensions)})"
             yield f"{name:32}{words.strip()}"
     if "record" in file.groups:
         record = file.groups["record"]
@@ -106,7 +106,7 @@ def _head(file: Any) -> Iterator[str]:
 
 
 def _spread(variable: Any) -> str:
-    """Value of a coordinate, or its smallest and largest, with the unit."""
+    """Return the value of a coordinate, or its smallest and largest value, with the unit."""
     units = variable.attrs.get("units", "1")
     unit = "" if units == "1" else f" {units}"
     if not variable.dimensions:
@@ -138,9 +138,9 @@ def summary_of(file: Any) -> Summary:
 def _unsettled(file: Any) -> Iterator[str]:
     """List the realizations that did not complete."""
     names = [name for name in SETTLING if name in file.variables]
-    held = [name for name in INPUTS if name in file.variables and file.variables[name].dimensions]
+    varied = [name for name in INPUTS if name in file.variables and file.variables[name].dimensions]
     forcing = str(file.attrs.get("forcing", "amplitude"))
-    sampled = [name for name in held if name not in FORCINGS or name == forcing]
+    sampled = [name for name in varied if name not in FORCINGS or name == forcing]
     lines: list[str] = []
     total = 0
     for rows in _rows(row_count(file)):
@@ -149,7 +149,7 @@ def _unsettled(file: Any) -> Iterator[str]:
         total += places.size
         for place in places[: LISTED - len(lines)].tolist():
             status = Status(int(codes["status"][place]))
-            # all else was counted from the cycle, but these measures need every landing
+            # other measures are counted from the cycle, but these need every landing
             meaning = status.meaning if status else "separations or error bounds undetermined"
             at = slice(rows.start + place, rows.start + place + 1)
             values = (f"{name} {read_rows(file, name, at)[0]:g}" for name in sampled)

@@ -27,7 +27,7 @@ from vibrosweep.store.rundir import empty, holding
 
 
 def available_threads() -> int:
-    """Number of processors available to this process."""
+    """Return the number of processors available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -37,7 +37,7 @@ def thread_count(threads: int | None) -> int:
 
 
 def count(name: str, value: object) -> int:
-    """Return a whole number as a Python int, since numpy integers can overflow.
+    """Return a whole number as a Python int, because numpy integers can overflow.
 
     Raises a ParameterError unless it is an int or a numpy integer, at least 1.
     """
@@ -129,7 +129,7 @@ def _planned(
     chunk: int | None,
     at_least: int,
 ) -> Plan:
-    """Plan the chunks; raise before the start if the files or the record cannot fit."""
+    """Plan the chunks; raise an error if the files or the record would not fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
     record, _ = record_bytes(spec, workers)
     # uncompressed, with all parts next to the result
@@ -143,7 +143,7 @@ def _planned(
 def _pieces(
     output: Path, spec: Sweep, design: Realizations, workers: Workers, advance: Advance
 ) -> Iterator[Columns]:
-    """Compute a sweep of one chunk, which is written at once and cannot be resumed."""
+    """Compute a sweep of one chunk, which is written directly and cannot be resumed."""
     done = 0
     try:
         for columns in compute_rows(spec, design, 0, design.realizations, workers):

@@ -1,4 +1,4 @@
-"""Compare an existing output file with the sweep that is to be written there."""
+"""Comparison of an existing output file with the sweep that is to be written there."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from vibrosweep.store.rundir import abandon, holding, run_directory
 
 
 def is_of(spec: Sweep, path: Path) -> bool:
-    """Tell whether a file is the finished result of exactly this sweep and version."""
+    """Return whether a file is the finished result of exactly this sweep and version."""
     return _changes(spec, path) == []
 
 
 def kept_text(output: Path) -> str:
-    """Text of the sweep file that an output, or its unfinished run, holds; empty without them."""
+    """Return the text of the sweep file in an output or its unfinished run; empty without one."""
     directory = run_directory(output)
     manifest = read_manifest(directory) if directory.exists() else None
     if manifest is not None:
@@ -38,7 +38,7 @@ def kept_text(output: Path) -> str:
 def cleared(spec: Sweep, output: Path) -> bool:
     """Remove the parts that a killed run left beside the finished result of this sweep.
 
-    Returns True if there were any.  An unfinished run of another sweep, or a retry, is kept.
+    Returns True if there were any.  An unfinished run of another sweep is kept, and so is a retry.
     """
     if not run_directory(output).exists():
         return False
@@ -54,7 +54,7 @@ def cleared(spec: Sweep, output: Path) -> bool:
 
 
 def origin(spec: Sweep, path: Path) -> str:
-    """Describe how an existing file is related to this sweep, and how they differ."""
+    """Describe an existing file and how it differs from the result of this sweep."""
     changes = _changes(spec, path)
     if changes is None:
         return "it is no result of a sweep, or is damaged"
@@ -66,7 +66,7 @@ def origin(spec: Sweep, path: Path) -> str:
 
 
 def _changes(spec: Sweep, path: Path) -> list[str] | str | None:
-    """Return how a file's sweep differs, or the kind of the file; None for foreign files."""
+    """Return the differences from a file's sweep, or a sentence on its kind; None if foreign."""
     try:
         with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
             kind, text = kind_of(path, file.attrs), file.attrs.get("sweep_file")

@@ -1,4 +1,4 @@
-"""Estimate time, memory and disk space of a planned sweep from a computed sample."""
+"""Time, memory and disk space of a planned sweep, estimated from a computed sample."""
 
 from __future__ import annotations
 
@@ -41,21 +41,20 @@ class Needs:
     seconds: float
     impacts: float  # number of impacts of all particles
     memory: float  # peak memory of the whole process in bytes
-    # result, parts: bytes of the result file, and of the parts next to it while it is written
-    result: float
-    parts: float
+    result: float  # bytes of the result file
+    parts: float  # bytes of the parts next to it while it is written
 
 
 def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
     """Estimate what a planned sweep needs.
 
-    Raises a ParameterError where the record of landings does not fit into memory, and a RunError
-    where the sample could not be computed.
+    Raises a ParameterError if the record of landings does not fit into memory, and a RunError if
+    the sample could not be computed.
     """
     if not plan.cost.known:
         raise RunError(
-            "the first realizations cannot be computed, so that nothing is known of the others; "
-            "vibrosweep run computes those that can be, and reports the others"
+            "the first realizations cannot be computed, so that the cost of the others is unknown; "
+            "vibrosweep run computes those that can be computed and reports the others"
         )
     design, cost = plan.design, plan.cost
     written, record = record_bytes(spec, workers)
@@ -64,26 +63,26 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
         more, longer = _record_file(spec, written, workers)
         size, seconds = size + more, seconds + longer
     per_realization = bytes_per_realization(spec, design)
-    cut = plan.chunks > 1
+    in_parts = plan.chunks > 1
     loading = 0.0 if cost.compiled else cost.start
     batch = min(batch_size(spec), plan.chunk)
-    # results waiting to be written while the next batch is computed
-    next_ones = 0 if batch == design.realizations else batch
-    held = per_realization * (2 * plan.chunk if cut else next_ones)
+    # results that wait to be written while the next batch is computed
+    waiting = 0 if batch == design.realizations else batch
+    held = per_realization * (2 * plan.chunk if in_parts else waiting)
     return Needs(
         seconds=plan.opening + loading + cost.seconds * design.realizations + seconds,
         impacts=cost.impacts * design.realizations,
         memory=cost.loaded
         + max(batch * memory_per_realization(spec, design, workers) + held, record),
         result=size,
-        parts=per_realization * design.realizations if cut else 0,
+        parts=per_realization * design.realizations if in_parts else 0,
     )
 
 
 def record_bytes(spec: Sweep, workers: Workers) -> tuple[int, int]:
-    """Bytes of the record of landings on disk, and of memory while it is made; 0 without one.
+    """Return the bytes of the record on disk, and of memory while it is made; 0 without one.
 
-    Raises a ParameterError where it does not fit into memory.
+    Raises a ParameterError if it does not fit into memory.
     """
     if spec.record is None:
         return 0, 0
@@ -92,7 +91,7 @@ def record_bytes(spec: Sweep, workers: Workers) -> tuple[int, int]:
 
 
 def has_room(output: Path, needed: float) -> bool:
-    """Tell whether the disk of an output has this many bytes free."""
+    """Return whether the disk of an output has this many bytes free."""
     return needed <= shutil.disk_usage(target_of(output).parent).free
 
 
@@ -110,19 +109,19 @@ def require_disk(output: Path, needed: float) -> None:
 
 
 def _written(spec: Sweep, plan: Plan, threads: int) -> tuple[float, float]:
-    """Bytes of the file without its record, and seconds to write it, from two small files."""
+    """Extrapolate bytes of the file without its record, and seconds to write it, from two files."""
     design = plan.design
     most = max(2, min(SAMPLE_ROWS, SAMPLE_BYTES // bytes_per_realization(spec, design)))
     rows, size, seconds = _sample_file(spec, plan, min(design.realizations, most), threads)
     if rows == design.realizations:
         return size, seconds
-    fewer, smaller, sooner = _sample_file(spec, plan, rows // 2, threads)
-    more = (design.realizations - rows) / (rows - fewer)
-    return size + more * (size - smaller), seconds + more * max(seconds - sooner, 0.0)
+    half_rows, half_size, half_seconds = _sample_file(spec, plan, rows // 2, threads)
+    steps = (design.realizations - rows) / (rows - half_rows)
+    return size + steps * (size - half_size), seconds + steps * max(seconds - half_seconds, 0.0)
 
 
 def _sample_file(spec: Sweep, plan: Plan, most: int, threads: int) -> tuple[int, int, float]:
-    """Write a result file with rows drawn from the computed sample; rows, bytes and seconds."""
+    """Write rows drawn from the computed sample into a file; return rows, bytes and seconds."""
     columns = plan.cost.columns
     spec, rows = _shortened(spec, most)
     drawn = np.random.default_rng(0).integers(columns["status"].size, size=rows)
@@ -137,7 +136,7 @@ def _sample_file(spec: Sweep, plan: Plan, most: int, threads: int) -> tuple[int,
 
 
 def _shortened(spec: Sweep, most: int) -> tuple[Sweep, int]:
-    """Cut the axes of a grid so that it has no more rows; the number of rows."""
+    """Shorten the axes of a grid to at most `most` rows; return the sweep and its rows."""
     axes = spec.design.axes
     if not axes:
         return spec, most
@@ -151,9 +150,9 @@ def _shortened(spec: Sweep, most: int) -> tuple[Sweep, int]:
 
 
 def _record_file(spec: Sweep, size: int, workers: Workers) -> tuple[float, float]:
-    """Bytes that the record adds to the file, and seconds to compute and write it.
+    """Return the bytes that the record adds to the file, and seconds to compute and write it.
 
-    This is measured on a shorter record: as many landings of each particle as fill a small file.
+    They are extrapolated from a record with fewer landings of each particle.
     """
     assert spec.record is not None
     most = 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * spec.record.particles)

@@ -1,6 +1,6 @@
-"""The resume key (identity) of a sweep: everything that its results depend on.
+"""The identity of a sweep, which resumes a run: everything on which its results depend.
 
-A run is resumed only if its identity is unchanged.  Every field of the spec is part of the
+A run is resumed only if its identity is unchanged.  Every field of the sweep is part of the
 identity, unless `EXEMPT` lists it with the reason why it cannot change a number.
 """
 
@@ -27,21 +27,21 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.provenance import version
 
-# Fields that are not part of the identity, each with the reason.
+# Fields that are not part of the identity, each with the reason
 EXEMPT: Final[Mapping[str, str]] = {
     "text": "wording and comments; the values of the text are in the other fields",
-    "source": "where the sweep file lies",
-    "windows": "keys of `vibrosweep windows`, from which a sweep computes nothing",
-    "scene.given": "which parameters are stated and which are defaults; their values are there",
-    "scene.skip": "whether cycles are counted instead of followed, which gives the same bits",
-    "design.table": "where the table lies; the digest of its contents takes its place",
-    "record.given": "as of the scene",
-    "record.skip": "as of the scene",
+    "source": "path of the sweep file",
+    "windows": "keys of `vibrosweep windows`, which a sweep does not use",
+    "scene.given": "names of the stated parameters; the values of all are in the inputs",
+    "scene.skip": "cycles that are counted instead of followed give the same bits",
+    "design.table": "path of the table, replaced by a digest of its contents",
+    "record.given": "as for the scene",
+    "record.skip": "as for the scene",
     "record.measures": "every landing, up to the impact budget of the sweep",
 }
 # numba and llvmlite compile the kernels, numpy and scipy draw designs
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
-# Sources that could affect the drawing, computing or storing of a sweep.
+# Subpackages that could affect the drawing, computing or storing of a sweep
 SUBPACKAGES: Final = ("model", "theory", "kernels", "engine", "scene", "store", "runs")
 # Fields whose keys in the sweep file have other names
 KEYS: Final[Mapping[str, str]] = {
@@ -64,7 +64,7 @@ def identity(spec: Sweep) -> dict[str, str]:
     """Return the identity of a sweep: values of the sweep file, its table, and the programs.
 
     It does not depend on comments, on the order of keys, or on whether defaults are written out.
-    Raises a TableError where the table cannot be read.
+    Raises a TableError if the table cannot be read.
     """
     found = {key: _short(value) for key, value in _entries("", "", spec)}
     if spec.design.table is not None:
@@ -89,15 +89,15 @@ def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
 
 
 def _entries(path: str, key: str, value: Any) -> Iterator[tuple[str, object]]:
-    """Yield every value of the field at a path as a sweep file gives it, with its key there."""
+    """Yield key and value of every field below a path, as a sweep file gives them."""
     members: Mapping[str, Any] = {}
     if isinstance(value, Sweep | Scene | Design | Measures | Observable | Waveform):
-        # a field that is not compared, such as a function, has its digest in another field
+        # a field that is not compared, such as a function, has a digest in another field
         members = {f.name: getattr(value, f.name) for f in fields(value) if f.compare}
     elif isinstance(value, Mapping):
         members = value
-    elif isinstance(value, tuple) and any(isinstance(one, Observable) for one in value):
-        members = {one.name: one for one in value}
+    elif isinstance(value, tuple) and any(isinstance(item, Observable) for item in value):
+        members = {observable.name: observable for observable in value}
     elif isinstance(value, Range):
         yield key, value.ends
     elif isinstance(value, Axis):
@@ -133,7 +133,7 @@ def _digest(table: Path | GivenTable) -> str:
 
 
 def sources() -> list[Path]:
-    """Source files that could affect a sweep."""
+    """Return the source files that could affect a sweep."""
     package = Path(__file__).parents[1]
     inside = (path for name in SUBPACKAGES for path in (package / name).rglob("*.py"))
     return sorted([*package.glob("*.py"), *inside])
@@ -141,7 +141,7 @@ def sources() -> list[Path]:
 
 @lru_cache(maxsize=1)
 def programs() -> str:
-    """Digest of the source files that could affect a sweep."""
+    """Return a digest of the source files that could affect a sweep."""
     digest = hashlib.blake2b(digest_size=8)
     for path in sources():
         digest.update(path.name.encode() + b"\0" + path.read_bytes())

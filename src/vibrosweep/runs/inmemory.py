@@ -1,4 +1,4 @@
-"""A sweep in memory: the same numbers as in a file, and no file."""
+"""Sweeps computed in memory, with the same numbers as in a file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vibrosweep.system import physical_memory
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of progress reports, about; smaller pieces would cost time.
+# Approximate number of progress reports; smaller pieces would cost time
 PIECES: Final = 100
 TRAJECTORIES_PER_PIECE: Final = 1 << 14
 
@@ -29,7 +29,7 @@ def sweep_in_memory(spec: Sweep, *, threads: int, advance: Advance = silent) -> 
     """Compute a sweep without its record; the result does not depend on the number of threads.
 
     `advance` is called with the number of finished realizations and the total.  Raises a
-    ParameterError, TableError or SpecError where the result does not fit into memory or the
+    ParameterError if the result does not fit into memory, and a TableError or SpecError if the
     design cannot be opened.
     """
     design = open_design(spec)

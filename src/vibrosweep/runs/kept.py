@@ -1,4 +1,4 @@
-"""Resumable runs: finished chunks are kept, missing ones are computed."""
+"""Resumable runs, which keep finished chunks and compute the missing ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def continued(
     """Return the manifest of an unfinished run of this sweep to resume, or None.
 
     Without a manifest, all files in the directory are removed.  `now` returns the identity of the
-    sweep to run.  Raises a RunError where the directory holds an unfinished run of another sweep.
+    sweep to run.  Raises a RunError if the directory holds an unfinished run of another sweep.
     """
     manifest = read_manifest(directory)
     if manifest is None:
@@ -41,7 +41,7 @@ def continued(
             f"{output}: {directory} holds an unfinished run of another sweep, "
             f"{finished} of {manifest.chunks} chunks finished:\n  "
             + "\n  ".join(changes)
-            + "\nfinish it with what it began with, write to another file with ",
+            + "\nfinish it with the sweep that it began with, write to another file with ",
             OUTPUT,
             ", or throw it away and start again with ",
             FORCE,
@@ -55,7 +55,7 @@ class KeptRun:
 
     output: Path  # the result file
     design: Realizations  # the realizations to compute
-    job: Job  # the data that a process needs to compute the chunks
+    job: Job  # data from which a process computes the chunks
     threads: int  # number of threads in this process
     repaired: int = 0  # damaged parts that were computed again
 
@@ -67,7 +67,7 @@ class KeptRun:
     def complete(
         self, runner: Runner | None, advance: Advance, pieces: Iterable[Columns], *, force: bool
     ) -> Summary:
-        """Compute the missing chunks, write the result from `pieces` and abandon the chunks."""
+        """Compute the missing chunks, write the result from `pieces` and discard the chunks."""
         with self._kept():
             self._compute(runner or in_process(self.threads), advance)
             with Workers(self.threads) as workers:
@@ -85,7 +85,7 @@ class KeptRun:
         return summary
 
     def _compute(self, runner: Runner, advance: Advance) -> None:
-        """Compute the missing chunks; raise a RunError if any failed, after all the others."""
+        """Compute all missing chunks; then raise a RunError if any failed."""
         manifest, finished = self.job.manifest, self.job.parts.finished()
         missing = [index for index in range(manifest.chunks) if index not in finished]
         sizes = (stop - start for start, stop in map(manifest.bounds, missing))
@@ -132,7 +132,7 @@ class KeptRun:
 
     @contextmanager
     def _kept(self) -> Iterator[None]:
-        """Add to any error that ends the run which chunks are kept, and how to resume."""
+        """Add to an error that ends the run how many chunks are kept and how to resume."""
         try:
             yield
         except KeyboardInterrupt as error:

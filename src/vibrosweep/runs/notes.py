@@ -1,4 +1,4 @@
-"""Remarks on a sweep's settings that readers of its result should know."""
+"""Remarks on the settings of a sweep, for readers of its result."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NEVER_REPEATS: Final = (
 
 
 def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
-    """Remarks on a sweep, by subject; empty if there are none."""
+    """Return the remarks on a sweep, by subject; empty if there are none."""
     found = {"defaults": _defaults(spec, design), "forcing": _strong_forcing(spec, design)}
     if spec.scene.noise(design.sampled):
         found["noise"] = NEVER_REPEATS if spec.scene.measures.regimes else ""
@@ -35,10 +35,10 @@ def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
 
 
 def silent_defaults(spec: Sweep, design: Realizations) -> dict[str, float]:
-    """Parameters left at their defaults by a sweep that states others."""
+    """Return the parameters that a sweep leaves at their defaults while it states others."""
     stated = {*spec.scene.given, *design.sampled}
-    left = [name for name in inputs_of(stated, spec.scene.base) if stated and name not in stated]
-    return {name: INPUTS[name].default for name in left}
+    silent = [name for name in inputs_of(stated, spec.scene.base) if stated and name not in stated]
+    return {name: INPUTS[name].default for name in silent}
 
 
 def _defaults(spec: Sweep, design: Realizations) -> str:
@@ -49,7 +49,7 @@ def _defaults(spec: Sweep, design: Realizations) -> str:
 
 
 def _strong_forcing(spec: Sweep, design: Realizations) -> str:
-    """Return a remark if the base is driven more strongly than any shaker drives it; else empty."""
+    """Return a remark if the base is driven more strongly than by any shaker; else empty."""
     forcing = spec.scene.forcing(design.sampled)
     lowest = {name: _ends(spec, design, name)[0] for name in ("restitution", "gravity")}
     highest = {name: _ends(spec, design, name)[1] for name in (forcing, "frequency")}
@@ -63,7 +63,7 @@ def strong_forcing(acceleration: float, forcing: str) -> str:
         return ""
     units = "g" if forcing == ACCELERATION else INPUTS[forcing].units
     return (
-        f"the base accelerates with up to {acceleration:.4g} g, and shakers with about "
+        f"the base accelerates with up to {acceleration:.4g} g, but shakers with about "
         f"{STRONGEST:g} g at most: check {forcing} ({units}) and frequency (Hz)"
     )
 
@@ -71,18 +71,15 @@ def strong_forcing(acceleration: float, forcing: str) -> str:
 def observation_of_orbits(spec: Sweep, design: Realizations) -> str:
     """Return a remark if the observation is too short to recognise locked orbits; else empty."""
     if spec.scene.restitution_law != CONSTANT:
-        return ""  # how long orbits take to return is not known
+        return ""  # the time that orbits take to return is not known
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
     return short_observation(spec.scene.base, restitution[1], frequency[0], spec.scene.duration)
 
 
 def short_observation(base: str, restitution: float, frequency: float, duration: Time) -> str:
-    """Return a remark if the duration is too short to recognise locked orbits; else empty.
-
-    The orbits are those of this restitution and frequency.
-    """
+    """Return a remark if the duration is too short to recognise locked orbits; else empty."""
     if base not in theory.FIXED:
-        return ""  # how long coupled orbits take to return is not known
+        return ""  # the time that coupled orbits take to return is not known
     needed = float(theory.recognition_periods(restitution, base=base))
     periods = float(in_periods(duration, np.array([frequency]))[0])
     if periods >= needed:
@@ -94,7 +91,7 @@ def short_observation(base: str, restitution: float, frequency: float, duration:
     longer = f"; {enough} are enough" if math.isfinite(needed) else ""
     return (
         f"an orbit locked to one period takes {takes} periods to return bit for bit at restitution "
-        f"{restitution:g}, and {periods:g} are observed: such orbits may "
+        f"{restitution:g}, but {periods:g} are observed: such orbits may "
         f"be called unsettled{longer}"
     )
 
@@ -109,13 +106,13 @@ def _short_window(spec: Sweep, design: Realizations) -> str:
     if periods >= LANDINGS_OF_AN_EXPONENT:
         return ""
     return (
-        f"a Lyapunov exponent takes {LANDINGS_OF_AN_EXPONENT} landings, and the window has at most "
-        f"{periods:g} periods: without them motion is called unsettled, and never aperiodic"
+        f"a Lyapunov exponent takes {LANDINGS_OF_AN_EXPONENT} landings, but the window has at most "
+        f"{periods:g} periods: with fewer landings motion is called unsettled, never aperiodic"
     )
 
 
 def _ends(spec: Sweep, design: Realizations, name: str) -> tuple[float, float]:
-    """Smallest and largest value of a parameter."""
+    """Return the smallest and the largest value of a parameter."""
     spread = spec.design.sampled.get(name)
     if spread is not None:
         return spread.ends

@@ -1,4 +1,4 @@
-"""Cost of a sweep, measured by computing a few of its realizations."""
+"""The cost of a sweep, measured by computing a few of its realizations."""
 
 from __future__ import annotations
 
@@ -22,28 +22,27 @@ from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.parts import Columns
 from vibrosweep.system import resident_memory
 
-# Size of the first sample: this many trajectories over this many periods or impacts take 1-2 ms.
+# The first sample: so many trajectories over so many periods, or impacts, take 1-2 ms
 TRAJECTORIES: Final = 256
 PERIODS: Final = 64.0
 IMPACTS: Final = 1_000_000
-REALIZATIONS: Final = 4  # at least, since realizations differ
-STEP: Final = 4
+REALIZATIONS: Final = 4  # at least, because realizations differ
+STEP: Final = 4  # factor from one sample to the next
 MEASURED_PARTICLES: Final = 4096
 MEASURED_TRAJECTORIES: Final = 1 << 14  # enough for their arrays to dominate other allocations
 SECONDS_TO_LOAD: Final = 2.0
-GOLDEN: Final = 0.6180339887498949
+GOLDEN: Final = 0.6180339887498949  # multiples of the golden ratio, modulo 1, spread evenly
 
 
 @dataclass(frozen=True)
 class Cost:
     """Average cost of the realizations of a sweep."""
 
-    # seconds, impacts: mean per realization
-    seconds: float
-    impacts: float
+    seconds: float  # mean per realization
+    impacts: float  # mean per realization
     # Relative standard error of the mean number of impacts; NaN if the sample is too small
     error: float
-    # Fraction of the duration and impact budget that was computed; below 1 the rest is extrapolated
+    # Fraction of the duration and the impact budget that was computed; the rest is extrapolated
     share: float
     start: float  # seconds to load or compile the kernels
     loaded: float  # memory of the process in bytes once the kernels were loaded
@@ -76,10 +75,10 @@ def explore(
 ) -> Cost:
     """Estimate the cost of the realizations of a sweep, with as many threads as the run has.
 
-    A few realizations are computed for a small fraction of their duration and impact budget, then
-    for growing fractions, and once these are complete, for more realizations.  This takes about the
-    given seconds, apart from loading or compiling kernels; if the whole sweep takes fewer than
-    `enough`, a rough estimate will do.
+    A few realizations are computed over a small fraction of their duration and impact budget, then
+    over growing fractions; once these reach 1, more realizations are computed.  This takes about
+    `seconds`, apart from loading or compiling kernels.  It ends earlier if the whole sweep takes
+    less than `enough` seconds.
     """
     most = min(design.realizations, batch_size(spec))
     size = min(most, max(REALIZATIONS, -(-TRAJECTORIES // spec.scene.particles)))
@@ -90,7 +89,7 @@ def explore(
     before = Part(0.0, 0.0, 0.0)
     while True:
         share = shares.pop(0)
-        # twice: the first call may load or compile kernels, and the duration decides which ones
+        # twice: the first call may load or compile kernels, which depend on the duration
         first, _ = _timed(spec, sampled, size, share, workers)
         took, columns = _timed(spec, sampled, size, share, workers)
         start += max(first - took, 0.0)
@@ -109,7 +108,7 @@ def explore(
 
 
 def memory_per_realization(spec: Sweep, design: Realizations, workers: Workers) -> float:
-    """Bytes of memory per realization of a batch while it is computed."""
+    """Return the bytes of memory per realization of a batch while it is computed."""
     particles = min(spec.scene.particles, MEASURED_PARTICLES)
     launch = spec.scene.launch
     launch = launch if isinstance(launch, str) else launch[:particles]
@@ -118,11 +117,11 @@ def memory_per_realization(spec: Sweep, design: Realizations, workers: Workers) 
     sizes, peaks = (size, STEP * size), []
     share = next(_shares(spec, design)) / STEP**2  # array sizes do not depend on the duration
     for size in sizes:
-        apart = 1.0 - 1e-9 * np.arange(size)  # duplicates would be computed only once
-        sampled = {name: values * apart for name, values in design.take(0, 1).items()}
+        factors = 1.0 - 1e-9 * np.arange(size)  # duplicates would be computed only once
+        sampled = {name: values * factors for name, values in design.take(0, 1).items()}
         tracemalloc.start()
         try:
-            with Workers(workers.threads) as fresh:  # new ones, which hold no memory yet
+            with Workers(workers.threads) as fresh:  # workers without memory of earlier batches
                 _timed(few, sampled, size, share, fresh)
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
@@ -131,7 +130,7 @@ def memory_per_realization(spec: Sweep, design: Realizations, workers: Workers) 
 
 
 def _shares(spec: Sweep, design: Realizations) -> Iterator[float]:
-    """Growing fractions of the duration and of the impact budget, up to 1."""
+    """Yield growing fractions of the duration and of the impact budget, up to 1."""
     fixed = np.array([spec.scene.inputs.get("frequency", 1.0)])
     frequency = design.take(0, 1).get("frequency", fixed)
     periods = float(in_periods(spec.scene.duration, frequency)[0])
@@ -174,7 +173,7 @@ def _timed(
 
 
 def _sampled(spec: Sweep, design: Realizations, size: int) -> dict[str, Array]:
-    """Realizations spread over the design: neighbours in a grid or a table are similar."""
+    """Take realizations spread over the design: neighbours in a grid or a table are similar."""
     if size == design.realizations or spec.design.name in DESIGNS:
         return design.take(0, size)
     places = [int(design.realizations * (k * GOLDEN % 1.0)) for k in range(size)]

@@ -1,4 +1,4 @@
-"""Plan of a sweep: its chunks and its cost."""
+"""The plan of a sweep: its chunks and its cost."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.system import physical_memory
 
-# A killed run loses at most the chunk it was computing; a sweep shorter than this is one chunk.
+# A killed run loses at most the chunk that it was computing; a shorter sweep is one chunk
 SECONDS_PER_CHUNK: Final = 10.0
-# A chunk is held in memory and written at once, which limits it when realizations are quick.
+# A chunk is held in memory until it is written, which limits it when realizations are quick
 BYTES_PER_CHUNK: Final = 1 << 26
 CHUNKS_IF_UNKNOWN: Final = 100
-# Measured with all measures and 20 particles; similar for more particles, 680 for one.
+# Measured with all measures and 20 particles; similar for more particles, 680 for one
 BYTES_PER_TRAJECTORY: Final = 370
-# Time that a run may spend on planning, unless the sweep is obviously short.
+# Time that a run may spend on planning, unless the sweep is obviously short
 SECONDS_TO_PLAN: Final = 0.5
 
 
@@ -58,8 +58,8 @@ def make_plan(
 
     `rows` are the indices of the realizations to compute, or all of them if empty.  `at_least` is
     the smallest number of chunks, unless there are fewer realizations; `seconds` and `enough` are
-    those of `pilot.explore`.  Raises a ParameterError where a chunk does not fit into memory, and a
-    TableError or SpecError where the design cannot be opened.
+    those of `pilot.explore`.  Raises a ParameterError if a chunk does not fit into memory, and a
+    TableError or SpecError if the design cannot be opened.
     """
     began = time.perf_counter()
     design = open_design(spec)
@@ -70,7 +70,7 @@ def make_plan(
         cost = explore(spec, design, workers, seconds, enough)
     except VibrosweepError:
         raise
-    except Exception:  # a failure here will occur again in its chunk, and is reported there
+    except Exception:  # a failure here will occur again in its chunk and be reported there
         cost = UNKNOWN
     size = design.realizations
     if chunk is not None:
@@ -88,7 +88,7 @@ def make_plan(
 
 
 def _require_memory(spec: Sweep, design: Realizations, chunk: int) -> None:
-    """Raise, before anything is computed, if a chunk needs more than half of the memory."""
+    """Raise a ParameterError if a chunk needs more than half of the memory."""
     batch = min(batch_size(spec), chunk)
     needed = BYTES_PER_TRAJECTORY * batch * spec.scene.particles
     needed += 2 * chunk * bytes_per_realization(spec, design)
@@ -103,7 +103,7 @@ def _require_memory(spec: Sweep, design: Realizations, chunk: int) -> None:
 
 
 def bytes_per_realization(spec: Sweep, design: Realizations) -> int:
-    """Bytes of a realization's results in memory and in parts."""
+    """Return the bytes of the results of a realization in memory and in parts."""
     sizes = {"realization": 1, **spec.sizes}
     measured = sum(
         np.dtype(v.dtype).itemsize * int(np.prod([sizes[d] for d in v.dims]))

@@ -26,7 +26,7 @@ def silent(done: int, total: int, /) -> None:
 
 @contextmanager
 def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]:
-    """Report on `stream` the progress, speed and remaining time of a run, in units of `things`.
+    """Report progress, speed and remaining time of a run on `stream`, counted in `things`.
 
     Very short runs report nothing.
     """
@@ -88,13 +88,13 @@ class _Lines:
 
     def __call__(self, done: int, total: int, /) -> None:
         now = time.monotonic()
-        # chunks of an earlier run must not count towards the speed of this one
+        # chunks of an earlier run do not count towards the speed of this one
         before, since = self.began = self.began or (done, now)
         if now - self.last < SECONDS_BETWEEN_LINES or done == before or now == since:
             return
         self.last = now
         rate = (done - before) / (now - since)
-        with suppress(OSError):  # nor must a log that cannot be written
+        with suppress(OSError):  # a log that cannot be written must not end the run
             print(
                 f"{done} of {total} {self.things}, {rate:.4g} per second, "
                 f"{(total - done) / rate:.0f} s remaining",

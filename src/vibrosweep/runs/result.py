@@ -1,4 +1,4 @@
-"""The result file of a sweep: its declarations, and its rows in blocks of one size."""
+"""The result of a sweep: its declarations, and its rows in blocks of one size."""
 
 from __future__ import annotations
 
@@ -39,10 +39,8 @@ Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
 DURATION: Final = {"units": "s", "long_name": "end of the observation"}
-# Group and attribute that hold the identity of the sweep: all that the numbers depend on.
-IDENTITY: Final = "identity"
-# Attribute that holds a digest of the code which followed the particles.
-KERNELS: Final = "kernels"
+IDENTITY: Final = "identity"  # group and attribute that hold the identity of the sweep
+KERNELS: Final = "kernels"  # attribute that holds a digest of the kernels
 TRANSIENT: Final = {
     "units": OPTIONS["transient"].units,
     "long_name": OPTIONS["transient"].meaning,
@@ -52,9 +50,10 @@ TIMES: Final[Mapping[str, Mapping[str, str]]] = {"duration": DURATION, "transien
 
 
 def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
-    """CF attributes of a physical parameter.
+    """Return the CF attributes of a physical parameter.
 
-    CF has no unit for g, so that the name alone says it: "1" would be written beside it on axes.
+    The acceleration of the base, whose name states g, has no units: CF has none for g, and xarray
+    would write "1" beside the name on axes.
     """
     attributes = {"long_name": parameter.long_name, "symbol": parameter.symbol}
     if parameter.name == ACCELERATION:
@@ -65,11 +64,11 @@ def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
 def write_rows(
     file: Writer, declared: Mapping[str, str], block: int, pieces: Iterable[Columns]
 ) -> None:
-    """Write rows that come in pieces of any length, in blocks of one length.
+    """Write rows, which arrive in pieces of any length, in blocks of one length.
 
-    HDF5 places data according to the pieces that it is given; with blocks of one length the file
-    does not depend on how a sweep was cut.  Raises a RunError unless each piece has the columns
-    that were `declared`, as `vibrosweep.store.parts.kinds` gives them.
+    The layout of data in an HDF5 file depends on the sizes of the writes.  Blocks of one length
+    make it independent of the division into chunks.  Raises a RunError unless each piece has the
+    columns that were `declared`, as `vibrosweep.store.parts.kinds` gives them.
     """
     rows, written = Stream(_checked(pieces, declared)), 0
     while columns := rows.take(block):
@@ -83,7 +82,7 @@ def _checked(pieces: Iterable[Columns], declared: Mapping[str, str]) -> Iterator
     for columns in pieces:
         if wrong := sorted({name for name, _ in kinds(columns).items() ^ declared.items()}):
             raise RunError(
-                f"what was computed is not what the result declares: {', '.join(wrong)}; "
+                f"these columns are not as the result declares them: {', '.join(wrong)}; "
                 f"this is a fault of vibrosweep: please report it"
             )
         yield columns
@@ -99,18 +98,18 @@ def write_result(
     *,
     force: bool,
 ) -> Summary:
-    """Write the file of a sweep, whose rows come in order and in pieces of any length.
+    """Write the file of a sweep, whose rows arrive in order and in pieces of any length.
 
     Parameters
     ----------
     output, directory, force
-        As of `vibrosweep.store.dataset.creating`.
+        Arguments of `vibrosweep.store.dataset.creating`.
     spec, design
         The sweep.
     pieces
         Its rows.
     workers
-        Compute the record of every landing, where the sweep has one.
+        Threads that compute the record of every landing, if the sweep has one.
     """
     summary = Summary(notes=notes(spec, design))
 
@@ -155,7 +154,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
         {
             "title": spec.title,
             KIND: SWEEP.name,
-            # parameters that the sweep file does not state
+            # parameters that the sweep does not state
             "defaults": " ".join(silent_defaults(spec, design)),
             "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
             **attributes_of_scene(spec.scene, design.sampled),
@@ -164,7 +163,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             "seed": spec.design.seed,
             "impact_budget": spec.scene.measures.impact_budget,
             **({"tolerance": spec.scene.measures.tolerance} if spec.scene.measures.trust else {}),
-            **{f"source_of_{one.name}": one.source for one in spec.scene.measures.observables},
+            **{f"source_of_{o.name}": o.source for o in spec.scene.measures.observables},
             "sweep_file": spec.text,
             KERNELS: sources_digest(),
             **provenance(threads),
@@ -173,16 +172,16 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
 
 
 def identity_in(file: Any) -> str:
-    """Return the identity that an open result file holds, as JSON; empty without one.
+    """Return the identity in an open result file, as JSON; empty without one.
 
-    Earlier versions wrote it as an attribute of the whole file.
+    Earlier versions stored it as an attribute of the file.
     """
     group = file.groups.get(IDENTITY)
     return str((file if group is None else group).attrs.get(IDENTITY, ""))
 
 
 def attributes_of_scene(scene: Scene, varied: Collection[str] = ()) -> dict[str, Any]:
-    """Attributes of a dataset that say what moves; `varied` are inputs that differ in it."""
+    """Return attributes of a dataset that describe its scene; `varied` names varying inputs."""
     shared = {name: value for name, value in scene.inputs.items() if name not in varied}
     limited = range_of(scene.restitution_law, shared)
     return {
@@ -198,7 +197,7 @@ def attributes_of_scene(scene: Scene, varied: Collection[str] = ()) -> dict[str,
 
 
 def attributes_of(name: str) -> Mapping[str, str]:
-    """CF attributes of a physical parameter, a time of the observation, or streams."""
+    """Return the CF attributes of a physical parameter, a time of the observation, or streams."""
     others = {**TIMES, STREAM: STREAMS}
     return others[name] if name in others else coordinate_attributes(INPUTS[name])
 
@@ -206,9 +205,9 @@ def attributes_of(name: str) -> Mapping[str, str]:
 def _along(
     name: str, spec: Sweep, axes: Mapping[str, Array]
 ) -> tuple[tuple[str, ...], Array | None]:
-    """Return the dimensions of a quantity that varies, and its values unless it has them all.
+    """Return the dimensions of a varying quantity, and its values unless they are written by rows.
 
-    On a grid a quantity lies along the axes that it is computed from.
+    On a grid a quantity lies along the axes from which it is computed.
     """
     if not axes:
         return (REALIZATION,), None
@@ -230,7 +229,7 @@ def _along(
 def _declare_launches(
     file: Writer, launch: str | tuple[float, ...], particles: int, frequency: float | None
 ) -> None:
-    """Launch times; staggered launches follow the frequency, fixed or not."""
+    """Declare launch times, except of staggered launches whose frequency varies."""
     if frequency is not None or not isinstance(launch, str):
         times = launch_times(launch, particles, frequency or 1.0)
         file.coordinate("launch_time", ("particle",), LAUNCH_TIME, times)
@@ -238,7 +237,7 @@ def _declare_launches(
 
 
 def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
-    """Write every landing of the recorded scene, as a group; give a remark if it wastes places."""
+    """Write every landing of the recorded scene; return a remark if much of it is padding."""
     record, form = spec.record, Form(bool(spec.ragged))
     assert record is not None
     found = record_landings(record.parameters({}), record, workers, form)
@@ -250,7 +249,7 @@ def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
         sizes |= zip(dims, values.shape, strict=True)
     file.dimensions(sizes)
     quantities = record.timed({})
-    # a number of this name would be read as the axis of the sweep
+    # xarray would take a scalar of this name for the axis of the sweep
     axes = [name for name in quantities if name in INPUTS and file.has_outer(name)]
     for name in quantities:
         if name in axes:
@@ -269,7 +268,7 @@ def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
     file.attributes(
         {
             **attributes_of_scene(record),
-            # no variable of a ragged record lies along the dimension of these
+            # no variable of a ragged record lies along the dimensions of these coordinates
             **({"coordinates": " ".join([*axes, "launch_time"])} if form.ragged else {}),
             **({"notes": note} if note else {}),
         }

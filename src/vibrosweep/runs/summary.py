@@ -1,4 +1,4 @@
-"""A summary of a sweep in a few lines for the terminal, gathered chunk by chunk."""
+"""The summary of a sweep in a few lines for the terminal, gathered chunk by chunk."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from vibrosweep.model.measures import OF_REALIZATIONS, VARIABLES, Variable, known
 from vibrosweep.model.status import Status
 
-# Variables that show whether a larger impact budget would change a result.
+# Variables that show whether a larger impact budget would change a result
 SETTLING: Final = ("status", *(v.name for v in VARIABLES.values() if v.open_by_budget))
 
 
 @dataclass
 class _Spread:
-    """Smallest, mean and largest of the finite values seen, and how many were infinite."""
+    """Smallest, mean and largest of the finite values, and the number of infinite ones."""
 
     count: int = 0
     total: float = 0.0
@@ -28,8 +28,8 @@ class _Spread:
 
     def add(self, values: NDArray[Any]) -> None:
         for sign in (-np.inf, np.inf):
-            if some := int(np.count_nonzero(values == sign)):
-                self.infinite[sign] = self.infinite.get(sign, 0) + some
+            if found := int(np.count_nonzero(values == sign)):
+                self.infinite[sign] = self.infinite.get(sign, 0) + found
         finite = values[np.isfinite(values)]
         if finite.size:
             self.count += finite.size
@@ -42,8 +42,8 @@ class _Spread:
 class Summary:
     """Ranges, means and counts over the realizations of a sweep; add chunks in their order.
 
-    `repaired` counts parts that were found damaged and computed again, `notes` are remarks on the
-    settings of the sweep, by subject.
+    `repaired` counts damaged parts that were computed again; `notes` are remarks on the settings of
+    the sweep, by subject.
     """
 
     realizations: int = 0
@@ -63,14 +63,14 @@ class Summary:
                 continue
             if variable.flags:
                 codes, counts = np.unique(measured[name], return_counts=True)
-                seen = self.codes.setdefault(name, {})
+                totals = self.codes.setdefault(name, {})
                 for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
-                    seen[code] = seen.get(code, 0) + count
+                    totals[code] = totals.get(code, 0) + count
             else:
                 self.spreads.setdefault(name, _Spread()).add(measured[name][known(name, measured)])
 
     def lines(self) -> Iterator[str]:
-        """Give the summary as a table of text."""
+        """Yield the summary as lines of a table."""
         yield f"{'':32}{'min':>12}{'mean':>12}{'max':>12}"
         for name, spread in self.spreads.items():
             yield f"{OF_REALIZATIONS[name].label:32}{self._spread(spread)}"
@@ -83,7 +83,7 @@ class Summary:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
 
     def _spread(self, spread: _Spread) -> str:
-        """Write smallest, mean and largest finite value, and count the realizations without one."""
+        """Write smallest, mean and largest finite value, and the number of other realizations."""
         undefined = self.realizations - spread.count - sum(spread.infinite.values())
         others = {f"{value:g}": count for value, count in sorted(spread.infinite.items())}
         words = ", ".join(
@@ -98,7 +98,7 @@ class Summary:
 
 
 def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
-    """Write how often each code occurs, in words."""
+    """Write the number and the share of each code, in words."""
     meanings = dict(variable.flags)
     total = sum(counts.values())
     parts = (
@@ -108,9 +108,10 @@ def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
 
 
 def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
-    """Mark realizations that did not complete, or lack a measure that a larger budget gives."""
+    """Return which realizations did not complete, or lack a measure that a larger budget gives."""
     failed = columns["status"] != Status.COMPLETED
-    # landings on a cycle are counted without following them; other measures need each landing
+    # a realization whose landings are counted from a cycle completes, but these measures need
+    # every landing
     for name in SETTLING[1:]:
         if name in columns:
             failed = failed | ~known(name, columns)

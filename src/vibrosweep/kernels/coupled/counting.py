@@ -23,9 +23,9 @@ NON_FINITE = int(Status.NON_FINITE)
 class CoupledStatistics(NamedTuple):
     """Statistics of particles, ordered by realization, and of realizations."""
 
-    each: Statistics
-    sums: Statistics
-    launch_height: Floats  # greatest height of each particle's launch, -inf of one after the end
+    particles: Statistics
+    realizations: Statistics
+    launch_height: Floats  # greatest height after each particle's launch; -inf if after the end
     observer: Observer | None  # called for each landing in the window
 
 
