@@ -1,5 +1,6 @@
 """Shared by all tests: threads, sets of parameters, and random scenes over wide ranges."""
 
+import gc
 import signal
 from contextlib import contextmanager
 from dataclasses import replace
@@ -9,12 +10,17 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from vibrosweep.cli import OBJECTS_BETWEEN_SEARCHES
+
 # Compiling a kernel takes seconds: no single example may be held to a time.  The examples are the
 # same every time, so that nobody's change is judged by chance; `--hypothesis-profile=search` looks
 # for new ones.
 settings.register_profile("search", deadline=None, max_examples=1000)
 settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.load_profile("repeatable")
+
+# Compiling makes many objects and little garbage, as the command line knows.
+gc.set_threshold(OBJECTS_BETWEEN_SEARCHES)
 
 # A shell makes what it runs in the background ignore SIGINT, and commands that tests begin too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
