@@ -13,19 +13,18 @@ from typing import Any, Final
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
-from vibrosweep.model.shapes import PARABOLIC_NAME, SINE_NAME, WAVEFORMS
+from vibrosweep.model.shapes import WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
 
 
 @dataclass(frozen=True)
 class Ability:
-    """Bases and waveforms that a measure, an analysis or a kind of noise supports."""
+    """Bases that a measure, an analysis or a kind of noise supports."""
 
     bases: tuple[str, ...]
     # Reason for the refusal of any other base, ``{base}``; ``{others}`` stands for `bases`
     why: str
-    waveforms: tuple[str, ...] = WAVEFORMS
 
 
 _FOLLOWED = (
@@ -77,7 +76,6 @@ _RANDOM: Final[Mapping[str, Ability]] = {
         (HIGH_BOUNCE,),
         "needs base = {others}: a base that moves would jump where its amplitude changes; take "
         "kick_noise or restitution_noise",
-        (SINE_NAME, PARABOLIC_NAME),
     ),
 }
 # Analyses that require a constant restitution, each with the reason
@@ -144,11 +142,6 @@ def refusal(
     for ability in wanted:
         if base not in ability.bases:
             return ability.why.format(base=_quoted([base]), others=_quoted(ability.bases))
-        if waveform and waveform not in ability.waveforms:
-            return (
-                f'cannot be had with waveform = "{waveform}" yet: take waveform = '
-                f"{_quoted(ability.waveforms)}"
-            )
     name = measure or analysis
     if noise and name in WHY_NOT_RANDOM:
         return f"{WHY_NOT_RANDOM[name]}: leave out {' and '.join(noise)}"
@@ -203,11 +196,7 @@ def _support(base: str, choice: dict[str, Any]) -> str:
     """Return yes, no, or the restriction under which a base supports a choice."""
     if refusal(base, **choice):
         return "no"
-    (name,) = choice.values()
-    shapes = [shape for shape in WAVEFORMS if not refusal(base, **{"waveform": shape, **choice})]
-    limits = [] if len(shapes) == len(WAVEFORMS) or "waveform" in choice else shapes
-    limits += ["constant restitution"] if "analysis" in choice and name in OF_CONSTANT else []
-    return ", ".join(limits) or "yes"
+    return "constant restitution" if choice.get("analysis") in OF_CONSTANT else "yes"
 
 
 def _choices() -> list[dict[str, Any]]:

@@ -163,6 +163,7 @@ def test_particles_share_the_noise_of_the_drive_alone():
 def test_a_rest_without_end_is_given_up():
     """An amplitude that a deviate must raise more than eightfold to lift the particle."""
     scene = {**UNITS, "restitution": 0.0, "contact_time": 0.1, "drive_noise": 1.0}
+    scene |= {"waveform": "parabolic"}
     found = vs.sweep(**scene, amplitude=0.1 / 9.4, launch_velocity=1.0, duration_periods=1e12)
     assert vs.Status(found.status.item()) == vs.Status.BUDGET_EXCEEDED
     never = vs.sweep(**scene, amplitude=0.1 / 9.5, launch_velocity=1.0, duration_periods=1e12)

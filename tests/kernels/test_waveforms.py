@@ -6,7 +6,7 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.analysis import energy_balance, slot_decay
-from vibrosweep.kernels.harmonics import shape_of
+from vibrosweep.kernels.shape_types import shape_of
 from vibrosweep.kernels.waveforms import (
     Parabolic,
     Sine,

@@ -7,16 +7,21 @@ import vibrosweep as vs
 from vibrosweep.proof.verification import State
 
 NOISE = {"restitution_noise": 0.3, "kick_noise": 0.2}
+RECORD = {"restitution": 0.4, "amplitude": 0.3, "duration": 2.5}
+# kicks that noise turns around, of a base whose velocity jumps where a forcing period begins
+DRIVE = {"drive_noise": 0.9, "contact_time": 0.06, "record": RECORD}
+TONES = {"harmonics": [[1, 0.3, 2.0], [3, 0.5, 0.7], [4, -0.6, 1.9]]}
 
 
 @pytest.mark.parametrize(
     "scene",
     [
-        {"drive_noise": 0.4, "record": {"restitution": 0.8, "amplitude": 1.0, "duration": 1.5}},
+        DRIVE,
+        {**DRIVE, "waveform": TONES, "trust": True},
         {"base": "moving"},
         {"base": "sprung", "mass_ratio": 0.05, "mount_frequency": 2.3},
     ],
-    ids=["high-bounce", "moving", "sprung"],
+    ids=["high-bounce", "harmonics", "moving", "sprung"],
 )
 def test_the_stored_stream_is_proved(scene, tmp_path):
     path = tmp_path / "noisy.h5"

@@ -35,10 +35,10 @@ from vibrosweep.kernels.coupled.follow import (
 from vibrosweep.kernels.coupled.motion_record import MotionRecord, Track, empty_track, trace
 from vibrosweep.kernels.coupled.settling import BLOCKS, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.falling import restitution_of
-from vibrosweep.kernels.harmonics import shape_of
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.record import Record, Scale, Units, empty_record
+from vibrosweep.kernels.shape_types import shape_of
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.shapes import PARABOLIC_NAME

@@ -24,7 +24,7 @@ from vibrosweep.engine.trajectories import base_in, follow, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.kernels.bases import lifts, lowest
-from vibrosweep.kernels.harmonics import motion
+from vibrosweep.kernels.shape_types import motion
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import (

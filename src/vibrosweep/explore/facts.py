@@ -55,7 +55,7 @@ def facts_html(choice: Choice) -> str:
     """`facts` of a realization as a table, or the reason why they cannot be computed."""
     try:
         scene = choice.scene
-        unsettled = refusal(scene.base, measure="regimes", waveform=scene.waveform.name)
+        unsettled = refusal(scene.base, measure="regimes")
         settled = None if unsettled else choice.settle()
         found = list(facts(choice, choice.observe(), settled))
     except VibrosweepError as error:

@@ -21,7 +21,6 @@ from vibrosweep.model.measures import known
 from vibrosweep.model.mount import MASSES
 from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, STAGGERED
 from vibrosweep.model.restitution_laws import law_in
-from vibrosweep.model.shapes import name_in
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.scene.keywords import batch
@@ -129,9 +128,9 @@ def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
             f"a result of vibrosweep run, windows, bifurcation or basins"
         )
     base = str(dataset.attrs.get("base", HIGH_BOUNCE))
-    law, shape = law_in(dataset.attrs), name_in(dataset.attrs)
+    law = law_in(dataset.attrs)
     noise = [name for name in NOISE if name in dataset.variables]
-    if wrong := refusal(base, analysis="explore", restitution=law, waveform=shape, noise=noise):
+    if wrong := refusal(base, analysis="explore", restitution=law, noise=noise):
         raise DataError(f"{path}: {wrong}")
     try:
         found = makers[kind](dataset)

@@ -17,16 +17,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from vibrosweep.arrays import Array
 from vibrosweep.kernels._jit import OF_A_PIECE, Floats, fma, implements, jit
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
-from vibrosweep.kernels.sine import cos_turns, sin_turns, waves
+from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.waveforms import (
     LiftOffs,
-    Parabolic,
     Shape,
-    Sine,
+    depth_of,
     first_lift_off,
     kick_bend,
     kick_rounding,
@@ -38,20 +36,16 @@ from vibrosweep.kernels.waveforms import (
     next_lift_off,
     peak_of,
     put_phases,
+    steepness,
     take_phases,
     velocity,
 )
 from vibrosweep.model.shapes import (
-    HARMONICS_NAME,
-    PARABOLIC_NAME,
-    SINE_NAME,
     TWO_PI,
-    Waveform,
-    zeros,
 )
-from vibrosweep.model.turns import turns_of_radians
 
-STEPS = 100  # of Newton's method within a bracket, which every third halves
+STEPS = 100  # of Newton's method within a bracket
+NEAR = 2.0**-30  # turns; steps of Newton's method that are as short as that and grow are rounding
 
 
 class Harmonics(NamedTuple):
@@ -63,11 +57,16 @@ class Harmonics(NamedTuple):
     # valley, peak: phases of each local maximum above 0, and of the minimum before it
     valley: tuple[float, ...]
     peak: tuple[float, ...]
+    # turns, extremes: phases in [0, 1] at which w turns, and the end of the period; w there
+    turns: tuple[float, ...]
+    extremes: tuple[float, ...]
     # dip, before, after: phases of each local minimum of w' below 0, of the maxima around it
     dip: tuple[float, ...]
     before: tuple[float, ...]
     after: tuple[float, ...]
-    highest: float  # of w
+    # highest, deepest: of w and of -w
+    highest: float
+    deepest: float
     # fastest, fall, steepest, top, bottom: of |w|, of -w', of |w'|, and of W
     fastest: float
     fall: float
@@ -130,6 +129,16 @@ def peak_of_harmonics(shape: Harmonics) -> float:
     return shape.highest
 
 
+@implements(depth_of, Harmonics)
+def depth_of_harmonics(shape: Harmonics) -> float:
+    return shape.deepest
+
+
+@implements(steepness, Harmonics)
+def steepness_harmonics(shape: Harmonics) -> float:
+    return shape.steepest
+
+
 @jit
 def kick_curvature(shape: Harmonics, a: float, x: float) -> float:
     """Second derivative of a w(x) by the phase."""
@@ -169,19 +178,27 @@ def _rise(shape: Harmonics, a: float, r: float, k: int) -> float:
     low, high = shape.valley[k], shape.peak[k]  # the valley may be a period back
     if not (a * velocity(shape, low - np.rint(low)) <= r and a * velocity(shape, high) > r):
         return np.nan
-    x = 0.5 * (low + high)
-    for step in range(STEPS):
+    x = rises_through(shape, a, r, low, high)
+    return x - np.rint(x)  # type: ignore[no-any-return]
+
+
+@jit
+def rises_through(shape: Harmonics, a: float, r: float, low: float, high: float) -> float:
+    """Phase between two others at which a w(x) rises through r, which it does there once."""
+    x, before = 0.5 * (low + high), high - low
+    for _ in range(STEPS):
         there = x - np.rint(x)
         off = fma(a, velocity(shape, there), -r)
         low, high = (x, high) if off <= 0.0 else (low, x)
-        slope = kick_slope(shape, a, there)
-        tried = x - off / slope
-        halves = step % 3 == 2 or not low < tried < high
-        tried = 0.5 * (low + high) if halves else tried
-        if abs(tried - x) <= HALF_ULP * abs(x) or abs(off) <= HALF_ULP * r:
+        tried = x - off / kick_slope(shape, a, there)
+        if not (low <= tried <= high and abs(tried - x) <= 0.5 * before):
+            if before <= NEAR:  # rounding alone is left
+                break
+            tried = 0.5 * (low + high)
+        before, x = abs(tried - x), tried
+        if before <= HALF_ULP * abs(x) or abs(off) <= HALF_ULP * r:
             break
-        x = tried
-    return x - np.rint(x)  # type: ignore[no-any-return]
+    return x
 
 
 def for_each(field: str, term: str, given: str = "a, r, s, j", **names: Any) -> Any:
@@ -241,7 +258,7 @@ def first_lift_off_harmonics(shape: Harmonics, phases: LiftOffs) -> float:
 
 @implements(lift_off_error, Harmonics)
 def lift_off_error_harmonics(shape: Harmonics, a: float, r: float, phases: LiftOffs) -> float:
-    worst, bend = 0.0, 2.0 * a * shape.bend
+    worst = 0.0
     for k in range(len(phases)):
         for x in (shape.valley[k], shape.peak[k]):
             w = velocity(shape, x - np.rint(x))
@@ -249,14 +266,23 @@ def lift_off_error_harmonics(shape: Harmonics, a: float, r: float, phases: LiftO
                 return np.inf
         x = phases[k]
         if x == x:
-            w = velocity(shape, x)
-            off = abs(fma(a, w, -r)) + kick_rounding(shape, a, w) + 2.0 * REST_ERROR * r
-            slope = kick_slope(shape, a, x) - a * shape.slope_rounding
-            # Kantorovich's condition for Newton's method
-            if not (slope > 0.0 and off * bend <= 0.25 * slope * slope):
-                return np.inf
-            worst = max(worst, 2.0 * off / slope + HALF_ULP)
+            worst = max(worst, rise_error(shape, a, r, x, 0.0))
     return worst
+
+
+@jit
+def rise_error(shape: Harmonics, a: float, r: float, x: float, more: float) -> float:
+    """Bound of the error of a phase at which a w(x) rises through r; infinite where there is none.
+
+    `more` bounds errors of the kick beyond its rounding.
+    """
+    size, w = abs(a), velocity(shape, x)
+    off = abs(fma(a, w, -r)) + kick_rounding(shape, size, w) + 2.0 * REST_ERROR * r + more
+    slope = kick_slope(shape, a, x) - size * shape.slope_rounding
+    # Kantorovich's condition for Newton's method
+    if not (slope > 0.0 and off * (2.0 * size * shape.bend) <= 0.25 * slope * slope):
+        return np.inf
+    return 2.0 * off / slope + HALF_ULP
 
 
 @implements(put_phases, Harmonics)
@@ -270,64 +296,3 @@ def put_phases_harmonics(
 @implements(take_phases, Harmonics)
 def take_phases_harmonics(shape: Harmonics, s: Floats, j: int) -> LiftOffs:
     return _taken(shape, 0.0, 0.0, s, j)
-
-
-def motion(waveform: Waveform, turns: Array) -> tuple[Array, Array]:
-    """Velocity w of a shape and 2 pi times its height W, at phases in turns."""
-    if waveform.name == PARABOLIC_NAME:
-        return waveform.velocity(turns), TWO_PI * waveform.height(turns)
-    turns = turns - np.rint(turns)
-    velocities: list[Array] = []
-    levels: list[Array] = []
-    for h, weight, phase in waveform.tones or ((1, 1.0, 0.0),):
-        angle = h * turns + turns_of_radians(np.asarray(phase))
-        sines, cosines = np.empty_like(turns), np.empty_like(turns)
-        waves(np.ravel(angle), sines.ravel(), cosines.ravel())
-        velocities.append(weight * sines)
-        levels.append(-weight / h * cosines)
-    return sum(velocities[1:], velocities[0]), sum(levels[1:], levels[0])
-
-
-@functools.lru_cache(maxsize=64)
-def shape_of(waveform: Waveform) -> Shape:
-    """Return the shape that kernels are compiled for."""
-    if waveform.name != HARMONICS_NAME:
-        return {SINE_NAME: Sine, PARABOLIC_NAME: Parabolic}[waveform.name]()
-    most = max(h for h, _, _ in waveform.tones)
-    weight, phase = np.zeros(most), np.zeros(most)
-    for h, c, psi in waveform.tones:
-        weight[h - 1], phase[h - 1] = c, psi
-    sines, cosines = np.empty(most), np.empty(most)
-    waves(turns_of_radians(phase), sines, cosines)
-    p, q = weight * cosines, weight * sines
-    number = np.arange(1.0, most + 1.0)
-    size = np.abs(p) + np.abs(q)
-    # (5.3 h^2 + h + 4.5) half ulps in the sum, 9 of a coefficient
-    rounding = HALF_ULP * float(np.sum(size * (6.0 * number**2 + number + 14.0)))
-    sloped = HALF_ULP * float(np.sum(size * number * (6.0 * number**2 + number + 16.0)))
-    turns = zeros(waveform, 1)
-    valleys = np.concatenate([[turns[-1] - 1.0], turns[:-1]])
-    rises = waveform.slope(0.5 * (valleys + turns)) > 0.0
-    rises &= waveform.velocity(turns) > 0.0
-    bends = zeros(waveform, 2)
-    around = np.concatenate([[bends[-1] - 1.0], bends, [bends[0] + 1.0]])
-    dips = (waveform.slope(bends) < waveform.slope(around[:-2])) & (waveform.slope(bends) < 0.0)
-    levels = waveform.height(zeros(waveform, 0))
-    return Harmonics(
-        tuple(p.tolist()),
-        tuple(q.tolist()),
-        tuple(valleys[rises].tolist()),
-        tuple(turns[rises].tolist()),
-        tuple(bends[dips].tolist()),
-        tuple(around[:-2][dips].tolist()),
-        tuple(around[2:][dips].tolist()),
-        waveform.highest,
-        float(np.abs(waveform.velocity(turns)).max()),
-        waveform.fall,
-        float(np.abs(waveform.slope(bends)).max()),
-        float(levels.max()),
-        float(levels.min()),
-        rounding,
-        TWO_PI * sloped,
-        0.5005 * waveform.sum_of(2),
-    )

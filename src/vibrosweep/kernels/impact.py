@@ -39,9 +39,9 @@ from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.bases.shaped import Shaped
 from vibrosweep.kernels.falling import restitution_of
-from vibrosweep.kernels.harmonics import shape_of
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.kernels.noise import Noise
+from vibrosweep.kernels.shape_types import shape_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform

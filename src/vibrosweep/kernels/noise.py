@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from vibrosweep.kernels._jit import Floats, fma, jit
 from vibrosweep.kernels.deviates import (
     LARGEST,
@@ -309,11 +307,12 @@ def exceeds(noise: Noise | None, kick: float, r: float) -> bool:
 
 
 @jit
-def strongest(noise: Noise | None, a: float, source: Source) -> float:
-    """Largest amplitude that any forcing period may have."""
+def strongest(noise: Noise | None, up: float, down: float, source: Source) -> float:
+    """Largest kick of any forcing period, where without noise they are between -down and up."""
     if noise is None:
-        return a
-    return fma(a, LARGEST * source.drive, a)
+        return up
+    change = LARGEST * source.drive
+    return max(fma(up, change, up), fma(down, change, -down))
 
 
 @jit
@@ -328,7 +327,7 @@ def lifted(
     """
     if noise is None:
         return known
-    return _lifted(noise.drive, known, (n, x if known[1] == known[1] else np.nan))
+    return _lifted(noise.drive, known, (n, x))
 
 
 @jit

@@ -64,6 +64,16 @@ def peak_of(shape: Shape) -> float:
 
 
 @generic
+def depth_of(shape: Shape) -> float:
+    """Largest value of -w."""
+
+
+@generic
+def steepness(shape: Shape) -> float:
+    """Largest |w'|."""
+
+
+@generic
 def lift_offs(shape: Shape, a: float, r: float, of_sine: float) -> LiftOffs:
     """Phases at which the kick a w(x) rises through r, NaN where it does not.
 
@@ -141,8 +151,19 @@ def kick_bend_sine(shape: Shape, a: float, x: float, error: float) -> float:
 
 
 @implements(peak_of, Sine, Parabolic)
+@implements(depth_of, Sine, Parabolic)
 def peak_of_one(shape: Shape) -> float:
     return 1.0
+
+
+@implements(steepness, Sine)
+def steepness_sine(shape: Shape) -> float:
+    return 2.0 * math.pi
+
+
+@implements(steepness, Parabolic)
+def steepness_parabolic(shape: Shape) -> float:
+    return 4.0
 
 
 @implements(lift_offs, Sine)

@@ -31,7 +31,6 @@ from vibrosweep.model.parameters import (
 )
 from vibrosweep.model.ragged_arrays import padded, whole
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
-from vibrosweep.model.shapes import name_in
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.axes import judge_axes
 from vibrosweep.proof.coordinates import (
@@ -77,8 +76,7 @@ def read_sample(
             if group.attrs["rebound"] not in LAWS_OF.get(base, ()) or law not in RESTITUTION_LAWS:
                 raise _unsound(path, ["rebound, restitution_law or base"])
             noise = [name for name in NOISE if name in group.variables]
-            shape = name_in(group.attrs)
-            if wrong := refusal(base, analysis="verify", waveform=shape, noise=noise):
+            if wrong := refusal(base, analysis="verify", noise=noise):
                 raise DataError(f"{path}: the proof {wrong}")
         sample = _drawn(path, file, size, seed, observables)
         record = _record(file, sample) if "record" in file.groups else None

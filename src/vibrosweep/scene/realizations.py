@@ -76,8 +76,7 @@ def _require_random(sweep: Sweep, noise: tuple[str, ...]) -> None:
     """Raise a TableError if the base, or a measure, does not support the noise of a table."""
     base, measures = sweep.scene.base, sweep.scene.measures
     keys = [key for key in MEASURES if getattr(measures, key)]
-    of_scene = refusal(base, noise=noise, waveform=sweep.scene.waveform.name)
-    wrong = [of_scene, *(refusal(base, measure=key, noise=noise) for key in keys)]
+    wrong = [refusal(base, noise=noise), *(refusal(base, measure=m, noise=noise) for m in keys)]
     for about, text in zip(("", *(f"{key} " for key in keys)), wrong, strict=True):
         if text:
             raise TableError(f"{sweep.design.table}: {', '.join(noise)}: {about}{text}")

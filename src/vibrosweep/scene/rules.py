@@ -35,7 +35,6 @@ from vibrosweep.model.parameters import (
 )
 from vibrosweep.model.restitution_laws import CONSTANT, speed_mistakes
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.shapes import Waveform
 from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, Range
 from vibrosweep.scene.keys import MAX_REALIZATIONS, Steps, inputs_in
@@ -71,13 +70,10 @@ def settings(name: str, table: Table, shared: Table, mistakes: Mistakes) -> dict
             "give one for each particle",
             involves=[f"{name}.launch", "scene.launch"],
         )
-    for key, wrong in (
-        ("rebound", refusal(found["base"], law=found["rebound"])),
-        ("waveform", refusal(found["base"], waveform=found["waveform"].name)),
-    ):
-        if wrong and not {"base", key}.isdisjoint(table):
-            involved = [f"{t}.{k}" for t in (name, "scene") for k in ("base", key)]
-            mistakes.add(f"{name}.", wrong, involves=involved)
+    wrong = refusal(found["base"], law=found["rebound"])
+    if wrong and not {"base", "rebound"}.isdisjoint(table):
+        involved = [f"{t}.{k}" for t in (name, "scene") for k in ("base", "rebound")]
+        mistakes.add(f"{name}.", wrong, involves=involved)
     return found
 
 
@@ -95,18 +91,13 @@ def check_window(
 
 
 def check_measures(
-    base: str,
-    waveform: Waveform,
-    noise: Collection[str],
-    measures: Measures,
-    mistakes: Mistakes,
+    base: str, noise: Collection[str], measures: Measures, mistakes: Mistakes
 ) -> None:
     """Report measures that do not work with the base, the waveform or the noise."""
     for key in MEASURES:
-        wrong = refusal(base, measure=key, waveform=waveform.name, noise=noise)
+        wrong = refusal(base, measure=key, noise=noise)
         if wrong and getattr(measures, key):
-            involved = ["scene.base", "scene.waveform"]
-            mistakes.add(f"measure.{key}", wrong, True, involves=involved)
+            mistakes.add(f"measure.{key}", wrong, True, involves=["scene.base"])
 
 
 def check_noise(
@@ -116,10 +107,9 @@ def check_noise(
 
     `scene` holds the settings of the scene; `homes` names the table that gives each kind of noise.
     """
-    needs = [f"{table}.{key}" for table in ("scene", "record") for key in ("base", "waveform")]
     for name, home in homes.items():
-        if wrong := refusal(scene["base"], waveform=scene["waveform"].name, noise=(name,)):
-            mistakes.add(f"{home}.{name}", wrong, involves=needs)
+        if wrong := refusal(scene["base"], noise=(name,)):
+            mistakes.add(f"{home}.{name}", wrong, involves=["scene.base", "record.base"])
     for key, most in (("sample.realizations", STREAMS), ("scene.particles", STREAM_PARTICLES)):
         number = sizes.get(key, 0)
         if homes and number > most:

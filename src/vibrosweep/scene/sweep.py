@@ -226,7 +226,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     measures = Measures(**tables.get("measure", {}))
     check_unused(tables, mistakes, every=source is not None)
     noise = rules.noise_homes(numbers, sample, varied)
-    rules.check_measures(base, settings["waveform"], noise, measures, mistakes)
+    rules.check_measures(base, noise, measures, mistakes)
     # only the first forcing, even if two were given and reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]

@@ -80,11 +80,6 @@ class Reach(NamedTuple):
 
 
 @generic
-def steepness(shape: Shape) -> float:
-    """Largest |w'|."""
-
-
-@generic
 def side_at(shape: Shape, x: float) -> float:
     """Side on which a phase is, the sign of the acceleration; 1 of a shape without corners."""
 
@@ -143,16 +138,6 @@ def side_of_smooth(drive: Drive) -> float:
 @implements(until_corner, Oscillation, Oscillations)
 def until_corner_smooth(drive: Drive, x: float) -> float:
     return np.inf
-
-
-@implements(steepness, Sine)
-def steepness_sine(shape: Shape) -> float:
-    return TWO_PI
-
-
-@implements(steepness, Harmonics)
-def steepness_harmonics(shape: Harmonics) -> float:
-    return shape.steepest
 
 
 @jit

@@ -42,6 +42,7 @@ from vibrosweep.kernels.waveforms import (
     LiftOffs,
     Shape,
     Sine,
+    depth_of,
     first_lift_off,
     kick_slope,
     lift_offs,
@@ -49,6 +50,7 @@ from vibrosweep.kernels.waveforms import (
     next_lift_off,
     peak_of,
     put_phases,
+    steepness,
     take_phases,
     velocity,
 )
@@ -89,7 +91,8 @@ class Constants(NamedTuple):
 def constants_high_bounce(base: HighBounce, problem: Dimensionless, i: int) -> Constants:
     e, a, r = problem.restitution[i], problem.kick[i], problem.rest_flight[i]
     source = noise.source_of(problem.noise, problem.end_count, i)
-    peak = noise.strongest(base.noise, a * peak_of(base.waveform), source)
+    up, down = a * peak_of(base.waveform), a * depth_of(base.waveform)
+    peak = noise.strongest(base.noise, up, down, source)
     wait, u_lift = (0.0, r) if peak > r else (np.inf, 0.0)
     x_lift = lift_offs(base.waveform, a, r, problem.liftoff_phase[i])
     scale = scale_of(base.restitution, e, problem.restitution_speed[i])
@@ -181,7 +184,8 @@ def lifts_high_bounce(base: HighBounce, problem: Dimensionless) -> NDArray[np.bo
     drive = None if problem.noise is None else problem.noise.drive
     strongest_kick = problem.kick * uncompiled(peak_of)(base.waveform)
     if drive is not None:
-        strongest_kick = strongest_kick * (1.0 + LARGEST * drive)
+        down = problem.kick * uncompiled(depth_of)(base.waveform) * (LARGEST * drive - 1.0)
+        strongest_kick = np.maximum(strongest_kick * (1.0 + LARGEST * drive), down)
     return strongest_kick > problem.rest_flight
 
 
@@ -205,7 +209,9 @@ def lift_off_high_bounce(fixed: Constants, n: float, x: float, w: float) -> Lift
     leaves = w > fixed.r
     x_lift, carry = next_lift_off(fixed.base.waveform, fixed.x_lift, x)
     known = n + (fixed.wait + carry), x_lift
-    later, x_lift = noise.lifted(fixed.base.noise, known, n + fixed.wait, x)
+    # no phase of a rest for good where the wait for its end, 0 in lanes, does not tell
+    told = (fixed.u_lift > 0.0) | (fixed.wait > 0.0)
+    later, x_lift = noise.lifted(fixed.base.noise, known, n + fixed.wait, x if told else np.nan)
     kick = fixed.a * velocity(fixed.base.waveform, x)
     stays = not (leaves | noise.exceeds(fixed.base.noise, kick, fixed.r))
     return LiftOff(
@@ -262,7 +268,8 @@ def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
     by_speed, by_kick = _slopes(fixed, flight.landing, flight.v)
     k = by_kick * kick_slope(fixed.base.waveform, fixed.a, flight.landing)
     size = 2.0 + slack(fixed.base.restitution) * abs(by_speed) + 2.0 * abs(k)
-    size += TWO_PI * noise.swing(fixed.base.noise, fixed.a, fixed.draw.drive)
+    steepest = max(TWO_PI, steepness(fixed.base.waveform))
+    size += steepest * noise.swing(fixed.base.noise, fixed.a, fixed.draw.drive)
     return Jacobian(1.0, 1.0, k, by_speed + k, size)
 
 

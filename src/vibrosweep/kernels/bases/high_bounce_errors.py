@@ -18,6 +18,7 @@ from vibrosweep.kernels.restitution import (
 )
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.waveforms import (
+    depth_of,
     kick_bend,
     kick_rounding,
     kick_slope,
@@ -123,7 +124,8 @@ def _liftoff(
     n, x = begin
     shape, a, r = fixed.base.waveform, fixed.a, fixed.r
     if on is not None:
-        most = noise.strongest(random, a, fixed.source)
+        up, down = a * peak_of(shape), a * depth_of(shape)
+        most = noise.strongest(random, up, down, fixed.source)
         if abs(most - r) <= 2.0 * KICK_ERROR * most + REST_ERROR * r:
             return StateError(np.inf, np.inf)
         if most < r:

@@ -14,15 +14,15 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, implements, jit, wide_vectors
 from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.bases.high_bounce import Constants, HighBounce
+from vibrosweep.kernels.bases.random_lifts import lift_in, lift_in_error
 from vibrosweep.kernels.deviates import OF_DRIVE, deviate
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.noise import Noise, draw_of, driven, period_of
-from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
-from vibrosweep.kernels.waveforms import Shape, lift_off_error, rise_of
+from vibrosweep.kernels.rounding import REST_ERROR
+from vibrosweep.kernels.waveforms import Shape
 
 __all__: list[str] = []
 
-USELESS: Final = 2.0**-20  # turns; a larger bound of the error of a lift-off is of no use
 LONGEST: Final = 2**24  # forcing periods after which the search for a lift-off ends
 
 
@@ -46,16 +46,6 @@ def random_high_bounce(
 
 
 @jit
-def _lift_in(shape: Shape, kick: float, r: float, after: float) -> tuple[bool, float]:
-    """Return whether the kick exceeds r later in a period than `after`, and when, in turns."""
-    rises = rise_of(shape, r / abs(kick))
-    falls = 0.5 - rises
-    # where it is negative the kick is upward in the second half of the period
-    rises, falls = (0.5 + rises, 0.5 + falls) if kick < 0.0 else (rises, falls)
-    return (abs(kick) > r) & (after < falls), max(after, rises)
-
-
-@jit
 def _first_lift(noise: Noise, fixed: Constants, n: float, x: float) -> tuple[float, float]:
     """Whole periods and phase at which the kick first exceeds r from (n, x) on.
 
@@ -65,7 +55,7 @@ def _first_lift(noise: Noise, fixed: Constants, n: float, x: float) -> tuple[flo
     after = x + (n - period)  # turns from the beginning of the period, in [0, 1]
     for _ in range(LONGEST):
         kick = driven(noise, fixed.a, size * deviate(noise.key, stream, 0.0, period, OF_DRIVE))
-        lifts, after = _lift_in(fixed.base.waveform, kick, fixed.r, after)
+        lifts, after = lift_in(fixed.base.waveform, kick, fixed.r, after, True)
         if lifts:
             whole = np.rint(after)
             return period + whole, after - whole
@@ -79,29 +69,17 @@ def first_lift_error(
 ) -> StateError:
     """Bounds of the errors of `_first_lift`, from that of the phase x of the rest.
 
-    The first is infinite where it is in doubt which forcing period lifts the particle.  The kick of
-    a period takes two more roundings than without noise, and its noise another two.
+    The first is infinite where it is in doubt which forcing period lifts the particle.
     """
-    a, r, size = fixed.a, fixed.r, fixed.source.drive
-    period = period_of(n, x)
-    after, edge = x + (n - period), error
+    shape, a, r = fixed.base.waveform, fixed.a, fixed.r
+    period, stream, size = period_of(n, x), fixed.source.stream, fixed.source.drive
+    after = x + (n - period)
     for _ in range(LONGEST):
-        drive = size * deviate(noise.key, fixed.source.stream, 0.0, period, OF_DRIVE)
-        kick = abs(driven(noise, a, drive))
-        off = 2.0 * KICK_ERROR * (kick + a * abs(drive)) + REST_ERROR * r
-        if not abs(kick - r) > 2.0 * off:
-            return StateError(np.inf, np.inf)
-        if kick > r:
-            rises = rise_of(fixed.base.waveform, r / kick)
-            factor = 3.0 + a * abs(drive) / kick
-            edge += factor * lift_off_error(fixed.base.waveform, kick, r, rises) + 4.0 * HALF_ULP
-            turned = 0.5 if 1.0 + drive < 0.0 else 0.0
-            rises, falls = turned + rises, turned + 0.5 - rises
-            if not min(abs(after - rises), abs(after - falls)) > edge or edge > USELESS:
-                return StateError(np.inf, np.inf)
-            if after < falls:
-                return StateError(error if after > rises else edge, REST_ERROR * r)
-        period, after, edge = period + 1.0, 0.0, 0.0
+        drive = size * deviate(noise.key, stream, 0.0, period, OF_DRIVE)
+        lifts, off = lift_in_error(shape, a, drive, r, after, error)
+        if lifts:
+            return StateError(off, REST_ERROR * r if off < np.inf else np.inf)
+        period, after, error = period + 1.0, 0.0, 0.0
     return StateError(np.inf, np.inf)
 
 
@@ -151,8 +129,8 @@ def _wake_lanes(on: int | None, noise: Noise, shape: Shape, s: Floats, lanes: in
             asked = s[ROW.ASLEEP + j]
             period = period_of(n + origin, x)
             kick = driven(noise, a, s[ROW.DRIVE + j])
-            lifts, after = _lift_in(shape, kick, r, x + (n + origin - period))
             rests = asked > 0.0
+            lifts, after = lift_in(shape, kick, r, x + (n + origin - period), rests)
             given_up = rests & (asked >= LONGEST) & (not lifts)
             whole = np.rint(after) if lifts else 1.0
             x_off = after - whole if lifts else 0.0

@@ -24,7 +24,6 @@ from vibrosweep.kernels.bases.drives import (
     reach_of,
     side_at,
     side_of,
-    steepness,
     until_corner,
 )
 from vibrosweep.kernels.waveforms import Parabolic, Shape
@@ -60,11 +59,6 @@ def _from_middle(drive: Parabola, x: float) -> float:
 def until_corner_parabola(drive: Parabola, x: float) -> float:
     left = CORNER - _from_middle(drive, x)
     return left if left > 0.0 else 0.0
-
-
-@implements(steepness, Parabolic)
-def steepness_parabolic(shape: Shape) -> float:
-    return 4.0
 
 
 @implements(forced, Parabolic)

@@ -33,13 +33,12 @@ from vibrosweep.kernels.bases.drives import (
     forced,
     onto,
     reach_of,
-    steepness,
 )
 from vibrosweep.kernels.bases.exponential import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
 from vibrosweep.kernels.noise import SILENT, Noise, Source, source_of
 from vibrosweep.kernels.restitution import Restitution, ratio, scale_of
-from vibrosweep.kernels.waveforms import Shape, Sine
+from vibrosweep.kernels.waveforms import Shape, Sine, steepness
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
 TWO_PI = 2.0 * math.pi

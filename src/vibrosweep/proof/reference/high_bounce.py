@@ -198,26 +198,35 @@ class Motion:
             return None
         return m.flown_at(2 * next_of(self._lifts, self._half_turns / 2, impact))
 
+    @cached_property
+    def _lifts_ever(self) -> bool:
+        """True if a strength that a forcing period may have lifts a resting particle."""
+        m, strengths = self._map, self._problem.strengths
+        return any(m.wave.rises(s * m.amplitude, self._rest_velocity, 0) for s in strengths)
+
     def _lifted_in_some_period(self, impact: int) -> arb | None:
         """V where the kick of a forcing period is first above v_rest, each with its strength."""
         m, rest, begin = self._map, self._rest_velocity, self._half_turns / 2
-        if not certain_above(
-            self._problem.strongest * m.amplitude, rest, "A (1 + sigma xi) > v_rest", impact
-        ):
+        if not self._lifts_ever:
             return None
-        period = _period(begin, impact)
-        for number in range(LONGEST):
-            strength = self._problem.strength(period + number) * m.amplitude
-            if not certain_above(abs(strength), rest, "a kick > v_rest", impact):
+        first = _period(begin, impact)
+        for period in range(first, first + LONGEST):
+            strength = self._problem.strength(period) * m.amplitude
+            if not certain_above(
+                abs(strength) * m.wave.bounds.fast, rest, "a kick > v_rest", impact
+            ):
                 continue
-            upward = 0 if strength > 0 else 1
-            (rises,) = m.wave.rises(abs(strength), rest, impact)
-            falls = rises.neg() + 0.5 + upward * arb(0.5) + (period + number)
-            rises += upward * arb(0.5) + (period + number)
-            if number or certain_above(rises, begin, "a rest before the kick rises", impact):
-                return m.flown_at(2 * rises)
-            if certain_above(falls, begin, "a rest before the kick falls", impact):
-                return self._flown
+            begin = begin if period == first else arb(period)
+            if certain_above(
+                strength * m.wave.velocity(2 * begin), rest, "a kick > v_rest", impact
+            ):
+                return self._flown if period == first else m.flown_at(2 * begin)
+            rises = m.wave.rises(strength, rest, impact)
+            if not rises:
+                continue
+            lift = next_of(rises, begin, impact)
+            if certain_above(arb(period + 1), lift, "a kick > v_rest before a period ends", impact):
+                return m.flown_at(2 * lift)
         raise UncertainError("when a rest ends", impact)
 
 

@@ -66,10 +66,11 @@ class Problem:
         return self.deviates is not None and self.parameters["drive_noise"] > 0.0
 
     @property
-    def strongest(self) -> arb:
-        """Largest amplitude of a forcing period, in units of that without noise."""
+    def strengths(self) -> tuple[arb, arb]:
+        """Largest and smallest amplitude of a forcing period, in units of that without noise."""
         assert self.deviates is not None
-        return 1 + self.balls["drive_noise"] * self.deviates.largest
+        change = self.balls["drive_noise"] * self.deviates.largest
+        return 1 + change, 1 - change
 
     def strength(self, period: int) -> arb:
         """Amplitude of a forcing period, in units of that without noise."""

@@ -70,7 +70,7 @@ class Wave(Protocol):
         """w(x + s) - w(x)."""
 
     def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
-        """Phases in turns at which the kick a w(x) rises through r."""
+        """Phases in turns at which the kick a w(x), a of any sign, rises through r."""
 
     def falls(self, alpha: arb, impact: int) -> tuple[list[arb], list[arb]]:
         """Phases in turns at which 1 + G falls and rises through 0, G = alpha w' / 2."""
@@ -114,8 +114,8 @@ class _Sine:
         return -2 * half * (sine * half - cosine * half_cosine)
 
     def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
-        above = certain_above(a, r, "A > v_rest", impact)
-        return [(r / a).asin() / (2 * arb.pi())] if above else []
+        above = certain_above(abs(a), r, "A > v_rest", impact)
+        return [_rising((r / a).asin() / (2 * arb.pi()))] if above else []
 
     def falls(self, alpha: arb, impact: int) -> tuple[list[arb], list[arb]]:
         gamma = arb.pi() * alpha
@@ -123,6 +123,11 @@ class _Sine:
             return [], []
         lift = (-1 / gamma).acos() / (2 * arb.pi())
         return [lift], [-lift]
+
+
+def _rising(x: arb) -> arb:
+    """Return which of two crossings, x and 1/2 - x, the kick rises at: before 0 it falls."""
+    return x if x > 0 else arb(0.5) - x
 
 
 SINE_WAVE: Final[Wave] = _Sine()
@@ -264,7 +269,8 @@ class _Triangle:
         return self.velocity(h + 2 * s) - velocity
 
     def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
-        return [r / (4 * a)] if certain_above(a, r, "A > v_rest", impact) else []
+        above = certain_above(abs(a), r, "A > v_rest", impact)
+        return [_rising(r / (4 * a))] if above else []
 
     def falls(self, alpha: arb, impact: int) -> tuple[list[arb], list[arb]]:
         falls = certain_above(2 * alpha, ONE, FALLS, impact)
