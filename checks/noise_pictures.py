@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from vibrosweep.figures import style
 
 WORDS = {
     "kick_noise": r"kick, $\sigma_V$ (m s$^{-1}$)",
-    "drive_noise": r"drive, $\sigma_A$",
+    "drive_noise": r"drive, $\sigma_A$ (relative)",
     "restitution_noise": r"restitution, $\sigma_e$",
 }
+
+
+def against_strength(axes, kind):
+    """Label an axis of the strength of a noise, whose range is too short for powers of ten."""
+    axes.set(xscale="log", xlabel=WORDS[kind])
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 @style.styled
@@ -24,10 +32,15 @@ def lifetimes(lives):
     ):
         known = np.isfinite(life)
         ends = [life[known] - low[known], high[known] - life[known]]
-        axes.errorbar(values[known], life[known], ends, fmt="o", markersize=3.0, capsize=2.0)
-        axes.plot(values[~known], low[~known], "^", color="0.5")
-        axes.set(xscale="log", yscale="log", xlabel=WORDS[kind])
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.errorbar(
+            values[known], life[known], ends,
+            fmt="o", color=style.OKABE_ITO[0], markersize=3.0, capsize=2.0,
+        )  # fmt: skip
+        if not known.all():
+            axes.plot(values[~known], low[~known], "^", color=style.GREY, label="at least")
+        axes.set_yscale("log")
+        against_strength(axes, kind)
+        style.head(axes, "")
     figure.axes[0].set_ylabel("mean lifetime (periods)")
     return figure
 
@@ -39,9 +52,9 @@ def windows(amplitude, strengths, kept, ends):
     axes = figure.subplots()
     for share, strength, colour in zip(kept.T, strengths, style.OKABE_ITO, strict=False):
         axes.plot(amplitude, share, color=colour, label=rf"$\sigma_V = {strength:g}$ m s$^{{-1}}$")
-    for end in ends:
-        axes.axvline(end, color="k", linewidth=0.8, linestyle="--")
-    axes.set(xlabel=r"amplitude $A$ (m s$^{-1}$)", ylabel="locked for 500 periods")
+    for end, name in zip(ends, ("window without noise", ""), strict=True):
+        axes.axvline(end, color="k", linewidth=0.8, linestyle="--", label=name)
+    axes.set(xlabel=r"amplitude $A$ (m s$^{-1}$)", ylabel="share locked for 500 periods")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.0)
     return figure
 
@@ -54,8 +67,9 @@ def energy(a, e, squares):
     for (sigma, found), colour in zip(squares.items(), style.OKABE_ITO, strict=False):
         axes.plot(a, found, ".", color=colour, label=rf"$\sigma = {sigma:g}$")
         axes.plot(a, (a * a / 2.0 + sigma**2) / (1.0 - e * e), color=colour, linewidth=0.8)
+    axes.plot([], [], color=style.GREY, linewidth=0.8, label="random phases")
     axes.set(xscale="log", yscale="log", xlabel=r"amplitude $a$ ($g/2f$)")
-    axes.set_ylabel(r"$\langle u^2 \rangle$")
+    axes.set_ylabel(r"mean square speed $\langle u^2 \rangle$ ($(g/2f)^2$)")
     axes.legend(fontsize=8.0)
     return figure
 
@@ -67,8 +81,8 @@ def staggering(free):
     for axes, (kind, (values, share)) in zip(
         figure.subplots(1, 3, sharey=True), free.items(), strict=True
     ):
-        axes.plot(values, share, "o-", markersize=3.0)
-        axes.set(xscale="log", xlabel=WORDS[kind], ylim=(-0.05, 1.05))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-    figure.axes[0].set_ylabel("pairs that never meet")
+        axes.plot(values, share, "o-", color=style.OKABE_ITO[0], markersize=3.0)
+        axes.set_ylim(-0.05, 1.05)
+        against_strength(axes, kind)
+    figure.axes[0].set_ylabel("share of pairs that never meet")
     return figure

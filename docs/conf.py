@@ -96,16 +96,33 @@ UNREADABLE = {
     r"<function _\w+( at \w+)?>": "...",
     r"<function (\w+)( at \w+)?>": r"\1",
     r"(\*args|\*\*kwargs): ~typing\.~P": r"\1",
+    r"(~numpy\.|np\.)?ndarray\[tuple\[.*?\], (~numpy\.)?dtype\[(~numpy\.)?\w+\]\]": "NDArray",
     r"~P\b": "P",
 }
 SENTENCE = 45  # characters of a table's cell
 FUNCTION = re.compile(r"<mi>(sin|cos|tan|ln|log)</mi>(<mo[^>]*>&#x00028;)?")
 NUMBER = re.compile(r"[-+\d.,e]+( %)?( (to|of) [-+\d.,e]+( %)?)?")
 UNIT = re.compile(r"(?<=\d) (?=%|(?:k?Hz|[mµn]?s|[cmµ]?m|m/s|g|rad|[MG]B|[KM]iB)\b)")
-EXPONENT = re.compile(r"(?:(?<=\de-)|(?<=\b[ms]-))(?=\d)")
+EQUAL = re.compile(r"(?<=\b[A-Za-zΓ]) = (?=[-\d])")
+LETTERS = ["Gamma", "Lambda", "Phi", "alpha", "lambda", "mu", "phi", "pi", "sigma", "tau"]
+SIGNS = {"<=": "≤", ">=": "≥", **dict(zip(LETTERS, "ΓΛΦαλμφπστ", strict=True))}
+SPELLED = re.compile(r"[<>]=|(?<![^\W_])(?:" + "|".join(LETTERS) + r")(?![^\W_])")
+# an index of a single letter, an exponent, or that of a unit
+RAISED = re.compile(
+    r"(?<=(?<!\w)[^\W\d_])_(?P<low>min|max|first|last|[a-z\d]|\([^()]+\))(?!\w)"
+    r"|(?<=[\w)>'\N{RIGHT SINGLE QUOTATION MARK}])(?:\^|\*\*)(?P<high>-?\w+|\([^()]+\))"
+    r"|(?<=\b[ms])(?P<unit>-\d)(?!\w)"
+)
+EXPONENT = re.compile(r"(?<=\de-)(?=\d)")
 NAME = re.compile(r">[^<>\s]{12,}<")  # a word that is alone in its element
 JOINT = re.compile(r"(?<=\w)[._/(=](?=[^\W\d]\w\w)|(?<=[a-z])(?=[A-Z][a-z])")
 BAR = re.compile("<mo[^>]*>&#x0007C;</mo>")
+
+# python -m sphinx -b linkcheck -D nb_execution_mode=off docs build/links
+linkcheck_timeout = 20
+linkcheck_anchors = False  # pages that a script fills have none in their text
+linkcheck_allow_unauthorized = True  # publishers let no robot in
+linkcheck_rate_limit_timeout = 60.0
 
 html_theme = "pydata_sphinx_theme"
 html_title = "vibrosweep"
@@ -178,16 +195,34 @@ def as_written(app: Sphinx, thing: object, bound: bool) -> None:
         vars(thing).pop("__signature__", None)
 
 
-def keep_together(app: Sphinx, document: Element, name: str) -> None:
-    """Keep numbers with their units, and minus signs with their exponents, on one line."""
+def set_formulas(app: Sphinx, document: Element, name: str) -> None:
+    """Set the formulas that docstrings and messages write in plain letters.
+
+    Numbers stay on one line with their units, and minus signs with their exponents.
+    """
     from docutils import nodes
+    from sphinx.addnodes import desc_sig_element, desc_signature
 
     apart = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw)
+    apart += (nodes.reference, desc_signature, desc_sig_element)
     for text in list(document.findall(nodes.Text)):
+        if isinstance(text.parent, apart):
+            continue
         whole = UNIT.sub("\N{NO-BREAK SPACE}", text)
+        whole = EQUAL.sub("\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}", whole)
         whole = EXPONENT.sub("\N{WORD JOINER}", whole)
-        if whole != text and not isinstance(text.parent, apart):
-            text.parent.replace(text, nodes.Text(whole))
+        whole = SPELLED.sub(lambda found: SIGNS[found[0]], whole)
+        parts, end = [], 0
+        for found in RAISED.finditer(whole):
+            kind = nodes.subscript if found["low"] else nodes.superscript
+            raised = (found["low"] or found["high"] or found["unit"]).strip("()")
+            parts += [
+                nodes.Text(whole[end : found.start()]),
+                kind("", raised.replace("-", "\N{MINUS SIGN}")),
+            ]
+            end = found.end()
+        if whole != text or parts:
+            text.parent.replace(text, [*parts, nodes.Text(whole[end:])])
 
 
 def mark_tables(app: Sphinx, document: Element, name: str) -> None:
@@ -222,10 +257,10 @@ def breakable(app: Sphinx, error: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """Draw formulas as MathML, mark tables, break names, and shorten signatures."""
+    """Set formulas, mark tables, break names, and shorten signatures."""
     app.add_html_math_renderer("mathml", (inline, None), (display, None))
     app.connect("doctree-resolved", mark_tables)
-    app.connect("doctree-resolved", keep_together)
+    app.connect("doctree-resolved", set_formulas)
     app.connect("build-finished", breakable)
     app.connect("autodoc-before-process-signature", as_written)
     app.connect("autodoc-process-signature", readable)

@@ -59,6 +59,7 @@ def balance_against_rests(balance: xr.Dataset, *, ax: Axes | None = None) -> Axe
     rests = balance["rests"].values.ravel()[some] / count[some]
     relative = (balance["balance"].values / balance["mean_loss"].values).ravel()[some]
     axes = style.axes_on(ax, style.MEDIUM, 2.8)
+    axes.set_yscale("symlog", linthresh=0.1)
     for chosen, colour, name in (
         (rests == 0.0, style.OKABE_ITO[0], "no rests"),
         (rests > 0.0, style.OKABE_ITO[1], "with rests"),
@@ -75,7 +76,6 @@ def balance_against_rests(balance: xr.Dataset, *, ax: Axes | None = None) -> Axe
             label=name,
         )
     axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set_yscale("symlog", linthresh=0.1)
     axes.set_xlabel("share of landings that end in a rest")
     axes.set_ylabel(r"$(\langle U \rangle - (1-e)\langle v \rangle) / (1-e)\langle v \rangle$")
     style.head(axes, "")

@@ -31,7 +31,7 @@ def errors_in_time(
             markersize=2.5,
             markeredgewidth=0.0,
             color=colour,
-            label=name,
+            label=f"steps of {name}",
         )
     axes.set_yscale("log")
     axes.set_xlabel("landing time (s)")

@@ -213,7 +213,9 @@ def test_bad_input_is_refused_with_its_range():
 
 def test_figures_show_branches_and_curves_alone_and_over_a_sweep():
     branches = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], doublings=2, base="moving")
-    assert orbit_branches(branches, ax=Figure().add_subplot()).lines
+    axes = orbit_branches(branches, ax=Figure().add_subplot())
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert {"1 in 1 period", "stable", "unstable"} <= set(names)
     curves = vs.boundaries(restitution=[0.8, 0.9], base_displacement=[0.03, 0.3])
     velocity = 2.0 * np.pi * curves.base_displacement
     xr.testing.assert_allclose(curves.amplitude, (1.0 + curves.restitution) * velocity)

@@ -21,7 +21,8 @@ def rest_share(sweep: xr.Dataset) -> xr.Dataset:
 def lines(result: xr.Dataset) -> Iterator[str]:
     """Smallest and largest share, for ``vibrosweep info``."""
     share = result["rest_share"]
-    yield f"rest_share over the {result.attrs['base']} base: {share.min():.3g} to {share.max():.3g}"
+    ends = f"{share.min():.3g} to {share.max():.3g}"
+    yield f"rest_share over the {result.attrs['base']} base: {ends}"
 
 
 def draw(result: xr.Dataset, *, ax: Axes | None = None) -> Axes:

@@ -125,6 +125,25 @@ def test_without_separation_the_height_gives_the_colour(sweep):
     assert not isinstance(dots.norm, LogNorm)
 
 
+@pytest.mark.parametrize("far", [{0: -1e6}, {7: 1e6}, {0: -1e6, 7: 1e6}, {}])
+def test_a_value_far_from_the_others_does_not_spoil_the_scale(far, make_sweep):
+    sweep, values = make_sweep(1000, 3), np.linspace(1.0, 3.0, 1000)
+    values[list(far)] = list(far.values())
+    if far:
+        values -= 2.0  # of both signs
+    bar = parameter_plane(sweep.assign(drift=("realization", values)), "drift").figure.axes[-1]
+    norm, extend = bar._colorbar.norm, bar._colorbar.extend
+    assert -1.0 <= norm.vmin < norm.vmax <= 3.0
+    assert extend == {(): "neither", (0,): "min", (7,): "max", (0, 7): "both"}[tuple(far)]
+
+
+def test_the_names_of_curves_stand_above_the_dots(sweep):
+    axes = parameter_plane(sweep)
+    dots = max(drawn.zorder for drawn in axes.collections)
+    assert axes.texts
+    assert min(text.zorder for text in axes.texts) > dots
+
+
 def test_a_scale_of_counts_has_no_halves(sweep):
     counted = sweep.assign(slots=("realization", np.arange(60) % 4, {"long_name": "slots"}))
     bar = parameter_plane(counted, "slots").figure.axes[-1]

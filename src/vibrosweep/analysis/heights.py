@@ -59,7 +59,8 @@ def heights_against_restitution(
     --------
     >>> import vibrosweep as vs
     >>> from vibrosweep.analysis import heights_against_restitution
-    >>> sweep = vs.sweep(restitution=(0.8, 0.98), realizations=50, duration=1000.0, transient=900.0)
+    >>> sweep = vs.sweep(restitution=(0.8, 0.98), realizations=50,
+    ...                  duration=1000.0, transient=900.0)
     >>> found = heights_against_restitution(sweep, bins=3)
     >>> found.plateau_fraction.dims, sorted(set(found["mode"].values.tolist()))
     (('part',), [0, 1])

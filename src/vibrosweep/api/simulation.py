@@ -71,11 +71,10 @@ def simulate(
             of gravity) of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.  Without
             any of them the amplitude of Table 1.
         launch_time
-            When particles leave the base, in s: a number, or a list with one entry per particle;
-            or instead
+            When particles leave the base, in s: a number, or a list with one entry per particle.
         particles, launch
-            Number of particles, and ``"staggered"`` launches (particle j at j / (particles
-            frequency)) or a list of launch times in s.
+            Instead of `launch_time` the number of particles, and ``"staggered"`` launches
+            (particle j at j / (particles * frequency)) or a list of launch times in s.
         duration, duration_periods
             Landings up to this time are recorded: in s, 12 by default, or in forcing periods of
             each realization.

@@ -63,7 +63,7 @@ def sweep(
             of gravity) of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.
         particles, launch
             Number of particles in each realization, and ``"staggered"`` launches (particle j at
-            j / (particles frequency)) or a list of launch times in s.
+            j / (particles * frequency)) or a list of launch times in s.
         duration, duration_periods
             End of the observation in s, 12 by default, or in forcing periods.
         base, rebound

@@ -18,13 +18,11 @@ from bokeh.palettes import Viridis256
 
 from vibrosweep.arrays import Array
 from vibrosweep.explore.points import Column
-from vibrosweep.figures.style import OKABE_ITO
+from vibrosweep.figures.style import OKABE_ITO, scale_ends
 
 GREY: Final = "#b5b5b5"
 NAMED: Final = (*OKABE_ITO, GREY)
 UNKNOWN: Final = "rgba(0, 0, 0, 0)"
-MOST_VALUES: Final = (0.01, 0.99)  # quantiles between which a scale lies if others stretch it
-STRETCHED: Final = 5.0  # times as wide as they are apart
 
 
 @dataclass(frozen=True)
@@ -64,11 +62,11 @@ def colouring(column: Column) -> Colouring:
         return Colouring(values, _scale(LogColorMapper, least, max(high, 1.01 * least)), title)
     endless = bool(np.any(values == -np.inf))
     title = f"{column.label}, grey: -∞" if endless else column.label
-    within = np.quantile(known, MOST_VALUES) if known.size else np.array([low, high])
-    if high - low > STRETCHED * np.ptp(within) > 0.0:
-        # the ends of the scale stand for what is beyond them: a few values do not hide the others
+    least, most = scale_ends(known) if known.size else (low, high)
+    if (least, most) != (low, high):
+        # the ends of the scale stand for what is beyond them
         title += f", {low:.3g} to {high:.3g}"
-        low, high = low if endless else float(within[0]), float(within[1])
+        low, high = low if endless else least, most
     elif low == high:
         low, high = low - 0.5, high + 0.5
     below = GREY if endless else Viridis256[0]

@@ -19,6 +19,7 @@ __all__ = ["NEEDS", "orbit_boundaries", "orbit_branches"]
 
 NEEDS: Final = data.Needs(("bifurcation", "cycle_impacts", "cycle_periods", "admissible"))
 GRAZE, REST = 2, 3  # codes of `bifurcation`
+THIN, THICK = 0.6, 1.8  # lines of unstable and of stable orbits
 AT_BORDER: Final = 1e-9  # of stability, where a stable part of a branch ends
 # By the codes of `bifurcation`: the marker of a point, the dashes of a curve, and the name
 KINDS: Final = (
@@ -74,9 +75,11 @@ def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
             at, speed = one[along].values, one["rebound_velocity"].values[:, : kind[0]]
             modulus = np.hypot(one["multiplier_real"].values, one["multiplier_imaginary"].values)
             stable = modulus[:, :1] <= 1.0 + AT_BORDER
-            axes.plot(at, speed, color=colour, linewidth=0.6)
-            axes.plot(at, np.where(stable, speed, np.nan), color=colour, linewidth=1.8)
+            axes.plot(at, speed, color=colour, linewidth=THIN)
+            axes.plot(at, np.where(stable, speed, np.nan), color=colour, linewidth=THICK)
         axes.plot([], [], color=colour, label=cycle_name(*kind))
+    for width, name in ((THICK, "stable"), (THIN, "unstable")) if kinds else ():
+        axes.plot([], [], color=style.GREY, linewidth=width, label=name)
     _mark_events(axes, branches, along)
     axes.set_xlabel(data.label(branches, along))
     axes.set_ylabel(data.label(branches, "rebound_velocity"))

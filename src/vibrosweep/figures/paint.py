@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from matplotlib import colormaps
@@ -80,7 +80,7 @@ def paint_numbers(
         label=f"{label}, cell median" if points.repeated else label,
         pad=0.02,
         aspect=30,
-        extend="min" if known.min() < (norm.vmin or 0.0) else "neither",
+        extend=_beyond(known, norm),
         ticks=MaxNLocator(integer=True) if counts and not signed else ticks,
     )
 
@@ -102,7 +102,7 @@ def paint_codes(
 
 def _around_zero(known: Array) -> Normalize:
     """Scale with zero in its middle, over both signs even where only one occurs."""
-    low, high = float(known.min()), float(known.max())
+    low, high = style.scale_ends(known)
     most = max(abs(low), abs(high)) or 1.0
     return TwoSlopeNorm(0.0, low if low < 0.0 else -most, high if high > 0.0 else most)
 
@@ -115,12 +115,21 @@ def _ticks_around_zero(norm: Normalize) -> Array:
     return ticks[(ticks >= ends[0]) & (ticks <= ends[1])]
 
 
+def _beyond(known: Array, norm: Normalize) -> Literal["neither", "min", "max", "both"]:
+    """Ends of a scale beyond which there are values, as a colour bar names them."""
+    below, above = bool(known.min() < norm.vmin), bool(known.max() > norm.vmax)
+    if below and above:
+        return "both"
+    return "min" if below else "max" if above else "neither"
+
+
 def _norm(known: Array, *, logarithmic: bool) -> Normalize:
-    low, high = float(known.min()), float(known.max())
     if logarithmic:
+        low, high = float(known.min()), float(known.max())
         # a few almost coincident landings would stretch the scale to the limits of precision
         low = max(low, float(np.quantile(known, 0.01, method="lower")), 1e-6 * high)
         return LogNorm(low, high) if low < high else LogNorm(low / 2.0, low * 2.0)
+    low, high = style.scale_ends(known)
     return Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
 
 

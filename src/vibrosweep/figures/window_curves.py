@@ -78,7 +78,8 @@ def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float 
 def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:
     """Draw the ends of the windows into the present view and name each on its curve.
 
-    With `over` they are drawn over cells, with a halo; otherwise under the dots.
+    With `over` they are drawn over cells, with a halo; otherwise under the dots, but their names
+    over them.
     """
     curves = window_curves(axes.get_xlim(), axes.get_ylim(), forcing, modes)
     for curve in curves:
@@ -105,8 +106,8 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
             ha="center",
             va="center",
             fontsize=7.5,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6},
-            zorder=4.0 if over else 1.0,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.4},
+            zorder=4.0,
             clip_on=True,
         )
 

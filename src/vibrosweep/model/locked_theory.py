@@ -309,7 +309,7 @@ def multipliers(
 ) -> NDArray[np.complex128]:
     """Floquet multipliers of the stable branch of mode k; their product is e, or e^2.
 
-    Roots of lambda^2 - (1 + p - 2 (1 + p) s / s_m) lambda + p = 0, see the module.
+    Roots of lambda^2 - (1 + p - 2 (1 + p) s / s_m) lambda + p = 0, p their product.
 
     Parameters
     ----------

@@ -70,7 +70,8 @@ class Observable:
     >>> import numpy as np, vibrosweep as vs
     >>> def fastest(totals, landing):
     ...     totals[0] = max(totals[0], landing.arrival)
-    >>> arrival = vs.Observable("arrival_max", fastest, "fastest arrival", "m s-1", particles="max")
+    >>> arrival = vs.Observable("arrival_max", fastest, "fastest arrival", "m s-1",
+    ...                         particles="max")
     >>> found = vs.sweep(amplitude=0.0, restitution=0.9, observables=[arrival])
     >>> print(found.arrival_max.values, found.arrival_max.units)
     [5.] m s-1
