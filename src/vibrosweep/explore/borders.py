@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.explore.labels import legible
-from vibrosweep.explore.points import Points
+from vibrosweep.explore.points import Border, Points
 from vibrosweep.store.kinds import load_dataset, read_kind
 
 if TYPE_CHECKING:
@@ -22,14 +20,6 @@ BOUNDARIES: Final = "boundaries"
 DASHES: Final = {"saddle_node": "solid", "period_doubling": "dashed", "corner": "solid"}
 # Events at which rounding decides whether a particle takes the orbit
 TIES: Final = ("grazing", "rest")
-
-
-class Border(NamedTuple):
-    """A curve; NaN where no particle takes its orbit."""
-
-    name: str
-    dash: str
-    values: Mapping[str, Array]  # restitution and forcing
 
 
 def with_borders(points: Points, path: Path) -> Points:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,6 @@ from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibrosweep.explore.borders import Border
-
-
 # Variables that colour the plane at first, where they were measured
 COLOURS: Final = ("dt_min", "rebound_height_max")
 SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "gap_min")
@@ -52,6 +49,14 @@ class Column:
     codes: Mapping[int, str] = field(default_factory=dict)
     # True where zero is a case of its own instead of a small number, as for separations
     zero_apart: bool = False
+
+
+class Border(NamedTuple):
+    """A curve over a plane; NaN where no particle takes its orbit."""
+
+    name: str
+    dash: str
+    values: Mapping[str, Array]  # restitution and forcing
 
 
 @dataclass(frozen=True)
