@@ -271,9 +271,9 @@ def test_any_variable_of_a_result_is_drawn_or_refused_in_words():
                 parameter_plane(texts, name)
     with pytest.raises(DataError, match="choose a variable with one number for each"):
         vs.separations(texts, against="name")
-    with pytest.raises(DataError, match='it holds nothing of that name; did you mean "lyapunov_'):
+    with pytest.raises(DataError, match='no variable has that name; did you mean "lyapunov_'):
         parameter_plane(sweep, "lyapunov")
-    with pytest.raises(DataError, match=r"it holds nothing of that name$"):
+    with pytest.raises(DataError, match=r"no variable has that name$"):
         parameter_plane(sweep, "xyz")
     with pytest.raises(DataError, match="set trust = true"):
         parameter_plane(sweep, "landing_time_error")

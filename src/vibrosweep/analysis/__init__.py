@@ -1,7 +1,4 @@
-"""Analyses of results and records: dataset in, dataset out, one question per file.
-
-`vibrosweep.windows` takes a `Condition`, made of a function of one's own.
-"""
+"""Analyses of results and records: each takes a dataset and returns one."""
 
 from __future__ import annotations
 

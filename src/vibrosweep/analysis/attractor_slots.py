@@ -1,4 +1,4 @@
-"""Number of particles that a base can keep apart: the slots of all attractors."""
+"""Number of particles that a base can keep separated: the slots of all attractors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["capacity"]
 
 
 def capacity(basins: xr.Dataset) -> xr.Dataset:
-    """Slots of the base over all attractors that a dense set of launches leads to.
+    """Count the slots of all attractors that a dense set of launches leads to.
 
     An attractor that repeats after q forcing periods exists in q copies, shifted by whole periods.
     More particles than there are slots cannot stay separated, however they are launched.  An

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Motion of the base of one realization, which no particle changes."""
+    """Motion of the base of one realization, on which particles have no influence."""
 
     speed: float  # peak velocity V0 = A / (1 + e), m s-1; 0 where the base stays at height 0
     frequency: float  # Hz
@@ -47,7 +47,7 @@ class BaseMotion:
 
     @property
     def reach(self) -> float:
-        """Largest distance from height 0, m, or more."""
+        """Upper bound of the distance from height 0, m."""
         return self.displacement if self.waveform == SINE else 2.0 * self.displacement
 
     def _turns(self, time: ArrayLike) -> Array:
@@ -68,12 +68,12 @@ def restitution_law(dataset: xr.Dataset) -> str:
 
 
 def moves(dataset: xr.Dataset) -> bool:
-    """Tell whether the base of a dataset moves."""
+    """Return whether the base of a dataset moves."""
     return base_name(dataset) != HIGH_BOUNCE
 
 
 def recoils(dataset: xr.Dataset) -> bool:
-    """Tell whether the base of a dataset has finite mass and so couples its particles."""
+    """Return whether the base of a dataset has finite mass and so couples its particles."""
     return base_name(dataset) == SPRUNG
 
 
@@ -83,12 +83,12 @@ def waveform_name(dataset: xr.Dataset) -> str:
 
 
 def has_closed_forms(dataset: xr.Dataset) -> bool:
-    """Tell whether closed forms, of a sine and a constant restitution, hold for a dataset."""
+    """Return whether closed forms, which assume a sine and a constant restitution, hold."""
     return waveform_name(dataset) == SINE_NAME and restitution_law(dataset) == CONSTANT
 
 
 def require_scene(dataset: xr.Dataset, analysis: str) -> None:
-    """Raise a DataError where an analysis cannot take the scene of a dataset."""
+    """Raise a DataError if an analysis cannot take the scene of a dataset."""
     wrong = refusal(
         base_name(dataset),
         restitution=restitution_law(dataset),

@@ -11,13 +11,13 @@ from vibrosweep.arrays import Array
 
 BOX: Final = 5  # launches along each side of a box
 CONFIDENCE: Final = 0.95
-STEPS: Final = (1, 2, 4, 8, 16)  # of the axis, to launches that are compared
-FEWEST: Final = 64  # values of an axis along which they are compared
-EVEN: Final = 1e-6  # relative difference of the steps of an axis
+STEPS: Final = (1, 2, 4, 8, 16)  # distances of the launches that are compared, along the axis
+FEWEST: Final = 64  # values of an axis along which launches are compared
+EVEN: Final = 1e-6  # largest relative difference between the steps of an even axis
 SHAPE: Final = {
     "unsettled_fraction": "fraction of unsettled launches",
     "basin_entropy": f"mean entropy in boxes of {BOX} x {BOX} launches, nats",
-    "boundary_entropy": "the same over boxes with several basins",
+    "boundary_entropy": f"mean entropy in boxes of {BOX} x {BOX} with several basins, nats",
     "uncertainty_exponent": (
         "slope of the logarithm of the share of launches with a neighbour of another basin"
     ),
@@ -28,10 +28,10 @@ SHAPE: Final = {
 def basin_measures(index: NDArray[np.int64], speeds: Array) -> dict[str, Any]:
     """Variables that measure how basins interlace.
 
-    `index` of launches has the shape (launch_velocity, launch_time); it is negative where a launch
-    is unsettled and has reached no attractor: such ones are left out of the entropies and of the
-    exponent.  Basin entropy: Daza et al. (2016), Scientific Reports 6, 31416; the uncertainty
-    exponent: McDonald et al. (1985), Physica D 17, 125.
+    `index` is that of the attractor of each launch, of shape (launch_velocity, launch_time), and
+    negative for an unsettled launch, which is left out of the entropies and of the exponent.
+    Basin entropy: Daza et al. (2016), Scientific Reports 6, 31416; uncertainty exponent: McDonald
+    et al. (1985), Physica D 17, 125.
     """
     values: tuple[float, ...] = (
         float(np.mean(index < 0)),
@@ -48,40 +48,41 @@ def share_interval(counts: NDArray[np.int64], total: int) -> dict[str, Array]:
     """Return the ends ``low`` and ``high`` of the 95 % intervals of shares of a total."""
     from scipy.stats import binomtest
 
-    ends = [
-        binomtest(int(one), total).proportion_ci(CONFIDENCE, method="wilson")
-        for one in counts.ravel()
+    intervals = [
+        binomtest(int(count), total).proportion_ci(CONFIDENCE, method="wilson")
+        for count in counts.ravel()
     ]
     return {
-        side: np.array([getattr(one, side) for one in ends]).reshape(counts.shape)
+        side: np.array([getattr(interval, side) for interval in intervals]).reshape(counts.shape)
         for side in ("low", "high")
     }
 
 
 def _entropies(index: NDArray[np.int64]) -> tuple[float, float]:
-    """Basin entropy and boundary entropy, from whole boxes; NaN without any."""
+    """Basin entropy, and boundary entropy; NaN where no box fits, or none has several basins."""
     rows, columns = (size // BOX * BOX for size in index.shape)
     cut = index[:rows, :columns].reshape(rows // BOX, BOX, columns // BOX, BOX)
     boxes = cut.transpose(0, 2, 1, 3).reshape(-1, BOX * BOX)
-    kinds = [np.unique(box[box >= 0], return_counts=True)[1] for box in boxes]
-    own = np.array([-np.sum(k / k.sum() * np.log(k / k.sum())) for k in kinds if k.size])
-    mixed = own[[k.size > 1 for k in kinds if k.size]]
-    whole, border = (float(v.mean()) if v.size else np.nan for v in (own, mixed))
-    return whole, border
+    counts = [np.unique(box[box >= 0], return_counts=True)[1] for box in boxes]
+    entropy = np.array([-np.sum(k / k.sum() * np.log(k / k.sum())) for k in counts if k.size])
+    mixed = entropy[[k.size > 1 for k in counts if k.size]]
+    basin, boundary = (float(v.mean()) if v.size else np.nan for v in (entropy, mixed))
+    return basin, boundary
 
 
 def _exponent(index: NDArray[np.int64], speeds: Array) -> tuple[float, float]:
     """Uncertainty exponent along the speed of launch, with its standard error.
 
-    The share of launches one of whose two neighbours, some steps up and down, is of another basin
-    grows with the distance to that power.  NaN along few or uneven speeds, or without a boundary.
+    A launch is uncertain at a distance where a neighbour that far up or down is of another basin;
+    the share of uncertain launches grows as a power of the distance, which is the exponent.  NaN
+    where the speeds are few or uneven, or no boundary is met.
     """
     from scipy.stats import linregress
 
     steps = np.diff(speeds)
     if speeds.size < FEWEST or np.ptp(steps) > EVEN * steps.mean():
         return np.nan, np.nan
-    # the same launches at every distance, so that a straight boundary has exactly the exponent 1
+    # with the same launches at every distance a straight boundary has exactly the exponent 1
     first, last = STEPS[-1], speeds.size - STEPS[-1]
     middle, shares = index[first:last], []
     for step in STEPS:

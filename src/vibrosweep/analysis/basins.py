@@ -46,25 +46,25 @@ Codes = NDArray[np.int64]
 
 BYTES_PER_LAUNCH: Final = 300
 BYTES_KEPT: Final = 16
-MOST_LINES: Final = 12  # of a summary along a parameter, one for each attractor
+MOST_LINES: Final = 12  # attractors in a summary along a parameter
 PLANE: Final = ("launch_velocity", "launch_time")
 ALONG: Final = ("restitution", *FORCINGS)
-SHAPES: Final = {  # words and form of a line
+SHAPES: Final = {  # name and number format in a summary
     "unsettled_fraction": ("unsettled, on no attractor", "{:.2%}"),
     "basin_entropy": ("basin entropy", "{:.3g} nats"),
     "uncertainty_exponent": ("uncertainty exponent", "{:.3g}"),
 }
 UNSETTLED: Final = -1  # instead of the index of an attractor
-OF_KIND: Final = ("regime", "cycle_periods", "cycle_rests")  # the same all along a parameter
+OF_KIND: Final = ("regime", "cycle_periods", "cycle_rests")  # constant along a parameter
 
 
 def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     """Launch a particle at every point of a plane and find its attractor: `vibrosweep.basins`.
 
     The launch times are those of the sweep's particles, the speeds those of its grid; the result
-    holds each once, ascending.  All launches at rest for good are one attractor, and all aperiodic
-    ones; unsettled launches have none.  Raises a SpecError unless the design is a grid of launch
-    velocities, and of one of `ALONG` if need be.
+    holds each value once, ascending.  All launches that end at permanent rest count as one
+    attractor, and so do all aperiodic ones; unsettled launches have none.  Raises a SpecError
+    unless the axes of the design are the launch velocity and at most one of `ALONG`.
     """
     require_ability("basins", sweep.scene, sweep.design.sampled)
     axes = grid_axes(sweep, "basins", "launch_velocity", ALONG)
@@ -77,29 +77,29 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     scene = settling(sweep, highest)
     times = np.unique(launch_times(scene.launch, scene.particles, scene.inputs["frequency"]))
     steps = max((values.size for values in axes.values()), default=1)
-    each = BYTES_PER_LAUNCH + steps * BYTES_KEPT
-    require_memory("launches", speeds.size * times.size, each)
+    bytes_each = BYTES_PER_LAUNCH + steps * BYTES_KEPT
+    require_memory("launches", speeds.size * times.size, bytes_each)
     coordinates = _coordinates(times, speeds)
     with Workers(threads) as workers:
-        every = [
+        planes = [
             _basins_at(scene, {n: v[k] for n, v in axes.items()}, coordinates, workers)
             for k in range(steps)
         ]
-    (found,) = every if not axes else (_along(every, axes),)
+    (found,) = planes if not axes else (_along(planes, axes),)
     total = speeds.size * times.size
     counted = found["launches"]
     shares = {"fraction": ("fraction of launches in the basin", counted.values / total)}
     for side, values in share_interval(counted.values, total).items():
         words = f"{side} end of the Wilson 95 % interval of the fraction of launches"
         shares[f"fraction_{side}"] = words, values
-    told = attributes(scene, "Basins of attraction") | {"notes": note_of(scene, highest)}
-    told |= {"title": sweep.title, "sweep_file": sweep.text}
-    told |= dict(zip(("along",), axes, strict=False))
+    attrs = attributes(scene, "Basins of attraction") | {"notes": note_of(scene, highest)}
+    attrs |= {"title": sweep.title, "sweep_file": sweep.text}
+    attrs |= dict(zip(("along",), axes, strict=False))
     return (
         found.drop_vars("launches")
         .assign({n: (counted.dims, v, _words(w)) for n, (w, v) in shares.items()})
         .assign(shared(scene, ["launch_velocity", *axes]))
-        .assign_attrs(told)
+        .assign_attrs(attrs)
     )
 
 
@@ -123,10 +123,12 @@ def _basins_at(
     first, index, count = _by_frequency(_labels(orbits), orbits.regime != Regime.UNSETTLED)
     landed, speed = _shortest(scene, problem, orbits, first, workers)
     plane = index.reshape(shape)
-    words = "index of the attractor that the launch leads to"
-    told = {"units": "1", "long_name": words, "comment": f"{UNSETTLED} of an unsettled launch"}
+    attrs = {
+        **_words("index of the attractor that the launch leads to"),
+        "comment": f"{UNSETTLED} for an unsettled launch",
+    }
     data: dict[str, Any] = {
-        "basin": (PLANE, plane, told),
+        "basin": (PLANE, plane, attrs),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
         **_attractors(orbits, landed, speed, first, count),
         **basin_measures(plane, speeds),
@@ -134,20 +136,20 @@ def _basins_at(
     return xr.Dataset(data, coordinates)
 
 
-def _along(every: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
-    """Join basins along a parameter, where an attractor keeps its index as long as it goes on."""
-    tracks = _tracks(every)
+def _along(planes: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
+    """Join basins along a parameter, where an attractor keeps its index as long as it exists."""
+    tracks = _tracks(planes)
     count = max((int(track.max(initial=-1)) for track in tracks), default=-1) + 1
     total = np.zeros(count)
-    for one, track in zip(every, tracks, strict=True):
-        total[track] += one["launches"].values
+    for plane, track in zip(planes, tracks, strict=True):
+        total[track] += plane["launches"].values
     rank = np.empty(count, np.int64)
     rank[np.argsort(-total, kind="stable")] = np.arange(count)
     placed = []
-    for one, track in zip(every, tracks, strict=True):
-        firsts = np.append(rank[track], UNSETTLED)  # the last one is that of the index -1
-        basin = one["basin"].copy(data=firsts[one["basin"].values])
-        placed.append(one.assign(basin=basin).assign_coords(attractor=firsts[:-1]))
+    for plane, track in zip(planes, tracks, strict=True):
+        ranks = np.append(rank[track], UNSETTLED)  # the index -1 takes the last entry
+        basin = plane["basin"].copy(data=ranks[plane["basin"].values])
+        placed.append(plane.assign(basin=basin).assign_coords(attractor=ranks[:-1]))
     ((name, values),) = axes.items()
     axis = xr.DataArray(values, dims=name, name=name, attrs=coordinate_attributes(INPUTS[name]))
     joined = xr.concat(
@@ -164,32 +166,33 @@ def _along(every: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
     return joined.assign(same).drop_vars("attractor")
 
 
-def _tracks(every: list[xr.Dataset]) -> list[Codes]:
-    """Give each attractor, value by value, a number that it keeps along a parameter.
+def _tracks(planes: list[xr.Dataset]) -> list[Codes]:
+    """Number the attractors so that each keeps its number along a parameter.
 
-    Attractors are the same where they are of one kind, and of several those that are nearest to
-    each other in the impact before their shortest flight.
+    An attractor is matched with one of the same kind at earlier values; of several, those are
+    matched whose impacts before their shortest flights are nearest to each other in phase and
+    speed.
     """
     from scipy.optimize import linear_sum_assignment
 
     known: list[tuple[tuple[int, ...], Array]] = []
     tracks = []
-    speeds = np.concatenate([one["rebound_velocity"].values for one in every])
+    speeds = np.concatenate([plane["rebound_velocity"].values for plane in planes])
     fastest = np.nanmax(speeds, initial=0.0) or 1.0
-    for one in every:
-        impacts = np.where(one["regime"] == Regime.LOCKED, one["cycle_impacts"], 0)
-        kinds = list(zip(impacts, *(one[name].values for name in OF_KIND), strict=True))
-        turn = np.exp(2j * np.pi * one["impact_phase"].values)
-        speed = one["rebound_velocity"].values / fastest
+    for plane in planes:
+        impacts = np.where(plane["regime"] == Regime.LOCKED, plane["cycle_impacts"], 0)
+        kinds = list(zip(impacts, *(plane[name].values for name in OF_KIND), strict=True))
+        turn = np.exp(2j * np.pi * plane["impact_phase"].values)
+        speed = plane["rebound_velocity"].values / fastest
         places = np.nan_to_num(np.stack([turn.real, turn.imag, speed], axis=1))
         track = np.full(len(kinds), -1)
         for kind in dict.fromkeys(kinds):
-            firsts = [i for i, other in enumerate(kinds) if other == kind]
+            new = [i for i, other in enumerate(kinds) if other == kind]
             old = [k for k, (other, _) in enumerate(known) if other == kind]
             there = np.array([known[k][1] for k in old]).reshape(len(old), 3)
-            apart = np.abs(places[firsts][:, np.newaxis] - there).sum(axis=-1)
-            for row, column in zip(*linear_sum_assignment(apart), strict=True):
-                track[firsts[row]] = old[column]
+            distances = np.abs(places[new][:, np.newaxis] - there).sum(axis=-1)
+            for row, column in zip(*linear_sum_assignment(distances), strict=True):
+                track[new[row]] = old[column]
         for i in np.flatnonzero(track < 0).tolist():
             track[i] = len(known)
             known.append((kinds[i], places[i]))
@@ -202,7 +205,7 @@ def _tracks(every: list[xr.Dataset]) -> list[Codes]:
 def name_of(attractor: xr.Dataset) -> str:
     """Name of one attractor: its regime, and for a cycle its impacts and periods.
 
-    The impacts of one that rests may change along a parameter, and are left out then.
+    The number of impacts is left out where it changes along a parameter, as it may with rests.
     """
     regime = Regime(int(attractor["regime"]))
     if regime not in (Regime.RESTING, Regime.LOCKED):
@@ -213,19 +216,19 @@ def name_of(attractor: xr.Dataset) -> str:
 
 
 def summary(found: xr.Dataset) -> Iterator[str]:
-    """Say which fraction of the launches leads to each attractor, and how basins interlace."""
+    """Describe the fraction of launches that leads to each attractor, and how basins interlace."""
     along = str(found.attrs.get("along", ""))
     count = found.sizes["attractor"]
     shown = min(count, MOST_LINES) if along else count
     for i in range(shown):
         one = found.isel(attractor=i)
         if along:
-            held = one["fraction"] > 0.0
-            at = found[along].values[held.values]
+            exists = one["fraction"] > 0.0
+            values = found[along].values[exists.values]
             yield (
                 f"{name_of(one):32}{float(one['fraction'].min()):.2%} to "
-                f"{float(one['fraction'].max()):.2%} at {at.size} values of {along}, the first "
-                f"{at[0]:.6g}, the last {at[-1]:.6g}"
+                f"{float(one['fraction'].max()):.2%} at {values.size} values of {along}, the first "
+                f"{values[0]:.6g}, the last {values[-1]:.6g}"
             )
         else:
             low, high = float(one["fraction_low"]), float(one["fraction_high"])
@@ -247,15 +250,16 @@ def summary(found: xr.Dataset) -> Iterator[str]:
 
 
 def _labels(orbits: Orbits) -> Codes:
-    """Label of the orbit of each launch; without a cycle one below zero for its regime."""
+    """Label of the orbit of each launch; below zero, and one for each regime, without a cycle."""
     labels = label_orbits(orbits, 1)[0]
     return np.where(labels == NO_ORBIT, -1 - orbits.regime.astype(np.int64), labels)
 
 
 def _by_frequency(labels: Codes, settled: NDArray[np.bool_]) -> tuple[Codes, Codes, Codes]:
-    """First launch and number of launches of each label, the most frequent first; and indices.
+    """First launch of each label, index of each launch among labels, and launches of each label.
 
-    The index of launches that have not settled is `UNSETTLED`.
+    Labels are in the order of their numbers of launches, the most frequent first.  The index of
+    launches that have not settled is `UNSETTLED`.
     """
     launches = np.flatnonzero(settled)
     _, first, inverse, count = np.unique(
@@ -274,29 +278,29 @@ def _shortest(
 ) -> tuple[Array, Array]:
     """Phase of landing in turns, and speed at lift-off in m/s, before each shortest flight.
 
-    Of the attractors that the launches `first` lead to; NaN where an attractor is no cycle.
+    One value for each attractor, to which the launches `first` lead; NaN where it is no cycle.
     """
     recurs = orbits.impacts[first] > 0
     rows = first[recurs]
-    firsts = taken(problem, rows)
+    problems = taken(problem, rows)
     base, found = base_of(*scene.mechanics), empty_shortest(rows.size)
     states = (orbits.phase[rows], orbits.flight[rows], orbits.impacts[rows])
     workers.run(
-        lambda begin, end: shortest_flights(begin, end, base, firsts, *states, found),
+        lambda begin, end: shortest_flights(begin, end, base, problems, *states, found),
         rows.size,
         16,
         found,
     )
     landed, speed = (np.full(first.size, np.nan) for _ in range(2))
     landed[recurs] = found.landed
-    speed[recurs] = lift_off_speeds(scene, firsts, found.left, found.speed)
+    speed[recurs] = lift_off_speeds(scene, problems, found.left, found.speed)
     return landed, speed * (scene.inputs["gravity"] / (2.0 * scene.inputs["frequency"]))
 
 
 def _attractors(
     orbits: Orbits, landed: Array, speed: Array, first: Codes, count: Codes
 ) -> dict[str, Any]:
-    """Variables along the dim attractor, from the first launch that leads to each."""
+    """Variables along the dim attractor, computed from the first launch that leads to each."""
     recurs = orbits.impacts[first] > 0
     same = recurs | (orbits.regime[first] == Regime.AT_REST)
     exponent = np.where(same, orbits.largest[first], np.nan)
@@ -309,11 +313,11 @@ def _attractors(
         "lyapunov_largest": (
             exponent,
             VARIABLES["lyapunov_largest"].attributes
-            | {"comment": "NaN where orbits do not repeat: each has its own"},
+            | {"comment": "NaN where orbits do not repeat, since each has its own"},
         ),
         "impact_phase": (
             landed,
-            {"units": "1", "long_name": "phase in turns of the impact before the shortest flight"},
+            _words("phase in turns of the impact before the shortest flight"),
         ),
         "rebound_velocity": (
             speed,

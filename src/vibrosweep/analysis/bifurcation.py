@@ -81,10 +81,10 @@ def bifurcation(
     """Follow the orbits of a sweep's particles up and down the forcing: `vibrosweep.bifurcation`.
 
     At the first point of each direction particles are launched as the scene says; at every further
-    one they start from the state reached at the previous one.  They settle until they recur or the
-    duration is over, and then `samples` further impacts are kept.  Orbits that ``regime`` calls
-    unsettled may be on their way to an attractor.  Raises a SpecError unless the design is a grid
-    with an axis of the forcing, in any form.
+    point they start from the state reached at the previous one.  They settle until they recur or
+    the duration is over, and then `samples` further impacts are kept.  Orbits that ``regime`` calls
+    unsettled may still approach an attractor.  Raises a SpecError unless the only axis of the
+    design is a forcing.
     """
     require_ability("bifurcation", sweep.scene, sweep.design.sampled)
     forcing = forcing_of(sweep.design.sampled)
@@ -93,8 +93,8 @@ def bifurcation(
     name, (function, units, words) = _observable(observable)
     order = np.stack([a, a[::-1]])
     shape = (len(DIRECTIONS), a.size, scene.particles)
-    each = BYTES_PER_ORBIT + BYTES_PER_IMPACT * samples
-    require_memory(f"orbits with {samples} samples each", math.prod(shape), each)
+    bytes_each = BYTES_PER_ORBIT + BYTES_PER_IMPACT * samples
+    require_memory(f"orbits with {samples} samples each", math.prod(shape), bytes_each)
     values = unwritten((*shape, samples))
     measured: dict[str, NDArray[Any]] = {}
     states = launch_states(scene, scene.parameters({forcing: order[:, 0]}))
@@ -119,7 +119,7 @@ def bifurcation(
 
 
 def summary(diagram: xr.Dataset) -> Iterator[str]:
-    """Describe in one line per direction the orbits that are settled on."""
+    """Describe the shares of the regimes, in one line for each direction."""
     along = diagram.attrs["forcing"].removeprefix("base_")
     for direction in diagram["direction"].values:
         regimes = diagram["regime"].sel(direction=direction).values.ravel()
@@ -135,8 +135,8 @@ def _observable(
     observable: str | OfImpacts,
 ) -> tuple[str, tuple[Callable[[Impacts, float], Array], str, str]]:
     if callable(observable):
-        custom = observable
-        return "observable", (lambda i, g: custom(i.phase, i.speed, g), "1", "observable")
+        function = observable
+        return "observable", (lambda i, g: function(i.phase, i.speed, g), "1", "observable")
     if not isinstance(observable, str) or observable not in OBSERVABLES:
         raise ParameterError(
             f"observable = {observable!r}: must be one of {', '.join(OBSERVABLES)}, or a function"
@@ -158,10 +158,10 @@ def _impacts(
     )
     # a frequency of 1: times in periods are counted from 0
     units = Units(np.ones(count), np.ravel(gravity / (2.0 * frequency)))
-    every = samples + 1  # a flight ends with the next landing
-    alone = replace(scene.recorded(every), particles=1, launch=(0.0,))
-    flat, _ = recorded(problem, launch, alone, workers, units, np.full(count, every))
-    out = Record._make(values.reshape(count, every) for values in flat)
+    landings = samples + 1  # the last flight ends with one more landing
+    alone = replace(scene.recorded(landings), particles=1, launch=(0.0,))
+    flat, _ = recorded(problem, launch, alone, workers, units, np.full(count, landings))
+    out = Record._make(values.reshape(count, landings) for values in flat)
     shape = (-1, scene.particles, samples)
     speed, left = out.rebound_velocity[:, :samples], out.liftoff_time[:, :samples]
     height, time = speed**2 / (2.0 * gravity), 2.0 * speed / gravity
@@ -172,7 +172,7 @@ def _impacts(
         level = -np.cos(2.0 * np.pi * left) if wave == SINE else TWO_PI * wave.height(left)
         height = rising**2 / (2.0 * gravity) + unit * velocity * level
         time = (out.landing_time[:, 1:] - left) / frequency
-    # a particle that rests for good makes no impact
+    # a particle at permanent rest makes no impact
     landed = np.where(np.isnan(left), np.nan, out.landing_time[:, :samples])
     phase = landed - np.rint(landed)
     return Impacts(*(values.reshape(shape) for values in (phase, speed, height, time)))

@@ -1,7 +1,7 @@
-"""Edges of a code along an axis: a coarse scan, then all edges of all rows bisected at once.
+"""Edges of a code along an axis: a coarse scan, then bisection of all edges of all rows at once.
 
-A code says what holds at a point: 0 and 1 for a condition, or more values where a coarse scan can
-step over a middle one.
+A code is the state at a point: 0 or 1 for a condition, and more values where a coarse scan could
+step over an intermediate state.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from vibrosweep.kernels.unwritten import unwritten
 
 Codes = NDArray[np.int64]
 
-# Rows, positions and initial states, one per point along the first axis -> codes and final states.
-# The states are empty if every point is evaluated independently.
+# Rows, positions and initial states (first axis: point) -> codes and final states.  The states are
+# empty if every point is evaluated independently.
 Evaluate = Callable[[Codes, Array, Array], tuple[Codes, Array]]
 
 
@@ -35,7 +35,7 @@ class Edges(NamedTuple):
 
 
 class _Brackets(NamedTuple):
-    """Brackets during bisection; the states are those at the near ends."""
+    """Brackets during bisection, with the states at their near ends."""
 
     row: Codes
     near: Array
@@ -62,10 +62,10 @@ def find_edges(
 ) -> tuple[Codes, Edges]:
     """Codes (row, position) at the points of a scan, and all edges between unlike neighbours.
 
-    `evaluate` is handed all rows and edges in one call.  The axis ascends; the tolerance is the
-    width of a bracket relative to its position.  With a `start`, the states of all rows, the scan
-    goes on from point to point, upwards or downwards, and every bisection from the end that it
-    reached first; without one every point is evaluated by itself.
+    `evaluate` is called with all rows and edges at once.  The axis ascends; the tolerance is the
+    width of a bracket relative to its position.  With a `start`, the states of all rows, states
+    are continued from point to point, upwards or downwards, and in a bisection from the near end
+    of its bracket; without one every point is evaluated independently.
     """
     codes, states = _scan(evaluate, rows, axis, start, upward)
     row, left = np.nonzero(codes[:, 1:] != codes[:, :-1])
@@ -108,7 +108,7 @@ def _scan(
 
 
 def _bisect(evaluate: Evaluate, brackets: _Brackets, tolerance: float) -> _Brackets:
-    """Halve all brackets until they are narrow; a third code inside splits one in two."""
+    """Halve all brackets until they are narrow; one with a third code inside becomes two."""
     finished = brackets.take(slice(0, 0))
     while brackets.row.size:
         middle = 0.5 * (brackets.near + brackets.far)
@@ -132,13 +132,13 @@ def _bisect(evaluate: Evaluate, brackets: _Brackets, tolerance: float) -> _Brack
 class Window(NamedTuple):
     """An interval in which the code is one of those wanted."""
 
-    # Its ends, the middles of brackets; NaN where it reaches an end of the scan
+    # Ends of the window, the middles of brackets; NaN where it reaches an end of the scan
     lower: float
     upper: float
-    # lower_bracket, upper_bracket: their widths
+    # Widths of the brackets
     lower_bracket: float
     upper_bracket: float
-    # Codes beyond its ends; None beyond the ends of the scan
+    # Codes beyond the ends; None where the window reaches an end of the scan
     below: int | None
     above: int | None
 

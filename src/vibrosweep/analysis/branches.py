@@ -1,4 +1,4 @@
-"""Orbits along one parameter, and their bifurcations in two, as datasets."""
+"""Orbits along one parameter, and their bifurcations over two, as datasets."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ if TYPE_CHECKING:
 
 __all__ = ["boundaries", "branches", "summary"]
 
-MET: Final = tuple(event for event in EVENTS if event[0] != BORN)  # of curves
+# Bifurcations that are followed as curves
+OF_CURVES: Final = tuple(event for event in EVENTS if event[0] != BORN)
 FEWEST_POINTS: Final = 10
 NONE: Final = -2
 MOST_DOUBLINGS: Final = 6
-LONGEST: Final = 64  # impacts of an orbit that doubles
+LONGEST: Final = 64  # impacts of an orbit born at a doubling
 
 
 def branches(
@@ -45,8 +46,8 @@ def branches(
 ) -> xr.Dataset:
     """Orbits along the axis of a sweep, as `vibrosweep.branches`.
 
-    `wanted` holds the most impacts and periods.  Raises a SpecError unless its design is a grid
-    with an axis of the restitution, or of a forcing, and no other.
+    `wanted` holds the largest numbers of impacts and periods.  Raises a SpecError unless the only
+    axis of the design is the restitution or a forcing.
     """
     require_ability("branches", spec.scene, spec.design.sampled)
     _require(wanted, doublings, points)
@@ -64,10 +65,10 @@ def branches(
     dims = ("branch",)
     parents = np.array([line.parent for line in lines], np.int64)
     words = "branch whose orbit doubles where this one is born, -1 without any"
-    data["parent"] = (dims, parents, {"units": "1", "long_name": words})
+    data["parent"] = (dims, parents, _words(words))
     data |= shared(spec.scene, [along])
-    told = attributes(spec.scene, "Periodic orbits along a parameter") | {"along": along}
-    return xr.Dataset(data, attrs=told | _source(spec))
+    attrs = attributes(spec.scene, "Periodic orbits along a parameter") | {"along": along}
+    return xr.Dataset(data, attrs=attrs | _source(spec))
 
 
 def boundaries(
@@ -75,8 +76,8 @@ def boundaries(
 ) -> xr.Dataset:
     """Curves of bifurcations over the plane of a sweep, as `vibrosweep.boundaries`.
 
-    `wanted` holds the most impacts and periods.  Raises a SpecError unless its design is a grid of
-    the restitution and a forcing.
+    `wanted` holds the largest numbers of impacts and periods.  Raises a SpecError unless the
+    design is a grid of the restitution and a forcing.
     """
     require_ability("boundaries", spec.scene, spec.design.sampled)
     _require(wanted, doublings, points)
@@ -103,17 +104,17 @@ def boundaries(
     curves = curves_of(plane, lines, e)
     data = _lines(curves, plane, "curve", ["restitution", forcing], spec)
     kinds = np.array([curve.kind for curve in curves], np.int8)
-    kind = Variable("bifurcation", ("curve",), "int8", "1", "what happens there", flags=MET)
+    kind = Variable("bifurcation", ("curve",), "int8", "1", "kind of bifurcation", flags=OF_CURVES)
     data["bifurcation"] = (kind.dims, kinds, kind.attributes)
     varied = ("restitution", forcing)
-    every = spec.scene.quantities({name: data[name][1].ravel() for name in varied})
+    quantities = spec.scene.quantities({name: data[name][1].ravel() for name in varied})
     dims, values, _ = data[forcing]
     for name in (name for name in KEPT if name != forcing):
         words = coordinate_attributes(FORCINGS[name])
-        data[name] = (dims, every[name].reshape(values.shape), words)
+        data[name] = (dims, quantities[name].reshape(values.shape), words)
     data |= shared(spec.scene, varied)
-    told = attributes(spec.scene, "Curves of bifurcations") | {"forcing": forcing}
-    return xr.Dataset(data, attrs=told | _source(spec))
+    attrs = attributes(spec.scene, "Curves of bifurcations") | {"forcing": forcing}
+    return xr.Dataset(data, attrs=attrs | _source(spec))
 
 
 def _source(spec: Sweep) -> dict[str, str]:
@@ -131,25 +132,28 @@ def _require(wanted: tuple[int, int], doublings: int, points: int) -> None:
             raise ParameterError(f"{name} = {value}: must be at least {low} and at most {high}")
     if wanted[0] * 2**doublings > LONGEST:
         raise ParameterError(
-            f"impacts = {wanted[0]} and doublings = {doublings}: make orbits of up to "
-            f"{wanted[0] * 2**doublings} impacts, and at most {LONGEST} are followed; lower one"
+            f"impacts = {wanted[0]} and doublings = {doublings}: these orbits have up to "
+            f"{wanted[0] * 2**doublings} impacts, and orbits are followed up to {LONGEST}; lower "
+            f"one of the two"
         )
 
 
 def _require_range(name: str, values: Array) -> None:
     if values.size < 2:
         raise ParameterError(
-            f"{name}: must be two values or more, the ends of its range among them"
+            f"{name}: must be two values or more; the least and the largest are the ends of its "
+            f"range"
         )
 
 
 def _lines(
     lines: Sequence[Line], plane: Plane, dim: str, along: Sequence[str], spec: Sweep
 ) -> dict[str, Any]:
-    """Variables of lines and their points, NaN past the last point of each."""
+    """Variables of lines and their points, NaN past the last point of each line."""
     impacts = max((line.p for line in lines), default=1)
     points = max((line.z.shape[0] for line in lines), default=0)
-    trace, determinant = (_padded([getattr(one, n) for one in lines], points) for n in _OF_POINTS)
+    trace = _padded([line.trace for line in lines], points)
+    determinant = _padded([line.determinant for line in lines], points)
     real, imaginary = multipliers(trace, determinant)
     present = np.isfinite(trace)
     stable = np.where(present, np.hypot(real, imaginary)[..., 0] < 1.0, -1)
@@ -163,11 +167,11 @@ def _lines(
         phase[i, : times.shape[0], : line.p] = times - np.rint(times)
         speed[i, : times.shape[0], : line.p] = line.speed
     unit = spec.scene.inputs["gravity"] / (2.0 * spec.scene.inputs["frequency"])
-    each, landing = (dim, "point"), (dim, "point", "impact")
+    dims, landing = (dim, "point"), (dim, "point", "impact")
     data: dict[str, Any] = {
         name: (
-            each,
-            _padded([_values(one, plane, name, one.z) for one in lines], points),
+            dims,
+            _padded([_values(line, plane, name, line.z) for line in lines], points),
             coordinate_attributes(INPUTS[name]),
         )
         for name in along
@@ -184,15 +188,15 @@ def _lines(
         ),
     }
     for name, (codes, meanings, words) in flags.items():
-        one = Variable(name, each, "int8", "1", words, flags=meanings)
-        data[name] = (each, codes.astype(np.int8), one.attributes)
+        flagged = Variable(name, dims, "int8", "1", words, flags=meanings)
+        data[name] = (dims, codes.astype(np.int8), flagged.attributes)
     ends = Variable("ends", (dim, "end"), "int8", "1", "why the line ends", flags=ENDS)
     codes = np.array([line.ends for line in lines], np.int8).reshape(len(lines), 2)
     return data | {
         "ends": (ends.dims, codes, ends.attributes),
-        "multiplier_real": ((*each, "multiplier"), real, _words("multiplier, real part")),
+        "multiplier_real": ((*dims, "multiplier"), real, _words("multiplier, real part")),
         "multiplier_imaginary": (
-            (*each, "multiplier"),
+            (*dims, "multiplier"),
             imaginary,
             _words("multiplier, imaginary part"),
         ),
@@ -201,15 +205,12 @@ def _lines(
     }
 
 
-_OF_POINTS: Final = ("trace", "determinant")
-
-
 def _words(long_name: str, units: str = "1") -> dict[str, str]:
     return {"units": units, "long_name": long_name}
 
 
 def _values(line: Line, plane: Plane, name: str, z: Array) -> Array:
-    """Values of a parameter at points of a line, in its own unit."""
+    """Values of a parameter at points of a line, in the unit of the parameter."""
     e, drive = z[..., line.p], z[..., line.p + 1]
     return e if name == "restitution" else np.asarray(drive / plane.scale)
 
@@ -222,7 +223,7 @@ def _padded(rows: Sequence[Array], length: int) -> Array:
 
 
 def _events(lines: Sequence[Line], plane: Plane, along: str, spec: Sweep) -> dict[str, Any]:
-    """Bifurcations on lines, in their order along each."""
+    """Bifurcations on lines, in their order along each line."""
     most = max((len(line.events) for line in lines), default=0)
     kinds = np.full((len(lines), most), NONE, np.int8)
     phase = np.full((len(lines), most, max((line.p for line in lines), default=1)), np.nan)
@@ -233,15 +234,15 @@ def _events(lines: Sequence[Line], plane: Plane, along: str, spec: Sweep) -> dic
             times = event.z[: line.p]
             phase[i, k, : line.p] = times - np.rint(times)
             values[i, k] = _values(line, plane, along, event.z)
-    each = ("branch", "event")
+    dims = ("branch", "event")
     flags = ((NONE, "none"), *EVENTS)
-    kind = Variable("bifurcation", each, "int8", "1", "what happens there", flags=flags)
+    kind = Variable("bifurcation", dims, "int8", "1", "kind of bifurcation", flags=flags)
     words = coordinate_attributes(INPUTS[along])
     return {
-        "bifurcation": (each, kinds, kind.attributes),
-        f"bifurcation_{along}": (each, values, words),
+        "bifurcation": (dims, kinds, kind.attributes),
+        f"bifurcation_{along}": (dims, values, words),
         "bifurcation_phase": (
-            (*each, "impact"),
+            (*dims, "impact"),
             phase,
             _words("phase of the impact, turns"),
         ),
@@ -249,7 +250,7 @@ def _events(lines: Sequence[Line], plane: Plane, along: str, spec: Sweep) -> dic
 
 
 def summary(found: xr.Dataset) -> Iterator[str]:
-    """Describe branches, or curves, in a line each."""
+    """Describe each branch, or each curve, in one line."""
     dim = "branch" if "branch" in found.dims else "curve"
     if not found.sizes[dim]:
         yield "no orbit was found" if dim == "branch" else "no bifurcation was found"
@@ -261,14 +262,14 @@ def summary(found: xr.Dataset) -> Iterator[str]:
         p, q = int(one["cycle_impacts"]), int(one["cycle_periods"])
         why = ", ".join(ends[int(code)].replace("_", " ") for code in one["ends"].values)
         if dim == "branch":
-            met = [
+            events = [
                 f"{kinds[int(k)].replace('_', ' ')} at {value:.12g}{unit}"
                 for k, value in zip(
                     one["bifurcation"].values, one[f"bifurcation_{along}"].values, strict=True
                 )
                 if k != NONE
             ]
-            text = "; ".join(met) or "no bifurcation"
+            text = "; ".join(events) or "no bifurcation"
         else:
             text = kinds[int(one["bifurcation"])].replace("_", " ")
         yield f"{cycle_name(p, q):18}{int(one[along].count())} points ({why}); {text}"

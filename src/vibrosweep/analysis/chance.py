@@ -28,12 +28,12 @@ __all__ = ["order_against_chance", "separations_against_chance"]
 
 # Harmonics of a density of phases: peaks down to 1/32 of a turn are resolved
 HARMONICS: Final = 16
-# Mean square of the upper half of the harmonics above which phases count as points, as on a cycle
-# of up to ten impacts: a density has next to nothing there
+# Phases count as discrete, as on a cycle of up to ten impacts, where the mean square of the upper
+# half of the harmonics exceeds this: a smooth density has hardly any such harmonics
 POINTS: Final = 0.1
-# Landings per forcing period; more come in clumps (chatter), which are not independent
+# Most landings per forcing period: above it landings cluster (chattering) and are not independent
 OFTEN: Final = 1.2
-# Relative to the window: rounding of times that are shifted
+# Rounding of shifted times, relative to the window
 ROUNDING: Final = 1e-13
 
 _NAMES: Final = {
@@ -64,10 +64,10 @@ def order_against_chance(
 ) -> xr.Dataset:
     """Compare separations, order parameter and gaps of a record with chance.
 
-    The rate Lambda takes the phases that were found: its integrals are sums over 16 harmonics,
+    The rate Lambda uses the phases of the record: its integrals are sums over 16 harmonics,
     without bias because no landing is paired with itself.  A surrogate keeps the phases of each
     particle and shifts its landings by a random whole number of periods, circularly in a window of
-    whole periods: what differs from surrogates is order beyond that of phases.  The order
+    whole periods: a difference from the surrogates is order beyond that of the phases.  The order
     parameter R and the smallest gap are those of the phases of the last landing of each particle,
     against N independent uniform phases: N R^2 is Exp(1) for large N (the probability has
     Rayleigh's correction of order 1/N), and the smallest gap on the circle exceeds x with the
@@ -98,7 +98,7 @@ def order_against_chance(
     DataError
         The record lacks a variable.
     ParameterError
-        The window is shorter than a forcing period, or there is not one surrogate.
+        The window is shorter than a forcing period, or `surrogates` is below 1.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
     """Compare the smallest separations of a sweep with chance, for uniform phases.
 
     A sweep keeps no phases.  Where landings prefer some phases, coincidences are more frequent
-    than this says; `order_against_chance` takes that into account.
+    than for uniform ones; `order_against_chance` takes that into account.
 
     Parameters
     ----------
@@ -225,21 +225,21 @@ def _smallest(time: Array, who: NDArray[np.int64]) -> float:
 def _rates(window: _Window) -> tuple[float, float]:
     """Rate of coincidences per period, and that of uniform phases.
 
-    The former is NaN where landings are no independent points of a density.
+    The former is NaN where landings are not independent samples of a density of phases.
     """
     count = np.bincount(window.who, minlength=window.particles).astype(np.float64)
     uniform = float(count.sum() ** 2 - (count**2).sum()) / window.periods
     order = np.arange(1, HARMONICS + 1)[:, np.newaxis]
     wave = np.exp(2j * np.pi * order * window.phase)
-    each = np.array(
+    sums = np.array(  # over the landings of each particle
         [
             np.bincount(window.who, part, window.particles)
-            for one in wave
-            for part in (one.real, one.imag)
+            for harmonic in wave
+            for part in (harmonic.real, harmonic.imag)
         ]
     ).reshape(HARMONICS, 2, window.particles)
-    square = (each**2).sum(axis=1)  # of the sums over the landings of a particle
-    pairs = (each.sum(axis=2) ** 2).sum(axis=1) - square.sum(axis=1)
+    square = (sums**2).sum(axis=1)
+    pairs = (sums.sum(axis=2) ** 2).sum(axis=1) - square.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         upper = ((square - count) / (count * (count - 1.0)))[HARMONICS // 2 :].mean(axis=0)
         noise = 3.0 / (count * np.sqrt(HARMONICS / 2))

@@ -1,7 +1,7 @@
-"""All closed orbits without rest of up to so many impacts in up to so many forcing periods.
+"""All closed orbits without rests, up to given numbers of impacts and forcing periods.
 
-Orbits are solutions of equations, found whether they attract or not, and counted once however many
-time-shifted copies (slots) they have.
+Orbits are solutions of equations, found whether they attract or not.  The time-shifted copies of an
+orbit (slots) count as one.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ __all__ = ["SEEDS", "orbits", "summary"]
 
 MOST_IMPACTS: Final = 12
 MOST_PERIODS: Final = 64
-# Of each phase; 128 found no more orbits at e in [0.5, 0.98] and kicks a up to 1.2
+# Along each phase; 128 found no more orbits at e in [0.5, 0.98] and kicks a up to 1.2
 SEEDS: Final = 8
-PIECE: Final = 256  # points
-CAPACITY: Final = 64  # orbits of a point, at first
+PIECE: Final = 256  # points searched at a time
+CAPACITY: Final = 64  # orbits for which each point has memory at first
 PROBLEMS_PER_TASK: Final = 4
 BYTES_PER_IMPACT: Final = 40
 OF_ORBITS: Final = Closed._fields[1 : Closed._fields.index("seeds")]
@@ -86,15 +86,15 @@ def orbits(sweep: Sweep, threads: int, *, impacts: int, periods: int, seeds: int
     data = _orbits(found, unit) | _searched(found, wanted, problem.restitution < 1.0)
     data |= shared(scene, [*varied])
     names = {n: ("realization", quantities[n], attributes_of(n)) for n in scene.varying(varied)}
-    words = attributes(scene, "Closed orbits") | {"notes": "", "seeds_of_each_phase": seeds}
-    words |= {"title": sweep.title, "sweep_file": sweep.text}
+    attrs = attributes(scene, "Closed orbits") | {"notes": "", "seeds_of_each_phase": seeds}
+    attrs |= {"title": sweep.title, "sweep_file": sweep.text}
+    numbers = {"impacts": ("impacts of an orbit", impacts), "periods": ("its periods", periods)}
     coordinates = {
-        **names,
-        "impacts": ("impacts", np.arange(1, impacts + 1), {"long_name": "impacts of an orbit"}),
-        "periods": ("periods", np.arange(1, periods + 1), {"long_name": "its forcing periods"}),
+        name: (name, np.arange(1, most + 1), {"long_name": words})
+        for name, (words, most) in numbers.items()
     }
-    found_all = xr.Dataset(data, coordinates, words)
-    return _on_axes(found_all, sweep) if design.sampled else found_all.isel(realization=0)
+    dataset = xr.Dataset(data, names | coordinates, attrs)
+    return _on_axes(dataset, sweep) if design.sampled else dataset.isel(realization=0)
 
 
 def _on_axes(found: xr.Dataset, spec: Sweep) -> xr.Dataset:
@@ -119,10 +119,10 @@ def _on_axes(found: xr.Dataset, spec: Sweep) -> xr.Dataset:
 
 
 def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers) -> Closed:
-    """Find all closed orbits of a batch, those of each problem in order.
+    """Find all closed orbits of a batch, those of each problem as `_ordered` sorts them.
 
-    The search goes piece by piece; each is repeated with a larger capacity until all its orbits
-    fit.
+    Pieces of the batch are searched in turn; the search of a piece is repeated with a larger
+    capacity until all its orbits fit.
     """
     pieces = []
     for start in range(0, problem.kick.size, PIECE):
@@ -145,7 +145,7 @@ def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers
 def _searched_all(
     base: Any, problem: Dimensionless, wanted: Wanted, capacity: int, workers: Workers
 ) -> Closed:
-    """Search orbits of a piece with memory for so many orbits of each point."""
+    """Search the orbits of a piece, with memory for `capacity` orbits of each point."""
     size = problem.kick.size
     require_memory("orbits", size * capacity, 2 * BYTES_PER_IMPACT * wanted.impacts)
     out = empty_closed(size, capacity, wanted)
@@ -158,7 +158,7 @@ def _searched_all(
 
 
 def _ordered(found: Closed) -> Closed:
-    """Return the orbits of each problem by their impacts, periods, and first phase."""
+    """Sort the orbits of each problem by impacts, periods and first phase."""
     most = int(found.orbits.max())
     absent = np.arange(found.impacts.shape[1]) >= found.orbits[:, np.newaxis]
     order = np.lexsort((found.times[:, :, 0], found.periods, found.impacts, absent), axis=1)
@@ -167,7 +167,7 @@ def _ordered(found: Closed) -> Closed:
 
 
 def _padded(values: NDArray[Any], most: int, name: str) -> NDArray[Any]:
-    """Pad values along orbits to so many orbits; return others as they are."""
+    """Pad the array of a field of orbits to `most` of them; return another field's unchanged."""
     if name not in OF_ORBITS:
         return values
     blank = NO_ORBIT if name == "admissible" else np.nan if values.dtype.kind == "f" else 0
@@ -177,17 +177,17 @@ def _padded(values: NDArray[Any], most: int, name: str) -> NDArray[Any]:
 
 def _flagged(name: str, dims: tuple[str, ...], values: NDArray[Any]) -> tuple[Any, ...]:
     kind, words, flags = FLAGS[name]
-    told = {
+    attrs = {
         "long_name": words,
         "flag_values": np.array([value for value, _ in flags], kind),
         "flag_meanings": " ".join(meaning for _, meaning in flags),
     }
-    return dims, values.astype(kind), told
+    return dims, values.astype(kind), attrs
 
 
 def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
     """Variables of the orbits, in physical units."""
-    each, landing = ("realization", "orbit"), ("realization", "orbit", "impact")
+    dims, landing = ("realization", "orbit"), ("realization", "orbit", "impact")
     present = found.impacts > 0
     at = np.arange(found.times.shape[2])
     times, ends = found.times, np.full_like(found.times, np.nan)
@@ -198,17 +198,17 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
     real, imaginary = multipliers(found.trace, found.determinant)
     modulus = np.hypot(real, imaginary)[..., 0]
     return {
-        "cycle_impacts": (each, found.impacts, VARIABLES["cycle_impacts"].attributes),
-        "cycle_periods": (each, found.periods, VARIABLES["cycle_periods"].attributes),
-        "admissible": _flagged("admissible", each, found.admissible),
-        "stable": _flagged("stable", each, np.where(present, modulus < 1.0, ABSENT)),
+        "cycle_impacts": (dims, found.impacts, VARIABLES["cycle_impacts"].attributes),
+        "cycle_periods": (dims, found.periods, VARIABLES["cycle_periods"].attributes),
+        "admissible": _flagged("admissible", dims, found.admissible),
+        "stable": _flagged("stable", dims, np.where(present, modulus < 1.0, ABSENT)),
         "multiplier_real": (
-            (*each, "multiplier"),
+            (*dims, "multiplier"),
             real,
             {"units": "1", "long_name": "multiplier of the orbit, real part, the larger first"},
         ),
         "multiplier_imaginary": (
-            (*each, "multiplier"),
+            (*dims, "multiplier"),
             imaginary,
             {"units": "1", "long_name": "multiplier of the orbit, imaginary part"},
         ),
@@ -252,23 +252,26 @@ def multipliers(trace: Array, determinant: Array) -> tuple[Array, Array]:
 
 
 def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> dict[str, Any]:
-    """Variables that show how complete the search is."""
+    """Variables that show how complete the search is.
+
+    Where the map contracts, and its orbits balance, saddles are as many as the other points.
+    """
     dims = ("realization", "impacts", "periods")
-    knows = wanted.balances & contracts[:, np.newaxis, np.newaxis]
+    balances = wanted.balances & contracts[:, np.newaxis, np.newaxis]
     numbers = {
         "seeds": (found.seeds, "points from which orbits were searched"),
         "late_orbits": (found.late, "new orbits that the last half of the seeds led to"),
         "saddle_points": (found.saddles, "points of orbits with a real multiplier above 1"),
         "other_points": (found.others, "points of the other orbits"),
     }
-    comment = "of all solutions of p impacts in q periods, shorter orbits run d times among them"
+    comment = "of all solutions of p impacts in q periods, including shorter orbits run d times"
     data: dict[str, Any] = {
         name: (dims, values, {"units": "1", "long_name": words})
         for name, (values, words) in numbers.items()
     }
     for name in ("saddle_points", "other_points"):
         data[name][2]["comment"] = comment
-    balanced = np.where(knows, found.saddles == found.others, ABSENT)
+    balanced = np.where(balances, found.saddles == found.others, ABSENT)
     data["balanced"] = _flagged("balanced", dims, balanced)
     count = {"units": "1", "long_name": "number of orbits"}
     return {"orbit_count": (("realization",), found.orbits, count), **data}
@@ -286,19 +289,20 @@ def summary(found: xr.Dataset) -> Iterator[str]:
     points = max(1, found["orbit_count"].size)
     for impacts in found["impacts"].values:
         for periods in found["periods"].values:
-            own = (p == impacts) & (q == periods)
-            if own.any():
-                taken = own & (found["admissible"].values == ADMISSIBLE)
+            counted = (p == impacts) & (q == periods)
+            if counted.any():
+                admissible = counted & (found["admissible"].values == ADMISSIBLE)
                 yield (
-                    f"{cycle_name(impacts, periods):24}{own.sum()} orbits at {points} points, "
-                    f"{taken.sum()} of them admissible, {(own & stable).sum()} of these stable"
+                    f"{cycle_name(impacts, periods):24}{counted.sum()} orbits at {points} points, "
+                    f"{admissible.sum()} of them admissible, {(counted & stable).sum()} of these "
+                    f"stable"
                 )
     late, balanced = int(found["late_orbits"].sum()), found["balanced"].values
     missed = int(np.count_nonzero(balanced == 0))
-    told = "no count tells whether all were found"
+    completeness = "no balance shows whether all were found"
     if (balanced != ABSENT).any():
-        told = f"{missed} of {np.count_nonzero(balanced != ABSENT)} counts do not balance"
+        completeness = f"{missed} of {np.count_nonzero(balanced != ABSENT)} counts do not balance"
     yield (
         f"{'search':24}{int(found['seeds'].sum())} seeds, the last half of which led to {late} new "
-        f"orbits; {told}"
+        f"orbits; {completeness}"
     )

@@ -26,18 +26,18 @@ from vibrosweep.system import physical_memory
 
 # Forcings that every result holds
 KEPT: Final = ("amplitude", "base_acceleration")
-# Multiples of the time that the orbit which is found first takes: near the ends of its window, and
-# on longer cycles, others take longer
+# Observation in multiples of the time in which an orbit locked to one period recurs: orbits near
+# the ends of their windows, and longer cycles, take longer
 SETTLING: Final = 4.0
 LONGEST: Final = 1e5  # forcing periods
 
 
 def settling(spec: Sweep, restitution: float) -> Scene:
-    """Return the scene of a sweep, observed until orbits settle where no duration is stated.
+    """Return the scene of a sweep, with a duration in which orbits settle unless it states one.
 
-    That is `SETTLING` times as many forcing periods as an orbit locked to one period takes to
-    return bit for bit at this restitution, and `LONGEST` at most: they grow without bound towards
-    a restitution of 1.  Another law of restitution counts as at the speed of that orbit, g / 2 f.
+    This duration is `SETTLING` times that in which an orbit locked to one period returns bit for
+    bit at this restitution, and `LONGEST` at most, since it grows without bound as the restitution
+    approaches 1.  A law of restitution is evaluated at the impact speed of that orbit, g / 2 f.
     """
     scene = spec.scene
     if spec.states_duration:
@@ -53,13 +53,13 @@ def settling(spec: Sweep, restitution: float) -> Scene:
 def note_of(scene: Scene, restitution: float | None = None) -> str:
     """Return a remark if orbits at that restitution may not be recognised in time, else ""."""
     if scene.restitution_law != CONSTANT:
-        return ""  # how long orbits take to return is not known
+        return ""  # the time that orbits take to return is not known
     highest = scene.inputs["restitution"] if restitution is None else restitution
     return short_observation(scene.base, highest, scene.inputs["frequency"], scene.duration)
 
 
 def attributes(scene: Scene, title: str) -> dict[str, Any]:
-    """Attributes of a dataset, without those parameters that it holds as coordinates."""
+    """Attributes of a dataset: its title, and the scene apart from its parameters."""
     return {
         "title": title,
         "particles": scene.particles,
@@ -86,7 +86,7 @@ def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
 
 
 def require_ability(analysis: str, scene: Scene, varied: Collection[str] = ()) -> None:
-    """Refuse a scene, some of whose inputs vary, that an analysis cannot take."""
+    """Raise a ParameterError if an analysis cannot take a scene whose inputs `varied` vary."""
     wrong = refusal(
         scene.base,
         restitution=scene.restitution_law,
@@ -107,9 +107,9 @@ def grid_axes(
 ) -> dict[str, Array]:
     """Axes of a sweep's grid, ascending, by the names of parameters.
 
-    With `points`, ranges of a design that draws become axes of that many even steps.  Raises a
-    SpecError that names the purpose unless the design is a grid with the axis that is needed, and
-    no others than those allowed.
+    With `points`, the ranges of a random design become axes of that many even values.  Raises a
+    SpecError that names the purpose unless the design is a grid with the axis `needed` and no
+    others than those `allowed`.
     """
     axes = {name: np.sort(values) for name, values in spec.design.axes.items()}
     ranges = spec.design.sampled if points and not axes else {}
@@ -128,7 +128,7 @@ def grid_axes(
 
 
 def require_memory(what: str, count: int, bytes_each: int) -> None:
-    """Raise a ParameterError where so many points do not fit into this machine's memory."""
+    """Raise a ParameterError if `count` things do not fit into this machine's memory."""
     available = physical_memory()
     if count * bytes_each > available:
         raise ParameterError(

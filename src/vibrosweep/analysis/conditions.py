@@ -38,8 +38,8 @@ class Condition:
         Function from a dataset with dim ``realization`` to booleans, one per realization.  The
         dataset holds the variables named below, the physical parameters as coordinates, and the
         attribute ``particles``.  Where one of these variables has no value, or the realization did
-        not complete, the condition is undetermined, whatever the function gives; a function that
-        judges this itself gives codes instead: `HOLDS`, `FAILS` or `UNDETERMINED`.
+        not complete, the condition is undetermined, whatever the function returns; a function that
+        decides this itself returns codes instead: `HOLDS`, `FAILS` or `UNDETERMINED`.
     variables
         The measured variables that `holds` reads.
     sentence
@@ -72,8 +72,8 @@ class Condition:
     def code(self) -> str:
         """Name, digest of what the function computes, and its source where Python has it.
 
-        The digest is left out for a function that uses values that could change; a ParameterError
-        tells of a function with neither.
+        The digest is left out for a function that uses values that could change.  Raises a
+        ParameterError for a function with neither digest nor source.
         """
         function: Any = plain(self.holds)
         try:
@@ -83,8 +83,8 @@ class Condition:
         source = source_of(function)
         if not (digest or source):
             raise ParameterError(
-                f"condition {self.name}: a result could not tell what its function computes; write "
-                f"it with def in a file"
+                f"condition {self.name}: its function has no source and uses values that may "
+                f"change, so that a result could not state it; write it with def in a file"
             )
         return f"{self.name}: {digest}\n{source}".rstrip()
 
@@ -125,8 +125,8 @@ class Condition:
 class Locked:
     """The fixed orbit of k forcing periods exists and attracts, even if no launch leads to it.
 
-    It is found as a fixed point of the map, see `vibrosweep.kernels.fixed`: near the edge of its
-    window convergence is too slow for a simulation.
+    It is found as a fixed point of the map (`vibrosweep.kernels.fixed`): near the edge of its
+    window, a simulation would converge too slowly.
     """
 
     k: int
@@ -166,7 +166,7 @@ def _regular(dataset: xr.Dataset) -> object:
 
 
 def _separated(dataset: xr.Dataset) -> object:
-    """Codes of separation: it holds for one particle, and if no two particles have landed."""
+    """Codes of separation, which holds for one particle, and where no two particles have landed."""
     gap, followed = dataset["dt_min"].values, known("base_shared", dataset)
     holds = np.isnan(gap) | (gap > dataset["contact_time"].values)
     decided = ~np.isnan(gap) | followed | (dataset.attrs["particles"] == 1)

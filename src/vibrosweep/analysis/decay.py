@@ -27,11 +27,11 @@ NEEDS: Final = (
     "gravity",
     "contact_time",
 )
-# Separations in forcing periods that are fitted: below these they decay as the linearised map
-# does, to a part in a thousand, and above these the rounding of a landing time is as small.
+# Separations that are fitted, in forcing periods: larger ones depart from the linearised map by
+# more than a part in a thousand, and in smaller ones the rounding of a landing time is as large.
 LARGEST: Final = 1e-4
 SMALLEST: Final = 1e-9
-FEWEST: Final = 8
+FEWEST: Final = 8  # equations of a fit
 
 
 def slot_decay(
@@ -44,9 +44,8 @@ def slot_decay(
     the orbit, real or complex.  Both coefficients are fitted by least squares, each equation
     weighted by the size of its separations (Prony's method).  They are compared with the
     multipliers of the product of the Jacobians along the last p impacts:
-    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over a base that stays; another waveform w
-    has its slope w' in place of 2 pi c.  :doc:`/model` has the Jacobian over a base
-    that moves.
+    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over the high-bounce base; another waveform
+    w has its slope w' in place of 2 pi c.  :doc:`/model` has the Jacobian over the moving base.
 
     Parameters
     ----------
@@ -62,11 +61,11 @@ def slot_decay(
     xarray.Dataset
         Dim ``realization``: ``modulus_fitted`` and ``modulus_predicted`` of the leading
         multiplier, per cycle; ``product_fitted``, which for an orbit without rests is e^p, or
-        e^(2 p) over a moving base;
-        ``equations`` in the fit; ``decay_time`` (s), in which the separation falls by the factor
-        e = 2.718..., and ``closing_time`` (s), in which it falls from half a forcing period to the
-        contact time, both as predicted.  Dims (realization, cycle): ``separation`` (s).  NaN where
-        the two do not approach each other, or where there is a rest in the last cycle.
+        e^(2 p) over a moving base; ``equations`` in the fit; ``decay_time`` (s), in which the
+        separation falls by the factor e = 2.718..., and ``closing_time`` (s), in which it falls
+        from half a forcing period to the contact time, both as predicted.  Dims (realization,
+        cycle): ``separation`` (s).  NaN where the two particles do not approach each other, or
+        where there is a rest in the last cycle.
 
     Raises
     ------
@@ -138,8 +137,8 @@ def _one(
         if moves(record):
             speed = 2.0 * frequency / gravity * one["rebound_velocity"].values[pair[0]]
             left = speed[first.size - p - 1 : first.size - 1]
-            each = zip(turns[:-1], turns[1:], left, strict=True)
-            predicted = _leading([_moving_jacobian(*flight, e, a, shape) for flight in each])
+            flights = zip(turns[:-1], turns[1:], left, strict=True)
+            predicted = _leading([_moving_jacobian(*flight, e, a, shape) for flight in flights])
         else:
             predicted = _leading([_jacobian(x, e, a, shape) for x in turns[1:]])
     periods = np.ptp(first[-p - 1 :]) if first.size > p else np.nan
@@ -150,10 +149,10 @@ def _one(
 
 
 def _separations(first: Array, second: Array) -> Array:
-    """Signed separations of landings that belong together at the end of the observation."""
+    """Signed separations of corresponding landings, which are counted back from the last ones."""
     if not first.size or not second.size:
         return np.empty(0)
-    # the landings nearest to each other there; one of the two may have landed once more
+    # the last landings that are nearest to each other: one particle may have landed once more
     middle = min(first[-1], second[-1])
     i, j = (int(np.argmin(np.abs(t - middle))) for t in (first, second))
     count = min(i, j) + 1
@@ -163,7 +162,7 @@ def _separations(first: Array, second: Array) -> Array:
 def _fit(d: Array) -> tuple[float, float, int]:
     """Leading modulus, product and number of equations; separations in forcing periods."""
     size = np.maximum(np.abs(d[:-1]), np.abs(d[1:]))
-    # from the last separation that is too large for the linearised map on
+    # the fit begins after the last separation that is too large for the linearised map
     begin = int(np.max(np.flatnonzero(np.abs(d) > LARGEST), initial=-1)) + 1
     small = np.flatnonzero(size[begin:] < SMALLEST)
     end = begin + int(small[0]) if small.size else size.size
@@ -192,7 +191,7 @@ def _jacobian(x: float, e: float, a: float, shape: Waveform) -> Array:
 def _moving_jacobian(
     begin: float, end: float, u: float, e: float, a: float, shape: Waveform
 ) -> Array:
-    """The same over a moving base, for a flight of initial speed u between two phases.
+    """Jacobian over a moving base, for a flight of initial speed u between two phases.
 
     With s = end - begin and the relative speed of arrival z = 2 s - u + alpha w(end), the duration
     s changes by alpha (w(begin) - w(end)) / z with the phase of the beginning and by s / z with the

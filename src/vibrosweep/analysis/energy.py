@@ -35,7 +35,7 @@ NEEDS: Final = (
 def energy_balance(
     record: xr.Dataset, *, since: float = 0.0, impacts: int | None = None
 ) -> xr.Dataset:
-    """Mean kick against mean loss of every particle, as equation 26 of the study states it.
+    """Mean kick and mean loss of every particle, which equation 26 of the study compares.
 
     Each landing with speed v and kick U = A sin(2 pi f t + phi), or A w of another waveform, is
     followed by v' = e v + U where the particle bounces.  Over n landings the mean kick therefore
@@ -46,10 +46,10 @@ def energy_balance(
     velocity of the base.
 
     Over a moving base a flight ends at another height and with another speed than it began, so
-    that speeds change in flight too.  Energy does not: the sum of its changes at impacts and rests,
-    with the height of the base counted, is zero over any cycle.  Such a change is the work of the
-    base less the dissipated energy, (1 - e^2) z^2 / 2 at an impact with the relative speed z, and
-    z^2 / 2 where the particle comes to rest.
+    that speeds change in flight too.  Energy is conserved in flight: its changes at impacts and
+    rests, with the potential energy at the height of the base, sum to zero over any cycle.  Each
+    change is the work of the base less the dissipated energy, (1 - e^2) z^2 / 2 at an impact with
+    the relative speed z, and z^2 / 2 where the particle comes to rest.
 
     Parameters
     ----------
@@ -66,10 +66,10 @@ def energy_balance(
         Dims (realization, particle), in m s-1 unless stated: ``mean_kick``, ``mean_loss``, their
         difference ``balance`` and its parts: ``end_effect`` = (v_last - v_first) / n,
         ``flight_effect``, the speed lost in flights, and ``rest_effect``, minus the mean of
-        v' - e v - U over rests; ``energy_balance``, the mean
-        gain of energy per mass and impact (m2 s-2), <v'^2 - v^2> / 2 where the base stays;
-        ``balanced_impacts`` and ``rests``.  Where the base moves also ``dissipated_energy`` and
-        ``base_work``, their difference being the gain.
+        v' - e v - U over rests; ``energy_balance``, the mean gain of energy per mass and impact
+        (m2 s-2), <v'^2 - v^2> / 2 over the high-bounce base; ``balanced_impacts`` and ``rests``.
+        Where the base moves also ``base_work`` and ``dissipated_energy``, whose difference is the
+        gain.
 
     Raises
     ------
@@ -86,8 +86,8 @@ def energy_balance(
     """
     require_scene(record, "energy_balance")
     require(record, "energy_balance", *NEEDS)
-    one = [_balances(record, i, since, impacts) for i in range(record.sizes["realization"])]
-    *means, count, rests = np.moveaxis(np.array(one), 1, 0)
+    balances = [_balances(record, i, since, impacts) for i in range(record.sizes["realization"])]
+    *means, count, rests = np.moveaxis(np.array(balances), 1, 0)
     dims = ("realization", "particle")
     named = zip(_MEANS.items(), means, strict=True)
     found = {name: variable(dims, values, *words) for (name, words), values in named}
@@ -136,7 +136,7 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
         kick = amplitude * np.sin(2.0 * np.pi * frequency * time + phase)
     else:
         kick = amplitude * shape.velocity(frequency * time + phase / (2.0 * np.pi))
-    if moves(record):  # whose peak velocity is A / (1 + e) with the nominal e
+    if moves(record):  # the peak velocity of the base is A / (1 + e) with the nominal e
         kick = kick * ((1.0 + e) / (1.0 + nominal))
     rested = (one["rested"].values == 1) & known
     unabsorbed = np.where(rested, after - e * before - kick, 0.0)
@@ -144,8 +144,8 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
     lost[:, 1:] = np.where(known[:, :-1], after[:, :-1] - before[:, 1:], 0.0)
     gain = (after**2 - before**2) / 2.0
     gain += gravity * (base.height(liftoff) - base.height(time))
-    left = np.where(rested, 0.0, e)  # of the relative speed
-    dissipated = (1.0 - left**2) * (before + base.velocity(time)) ** 2 / 2.0
+    kept = np.where(rested, 0.0, e)  # share of the relative speed
+    dissipated = (1.0 - kept**2) * (before + base.velocity(time)) ** 2 / 2.0
     count = known.sum(axis=1).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = [

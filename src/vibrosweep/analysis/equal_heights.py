@@ -20,8 +20,8 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
 
         y_i - y_j = h_i - h_j + v_i d - g d^2 / 2 + (v_i - g d - v_j) x,
 
-    where h are the heights of the base at the lift-offs, 0 where it does not move.  It has one
-    root at most, unless the flights are the same one.
+    where h are the heights of the base at the lift-offs, 0 over the high-bounce base.  It has at
+    most one root, unless the flights coincide.
 
     Parameters
     ----------
@@ -34,8 +34,8 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     -------
     xarray.Dataset
         Dim ``crossing``, in the order of time: ``time`` (s), ``height`` (m), ``first`` and
-        ``second`` particle.  Scalars: ``flight_overlaps`` (pairs of flights in the air together),
-        ``flights_alike`` (at one height throughout), ``pairs`` of particles and
+        ``second`` particle.  Scalars: ``flight_overlaps`` (pairs of flights that overlap in time),
+        ``flights_alike`` (pairs of flights at one height throughout), ``pairs`` of particles and
         ``pairs_crossing``.
 
     Raises
@@ -51,25 +51,25 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     >>> found.time.dims, int(found.pairs)
     (('crossing',), 1)
     """
-    each = flights(record, realization, "crossings")
+    flown = flights(record, realization, "crossings")
     gravity = float(per_realization(record, "gravity")[realization])
-    i, j = _overlapping(each)
-    apart = each.start[j] - each.start[i]
-    offset = apart * (each.velocity[i] - 0.5 * gravity * apart)
-    offset += each.height[i] - each.height[j]
-    slope = each.velocity[i] - gravity * apart - each.velocity[j]
+    i, j = _overlapping(flown)
+    apart = flown.start[j] - flown.start[i]
+    offset = apart * (flown.velocity[i] - 0.5 * gravity * apart)
+    offset += flown.height[i] - flown.height[j]
+    slope = flown.velocity[i] - gravity * apart - flown.velocity[j]
     with np.errstate(invalid="ignore", divide="ignore"):
         since = -offset / slope
-    together = np.minimum(each.end[i], each.end[j]) - each.start[j]
+    together = np.minimum(flown.end[i], flown.end[j]) - flown.start[j]
     crosses = (since > 0.0) & (since < together)
     alike = (slope == 0.0) & (offset == 0.0)
-    first, second = each.particle[i], each.particle[j]
+    first, second = flown.particle[i], flown.particle[j]
     particles = record.sizes["particle"]
     low, high = np.minimum(first, second)[crosses], np.maximum(first, second)[crosses]
     meeting = np.unique(low * particles + high)
     return _dataset(
-        each.start[j][crosses] + since[crosses],
-        (each.height[j] + since * (each.velocity[j] - 0.5 * gravity * since))[crosses],
+        flown.start[j][crosses] + since[crosses],
+        (flown.height[j] + since * (flown.velocity[j] - 0.5 * gravity * since))[crosses],
         first[crosses],
         second[crosses],
         {
@@ -81,14 +81,14 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     )
 
 
-def _overlapping(each: Flights) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _overlapping(flown: Flights) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Indices of flights of different particles in the air together, the earlier one first."""
-    index = np.arange(each.start.size)
-    beyond = np.searchsorted(each.start, each.end, side="left")
+    index = np.arange(flown.start.size)
+    beyond = np.searchsorted(flown.start, flown.end, side="left")
     count = np.maximum(beyond - index - 1, 0)
     i = np.repeat(index, count)
     j = i + 1 + (np.arange(i.size) - np.repeat(np.cumsum(count) - count, count))
-    other = each.particle[i] != each.particle[j]
+    other = flown.particle[i] != flown.particle[j]
     return i[other], j[other]
 
 

@@ -45,7 +45,7 @@ States = NDArray[np.float64]
 Points = dict[str, Array]  # restitution, and the forcing by its name, each of shape (point,)
 
 STATES: Final = 3  # of a fixed orbit
-# The codes of `locked` at which an orbit attracts; `HOLDS`, of the other conditions, is one of them
+# The codes of `locked` at which an orbit attracts; among them is `HOLDS`, of other conditions
 HOLDING: Final = frozenset(
     straight + STATES * turned
     for straight in (ABSENT, ATTRACTS, REPELS)
@@ -57,7 +57,7 @@ FIXED_PER_TASK: Final = 256
 
 
 def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any]) -> xr.Dataset:
-    """Dataset for a condition: variables, parameters as coordinates, the number of particles."""
+    """Dataset that a condition takes: variables, parameters as coordinates, number of particles."""
     return xr.Dataset(
         {name: (VARIABLES[name].dims, v) for name, v in measured.items() if name in VARIABLES},
         coords={name: ("realization", values) for name, values in parameters.items()},
@@ -66,12 +66,12 @@ def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any
 
 
 def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) -> Codes:
-    """Code at each point for the fixed orbits: absent, attracting or repelling; shape (point,).
+    """Code of the states of the fixed orbits at each point, shape (point,).
 
-    The `reflect` law may have two orbits, one of which is turned back at every impact.  The code is
-    that of the pair of their states.  Along the forcing each orbit is first absent, then
-    attracting, then repelling, so that no code occurs in two intervals: between two points of the
-    same code nothing changes.
+    An orbit is absent, attracting or repelling.  Under the law `reflect` there may be two orbits,
+    one of which is turned back at every impact, and the code is that of both states.  Along the
+    forcing each orbit is first absent, then attracting, then repelling, so that no code occurs in
+    two intervals: between two points of the same code nothing changes.
     """
     problem = dimensionless(scene.parameters(points), scene.duration)
 
@@ -85,7 +85,7 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
 def fixed_orbits(
     scene: Scene, k: int, sign: float, problem: Dimensionless, workers: Workers
 ) -> FixedOrbits:
-    """Orbits of k periods of each problem, without noise; `sign` is that of `find_fixed`."""
+    """Fixed orbits of k periods of each problem, without noise; `sign` as in `find_fixed`."""
     found, base = empty_fixed(problem.kick.size), base_of(*scene.mechanics)
     every = np.full(problem.kick.size, k)
     workers.run(
@@ -98,7 +98,7 @@ def fixed_orbits(
 
 
 def law_errors(scene: Scene, condition: Locked, points: Points) -> Array:
-    """Relative errors that a law of restitution adds to ends of windows there; shape (point,)."""
+    """Relative error that a law of restitution adds to the end of a window at each point."""
     found = np.zeros(points["restitution"].size)
     if scene.restitution_law == CONSTANT or not found.size:
         return found
@@ -155,9 +155,9 @@ def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
 def batch_from(
     scene: Scene, parameters: dict[str, Array], states: States
 ) -> tuple[Dimensionless, Launches]:
-    """Problem and launches of particles that continue from given states, each a realization.
+    """Problem and launches of particles that continue from given states.
 
-    Parameters and states are those of `launch_states`.
+    Each particle becomes a realization.  Parameters and states are those of `launch_states`.
     """
     phase, speed = np.ascontiguousarray(states.reshape(-1, 2).T)
     repeated = {name: np.repeat(values, states.shape[1]) for name, values in parameters.items()}
@@ -202,8 +202,8 @@ def continued(
     lacking = [name for name in condition.variables if name not in measured]
     if lacking:
         raise ParameterError(
-            f"condition {condition.name} reads {lacking[0]}, which follows from the launches: it "
-            f"cannot be continued along the forcing; leave continuation out for it"
+            f"condition {condition.name} reads {lacking[0]}, which depends on the launches: it "
+            f"cannot be continued along the forcing; leave continuation out"
         )
     held = condition.judge(_dataset(scene, parameters, measured))
     return held, reached(orbits, scene.particles)

@@ -24,7 +24,7 @@ __all__ = ["heights_against_restitution"]
 def heights_against_restitution(
     sweep: xr.Dataset, *, bins: int = 9, tolerance: float = 1e-6
 ) -> xr.Dataset:
-    """Rebound heights against restitution, and how many lie on a plateau g k^2 / (8 f^2).
+    """Rebound heights against restitution, and the share that lies on a plateau g k^2 / (8 f^2).
 
     Over a moving base the highest point of a locked orbit depends on restitution and amplitude
     (`vibrosweep.theory.locked_apex`), and so does the plateau of each realization.
@@ -86,7 +86,7 @@ def heights_against_restitution(
         )
     part = np.clip(np.searchsorted(edges, e, side="right") - 1, 0, edges.size - 2)
     parts = [known & (part == i) for i in range(edges.size - 1)]
-    medians = [np.array([_mean(np.median, h[p]) for p in parts]) for h in (highest, mean)]
+    medians = [np.array([_reduced(np.median, h[p]) for p in parts]) for h in (highest, mean)]
     correlation = spearmanr(e[known], highest[known])
     dims = ("part",)
     return xr.Dataset(
@@ -94,7 +94,7 @@ def heights_against_restitution(
             "height_max_median": variable(dims, medians[0], "median maximum rebound height", "m"),
             "height_mean_median": variable(dims, medians[1], "median mean rebound height", "m"),
             "plateau_fraction": variable(
-                dims, [_mean(np.mean, on[p]) for p in parts], "fraction of heights on a plateau"
+                dims, [_reduced(np.mean, on[p]) for p in parts], "fraction of heights on a plateau"
             ),
             "mode": variable(
                 ("realization",),
@@ -120,13 +120,13 @@ def heights_against_restitution(
     )
 
 
-def _mean(of: Callable[[Any], Any], values: NDArray[Any]) -> float:
+def _reduced(function: Callable[[Any], Any], values: NDArray[Any]) -> float:
     """Mean or median of values, NaN without any."""
-    return float(of(values)) if values.size else np.nan
+    return float(function(values)) if values.size else np.nan
 
 
 def _nearest_plateau(sweep: xr.Dataset, height: Array) -> tuple[Array, Array]:
-    """Mode of the plateau nearest to each height, 0 without, and the relative distance from it."""
+    """Mode of the plateau nearest to each height, 0 without one, and the relative distance."""
     frequency, gravity = (per_realization(sweep, name) for name in ("frequency", "gravity"))
     squares = height / theory.locked_height(1, frequency, gravity)
     if not moves(sweep):
@@ -136,7 +136,7 @@ def _nearest_plateau(sweep: xr.Dataset, height: Array) -> tuple[Array, Array]:
     require(sweep, "heights_against_restitution", "amplitude")
     e, amplitude = (per_realization(sweep, name) for name in ("restitution", "amplitude"))
     mode, distance = np.zeros_like(height), np.full_like(height, np.inf)
-    # a locked orbit rises by its plateau above the base, which is above its mean level
+    # particles on locked orbits leave the base above its mean level and then rise by the plateau
     highest = np.sqrt(np.max(squares, initial=0.0))
     for k in range(1, int(highest) + 1):
         apart = np.abs(height / theory.locked_apex(k, e, amplitude, frequency, gravity) - 1.0)

@@ -1,4 +1,4 @@
-"""Every landing of a record: its phase of the forcing, and the time since another particle's."""
+"""Phase of the forcing at each landing of a record, and time since another particle's landing."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def landing_phases(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
 
 
 def landing_separations(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
-    """Time from each landing to the next one, where that is another particle's.
+    """Time from each landing to the next one, where that is a landing of another particle.
 
     Parameters
     ----------

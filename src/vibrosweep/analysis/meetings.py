@@ -65,7 +65,7 @@ def _first(landing: Array, liftoff: Array, contact_time: float) -> tuple[float, 
     """Time, occupant and newcomer; arrays of shape (particle, impact)."""
     known = np.isfinite(landing)
     who: NDArray[np.int64] = np.repeat(np.arange(len(landing)), known.sum(axis=1))
-    # without a lift-off the particle stays for good
+    # a particle without a lift-off stays on the base
     leaves = np.where(np.isnan(liftoff), np.inf, np.maximum(liftoff, landing + contact_time))
     order = np.argsort(landing[known], kind="stable")
     who, begin, end = who[order], landing[known][order], leaves[known][order]
@@ -79,9 +79,9 @@ def _first(landing: Array, liftoff: Array, contact_time: float) -> tuple[float, 
 
 
 def _another(who: NDArray[np.int64], end: Array) -> NDArray[np.bool_]:
-    """Tell whether the latest end before each stay but the first is that of another particle.
+    """Return whether the latest end before each stay but the first is that of another particle.
 
-    A flight of one contact time ends when the stay before it does, up to rounding.
+    It is the particle's own, up to rounding, where its flight lasted one contact time.
     """
     holder = np.zeros(who.size, np.int64)
     new = np.flatnonzero(end[1:] > np.maximum.accumulate(end)[:-1]) + 1

@@ -1,4 +1,4 @@
-"""Lines of orbits: followed along a parameter, or of bifurcations along two."""
+"""Lines of orbits along one parameter, and curves of bifurcations along two."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ from vibrosweep.model.shapes import PARABOLIC_NAME
 from vibrosweep.scene.scene import Scene
 
 BEGUN, AT_CORNER, AT_YIELDING = range(OUT_OF_POINTS + 1, OUT_OF_POINTS + 4)
-CORNER_PHASE: Final = 0.25  # of the parabolic waveform, and its negative
-NEAR_SWITCH: Final = 1e-3  # from where a line is lost at a corner or a kink
+CORNER_PHASE: Final = 0.25  # the parabolic waveform has corners at plus and minus this phase
+NEAR_SWITCH: Final = 1e-3  # largest distance of a corner or kink from the line that it ends
 EVENTS: Final = (
     (SADDLE_NODE, "saddle_node"),
     (DOUBLING, "period_doubling"),
@@ -70,7 +70,7 @@ ENDS: Final = (
     (AT_CORNER, "corner"),
     (AT_YIELDING, "yielding"),
 )
-LONGEST_STEP: Final = 0.02  # of phases in turns and parameters
+LONGEST_STEP: Final = 0.02  # in phases (turns) and parameters
 
 
 class Event(NamedTuple):
@@ -92,9 +92,9 @@ class Line:
     admissible: NDArray[np.int8]
     speed: Array
     events: list[Event]
-    ends: tuple[int, int]  # reasons why it ends, at its first and last point
-    parent: int = -1  # the line that it was born from at a doubling
-    kind: int = -1  # of bifurcation, of a line of them
+    ends: tuple[int, int]  # reasons why the line ends, at its first and last point
+    parent: int = -1  # index of the line from which it was born at a doubling
+    kind: int = -1  # bifurcation whose points form the line; -1 for a line of orbits
 
 
 class Plane:
@@ -103,13 +103,13 @@ class Plane:
     Parameters
     ----------
     scene
-        The scene, of which one forcing is given.
+        Scene of the orbits.
     forcing
         Name of the forcing.
     restitution, values
-        Values of both, of which the least and the largest are the borders.
+        Ascending values of the restitution and the forcing; their ends are the borders.
     points
-        Of a line in each direction, at most.
+        Most points of a line in each direction.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class Plane:
         refuse_extreme(scene.quantities(top), forcing, scene.restitution_law)
         unit = {"restitution": np.array([0.0]), forcing: np.array([1.0])}
         self.problem = dimensionless(scene.parameters(unit), scene.duration)
-        self.scale = float(self.problem.kick[0])  # of the drive of a forcing of 1
+        self.scale = float(self.problem.kick[0])  # drive of a forcing of 1
         self.base: Any = base_of(*scene.mechanics)
         self.corner = CORNER_PHASE if scene.waveform.name == PARABOLIC_NAME else math.inf
         plastic = scene.restitution_law == PLASTIC
@@ -139,7 +139,7 @@ class Plane:
     def orbits(
         self, e: Array, drive: Array, wanted: tuple[int, int], workers: Workers
     ) -> list[list[tuple[int, int, Array]]]:
-        """Return p, q and the point of all orbits that particles take, for each pair given."""
+        """Return p, q and the point of each admissible orbit, a list for each pair (e, drive)."""
         kick = drive * (1.0 + e) if self.relative else drive
         problem = taken(self.problem, np.zeros(e.size, np.int64))
         problem = problem._replace(restitution=np.array(e), kick=np.array(kick))
@@ -154,11 +154,11 @@ class Plane:
         ]
 
     def corrected(self, z: Array, span: Range, condition: int) -> bool:
-        """Correct a point to meet a line's condition and one more; return whether that succeeds."""
+        """Correct `z` in place to meet a line's condition and one more; return whether it does."""
         return bool(correct_point(self.base, self.problem, span, z, condition))
 
     def follow(self, z: Array, span: Range, along: Array | None = None) -> Line:
-        """Follow a line from a point to both sides; only to one if a direction is given."""
+        """Follow a line from a point in both directions, or only in the direction `along`."""
         both = along is None
         if along is None:
             along = np.zeros(span.p + 2)
@@ -203,7 +203,7 @@ class Plane:
         return None
 
     def doubled(self, z: Array, p: int, q: int, condition: int) -> Line | None:
-        """Follow the orbit twice as long that is born where one doubles."""
+        """Follow the orbit of 2 p impacts that is born where one of p impacts doubles."""
         split = np.empty(2 * p + 2)
         span = self.span(2 * p, 2 * q, condition)
         if not splitting(self.base, self.problem, self.span(p, q, condition), z, split):
@@ -214,9 +214,9 @@ class Plane:
         return line
 
     def crossings(self, line: Line, condition: int, at: Array) -> Iterator[tuple[int, Array]]:
-        """Give the index of each value that a line crosses, and the point there.
+        """Yield the index of each value in `at` that a line crosses, and the point there.
 
-        `condition` fixes the parameter that the values are of.
+        `condition` fixes the parameter whose values these are.
         """
         c = line.p if condition == FIX_E else line.p + 1
         span = self.span(line.p, line.q, line.kind if line.kind >= 0 else _other(condition))
@@ -238,7 +238,7 @@ def _other(condition: int) -> int:
 
 
 def same_orbit(one: Array, other: Array, p: int, q: int, near: float = 100.0 * SAME) -> bool:
-    """Return whether two points belong to one orbit, whichever impacts they begin with."""
+    """Return whether two points belong to one orbit, possibly beginning with different impacts."""
     times = other[:p]
     for k in range(p):
         turned = np.concatenate([times[k:], times[:k] + q])
@@ -254,10 +254,10 @@ class Task:
 
     p: int
     q: int
-    k: int  # index of the value, -1 of a doubling
+    k: int  # index of the value, -1 for a doubling
     z: Array
-    parent: int = -1  # the line that doubles
-    level: int = 0  # doublings before
+    parent: int = -1  # index of the line that doubles
+    level: int = 0  # number of doublings before
 
     def is_at(self, p: int, q: int, k: int, z: Array) -> bool:
         """Return whether the line begins at this orbit."""
@@ -267,9 +267,10 @@ class Task:
 def branches_along(
     plane: Plane, condition: int, wanted: tuple[int, int], doublings: int, workers: Workers
 ) -> list[Line]:
-    """Follow all orbits of up to (p, q) along a parameter; those born at doublings come first.
+    """Follow all orbits of up to the `wanted` impacts and periods along a parameter.
 
-    `condition` is the parameter that is fixed.  Orbits start at the values of the other one.
+    `condition` fixes the other parameter; orbits are searched at the values of the free one.
+    Among orbits of as many impacts, those born at doublings are followed first.
     """
     e, drive = plane.restitution, plane.drives
     free = drive if condition == FIX_E else e
@@ -304,7 +305,7 @@ def branches_along(
 
 
 def _already_born(lines: list[Line], task: Task) -> bool:
-    """Return whether the line that begins at a doubling has been followed, from its other end."""
+    """Return whether the line that begins at a doubling was followed before, from its other end."""
     p, q = task.p // 2, task.q // 2
     return any(
         event.kind == BORN and same_orbit(event.z[[*range(p), -2, -1]], task.z, p, q)
@@ -315,9 +316,9 @@ def _already_born(lines: list[Line], task: Task) -> bool:
 
 
 def curves_of(plane: Plane, lines: list[Line], values: Array) -> list[Line]:
-    """Follow the bifurcations on lines, each along both parameters, and each once.
+    """Follow each bifurcation of the lines once, as a curve along both parameters.
 
-    The lines have each one of the values of the restitution.
+    Each line is at one of the `values` of the restitution.
     """
     waiting = [
         (event.kind, line.p, line.q, event.z)

@@ -27,7 +27,7 @@ def separation_changes(
     since
         Landings from this time on, in s, are taken.
     landed_before
-        Number of first impacts that are left out as well.
+        Number of first impacts of each particle that are left out as well.
 
     Returns
     -------

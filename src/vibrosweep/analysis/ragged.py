@@ -1,4 +1,4 @@
-"""From a ragged record back to a rectangle."""
+"""Conversion of a ragged record to a rectangle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SOURCES: Final = "simulate(..., ragged=True), or of a sweep with ragged = true i
 
 
 def rectangle(record: xr.Dataset) -> xr.Dataset:
-    """Return a ragged record as a rectangle, in which every particle has as many places.
+    """Return a ragged record as a rectangle, padded to the most impacts of any particle.
 
     Parameters
     ----------
@@ -35,12 +35,13 @@ def rectangle(record: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        As of `simulate`, with the dims (realization, particle, impact).
+        The record as `simulate` returns it without ``ragged``, with the dims (realization,
+        particle, impact).
 
     Raises
     ------
     DataError
-        The dataset is no ragged record, or lacks landings.
+        The dataset is not a ragged record, or lacks landings.
 
     Examples
     --------
@@ -67,5 +68,5 @@ def rectangle(record: xr.Dataset) -> xr.Dataset:
 
 
 def as_rectangle(record: xr.Dataset) -> xr.Dataset:
-    """Return a record as a rectangle, whichever form it has."""
+    """Return a record as a rectangle, from either form."""
     return rectangle(record) if LANDING in record.dims else record

@@ -24,14 +24,13 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.waveform import stored
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")
-# Samples in a forcing period, and altogether
-SAMPLES: Final = 64
+SAMPLES: Final = 64  # of the height, in a forcing period
 MOST_SAMPLES: Final = 100_000
 
 
 @dataclass(frozen=True)
 class Recoiling(BaseMotion):
-    """Motion of a base of finite mass; without particles it would be that of a `BaseMotion`."""
+    """Motion of a base of finite mass; before the first launch it is that of `BaseMotion`."""
 
     track: BaseTrack  # motion disturbed by the particles
     # begin, end: first launch, and end of the observation, s
@@ -39,11 +38,11 @@ class Recoiling(BaseMotion):
     end: float
 
     def velocity(self, time: ArrayLike) -> Array:
-        """Velocity, m s-1, at times in s of any shape; after an impact at that very instant."""
+        """Velocity, m s-1, at times in s of any shape; at an impact, the velocity after it."""
         return self._at(time, 1)
 
     def height(self, time: ArrayLike) -> Array:
-        """Height above that without particles at rest, m, at times in s of any shape."""
+        """Height above the mean level without particles, m, at times in s of any shape."""
         return self._at(time, 0)
 
     @cached_property
@@ -65,10 +64,10 @@ class Recoiling(BaseMotion):
 
 
 def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
-    """Motion of the base of one realization of a record, from its motion `alone`.
+    """Motion of the base of one realization of a record, from its motion `alone`, undisturbed.
 
-    Messages name the `analysis` that the user asked for.  Raises a DataError where the record lacks
-    a variable, or is not of all particles.
+    Messages name the `analysis` that the user asked for.  Raises a DataError if the record lacks a
+    variable or a particle.
     """
     require(one, analysis, *NEEDS)
     begin, end = float(one["launch_time"].min()), float(one["duration"])
@@ -77,7 +76,7 @@ def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
 
 
 def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
-    """Follow the particles of a record again, now with the base."""
+    """Follow the particles of a record again, this time with the base."""
     names = (*PARAMETERS, *(name for name in OF_RESTITUTION if name in one.variables), *MOUNT)
     parameters = {name: np.array([float(one[name])]) for name in names}
     times = np.broadcast_to(one["launch_time"].values, one["impact_count"].shape)

@@ -1,4 +1,4 @@
-"""The flights of the particles of a record, and the base on which they begin and end."""
+"""Flights of the particles of a record, and the motion of the base under them."""
 
 from __future__ import annotations
 
@@ -22,23 +22,22 @@ NEEDS: Final = ("restitution", "amplitude", "frequency", "phase")
 class Course(NamedTuple):
     """Flights of the particles of one realization; each array of shape (particle, flight).
 
-    The first flight of each particle is that from its launch, and each landing begins another.
+    The first flight of each particle is that from its launch; each landing begins another.
     """
 
     # start, end: s; a flight in progress at the end of the interval ends there
     start: Array
     end: Array
-    velocity: Array  # speed at its beginning, m s-1
-    height: Array  # height at its beginning, m
-    flies: NDArray[np.bool_]  # True where there is such a flight
+    velocity: Array  # at the start, m s-1
+    height: Array  # at the start, m
+    flies: NDArray[np.bool_]  # False in places without a flight
 
 
 def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
-    """Motion of the base of one realization of a record, with all its particles.
+    """Motion of the base of one realization of a record, which must hold all particles.
 
-    Messages name the `analysis` that the user asked for.  Raises a DataError where the base moves
-    and the record lacks a parameter of its motion, or particles move it and the record is not of
-    all.
+    Messages name the `analysis` that the user asked for.  Raises a DataError if the record lacks a
+    parameter of the motion, or, over the base of finite mass, a particle.
     """
     if not moves(one):
         return BaseMotion(0.0, 1.0, 0.0)
@@ -55,8 +54,8 @@ def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
 def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
     """Flights of one realization of a record that begin before `until`, in s.
 
-    A flight whose landing is not recorded goes on to the end.  On a moving base nothing is known
-    of the flight after the last landing of a particle that was given up.
+    A flight whose landing is not recorded lasts until the end.  Over a moving base the flight after
+    the last landing of a particle that was given up is left out: its end is not known.
     """
     landing = one["landing_time"].values
     particles = landing.shape[0]
@@ -72,7 +71,7 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
     else:
         unrecorded = start + 2.0 * velocity / gravity
     end = np.minimum(np.where(np.isnan(end), unrecorded, end), until)
-    # False where a particle rests for good, and for one that lands at once
+    # no flight: the particle rests permanently, or lands at once
     flies = (start < until) & ((end > start) if moves(one) else (velocity > 0.0))
     return Course(start, end, velocity, base.height(start), flies)
 
@@ -80,10 +79,9 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
 def arrival_speeds(one: xr.Dataset, analysis: str) -> Array:
     """Speed of arrival of every landing of one realization, m s-1 downwards; (particle, impact).
 
-    A flight over a base at rest lands as fast as it began.  Otherwise gravity has acted for the
-    time of the flight, and a particle that a rising base catches up with may still be rising: its
-    speed of arrival is then below 0.  Raises a DataError that names the `analysis` where the record
-    lacks a variable.
+    Over the high-bounce base a flight lands as fast as it began.  Over a moving base a particle may
+    still be rising when the base catches up with it: its speed of arrival is then below 0.  Raises
+    a DataError that names the `analysis` if the record lacks a variable.
     """
     require(one, analysis, "landing_time", "rebound_velocity", "launch_velocity")
     landing = one["landing_time"].values

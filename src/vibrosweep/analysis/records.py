@@ -1,4 +1,4 @@
-"""Tools of analyses of single landings: parameters per realization, flights, CF variables."""
+"""Tools of analyses of records: parameters per realization, flights, CF variables."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ FLIGHTS = (
 
 
 class Flights(NamedTuple):
-    """Flights of all particles of one realization, in the order of their beginnings."""
+    """Flights of all particles of one realization, in the order of their starts."""
 
     particle: NDArray[np.int64]  # number of the particle
     # start, end: s; a flight in progress at the end of the observation ends there
     start: Array
     end: Array
-    velocity: Array  # speed at its beginning, m s-1
-    height: Array  # height of the base at its beginning, m
+    velocity: Array  # at the start, m s-1
+    height: Array  # of the base at the start, m
 
 
 def per_realization(dataset: xr.Dataset, name: str) -> Array:
     """Return the values of a variable or parameter, one per realization, even if all are equal.
 
-    Raises a DataError unless it is one number per realization.
+    Raises a DataError for a variable with several numbers per realization.
     """
     one = dataset[name]
     if one.dims not in ((), ("realization",)) or one.dtype.kind not in "iufb":
@@ -63,15 +63,15 @@ def variable(
 
 
 def flights(record: xr.Dataset, realization: int, analysis: str) -> Flights:
-    """Flights of one realization of a record, the first ones from the launch among them.
+    """Flights of one realization of a record, including those that begin at the launches.
 
     Raises a DataError that names the `analysis` where the record lacks a variable.
     """
     require(record, analysis, *FLIGHTS)
     one = record.isel(realization=realization)
-    each = course(one, base_motion(one, analysis), float(one["duration"]))
-    particle = np.broadcast_to(np.arange(len(each.start))[:, np.newaxis], each.start.shape)
-    chosen = np.flatnonzero(each.flies)
-    order = chosen[np.argsort(each.start.ravel()[chosen], kind="stable")]
-    moving = (each.start, each.end, each.velocity, each.height)
-    return Flights(particle.ravel()[order], *(values.ravel()[order] for values in moving))
+    rows = course(one, base_motion(one, analysis), float(one["duration"]))
+    particle = np.broadcast_to(np.arange(len(rows.start))[:, np.newaxis], rows.start.shape)
+    chosen = np.flatnonzero(rows.flies)
+    order = chosen[np.argsort(rows.start.ravel()[chosen], kind="stable")]
+    fields = (rows.start, rows.end, rows.velocity, rows.height)
+    return Flights(particle.ravel()[order], *(values.ravel()[order] for values in fields))

@@ -1,6 +1,6 @@
 """Conditions under noise: the share of replicas in which they hold.
 
-Replica r has stream r of random numbers at all points, so that shares vary smoothly with the
+Replica r takes stream r of random numbers at every point, so that shares vary smoothly with the
 parameters.
 """
 
@@ -29,7 +29,7 @@ from vibrosweep.scene.scene import Scene
 
 REPLICAS: Final = 100
 NEAR: Final = 0.25  # forcing periods by which a flight of a locked particle may differ from k
-LEVEL: Final = 0.95  # of the interval of a share
+LEVEL: Final = 0.95  # confidence level of the interval of a share
 DIMS: Final = ("condition", "direction", "restitution", "scan")
 SHARE: Final = Variable(
     "share",
@@ -49,14 +49,17 @@ HIGH: Final = Variable(
 
 
 class Share(NamedTuple):
-    """Numbers of independent trials in which a condition holds, and of all that are decided."""
+    """Numbers of independent trials at each point: those in which a condition holds, and all.
+
+    Trials in which the condition is undetermined do not count.
+    """
 
     held: Array  # each of shape (point,)
     tried: Array
 
     @property
     def codes(self) -> Codes:
-        """Code for each point: the condition holds where it does in half of the trials or more."""
+        """Code for each point: the condition holds if it does in at least half of the trials."""
         half = np.where(2.0 * self.held >= self.tried, HOLDS, FAILS)
         return np.where(self.tried > 0.0, half, UNDETERMINED)
 
@@ -92,7 +95,7 @@ def share_of(
 
 
 def _repeated(parameters: Mapping[str, Array], replicas: int) -> dict[str, Array]:
-    """Parameters and stream of every replica of some realizations."""
+    """Parameters of every replica of the realizations, with its stream of random numbers."""
     found = {name: np.repeat(values, replicas) for name, values in parameters.items()}
     size = parameters["restitution"].size
     return found | {STREAM: np.tile(np.arange(replicas, dtype=np.float64), size)}
@@ -101,7 +104,7 @@ def _repeated(parameters: Mapping[str, Array], replicas: int) -> dict[str, Array
 def _launched(
     scene: Scene, condition: Condition, points: Points, replicas: int, workers: Workers
 ) -> Share:
-    """Replicas of the scene's own launches in which a condition holds."""
+    """Count the replicas of the scene's launches in which a condition holds."""
     parameters = _repeated(scene.parameters(points), replicas)
     codes = condition_codes(scene, condition, parameters, workers).reshape(-1, replicas)
     held, tried = (codes == HOLDS).sum(axis=1), (codes != UNDETERMINED).sum(axis=1)
@@ -113,14 +116,14 @@ def _locked(
 ) -> Share:
     """Count the particles that begin on the orbit of k periods and are locked to it at the end.
 
-    A particle is locked while it has flown, has not rested, and every flight was within `NEAR` of k
-    periods.  Particles of a replica that share the noise of the drive are one trial.
+    A particle is locked if it has landed, has not rested, and every flight was within `NEAR` of k
+    periods.  Particles that share the noise of the drive count together as one trial.
     """
     k, parameters = float(condition.k), scene.parameters(points)
     problem = dimensionless(parameters, scene.duration)._replace(noise=None)
     phase = fixed_orbits(scene, condition.k, 1.0, problem, workers).phase
     alive = np.isfinite(phase)
-    held, one = np.zeros(phase.size), scene.particles
+    held, trials = np.zeros(phase.size), scene.particles
     if alive.any():
         kept = {name: values[alive] for name, values in parameters.items()}
         begun = np.repeat(phase[alive], replicas)
@@ -131,8 +134,8 @@ def _locked(
         stays &= found.status == Status.COMPLETED
         held[alive] = stays.reshape(alive.sum(), -1).sum(axis=1)
     if "drive_noise" in parameters:
-        held, one = held / one, 1
-    return Share(held, np.full(phase.size, float(replicas * one)))
+        held, trials = held / trials, 1
+    return Share(held, np.full(phase.size, float(replicas * trials)))
 
 
 def _from_orbit(
@@ -140,7 +143,7 @@ def _from_orbit(
 ) -> tuple[Dimensionless, Launches]:
     """Problem and launches of particles that begin with a flight of k periods at a phase.
 
-    Over any base that flight begins and ends at the same height, so that its absolute speed is k.
+    Over any base that flight begins and ends at the same height: its absolute speed is k g / 2 f.
     """
     parameters["phase"] = np.zeros_like(phase)  # the phase is that of the forcing
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)

@@ -1,4 +1,4 @@
-"""Check that a dataset holds what an analysis needs, with a remedy if it does not."""
+"""Check that a dataset holds the variables that an analysis needs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -> None:
-    """Make sure that a dataset holds the variables or coordinates that an analysis needs.
+    """Raise a DataError unless a dataset holds the variables that an analysis needs.
 
     Parameters
     ----------
@@ -23,9 +23,9 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
     analysis
         Name of the analysis, as the user calls it.
     names
-        Variables and coordinates that it needs.
+        Variables and coordinates that the analysis needs.
     source
-        The function whose result it takes, where that is neither a sweep nor a record.
+        The function whose result the analysis takes, unless it takes a sweep or a record.
 
     Returns
     -------
@@ -34,8 +34,7 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
     Raises
     ------
     DataError
-        The dataset lacks one; the message names all that it lacks and, for each, the key of the
-        sweep file that gives it.
+        The dataset lacks one; the message names all that it lacks and how to get each.
 
     Examples
     --------
@@ -70,4 +69,4 @@ def remedy(name: str) -> str:
     if name in VARIABLES or name in RESERVED or name in INPUTS:
         return "the dataset is not the complete result of a sweep; run the sweep again"
     guess = nearest(str(name), VARIABLES)
-    return "it holds nothing of that name" + (f'; did you mean "{guess}"?' if guess else "")
+    return "no variable has that name" + (f'; did you mean "{guess}"?' if guess else "")

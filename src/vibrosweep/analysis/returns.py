@@ -1,4 +1,4 @@
-"""The return map: each speed of arrival against the one before."""
+"""The return map: each speed of arrival against the previous one."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     -------
     xarray.Dataset
         Dim ``point``: ``arrival_speed``, ``next_arrival_speed``, ``kick`` = w - e v (m s-1), where
-        w is the speed of lift-off, ``landing_time`` (s), ``particle`` and ``rested``.  The kick is
-        within A where the law is `rest` and the particle did not rest: the points lie in a strip
-        of slope e, of that half-width over a base that stays, and of A + 2 V0 over one that moves
-        (`vibrosweep.theory.liftoff_speed_bound` says why).
+        w is the speed of lift-off, ``landing_time`` (s), ``particle`` and ``rested``.  Under the
+        law `rest` the kick is at most A in size where the particle did not rest: the points lie
+        in a strip of slope e, whose half-width is A over the high-bounce base and A + 2 V0 over a
+        moving one (derived in `vibrosweep.theory.liftoff_speed_bound`).
 
     Raises
     ------
@@ -100,8 +100,8 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
 def return_points(one: xr.Dataset) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Speeds of arrival at each landing and at the next (m s-1), and where both are known.
 
-    Each of shape (particle, impact).  Over a base that stays a flight lands as fast as it began, so
-    that the next speed of arrival is known of the last landing too.
+    Each array has the shape (particle, impact).  Over the high-bounce base a flight lands as fast
+    as it began, so that the next speed of arrival is known for the last landing too.
     """
     before, after = arrival_speeds(one, "return_map"), one["rebound_velocity"].values
     if moves(one):

@@ -24,8 +24,8 @@ OF_SCENE: Final = ("base", "rebound", "waveform", "restitution_law")  # attribut
 def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
     """Height of every particle and of the base at any times.
 
-    Between landings a particle follows its parabola, and while it rests it follows the base: no
-    interpolation is made.  Use it for films, spectra and comparison with a camera.
+    Between landings a particle follows its parabola, and while it rests it follows the base:
+    nothing is interpolated.  Uses are films, spectra and comparison with a camera.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Dims ``realization``, ``particle`` and ``time``: ``height`` and ``base_height`` (m), which
-        has no particles.  Over base ``"high-bounce"`` the base is at height 0.  A height is NaN
-        before the launch of the particle, and once it was given up (`Status`).
+        Dims ``realization``, ``particle`` and ``time``: ``height`` (m); dims ``realization`` and
+        ``time``: ``base_height`` (m), which is 0 over base ``"high-bounce"``.  The height of a
+        particle is NaN before its launch, and after it was given up (`Status`).
 
     Raises
     ------
@@ -86,18 +86,18 @@ def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
 def _heights(one: xr.Dataset, base: BaseMotion, levels: Array, times: Array) -> Array:
     """Height of each particle of one realization, (particle, time), where the base is at `levels`.
 
-    The flight that began last is over at its landing.  Then the particle stays on the base to its
-    next flight, or for good.
+    After the landing of its latest flight a particle stays on the base until its next flight.
     """
-    each, gravity = course(one, base, np.inf), float(one["gravity"])
+    flights, gravity = course(one, base, np.inf), float(one["gravity"])
     followed = one["status"].values == Status.COMPLETED
     heights = np.full((followed.size, times.size), np.nan)
     for particle, height in enumerate(heights):
-        flight = np.searchsorted(each.start[particle], times, side="right") - 1  # NaN come last
-        last = np.count_nonzero(np.isfinite(each.start[particle])) - 1
-        since = times - each.start[particle, flight]
-        velocity, low = each.velocity[particle, flight], each.height[particle, flight]
-        flies = (flight >= 0) & (times < each.end[particle, flight])
+        start = flights.start[particle]
+        flight = np.searchsorted(start, times, side="right") - 1  # NaN come last
+        last = np.count_nonzero(np.isfinite(start)) - 1
+        since = times - start[flight]
+        velocity, low = flights.velocity[particle, flight], flights.height[particle, flight]
+        flies = (flight >= 0) & (times < flights.end[particle, flight])
         stays = (flight >= 0) & ~flies & (followed[particle] | (flight < last))
         height[stays] = levels[stays]
         height[flies] = (low + since * (velocity - 0.5 * gravity * since))[flies]

@@ -41,17 +41,17 @@ def sobol_indices(
     """First-order and total Sobol' indices of measured variables over the ranges of a sweep.
 
     Each parameter is uniform in its range, independent of the others.  The scheme is that of
-    Saltelli (2010) as `scipy.stats.sobol_indices`; the number of realizations, a power of 2, is the
-    size of the base sample, and (parameters + 2) times as many are computed.  Intervals are
-    percentiles of a bootstrap over the base sample.  The outputs, variables with one number per
-    realization, are measured; by default they are `OUTPUTS`, those of pairs only where there are
-    particles for one.
+    Saltelli (2010), computed by `scipy.stats.sobol_indices`; the number of realizations, a power
+    of 2, is the size of the base sample, and (parameters + 2) times as many are computed.
+    Intervals are percentiles of a bootstrap over the base sample.  Outputs are variables with one
+    number per realization; by default they are `OUTPUTS`, without the separation if there is only
+    one particle.
 
     Dims (output, parameter): ``first_order`` and ``total_order``, each with ``_low`` and ``_high``;
-    dim ``output``: ``mean`` and ``standard_deviation`` over the sample.  Raises a SpecError where
-    no parameter has a range, a ParameterError where an output or the number of realizations is not
-    allowed, and a DataError where a realization did not complete, or an output is undetermined or
-    undefined in some, or the same in all.
+    dim ``output``: ``mean`` and ``standard_deviation`` over the sample.  Raises a SpecError if no
+    parameter has a range, a ParameterError if an output or the number of realizations is not
+    allowed, and a DataError if a realization did not complete, or if an output is undetermined or
+    undefined in some realization, or the same in all.
     """
     from scipy.stats import qmc
 

@@ -228,7 +228,7 @@ def _statistics(dt: Array, free: NDArray[np.int8], quantiles: Sequence[float]) -
     from scipy.stats import binomtest
 
     known = dt[np.isfinite(dt)]
-    # a separation that occurs: none is known between zero and the smallest other one
+    # take a separation that occurs: interpolation would fill the gap above the separation zero
     at = (
         np.quantile(known, quantiles, method="inverted_cdf")
         if known.size

@@ -1,8 +1,7 @@
 """Windows of locked orbits under another waveform than the sine, one for each branch.
 
-Their ends have closed forms (`vibrosweep.model.locked_shapes`), apart from those beyond which the
-particle would land earlier, or rest.  Such ends are searched at `PHASES` phases of each window, and
-bisected.
+Their ends have closed forms (`vibrosweep.model.locked_shapes`), except where the particle begins to
+land earlier, or to rest.  Such ends are searched at `PHASES` phases of each window and bisected.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ from vibrosweep.scene.scene import Scene
 PHASES: Final = 257
 HALVINGS: Final = 45
 PER_TASK: Final = 256
-BEYOND: Final = {FOLD: ABSENT, NONE: None}
+BEYOND: Final = {FOLD: ABSENT, NONE: None}  # code beyond an end; elsewhere the orbit repels
 CONVERTED: Final = 2.0**-49  # relative error of a forcing computed from a kick
 
 Holds = Callable[[Array, Array], NDArray[np.bool_]]  # of phases and kicks
@@ -92,11 +91,12 @@ def _windows(
             sign = -1.0 if turned else 1.0
             found += _held(scene, window, sign, mode.need, holds)
     first, last = float(values[0]), float(values[-1])
-    scaled = [_scaled(window, unit, first, last) for window in found]
-    inside = [
-        one for one, kept in zip(scaled, found, strict=True) if _meets(kept, unit, first, last)
+    overlapping = [
+        _scaled(window, unit, first, last)
+        for window in found
+        if window.upper / unit > first and window.lower / unit < last
     ]
-    return sorted(inside, key=lambda window: np.nan_to_num(window.lower, nan=-np.inf))
+    return sorted(overlapping, key=lambda window: np.nan_to_num(window.lower, nan=-np.inf))
 
 
 def _mode(scene: Scene, k: int, e: float, *, turned: bool) -> Mode:
@@ -108,10 +108,6 @@ def _mode(scene: Scene, k: int, e: float, *, turned: bool) -> Mode:
     sign = -1.0 if turned else 1.0
     conditions(base_of(*scene.mechanics), problem, k, sign, found.ravel())
     return Mode(*found[int(moves(scene.base))].tolist())
-
-
-def _meets(window: Window, unit: float, first: float, last: float) -> bool:
-    return window.upper / unit > first and window.lower / unit < last
 
 
 def _scaled(window: Window, unit: float, first: float, last: float) -> Window:

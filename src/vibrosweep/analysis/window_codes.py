@@ -1,4 +1,4 @@
-"""Codes of stability windows, and a summary of them."""
+"""Codes of stability windows, and their summary."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vibrosweep.model.measures import Variable
 if TYPE_CHECKING:
     import xarray as xr
 
-FRESH: Final = ("launch",)  # the one direction without continuation
+FRESH: Final = ("launch",)  # the only direction without continuation
 NO_WINDOW: Final = -1
 PROVED, OPEN_END = 1, 2  # codes of a proof
 OPEN_BELOW, OPEN_ABOVE = 1, 2
@@ -25,7 +25,7 @@ ENDS: Final = Variable(
     ("condition", "direction", "restitution", "window"),
     "int8",
     "1",
-    "ends of the window that are none of the condition",
+    "ends of the window that are not edges of the condition",
     flags=(
         (NO_WINDOW, "no_window"),
         (0, "closed"),
@@ -52,7 +52,7 @@ HELD: Final = Variable(
 
 
 def code_of_ends(window: Window) -> int:
-    """Code of `ENDS` of a window."""
+    """Code of a window in `ENDS`."""
     below = {None: OPEN_BELOW, UNDETERMINED: UNDETERMINED_BELOW}
     above = {None: OPEN_ABOVE, UNDETERMINED: UNDETERMINED_ABOVE}
     return below.get(window.below, 0) + above.get(window.above, 0)
@@ -83,7 +83,7 @@ def summary(windows: xr.Dataset) -> Iterator[str]:
 
 
 def proof_lines(found: xr.Dataset) -> Iterator[str]:
-    """Describe in a line for each condition the share of its windows that is proved."""
+    """Describe the share of proved windows, in a line for each condition."""
     for condition in found["condition"].values:
         one = found.sel(condition=condition)
         ends = np.stack([one["min_proof"].values, one["max_proof"].values])

@@ -1,11 +1,12 @@
 """Stability windows: the intervals of the forcing in which a condition holds, for each restitution.
 
-A coarse scan over the forcing finds between which of its points a condition begins or ceases to
-hold; all these edges, of all restitutions, are then bisected together.  A window narrower than the
-step of the scan may hide between two of its points: the scan is the resolution.  Locked orbits are
-the exception, for a scan also sees where they exist without being stable: every window of a locked
-orbit that is wider than the tolerance is found.  Under another waveform than the sine a mode may
-have several windows, which may overlap: those of all branches are listed, in closed form.
+A coarse scan over the forcing finds the pairs of points between which a condition begins or ceases
+to hold; all these edges, of all restitutions, are then bisected together.  A window narrower than
+the step of the scan may hide between two of its points: the scan is the resolution.  Locked orbits
+are the exception, since a scan also detects orbits that exist without being stable: every window of
+a locked orbit that is wider than the tolerance is found.  Under another waveform than the sine a
+mode may have several windows, which may overlap: those of all branches are listed, from closed
+forms.
 """
 
 from __future__ import annotations
@@ -67,22 +68,22 @@ TOLERANCE: Final = 1e-9
 NOISY_TOLERANCE: Final = 1e-3  # under noise
 DIRECTIONS: Final = ("up", "down")
 RESTITUTIONS, POINTS = 25, 150  # of a scan over ranges
-# Relative error of the amplitude that `model.forcing.completed` makes of another forcing: at most
-# six roundings, with that of pi
+# Relative error of the amplitude that `model.forcing.completed` computes from another forcing: at
+# most six roundings, including that of pi
 FORCING_ERROR: Final = 6.0 * HALF_ULP
 BYTES_PER_POINT: Final = 200
-BYTES_PER_STATE: Final = 16  # that a continued particle has at a point
+BYTES_PER_STATE: Final = 16  # of a continued particle at a point
 
 
 def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
-    """Intervals of the forcing in which conditions hold, for every restitution of a sweep.
+    """Windows of a sweep, as `vibrosweep.windows`.
 
-    As `vibrosweep.windows`.  With continuation coexisting and hysteretic windows show as
-    differences between the directions.  A bracket around an edge is at most as wide as the
-    tolerance, relative to the edge; that of a locked orbit holds the exact edge.  Ranges of a
-    design that draws are scanned in `RESTITUTIONS` and `POINTS` even steps; the attribute ``grid``
-    says so.  Raises a SpecError where the sweep asks for no windows, a condition is not known, or
-    parameters other than restitution and a forcing vary.
+    With continuation, coexisting and hysteretic windows appear as differences between the
+    directions.  A bracket around an edge is at most as wide as the tolerance, relative to the edge;
+    that of a locked orbit holds the exact edge.  The ranges of a random design are scanned at
+    `RESTITUTIONS` and `POINTS` even values; the attribute ``grid`` says so.  Raises a SpecError if
+    the sweep asks for no windows, if a condition is not known, or if parameters other than the
+    restitution and a forcing vary.
     """
     require_ability("windows", sweep.scene, sweep.design.sampled)
     conditions = _conditions(sweep)
@@ -123,8 +124,8 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     dataset = _dataset(scene, conditions, directions, scan, table)
     dataset[HELD.name] = (HELD.dims, held, HELD.attributes)
     if replicas:
-        every = Share(*(np.concatenate(part) for part in zip(*shares, strict=True)))
-        dataset = dataset.assign(every.variables((*shape, a.size)))
+        joined = Share(*(np.concatenate(part) for part in zip(*shares, strict=True)))
+        dataset = dataset.assign(joined.variables((*shape, a.size)))
         dataset = dataset.assign_attrs(noise_replicas=replicas, noise_seed=scene.noise_seed)
     attributes = {"tolerance": tolerance, "notes": note_of(scene, float(e.max())) if orbits else ""}
     if not sweep.design.axes:
@@ -134,7 +135,7 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
 
 
 def _conditions(sweep: Sweep) -> list[Condition | Locked]:
-    """Conditions of a sweep; a SpecError without any, or for one that is not known."""
+    """Conditions of a sweep; raises a SpecError without any, or for one that is not known."""
     if sweep.windows is None:
         known = f" is missing; add it with conditions = [...], each one of {', '.join(NAMES)}"
         raise sweep.refusal((table("windows"), known))
@@ -183,8 +184,8 @@ class Scan(NamedTuple):
     """Points of a scan."""
 
     forcing: str  # name, one of `FORCINGS`
-    restitution: Array  # for each of which it is scanned; shape (restitution,)
-    values: Array  # points of the coarse scan, shape (scan,)
+    restitution: Array  # shape (restitution,)
+    values: Array  # of the forcing, scanned at each restitution; shape (scan,)
 
 
 def _windows(
@@ -195,7 +196,7 @@ def _windows(
     tolerance: float,
     workers: Workers,
 ) -> list[Row]:
-    """Windows of one condition in one direction, a list for each restitution."""
+    """Windows of one condition in one direction, a row for each restitution."""
     forcing, e, a = scan
     if isinstance(condition, Locked) and scene.waveform != SINE:
         rows = [rows_of_shape(scene, condition.k, forcing, float(one), a, workers) for one in e]
@@ -214,7 +215,7 @@ def _windows(
     first = {"restitution": e, forcing: np.full(e.size, a[0 if upward else -1])}
     start = None if fresh else evaluate.launch_states(scene, scene.parameters(first))
     width = tolerance
-    if isinstance(condition, Locked):  # so that the brackets keep to the tolerance with the error
+    if isinstance(condition, Locked):  # brackets keep to the tolerance when the error widens them
         error = END_ERROR + (FORCING_ERROR if forcing != AMPLITUDE else 0.0)
         constant = scene.restitution_law == CONSTANT
         width = tolerance - 2.0 * error if constant else 0.5 * tolerance
@@ -237,7 +238,7 @@ def _noisy(
     replicas: int,
     workers: Workers,
 ) -> tuple[list[Row], Share]:
-    """Windows where a condition holds in half of the replicas, and shares at points of the scan."""
+    """Windows in which a condition holds in half of the replicas, and shares over the scan."""
     (forcing, e, a), shares = scan, []
 
     def judge(rows: Codes, at: Array, states: Array) -> tuple[Codes, Array]:
@@ -298,7 +299,8 @@ def _dataset(
             {"units": "1", "long_name": "index of the widest window", "comment": comment},
         ),
     }
-    every = scene.quantities({"restitution": np.repeat(e, a.size), forcing: np.tile(a, e.size)})
+    varied = {"restitution": np.repeat(e, a.size), forcing: np.tile(a, e.size)}
+    acceleration = scene.quantities(varied)["base_acceleration"].reshape(e.size, a.size)
     words = {
         **coordinate_attributes(FORCINGS[forcing]),
         "comment": "points of the coarse scan",
@@ -310,19 +312,19 @@ def _dataset(
         "scan": (("scan",), a, words),
         "base_acceleration": (
             ("restitution", "scan"),
-            every["base_acceleration"].reshape(e.size, a.size),
+            acceleration,
             coordinate_attributes(FORCINGS["base_acceleration"]),
         ),
     }
     data |= shared(scene, ["restitution", forcing])
     meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)
-    told = attributes(scene, "Intervals of the forcing in which conditions hold")
-    return xr.Dataset(data, coordinates, {**told, "forcing": forcing, "meaning": meanings})
+    attrs = attributes(scene, "Intervals of the forcing in which conditions hold")
+    return xr.Dataset(data, coordinates, {**attrs, "forcing": forcing, "meaning": meanings})
 
 
 def _attributes(long_name: str, units: str) -> dict[str, str]:
     comment = (
-        "NaN where the window reaches the end of the scan, which is no edge of it; where "
-        f"{ENDS.name} says undetermined, the condition is known to hold up to here only"
+        "NaN where the window reaches the end of the scan, which is not an edge of the condition; "
+        f"where {ENDS.name} says undetermined, the condition is known to hold only up to here"
     )
     return {"units": units, "long_name": long_name, "comment": comment}
