@@ -445,7 +445,7 @@ def test_a_spent_budget_is_listed_and_tried_again(spec, refused, vibrosweep, tmp
     assert "did not complete" not in vibrosweep("info", output)[1]
     code, text, _ = vibrosweep(*again, 200_000)
     assert text.splitlines()[1] == "0 realizations computed again"
-    assert text.endswith(f"{output} is as it was\n")
+    assert text.endswith(f"{output} is unchanged\n")
     assert "goes with --retry-failed" in refused("run", path, "--impact-budget", 3)
 
 

@@ -1,4 +1,4 @@
-"""``python -m vibrosweep`` is the command ``vibrosweep``."""
+"""Run the command ``vibrosweep`` as ``python -m vibrosweep``."""
 
 import sys
 

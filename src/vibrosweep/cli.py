@@ -1,7 +1,8 @@
 """The command line: parse, call, and turn errors into exit codes.
 
-0 means done, 1 that a verification failed, 2 a mistake that the message tells how to mend, 130 an
-interruption.  What a command needs is imported when it runs, so that ``--help`` answers at once.
+0 means success, 1 that `verify` or `doctor` found something wrong, 2 an error, whose message gives
+the remedy, 130 an interruption.  Modules are imported when a command needs them, so that ``--help``
+answers at once.
 """
 
 from __future__ import annotations
@@ -26,24 +27,24 @@ from vibrosweep.errors import Interruption, VibrosweepError
 from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
-OBJECTS_BETWEEN_SEARCHES: Final = 50_000  # for garbage
-PATIENCE: Final = 2.0  # seconds for which a second interruption is not one more
+OBJECTS_BETWEEN_COLLECTIONS: Final = 50_000  # of garbage
+PATIENCE: Final = 2.0  # seconds in which repeated interruptions count as one
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code.
 
-    Without `arguments` this is the command of the process, and it looks after its streams, its
-    signals and its end.
+    Without `arguments` they are those of the process, whose streams, signals and exit are prepared
+    too.
     """
     if arguments is not None:
         return _perform(arguments)
     _prepare_output()
-    # a file object that could not be opened complains of it again when it is thrown away
+    # a file object that could not be opened reports its error again when it is deleted
     sys.unraisablehook = lambda unraisable: None
-    # importing and compiling make many objects and little garbage: looking for it every 700 objects
-    # took a tenth of their time, and sifting those of large libraries at exit 0.1 s
-    gc.set_threshold(OBJECTS_BETWEEN_SEARCHES)
+    # imports and compilation create many objects and little garbage: collections every 700 objects
+    # took a tenth of their time, and the collection at exit 0.1 s
+    gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     atexit.register(gc.freeze)
     with _interruptible():
         code = _perform(sys.argv[1:])
@@ -65,8 +66,8 @@ def _perform(arguments: Sequence[str]) -> int:
         _complain((f"not enough memory: {error}; ", remedy, ", or close other programs"))
         return MISTAKE
     except KeyboardInterrupt as error:
-        unkept = "interrupted; an unfinished result is not kept"
-        _complain(error.parts if isinstance(error, Interruption) else unkept)
+        discarded = "interrupted; an unfinished result is not kept"
+        _complain(error.parts if isinstance(error, Interruption) else discarded)
         return INTERRUPTED
     except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         _drop_output()
@@ -100,7 +101,7 @@ def _prepare_output() -> None:
 
 @contextmanager
 def _interruptible() -> Iterator[None]:
-    """Make every signal that ends a program interrupt it; impatient ones do not disturb that."""
+    """Turn every signal that ends a program into one KeyboardInterrupt, even if it is repeated."""
     interrupted = -math.inf
 
     def interrupt(number: int, frame: object) -> None:
@@ -118,7 +119,7 @@ def _interruptible() -> Iterator[None]:
             if ending is not None and signal.getsignal(ending) is not signal.SIG_IGN:
                 handlers[ending] = signal.signal(ending, interrupt)
     yield
-    for ending, handler in handlers.items():  # after an interruption the process only ends
+    for ending, handler in handlers.items():  # after an interruption nothing may disturb the exit
         signal.signal(ending, handler if interrupted == -math.inf else signal.SIG_IGN)
 
 
@@ -126,7 +127,7 @@ def _leave_kernels() -> None:
     """End the process even if a kernel is still running, since a kernel cannot be interrupted."""
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and not thread.daemon:
-            started = thread.ident is not None  # it was not where the interruption came in between
+            started = thread.ident is not None  # False if the interruption came before its start
             if started:
                 thread.join(timeout=0.2)
             if not started or thread.is_alive():

@@ -121,6 +121,7 @@ def test_separations_of_keywords_and_of_a_result():
         (lambda: vs.separations(design="none.csv"), TableError, "table; check design$"),
         (lambda: vs.separations(vs.sweep()), DataError, "dt_min"),
         (lambda: vs.separations(vs.sweep(), particles=2), ParameterError, "particles: cannot"),
+        (lambda: vs.separations({}, particles=2), ParameterError, "particles: cannot"),
     ],
 )
 def test_mistakes_are_told_in_keywords(call, error, message):

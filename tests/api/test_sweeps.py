@@ -85,9 +85,11 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
 
 
 def test_mistakes_of_the_call_itself():
-    with pytest.raises(ParameterError, match="particles: not beside a sweep file or a mapping"):
+    with pytest.raises(
+        ParameterError, match="particles: cannot be given beside a sweep file or a mapping"
+    ):
         vs.sweep("sweep.toml", particles=3)
-    with pytest.raises(ParameterError, match="int: is no sweep"):
+    with pytest.raises(ParameterError, match="int: is not a sweep"):
         vs.sweep(3)
     with pytest.raises(ParameterError, match="threads = 0:"):
         vs.sweep(threads=0)

@@ -61,7 +61,7 @@ def test_switches_that_spoil_the_machine_code_are_named(tmp_path):
     if not numba.config.DISABLE_JIT and "x86" in os.uname().machine:
         assert code == 1
         assert "vector registers    64 bits, no fused multiply-add" in text
-        assert "WRONG: results are right, but slow to come" in text
+        assert "WRONG: results are correct, but slow" in text
         assert "unset NUMBA_CPU_NAME" in text
     assert "kernel cache        0 compiled variants" in text
     assert "vibrosweep warmup" in text
@@ -83,7 +83,7 @@ def test_a_process_without_the_compiler(tmp_path):
     code, text = doctor(tmp_path, NUMBA_DISABLE_JIT="1")
     assert code == 1
     assert text.count("unset NUMBA_DISABLE_JIT") == 1
-    assert text.endswith("1 thing to mend, marked WRONG above\n")
+    assert text.endswith("1 problem, marked WRONG above\n")
 
 
 def test_two_hdf5_libraries_that_do_not_get_along(monkeypatch):
@@ -114,7 +114,9 @@ def test_a_limit_on_the_time_of_processors(monkeypatch, tmp_path):
     (tmp_path / "cpu.max").write_text("max 100000\n")
     assert machine.processors().trouble == ""
     (tmp_path / "cpu.max").write_text("200000 100000\n")
-    assert "only the time of 2 is granted: give --threads 2" in machine.processors().trouble
+    assert (
+        "the container grants the time of only 2: give --threads 2" in machine.processors().trouble
+    )
 
 
 def test_a_limit_on_the_memory(monkeypatch, tmp_path):

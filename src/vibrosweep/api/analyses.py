@@ -1,7 +1,4 @@
-"""Analyses that compute realizations of their own: windows, bifurcations, basins and others.
-
-All take the keywords of `vibrosweep.sweep`, or the path of a sweep file, or a mapping.
-"""
+"""Analyses that compute realizations: windows, bifurcations, basins, Sobol' indices."""
 
 from __future__ import annotations
 
@@ -43,14 +40,14 @@ def windows(
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        Those of `vibrosweep.sweep`, where without a duration conditions of orbits are judged after
-        as many periods as they take to settle; and
+        Those of `vibrosweep.sweep`; without a duration, conditions on orbits are judged after a
+        time in which orbits settle.  In addition, or with another meaning:
 
         amplitude, base_velocity, base_displacement, base_acceleration
-            One of them: points of the coarse scan (m s-1, m s-1, m, 1), a list of two or more; of
-            a range, a tuple, 150 even steps.
+            One of them, the forcing that is scanned (m s-1, m s-1, m, 1): a list of the two or more
+            points of the coarse scan, or a tuple, a range scanned at 150 even values.
         restitution
-            A number or a list; of a range, a tuple, 25 even steps.
+            A number, a list, or a tuple, a range taken at 25 even values.
         conditions
             A list of ``"locked(k)"``, ``"ordered"``, ``"periodic"``, ``"separated"``,
             ``"collision_free"`` and ``"regular"``; by default ``["locked(1)"]``.
@@ -61,27 +58,29 @@ def windows(
             True to prove, in ball arithmetic, the ends of ``locked(k)`` as bifurcations of its
             orbit, and attraction between them; False by default.  Needs python-flint.
         tolerance
-            Largest width of the bracket around an end, relative to it; 1e-9 by default, 1e-3 under
-            noise.
+            Largest width of the bracket around an end, relative to the end; 1e-9 by default, 1e-3
+            under noise.
         noise_replicas
             Under noise, the number of replicas of each point, 100 by default.  Replica r has stream
-            r of random numbers at all points.  A condition then holds where it holds in half of the
-            replicas or more.  For ``locked(k)`` particles begin on the locked orbit; one is
-            locked while it does not rest and each of its flights lasts k periods to within 1/4.
+            r of random numbers at all points.  A condition then counts as true where it holds in at
+            least half of the replicas.  For ``locked(k)`` particles begin on the locked orbit; a
+            particle is locked if it does not rest and each of its flights lasts k periods to within
+            1/4.
 
     Returns
     -------
     xarray.Dataset
         Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
         middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
-        reaches the end of the scan and past the last window; ``window_ends``, a code that tells
-        which ends are open in this way, and beyond which ends the condition is undetermined.  Names
+        reaches the end of the scan and past the last window; ``window_ends``, a code for ends that
+        are open in this way, and for ends beyond which the condition is undetermined.  Names
         begin with the symbol of the forcing that is scanned: ``A``, ``V0``, ``B``, ``Gamma``. Dims
         (condition, direction, restitution): ``window_count`` and ``widest``, the index of the
         widest window, -1 without any.  Dims (condition, direction, restitution, scan): ``holds``,
         whether the condition holds at a point of the scan, -1 where that is undetermined.  With
-        `prove` also ``min_proof``, ``max_proof`` and ``inside_proof``, dims as of ``A_min``: what
-        is proved, or why not; and ``A_min_low``, ``A_min_high``, ``A_max_low``, ``A_max_high``,
+        `prove` also ``min_proof``, ``max_proof`` and ``inside_proof``, with the dims of ``A_min``:
+        codes for a proof, or for the reason why there is none; and ``A_min_low``, ``A_min_high``,
+        ``A_max_low``, ``A_max_high``,
         which enclose proved ends.  Under noise also ``share``, ``share_low`` and ``share_high``
         with the dims of ``holds``: the share of replicas (for ``locked(k)`` of replicas and
         particles) for which the condition holds, with its 95 % interval (Clopper & Pearson 1934).
@@ -124,7 +123,7 @@ def bifurcation(
     threads: int | None = None,
     **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
-    """Follow orbits up and down the forcing, each from the state reached before.
+    """Follow orbits up and down the forcing, from each point to the next.
 
     Parameters
     ----------
@@ -136,7 +135,7 @@ def bifurcation(
         ``"impact_phase"`` (turns), or a function of the phase of landing (turns), the speed at
         lift-off (m s-1) and gravity (m s-2), on arrays of any shape.
     samples
-        Impacts that are kept at each point, once the orbit has settled.
+        Number of impacts that are kept at each point, once the orbit has settled.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -146,8 +145,8 @@ def bifurcation(
     Returns
     -------
     xarray.Dataset
-        Dims (direction, amplitude, particle, sample), with the forcing that was given in the place
-        of the amplitude: the observable under its name, ``observable`` for a function.  Dims
+        Dims (direction, amplitude, particle, sample), where the forcing that was given replaces
+        ``amplitude``: the observable under its name, ``observable`` for a function.  Dims
         (direction, amplitude, particle): ``regime``, ``cycle_impacts``, ``cycle_periods``,
         ``cycle_rests``, ``lyapunov_largest`` with its error.
 
@@ -181,7 +180,7 @@ def bifurcation(
 def basins(
     spec: Spec | None = None, /, *, threads: int | None = None, **keywords: Unpack[SweepKeywords]
 ) -> xr.Dataset:
-    """Tell which attractor each launch leads to.
+    """Find the attractor that each launch leads to.
 
     Parameters
     ----------
@@ -191,23 +190,24 @@ def basins(
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        Those of `vibrosweep.sweep`; ``launch_velocity`` is a list (m s-1), and the launch times are
-        those of ``launch`` (s), or of ``particles`` staggered ones.  Without a duration orbits are
-        followed until they settle.  Beside it ``restitution`` or a forcing may be a list.
+        Those of `vibrosweep.sweep`: ``launch_velocity`` is a list (m s-1), the launch times are
+        those of ``launch`` (s), or the staggered ones of so many ``particles``, and
+        ``restitution`` or a forcing may be a list too.  Without a duration orbits are followed
+        until they settle.
 
     Returns
     -------
     xarray.Dataset
-        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, -1 of
-        launches that are unsettled and have reached none; and ``slot``, which of its time-shifted
-        copies.  Dim attractor, the most frequent first:
-        ``fraction`` of the launches with its 95 % interval, ``fraction_low`` and ``fraction_high``;
-        ``regime``, ``cycle_impacts``, ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest``; and
-        of the impact before the shortest flight of the cycle ``impact_phase`` (turns) and
-        ``rebound_velocity`` (m s-1).  Scalars: ``unsettled_fraction``, ``basin_entropy``,
-        ``boundary_entropy``, ``uncertainty_exponent`` and its error.  Along a parameter all but
-        ``regime``, ``cycle_periods`` and ``cycle_rests``, which an attractor keeps, have its dim
-        first; the same attractor at the next value is the nearest one of its kind.
+        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, -1 for
+        unsettled launches; and ``slot``, the number of the time-shifted copy of the attractor.  Dim
+        attractor, the most frequent first: ``fraction`` of the launches with its 95 % interval,
+        ``fraction_low`` and ``fraction_high``; ``regime``, ``cycle_impacts``, ``cycle_periods``,
+        ``cycle_rests``, ``lyapunov_largest``; and, at the impact before the shortest flight of the
+        cycle, ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1).  Scalars:
+        ``unsettled_fraction``, ``basin_entropy``, ``boundary_entropy``, ``uncertainty_exponent``
+        and its error.  If a parameter is a list, it is the first dim of all variables but
+        ``regime``, ``cycle_periods`` and ``cycle_rests``, which an attractor keeps; the same
+        attractor at the next value is the nearest one of its kind.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def sobol(
     threads: int | None = None,
     **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
-    """First-order and total Sobol' indices: on which parameters measured variables depend.
+    """First-order and total Sobol' indices of measured variables with respect to parameters.
 
     Parameters
     ----------
@@ -273,10 +273,10 @@ def sobol(
     SpecError
         Keywords hold mistakes, all of which are listed, or no parameter varies.
     DataError
-        A realization did not complete, or an output is undetermined or undefined in some, or the
-        same in all.
+        A realization did not complete, or an output is undetermined or undefined in some
+        realization, or the same in all.
     ParameterError
-        The number of realizations is no power of 2, or `outputs` or `confidence` is not allowed.
+        The number of realizations is not a power of 2, or `outputs` or `confidence` is not allowed.
 
     Warns
     -----

@@ -52,7 +52,7 @@ def separations(
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        Those of `vibrosweep.sweep`; separations are measured in any case.
+        Those of `vibrosweep.sweep`; ``separation=True`` is implied.
 
     Returns
     -------
@@ -84,8 +84,8 @@ def separations(
             raise ParameterError(f"{', '.join(keywords)}: cannot be given beside a result")
         result = spec
     else:
-        asks: dict[str, Any] = {"separation": True, **keywords} if spec is None else {}
-        result = sweep(spec, threads=threads, **asks)
+        asked: dict[str, Any] = {"separation": True, **keywords} if spec is None else {**keywords}
+        result = sweep(spec, threads=threads, **asked)
     if against is None:
         return separation_distribution(result, measure=measure, quantiles=quantiles)
     return separation_against(result, against, bins=bins, measure=measure, quantiles=quantiles)

@@ -1,4 +1,4 @@
-"""Sweeps that public functions are given as a sweep file, a mapping, a result, or keywords."""
+"""Sweeps as public functions take them: a sweep file, a mapping, a result, or keywords."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def as_sweep(
     kept: Callable[[], str] | None = None,
     **defaults: Any,
 ) -> Sweep:
-    """Return the sweep that a path, a mapping or a result asks for, or keywords without any.
+    """Return the sweep that a path, a mapping or a result describes; without any, keywords do.
 
-    `analysis` is that of `keyword_spec`, `kept` that of `read_spec`.  `realizations`, where there
-    are ranges, and `defaults` complete keywords, a mapping or a result, but not a file.  Raises a
-    SpecError that lists all mistakes, a ParameterError where there are keywords beside a file or a
-    mapping, or `spec` is none of these, and a DataError where a dataset does not hold the sweep
-    that it was computed from.
+    `analysis` is passed to `keyword_spec`, `kept` to `read_spec`.  `defaults` complete keywords, a
+    mapping or a result, but not a file; so does `realizations` where keywords or a mapping hold
+    ranges.  Raises a SpecError that lists all mistakes, a ParameterError for keywords beside a file
+    or a mapping and for a `spec` of another type, and a DataError for a dataset that does not hold
+    the sweep from which it was computed.
     """
     if spec is not None and hasattr(spec, "attrs"):
         completed = {**defaults, **_sweep_of(spec.attrs), **keywords}
@@ -47,14 +47,16 @@ def as_sweep(
         return keyword_spec({**defaults, **keywords}, analysis, keywords)
     if keywords:
         raise ParameterError(
-            f"{', '.join(keywords)}: not beside a sweep file or a mapping; write it there"
+            f"{', '.join(keywords)}: cannot be given beside a sweep file or a mapping; write it "
+            f"there"
         )
     if isinstance(spec, Mapping):
         return keyword_spec({**defaults, **spec}, analysis, kept=kept)
     if isinstance(spec, str | os.PathLike):
         return read_spec(spec, kept)
     raise ParameterError(
-        f"{type(spec).__name__}: is no sweep; give keywords, a mapping, or the path of a sweep file"
+        f"{type(spec).__name__}: is not a sweep; give keywords, a mapping, or the path of a sweep "
+        f"file"
     )
 
 
@@ -62,14 +64,14 @@ def _sweep_of(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of the sweep file of a result."""
     if "sweep_file" not in attributes:
         raise DataError(
-            "the dataset is no result of vibrosweep.sweep, run or open_sweep, or has lost its "
+            "the dataset is not a result of vibrosweep.sweep, run or open_sweep, or has lost its "
             "attributes, which hold the sweep: give keywords, or the path of a sweep file"
         )
     return tomllib.loads(str(attributes["sweep_file"]))
 
 
 def warned(found: xr.Dataset) -> xr.Dataset:
-    """Warn of the notes of a result; the command line prints them itself."""
+    """Issue the notes of a result as a warning and return it; the command line prints them."""
     if found.attrs["notes"]:
         warnings.warn(found.attrs["notes"], ShortObservationWarning, stacklevel=3)
     return found

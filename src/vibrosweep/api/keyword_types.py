@@ -1,6 +1,6 @@
-"""Types of the keywords of public functions, by which an editor completes and checks them.
+"""Types of the keywords of public functions, with which an editor completes and checks them.
 
-They are the keys of a sweep file.  Values are judged when the function is called.
+The keywords are the keys of a sweep file.  Values are checked when the function is called.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ __all__ = ["BatchKeywords", "RealizationKeywords", "SweepKeywords", "WindowKeywo
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# A number; a tuple as a range, a list, an array, or start, stop and num as an axis
+# A number; a tuple as a range; a list, an array, or start, stop and num as an axis
 Values = ArrayLike | Mapping[str, float] | None
-# Of the words, those that are always known
+# The names that the package brings along; others can be registered
 Base = Literal["high-bounce", "moving", "sprung"] | str | None
 Law = Literal["rest", "reflect"] | str | None
 Waveform = Literal["sine", "parabolic"] | Mapping[str, Any] | None
@@ -84,7 +84,7 @@ class MeasureKeywords(TypedDict, total=False):
 
 
 class BatchKeywords(MotionKeywords, MeasureKeywords, total=False):
-    """A scene, its launches, and measures beside its landings."""
+    """A scene, its launches, and its measures."""
 
     launch_time: ArrayLike | None
     noise_stream: ArrayLike | None
@@ -101,7 +101,7 @@ class RealizationKeywords(MotionKeywords, MeasureKeywords, total=False):
 
 
 class SweepKeywords(RealizationKeywords, total=False):
-    """The same, or whole tables of a sweep file."""
+    """Keywords of realizations, or whole tables of a sweep file."""
 
     scene: Mapping[str, Any] | None
     sample: Mapping[str, Any] | None
@@ -120,14 +120,14 @@ class WindowKeywords(SweepKeywords, total=False):
 
 
 def completed(by: type[Any]) -> Callable[[F], F]:
-    """Give a function whose keywords are those of a type a signature that names each of them.
+    """Give a function a signature that names each keyword of the type `by`.
 
-    Type checkers know them without; notebooks complete the names of the signature.
+    Notebooks complete the names of a signature; type checkers read the annotation of the keywords.
     """
 
     def with_signature(function: F) -> F:
         plain = inspect.signature(function)
-        named = [one for one in plain.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        named = [p for p in plain.parameters.values() if p.kind is not p.VAR_KEYWORD]
         keywords = [
             inspect.Parameter(
                 name,

@@ -1,7 +1,4 @@
-"""Periodic orbits, whether they attract or not.
-
-All take the keywords of `vibrosweep.sweep`, or the path of a sweep file, or a mapping.
-"""
+"""Periodic orbits, whether they attract or not."""
 
 from __future__ import annotations
 
@@ -30,12 +27,12 @@ def orbits(
     threads: int | None = None,
     **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
-    """Find all periodic orbits without rest, whether they attract or not.
+    """Find all periodic orbits without rests, whether they attract or not.
 
-    Newton's method on the phases of all impacts starts from seeds that cover them evenly; equal
-    orbits are listed once, whichever impact and forcing period they begin with.  Twice as many
-    seeds are taken as led to the last new orbit, at least ``seeds * 4**(p - 1)`` for p impacts in q
-    periods.
+    Newton's method on the phases of all impacts starts from seeds that cover them evenly; an orbit
+    is listed once, whatever impact and forcing period it is found to begin with.  The number of
+    seeds is at least ``seeds * 4**(p - 1)`` for p impacts, and twice the number that led to the
+    last new orbit.
 
     Parameters
     ----------
@@ -43,26 +40,27 @@ def orbits(
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
         is taken; keywords beside a result complete it.
     impacts, periods
-        Impacts of an orbit, and forcing periods that they take, at most; up to 12 and 64.
+        Largest numbers of impacts and of forcing periods of an orbit; up to 12 and 64.
     seeds
-        Of orbits with one impact, at least.
+        Least number of seeds for orbits with one impact.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        Those of `vibrosweep.sweep`, of which launches and times do not matter.
+        Those of `vibrosweep.sweep`; launches and times have no effect.
 
     Returns
     -------
     xarray.Dataset
         With the axes of a grid, or ``realization``, as first dims where parameters vary.  Dims
         (..., orbit): ``cycle_impacts`` and ``cycle_periods``, 0 past the last orbit; ``stable``;
-        ``admissible``, a code that says that a particle takes the orbit, or would land earlier, or
-        rest.  Dims (..., orbit, multiplier): ``multiplier_real`` and ``multiplier_imaginary``.
-        Dims (..., orbit, impact), from the impact before the shortest flight: ``impact_phase``
-        (turns), ``rebound_velocity`` (m s-1), and of the flight that follows ``flight_time`` (s)
-        and ``arrival_velocity`` (m s-1).  Dims (..., impacts, periods): ``seeds``; ``late_orbits``,
-        new ones that their last half led to; ``saddle_points`` and ``other_points``, which are
-        equally many over the high-bounce base, and ``balanced``, whether they are.
+        ``admissible``, a code: a particle takes the orbit, would land earlier, or would rest.
+        Dims (..., orbit, multiplier): ``multiplier_real`` and ``multiplier_imaginary``.  Dims (...,
+        orbit, impact), from the impact before the shortest flight: ``impact_phase`` (turns),
+        ``rebound_velocity`` (m s-1), and, for the flight that follows, ``flight_time`` (s) and
+        ``arrival_velocity`` (m s-1).  Dims (..., impacts, periods): ``seeds``; ``late_orbits``, the
+        number of new orbits to which the last half of the seeds led; ``saddle_points`` and
+        ``other_points``, which are equally many over the high-bounce base if all orbits were found,
+        and ``balanced``, whether they are.
 
     Raises
     ------
@@ -103,9 +101,10 @@ def branches(
 ) -> xr.Dataset:
     """Follow periodic orbits along a parameter, round folds, and find their bifurcations.
 
-    All orbits at the values of the axis are followed to both sides, each once, until they leave its
-    range, touch the base, or come to rest.  Saddle-nodes, doublings of the period, grazes and rests
-    are solutions of equations for the orbit, the parameter and the multiplier at once.
+    All orbits at the values of the axis are followed in both directions, each once, until they
+    leave the range of the axis, touch the base, or begin to rest.  Saddle-nodes, period doublings,
+    grazings and rests are solutions of equations for the orbit, the parameter and the multiplier
+    together.
 
     Parameters
     ----------
@@ -113,18 +112,18 @@ def branches(
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
         is taken; keywords beside a result complete it.
     impacts, periods
-        Impacts of an orbit at the values of the axis, and its forcing periods, at most; up to 12
-        and 64.
+        Largest numbers of impacts and of forcing periods of the orbits at the values of the axis;
+        up to 12 and 64.
     doublings
-        How often orbits that are born where another one doubles its period are followed, too; at
-        most 6, and no orbit of more than 64 impacts.
+        Number of successive period doublings from which the new orbits are followed too; at most
+        6, and up to orbits of 64 impacts.
     points
-        Of an orbit to each side, at most; at least 10.
+        Largest number of points of an orbit in each direction; at least 10.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        Those of `vibrosweep.sweep`, of which ``restitution`` or a forcing is a list of two values
-        or more; launches and times do not matter.
+        Those of `vibrosweep.sweep`: ``restitution`` or a forcing is a list of two values or more;
+        launches and times have no effect.
 
     Returns
     -------
@@ -132,9 +131,10 @@ def branches(
         Dims (branch, point): the parameter under its name, ``stable``, ``admissible``; with dim
         multiplier ``multiplier_real`` and ``multiplier_imaginary``; with dim impact
         ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1).  Dims (branch, event):
-        ``bifurcation``, its parameter ``bifurcation_amplitude`` (or of another name), and
-        with dim impact ``bifurcation_phase``.  Dim branch: ``cycle_impacts``, ``cycle_periods``,
-        ``parent``, the branch that it was born from; with dim end ``ends``, why it ends.
+        ``bifurcation``, its kind; ``bifurcation_amplitude``, the parameter there, under its own
+        name; and with dim impact ``bifurcation_phase``.  Dim branch: ``cycle_impacts``,
+        ``cycle_periods``, ``parent``, the branch from which it was born; with dim end ``ends``,
+        why it ends.
 
     Raises
     ------
@@ -177,7 +177,8 @@ def boundaries(
     """Trace bifurcations of periodic orbits over the plane of restitution and forcing.
 
     At each restitution of the axis orbits are followed along the forcing, as by
-    `vibrosweep.branches`, and each of their bifurcations to both sides in the plane.
+    `vibrosweep.branches`; each of their bifurcations is then followed in both directions as a curve
+    in the plane.
 
     Parameters
     ----------
@@ -185,14 +186,14 @@ def boundaries(
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
         is taken; keywords beside a result complete it.
     impacts, periods, doublings
-        As of `vibrosweep.branches`.
+        As for `vibrosweep.branches`.
     points
-        Of a curve to each side, and of an orbit, at most; at least 10.
+        Largest number of points of a curve, and of an orbit, in each direction; at least 10.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        Those of `vibrosweep.sweep`, of which ``restitution`` and a forcing are lists of two values
-        or more; a curve that meets none of the restitutions is not found.
+        Those of `vibrosweep.sweep`: ``restitution`` and a forcing are lists of two values or more.
+        A curve that crosses none of the restitutions is not found.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Analyses with proofs where they are asked for; these need an optional library."""
+"""Windows with proofs, which need an optional library."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["windows_found"]
 
 
 def windows_found(spec: Sweep, threads: int) -> xr.Dataset:
-    """Windows of a sweep, with proofs where it asks for them."""
+    """Find the windows of a sweep, and prove them if the sweep asks for it."""
     if not (spec.windows or {}).get("prove"):
         return find_windows(spec, threads)
     from vibrosweep.proof.windows import prove_windows

@@ -1,4 +1,4 @@
-"""Realizations of a sweep, to be followed again landing by landing."""
+"""Realizations of a sweep, followed again landing by landing."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from vibrosweep.store.kinds import KIND, SWEEP
 
 
 def replayed(result: xr.Dataset, keywords: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
-    """Return the scene of a sweep, and the parameters that vary, as `batch` does of keywords.
+    """Return the scene of a sweep and the parameters that vary, as `batch` does for keywords.
 
-    Raises a ParameterError where there are keywords other than measures, a SpecError for measures
-    that cannot be had, a DataError where the dataset is no sweep or lacks some of it, and gives an
-    `OtherKernelsWarning` where other code has computed it.
+    Raises a ParameterError for keywords other than measures, a SpecError for measures that cannot
+    be computed, and a DataError for a dataset that is not a sweep or lacks a part of one; issues an
+    `OtherKernelsWarning` if other code has computed it.
     """
     keywords = {name: value for name, value in keywords.items() if value is not None}
     if others := keywords.keys() - MEASURES.keys():
         raise ParameterError(
-            f"{', '.join(sorted(others))}: not beside a result, whose realizations are followed as "
-            f"its sweep followed them; give keywords alone for other scenes"
+            f"{', '.join(sorted(others))}: cannot be given beside a result, whose realizations are "
+            f"followed as in its sweep; give keywords alone for other scenes"
         )
     if result.attrs.get(KIND) != SWEEP.name or "sweep_file" not in result.attrs:
         raise DataError(
-            "the dataset is no result of vibrosweep.sweep, run or open_sweep, or has lost its "
-            "attributes: give one, or realizations of one, such as found.isel(realization=7)"
+            "the dataset is not a result of vibrosweep.sweep, run or open_sweep, or has lost its "
+            "attributes: give such a result, or realizations of it: found.isel(realization=7)"
         )
     data = tomllib.loads(str(result.attrs["sweep_file"]))
     data["measure"] = {**data.get("measure", {}), **keywords}
@@ -54,13 +54,13 @@ def replayed(result: xr.Dataset, keywords: Mapping[str, Any]) -> tuple[Scene, di
     lost += [] if particles == scene.particles else ["launch_time"]
     if lost:
         raise DataError(
-            f"{', '.join(lost)}: incomplete in the dataset; select realizations of the whole "
-            f"result, and particles of what simulate returns"
+            f"{', '.join(lost)}: incomplete in the dataset; select realizations only, and select "
+            f"particles from the result of simulate"
         )
     if result.attrs.get(KERNELS) != sources_digest():
         warnings.warn(
-            "other code of vibrosweep, or of numba, has computed this result: what is followed now "
-            "may differ in the last bits, and after many irregular impacts altogether",
+            "another version of vibrosweep or numba has computed this result: landings may differ "
+            "from it in the last bits, and completely after many impacts of an irregular motion",
             OtherKernelsWarning,
             stacklevel=3,
         )
@@ -69,9 +69,11 @@ def replayed(result: xr.Dataset, keywords: Mapping[str, Any]) -> tuple[Scene, di
         name: np.array(one.values, dtype=np.float64).ravel()
         for name, one in zip(names, spread, strict=True)
     }
-    judged = ((name, values[name]) for name in names if name in INPUTS)
-    if wrong := [name for name, given in judged if not INPUTS[name].accepts(given).all()]:
-        raise DataError(f"{', '.join(wrong)}: changed in the dataset to what no sweep computes")
+    physical = ((name, values[name]) for name in names if name in INPUTS)
+    if wrong := [name for name, given in physical if not INPUTS[name].accepts(given).all()]:
+        raise DataError(
+            f"{', '.join(wrong)}: changed in the dataset to values that are not allowed"
+        )
     fixed = scene.inputs
     return scene, {
         name: given

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vibrosweep.proof.verification import Report
 
 _PROVES: Final = "the reference proves landings of single trajectories from their launch, and"
-_OF_A_CAMERA: Final = "it holds measurements of a camera, which nothing can prove"
+_OF_A_CAMERA: Final = "it holds measurements of a camera, which cannot be proved"
 
 
 def _window_lines(windows: xr.Dataset) -> Iterable[str]:
@@ -129,7 +129,7 @@ BIFURCATION: Final = register_kind(
         _bifurcation_lines,
         _bifurcation_figure,
         "bifurcation_diagram",
-        unverified=f"{_PROVES} this holds orbits that go on from amplitude to amplitude",
+        unverified=f"{_PROVES} this holds orbits that are continued from amplitude to amplitude",
     )
 )
 BASINS: Final = register_kind(

@@ -26,12 +26,12 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     Parameters
     ----------
     path
-        File that `vibrosweep.run` or the command of this name wrote.
+        File that `vibrosweep.run` or ``vibrosweep run`` wrote.
 
     Returns
     -------
     xarray.Dataset
-        As of `vibrosweep.sweep`; values are read when they are needed.
+        As `vibrosweep.sweep` returns it; values are read when they are needed.
 
     Raises
     ------
@@ -52,17 +52,17 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Open every landing of the scene that a sweep recorded (``[record]`` in its file).
+    """Open the record of every landing that a sweep file asks for in ``[record]``.
 
     Parameters
     ----------
     path
-        File that `vibrosweep.run` or the command of this name wrote.
+        File that `vibrosweep.run` or ``vibrosweep run`` wrote.
 
     Returns
     -------
     xarray.Dataset
-        As of `vibrosweep.simulate`, ragged where the sweep file has ``ragged = true`` in its
+        As `vibrosweep.simulate` returns it, ragged if the sweep file has ``ragged = true`` in its
         ``[record]``; values are read when they are needed.
 
     Raises
@@ -92,7 +92,7 @@ def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def has_record(path: str | os.PathLike[str]) -> bool:
-    """Return whether a result holds every landing of a scene.
+    """Return whether a result holds a record of landings.
 
     Raises
     ------

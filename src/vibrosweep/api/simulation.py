@@ -50,17 +50,16 @@ def simulate(
     Parameters
     ----------
     result
-        Instead of a scene realizations of a sweep, as `vibrosweep.sweep` or `open_sweep` gives
-        them: ``simulate(found.isel(realization=7))`` follows exactly what the sweep followed, bit
-        for bit on one model of processor; of the keywords there are then those that ask for
-        measures.
+        Instead of a scene, realizations of a sweep that `vibrosweep.sweep` or `open_sweep` returns:
+        ``simulate(found.isel(realization=7))`` repeats the trajectories of the sweep, bit for bit
+        on the same model of processor.  The only keywords are then those of measures.
     ragged
         True to store landings one after the other along a single dim, a contiguous ragged array of
-        the CF conventions, which leaves no places empty; `vibrosweep.rectangle` goes back.
+        the CF conventions, which leaves no places empty; `vibrosweep.rectangle` converts it back.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        The scene, in the words of `vibrosweep.sweep`:
+        The scene, as for `vibrosweep.sweep`:
 
         restitution, frequency, phase, gravity, launch_velocity, contact_time
             Physical parameters (1, Hz, rad, m s-2, m s-1, s): a number, or a list or 1-D array with
@@ -68,61 +67,62 @@ def simulate(
         amplitude, base_velocity, base_displacement, base_acceleration
             The forcing, as a physical parameter in one of four ways: amplitude A of the kick
             (m s-1), or peak velocity V0 (m s-1), displacement B (m) or acceleration Gamma (in units
-            of gravity) of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.  Without
-            any of them the amplitude of Table 1.
+            of gravity) of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.  By
+            default the amplitude of Table 1.
         launch_time
-            When particles leave the base, in s: a number, or a list with one entry per particle.
+            Launch times in s: a number, or a list with one entry per particle.
         particles, launch
-            Instead of `launch_time` the number of particles, and ``"staggered"`` launches
+            Instead of `launch_time`, the number of particles, and ``"staggered"`` launches
             (particle j at j / (particles * frequency)) or a list of launch times in s.
         duration, duration_periods
             Landings up to this time are recorded: in s, 12 by default, or in forcing periods of
             each realization.
         base, rebound
-            ``"high-bounce"``, a base that stays at height zero and kicks, ``"moving"``, or
-            ``"sprung"``, a moving base of finite mass, which recoils; the law of rebound,
-            ``"rest"`` or ``"reflect"``, the latter over a high-bounce base only.
+            The base: ``"high-bounce"``, which stays at height zero and kicks, ``"moving"``, or
+            ``"sprung"``, a moving base of finite mass, which recoils.  The law of rebound:
+            ``"rest"``, or, over the high-bounce base only, ``"reflect"``.
         waveform
             Shape of the motion of the base: ``"sine"``, ``"parabolic"``, or the harmonics of its
             velocity with number, weight and phase in rad,
             ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
         restitution_law, restitution_speed
-            How the restitution depends on the speed of an impact: ``"constant"``, not at all;
-            ``"plastic"``, above the speed (m/s) at which yielding begins; ``"viscoelastic"``, the
-            restitution being that at the speed; or a law of `vibrosweep.register_law`.
+            Law by which the restitution depends on the impact speed, and a speed (m s-1):
+            ``"constant"``; ``"plastic"``, in which it falls above the speed, where yielding begins;
+            ``"viscoelastic"``, where ``restitution`` is that at the speed; or a law registered with
+            `vibrosweep.register_law`.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
-            Of a sprung base, as physical parameters: the mass of one particle in units of that of
-            the base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by
+            For the sprung base, as physical parameters: the mass of one particle in units of that
+            of the base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by
             default) of its mount.
         restitution_noise, kick_noise, drive_noise
-            Random quantities, as physical parameters: standard deviation of the restitution in each
-            impact; of the velocity of the base in each impact (m s-1); of the amplitude in each
-            forcing period, in units of the amplitude.
+            Standard deviations, as physical parameters: of the restitution at each impact (1); of
+            the velocity of the base at each impact (m s-1); of the amplitude in each forcing
+            period, in units of the amplitude (1).
         noise_seed, noise_stream
             Seed of the random numbers, 0 by default, and the stream of each realization: a whole
             number, or a list with one entry per realization; their indices by default.
         impact_budget
-            Landings after which a particle is given up, rounded up to a multiple of 6; its status
-            says so.
+            Number of landings after which a particle is given up, rounded up to a multiple of 6;
+            its status says so.
         regimes, lyapunov, trust, separation, per_particle, ordering, joint, impact_speed
             True to measure as `vibrosweep.sweep` does, from ``transient`` or ``transient_periods``
-            on: ``regimes=True`` for the regime of each particle and the period of its cycle,
-            ``lyapunov=True`` for exponents as well.
+            on: ``regimes=True`` gives the regime of each particle and the period of its cycle,
+            ``lyapunov=True`` exponents as well.
 
     Returns
     -------
     xarray.Dataset
         Dims (realization, particle, impact): ``landing_time`` and ``liftoff_time`` (s),
         ``rebound_velocity`` (m s-1), ``rested``, ``impact_phase`` (turns), ``arrival_speed``
-        (m s-1); dims (realization, particle): ``impact_count``, ``status``, and what was asked
-        for: ``regime``, ``cycle_periods`` and ``cycle_impacts``, ``lyapunov_largest``, and all
-        others of the measures, as in a sweep.  NaN past the last landing, and for the lift-off of a
-        particle that rests for good, or for a forcing period past the end.  The attribute ``notes``
-        says if more than half of the places are empty, if the base is driven more strongly than by
-        any shaker, and if the observation is too short for the regimes.  If `ragged`, the dim
-        landing replaces (realization, particle, impact), and trajectory (realization, particle),
-        with ``realization_index`` and ``particle_index``.  Parameters that differ between
-        realizations are coordinates, the others variables without dims.
+        (m s-1); dims (realization, particle): ``impact_count``, ``status``, and the variables of
+        measures, such as ``regime``, ``cycle_periods``, ``cycle_impacts`` and
+        ``lyapunov_largest``, as in a sweep.  Values past the last landing are NaN, and so is the
+        lift-off of a particle that rests permanently, or until a forcing period past the end.  The
+        attribute ``notes`` says if more than half of the places are empty, if the base is driven
+        more strongly than by any shaker, and if the observation is too short for the regimes.  If
+        `ragged`, the dim landing replaces (realization, particle, impact), and trajectory replaces
+        (realization, particle), with ``realization_index`` and ``particle_index``.  Parameters that
+        differ between realizations are coordinates, the others variables without dims.
 
     Raises
     ------
@@ -130,17 +130,17 @@ def simulate(
         Keywords are unknown, contradict each other, or have values that are not allowed; all
         mistakes are listed.
     ParameterError
-        The forcing or the masses make a parameter too large, or the record would be; or there are
-        keywords beside a result.
+        The forcing or the masses make a parameter too large, the record is too large, or keywords
+        other than measures are given beside a result.
     DataError
-        The dataset is no result of a sweep, or parts of it are missing.
+        The dataset is not a result of a sweep, or parts of it are missing.
 
     Warns
     -----
     OtherKernelsWarning
         The code that computed the result differs from the one that follows it now.
     ShortObservationWarning
-        Regimes are asked for, but orbits may be called unsettled because the observation is too
+        Regimes are measured, and orbits may be called unsettled because the observation is too
         short.
 
     Examples
@@ -210,6 +210,6 @@ def _short(scene: Scene, quantities: Mapping[str, Array]) -> str:
 
 
 def _variables_of(scene: Scene) -> Mapping[str, Variable]:
-    """Return the variables of the measures that a scene asks for."""
-    asked = (one for key, one in MEASURES.items() if getattr(scene.measures, key))
-    return {variable.name: variable for one in asked for variable in one.variables}
+    """Return the variables of the measures of a scene."""
+    measures = (measure for key, measure in MEASURES.items() if getattr(scene.measures, key))
+    return {variable.name: variable for measure in measures for variable in measure.variables}

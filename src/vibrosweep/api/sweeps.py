@@ -47,7 +47,7 @@ def sweep(
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
         is taken; keywords beside a result complete it.
     observables
-        Functions of your own that see every landing.
+        Functions of your own that are called at every landing.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     progress
@@ -67,24 +67,25 @@ def sweep(
         duration, duration_periods
             End of the observation in s, 12 by default, or in forcing periods.
         base, rebound
-            ``"high-bounce"``, a base that stays at height zero and kicks, ``"moving"``, or
-            ``"sprung"``, a moving base of finite mass; the law of rebound, ``"rest"`` or
-            ``"reflect"``, the latter over a high-bounce base only.
+            The base: ``"high-bounce"``, which stays at height zero and kicks, ``"moving"``, or
+            ``"sprung"``, a moving base of finite mass, which recoils.  The law of rebound:
+            ``"rest"``, or, over the high-bounce base only, ``"reflect"``.
         waveform
             Shape of the motion of the base: ``"sine"``, ``"parabolic"``, or the harmonics of its
             velocity with number, weight and phase in rad,
             ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
         restitution_law, restitution_speed
-            How the restitution depends on the speed of an impact: ``"constant"``, not at all;
-            ``"plastic"``, above the speed (m/s) at which yielding begins; ``"viscoelastic"``, the
-            restitution being that at the speed; or a law of `vibrosweep.register_law`.
+            Law by which the restitution depends on the impact speed, and a speed (m s-1):
+            ``"constant"``; ``"plastic"``, in which it falls above the speed, where yielding begins;
+            ``"viscoelastic"``, where ``restitution`` is that at the speed; or a law registered with
+            `vibrosweep.register_law`.
         restitution_noise, kick_noise, drive_noise, noise_seed
-            Standard deviations of random quantities, as physical parameters: of the restitution at
-            each impact (1), of the velocity of the base that kicks (m s-1), of the amplitude in
-            each forcing period (1); and the seed of the random numbers.
+            Standard deviations, as physical parameters: of the restitution at each impact (1); of
+            the velocity of the base at each impact (m s-1); of the amplitude in each forcing
+            period, in units of the amplitude (1).  The seed of the random numbers.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
-            Of a sprung base, as physical parameters: the mass of one particle in units of that of
-            the base, or both masses (kg); natural frequency (Hz) and damping ratio of its mount.
+            For the sprung base, as physical parameters: the mass of one particle in units of that
+            of the base, or both masses (kg); natural frequency (Hz) and damping ratio of its mount.
         design, realizations, seed
             ``"uniform"``, ``"latin"`` or ``"sobol"`` for ranges, with the number of realizations
             and a seed; ``"grid"`` for axes; or a table of realizations, as pandas.DataFrame,
@@ -93,12 +94,12 @@ def sweep(
         columns
             Columns of the table to use, all by default.
         transient, transient_periods
-            Beginning of the window that measures cover, in s or in forcing periods.
+            Beginning of the window in which quantities are measured, in s or in forcing periods.
         separation, per_particle, regimes, lyapunov, trust, ordering, joint, impact_speed
             Measures beside landings, heights and flight times: True or False.
         tolerance, impact_budget
-            Error in s up to which `trust` trusts a landing; impacts after which a particle is
-            given up.
+            Largest error of a landing time, in s, that ``trust`` accepts; number of impacts after
+            which a particle is given up.
         title
             Title of the sweep.
 
@@ -147,39 +148,39 @@ def run(
     force: bool = False,
     progress: bool | None = None,
 ) -> xr.Dataset:
-    """Compute a sweep into a file and open it; a run that was ended early is continued.
+    """Compute a sweep into a file and open it; an interrupted run is continued.
 
     Parameters
     ----------
     spec
-        Path of the sweep file (TOML), or a mapping of the keywords of `sweep`; one that holds the
-        tables of a sweep file, as `tomllib` reads them, is right too.
+        Path of the sweep file (TOML), or a mapping of the keywords of `sweep`, or of the tables of
+        a sweep file, as `tomllib` reads them.
     output
-        Path of the result.  One that exists is opened if it is that of this very sweep, and
-        otherwise kept, unless `force`.
+        Path of the result.  An existing result of the same sweep is opened; another existing file
+        is an error, unless `force`.
     observables
-        As of `sweep`.  An unfinished run is continued only with functions that do the same.
+        As for `sweep`.  An unfinished run is continued only with functions that compute the same.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     chunk
         Realizations in a chunk, by default some seconds of work; the result does not depend on it.
     force
-        True to replace an existing output and throw away an unfinished run.
+        True to replace an existing output and discard an unfinished run.
     progress
         True to show a progress bar; by default in a notebook and on a terminal.
 
     Returns
     -------
     xarray.Dataset
-        As of `sweep`, read from the file when needed.
+        As `sweep` returns it; values are read from the file when they are needed.
 
     Raises
     ------
     SpecError, TableError, OutputError, ParameterError
         The sweep or its table holds mistakes, or the output cannot be written.
     RunError
-        Another run or an unfinished one stands in the way, or chunks failed; the same call again
-        continues with those that are missing.
+        Another process computes this output, an unfinished run of another sweep is in the way, or
+        chunks failed; the same call again computes those that are missing.
 
     Examples
     --------
@@ -210,8 +211,8 @@ def run(
 
 
 def _with_observables(spec: Sweep, observables: Iterable[Observable]) -> Sweep:
-    """Add observables to a sweep; one that cannot be compiled is refused before anything begins."""
-    found = spec.with_observables(observables)
-    for one in found.scene.measures.observables:
-        compiled(one)
-    return found
+    """Add observables to a sweep, and compile them, so that a mistake shows before a long run."""
+    completed_spec = spec.with_observables(observables)
+    for observable in completed_spec.scene.measures.observables:
+        compiled(observable)
+    return completed_spec

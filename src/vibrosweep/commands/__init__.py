@@ -1,7 +1,8 @@
-"""The commands, one file each, which imports other modules when the command runs.
+"""The commands, one file each.
 
-Each file states its ``NAME`` and ``HELP``, adds its arguments to a parser, and performs the
-command, returning an exit code or None for success.
+Each file states a ``NAME`` and a ``HELP``, adds its arguments to a parser (``add_arguments``), and
+performs the command (``perform``), returning an exit code, or None for success.  Other modules are
+imported when the command runs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Kinds of argument that several commands take."""
+"""Arguments that several commands take."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def whole(text: str, low: int = 0, high: int | None = None) -> int:
 def add_lines(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that decide which lines of orbits are followed, and how far."""
     for name, words, default in (
-        ("impacts", "impacts of an orbit, at most", 1),
-        ("periods", "its forcing periods, at most", 1),
-        ("doublings", "how often orbits born at a doubling are followed", 0),
-        ("points", "of a line to each side, at most", 1000),
+        ("impacts", "largest number of impacts of an orbit", 1),
+        ("periods", "largest number of its forcing periods", 1),
+        ("doublings", "number of successive doublings whose new orbits are followed", 0),
+        ("points", "largest number of points of a line in each direction", 1000),
     ):
         kind = whole if default == 0 else positive
-        told = f"{words}; default: {default}"
-        parser.add_argument(f"--{name}", metavar="N", type=kind, default=default, help=told)
+        text = f"{words}; default: {default}"
+        parser.add_argument(f"--{name}", metavar="N", type=kind, default=default, help=text)
 
 
 def lines_of(options: argparse.Namespace) -> dict[str, Any]:
@@ -40,5 +40,5 @@ def lines_of(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def some(number: int, thing: str) -> str:
-    """Count things: 1 particle, 2 particles."""
+    """Write a number of things: 1 particle, 2 particles."""
     return f"{number} {thing}{'' if number == 1 else 's'}"

@@ -8,14 +8,14 @@ from typing import Final
 from vibrosweep.commands.picture import add_common, produce
 
 NAME: Final = "basins"
-HELP: Final = "tell which attractor each launch leads to"
+HELP: Final = "find the attractor that each launch leads to, and draw the basins"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_common(
         parser,
-        "a grid over launch_velocity, and over a forcing or restitution if need be; its particles "
-        "give the launch times",
+        "a grid over launch_velocity, optionally also over a forcing or the restitution; its "
+        "particles give the launch times",
     )
 
 

@@ -13,16 +13,16 @@ HELP: Final = "examine the installation and this machine; exit code 1 if anythin
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command: there are none."""
+    """Add nothing: the command has no arguments."""
 
 
 def perform(options: argparse.Namespace) -> int:
-    """Carry the command out; return 1 if anything is wrong."""
+    """Perform the command; return 1 if anything is wrong."""
     from vibrosweep.doctor import examine
 
     wrong = 0
     for finding in examine(Path.cwd()):
         print("\n".join(finding.lines()), flush=True)
         wrong += bool(finding.trouble)
-    print(f"{some(wrong, 'thing')} to mend, marked WRONG above" if wrong else "all is well")
+    print(f"{some(wrong, 'problem')}, marked WRONG above" if wrong else "all is well")
     return 1 if wrong else 0

@@ -9,12 +9,12 @@ from typing import Final
 NAME: Final = "examples"
 HELP: Final = "list the example sweeps, or copy some of them"
 
-# In an installed package, and where it runs from its source tree.
+# In an installed package, and in its source tree
 PLACES: Final = (Path(__file__).parents[1] / "sweeps", Path(__file__).parents[3] / "sweeps")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("names", metavar="NAME", nargs="*", help="to copy, as listed")
+    parser.add_argument("names", metavar="NAME", nargs="*", help="example to copy, as listed")
     parser.add_argument("--all", action="store_true", help="copy all")
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, default=Path(), help="copy there; default: here"
@@ -33,7 +33,7 @@ def perform(options: argparse.Namespace) -> None:
 
 
 def _examples() -> dict[str, Path]:
-    """Return the files by their names: paths without the suffix, with slashes on every system."""
+    """Return the files by name: the path without suffix, with slashes on every system."""
     from vibrosweep.errors import DataError
 
     for place in PLACES:
@@ -56,7 +56,7 @@ def _list(files: dict[str, Path]) -> None:
 
 
 def _chosen(files: dict[str, Path], names: list[str]) -> dict[str, Path]:
-    """Return the named files; both ``paper`` and ``paper.toml`` name one."""
+    """Return the named files; ``paper`` and ``paper.toml`` name the same file."""
     from vibrosweep.errors import ParameterError
 
     wanted = [name.removesuffix(".toml") for name in names]

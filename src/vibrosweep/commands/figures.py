@@ -52,7 +52,7 @@ def _draw(path: Path, directory: Path) -> None:
 
 
 def _without_particles(sweep: xr.Dataset, needed: Collection[str]) -> xr.Dataset:
-    """Leave out variables of single particles that no figure needs: particles may be many."""
+    """Leave out variables of single particles that no figure needs, since they may be large."""
     of_particles = [name for name, one in sweep.variables.items() if "particle" in one.dims]
     return sweep.drop_vars([name for name in of_particles if name not in needed])
 
@@ -62,7 +62,7 @@ def _loaded(
     opener: Callable[[Path], xr.Dataset],
     part: Callable[[xr.Dataset], xr.Dataset] = lambda dataset: dataset,
 ) -> xr.Dataset:
-    """Read what figures are drawn from, or part of it."""
+    """Load a dataset from which figures are drawn, or the part of it that they need."""
     with opener(path) as dataset:
         try:
             return part(dataset).load()

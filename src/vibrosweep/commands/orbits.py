@@ -14,14 +14,14 @@ HELP: Final = "find all periodic orbits, whether they attract or not"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_common(parser, "its realizations, of which orbits are found")
+    add_common(parser, "the sweep whose realizations are searched for orbits")
     for name, words in (("impacts", "impacts"), ("periods", "forcing periods")):
         parser.add_argument(
             f"--{name}",
             metavar="N",
             type=positive,
             default=4,
-            help=f"{words} of an orbit, at most; default: 4",
+            help=f"largest number of {words} of an orbit; default: 4",
         )
 
 

@@ -1,4 +1,4 @@
-"""Shared by the commands that compute one dataset from a sweep file and draw it."""
+"""Tools of the commands that compute one dataset from a sweep file and draw it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
         "--output",
         metavar="OUT.h5",
         type=Path,
-        help="default: the name of the sweep file, with that of the command",
+        help="default: the names of the sweep file and the command",
     )
     parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
     parser.add_argument("--force", action="store_true", help="replace existing outputs")
@@ -41,7 +41,7 @@ def produce(
 ) -> None:
     """Compute a dataset, print its summary, and write it and its picture side by side.
 
-    `compute` makes the dataset of a sweep with a number of threads.
+    `compute` takes a sweep and a number of threads.
     """
     from vibrosweep.scene.sweep import read_spec
 
@@ -72,7 +72,7 @@ def produce(
 
 
 def default_output(spec: Path, kind: ResultKind) -> Path:
-    """Return the name of the sweep file with that of the kind of result, unless it says so."""
+    """Return the name of the sweep file, with that of the kind of result unless it contains it."""
     named = spec.stem if kind.name in spec.stem else f"{spec.stem}_{kind.name}"
     return Path(f"{named}.h5")
 
@@ -85,7 +85,7 @@ def _check(options: argparse.Namespace, spec: Sweep, output: Path, picture: Path
     if str(target_of(output)).casefold() == str(target_of(picture)).casefold():
         raise OutputError(
             f"{output}: is the name of the picture, which is written beside the dataset; give the "
-            f"dataset a name as {output.with_suffix('.h5').name} with ",
+            f"dataset a name such as {output.with_suffix('.h5').name} with ",
             OUTPUT,
         )
     try:
@@ -99,7 +99,7 @@ def _check(options: argparse.Namespace, spec: Sweep, output: Path, picture: Path
 
 @contextmanager
 def drawing(written: Path | None) -> Iterator[None]:
-    """Add to any error or interruption of drawing that the dataset itself is written."""
+    """Add to any error or interruption during drawing that the dataset itself is written."""
     try:
         yield
     except KeyboardInterrupt as error:

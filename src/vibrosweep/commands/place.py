@@ -1,4 +1,4 @@
-"""Place of the computation: threads of this process, or workers of a Dask cluster."""
+"""Place of a computation: threads of this process, or workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Place(NamedTuple):
 
 @contextmanager
 def opened_place(options: argparse.Namespace) -> Iterator[Place]:
-    """Open the threads of this process, or the workers of a cluster, that compute the chunks."""
+    """Provide the threads of this process, or the workers of a cluster, to compute the chunks."""
     if options.workers is None and options.scheduler is None:
         from vibrosweep.runs.driver import available_threads
 

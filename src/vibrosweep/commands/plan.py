@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vibrosweep.runs.plan import Plan
 
 NAME: Final = "plan"
-HELP: Final = "say what a sweep will take, from a few of its realizations"
+HELP: Final = "estimate what a sweep will take, from a few of its realizations"
 
 SECONDS: Final = 2.0
 

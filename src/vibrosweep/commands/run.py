@@ -52,7 +52,7 @@ def perform(options: argparse.Namespace) -> None:
     if not _to_compute(options, spec, output):
         print(
             f"{output}: is the finished result of exactly this sweep; the parts that its run left "
-            f"beside it are cleared away"
+            f"beside it are removed"
         )
         return
     from vibrosweep.runs.driver import run_sweep
@@ -87,18 +87,21 @@ def perform(options: argparse.Namespace) -> None:
         print(f"{some(summary.repaired, 'damaged part')} found and computed again")
     print("\n".join(summary.lines()))
     unchanged = options.retry_failed and not again
-    print(f"{output} is as it was" if unchanged else f"written to {output}")
+    print(f"{output} is unchanged" if unchanged else f"written to {output}")
 
 
 def _kept(output: Path) -> str:
-    """Text of the sweep file that an output, or its unfinished run, holds."""
+    """Text of the sweep file in an output, or in its unfinished run."""
     from vibrosweep.runs.finished import kept_text
 
     return kept_text(output)
 
 
 def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:
-    """Raise for impossible options before slow imports; False where a killed run had ended."""
+    """Return whether there is anything to compute, unless a killed run had already ended.
+
+    Raises for impossible options, before the slow imports.
+    """
     from vibrosweep.errors import ExistingOutputError, ParameterError
     from vibrosweep.store.disk import check_output
     from vibrosweep.store.rundir import replaces

@@ -23,13 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-landings",
         metavar="N",
         type=positive,
-        help="leave out realizations with more; default: some ten seconds, 250000, or 1000 over a "
-        "sprung base",
+        help="leave out realizations with more landings; default: 250000, which take some ten "
+        "seconds, or 1000 over a sprung base",
     )
 
 
 def perform(options: argparse.Namespace) -> int:
-    """Carry the command out; return 1 if a number is outside its claim."""
+    """Perform the command; return 1 if a number contradicts its claim."""
     from vibrosweep.proof.verifying import verify
     from vibrosweep.runs.progress import reporting
     from vibrosweep.store.reading import using

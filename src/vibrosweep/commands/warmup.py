@@ -13,7 +13,7 @@ HELP: Final = "compile every variant of the kernels once and keep the machine co
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command: there are none."""
+    """Add nothing: the command has no arguments."""
 
 
 def perform(options: argparse.Namespace) -> None:

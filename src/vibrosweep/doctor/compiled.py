@@ -13,7 +13,7 @@ from vibrosweep.kernels import _jit
 from vibrosweep.kernels._cache import variants
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
-# Features of processors, as LLVM calls them: bits of a vector, and a multiply-add of vectors.
+# Features of processors, as LLVM calls them: bits of a vector, and fused multiply-add of vectors.
 WIDTHS: Final = {"avx": 256, "avx2": 256, "avx512f": 512, "neon": 128}
 FUSED: Final = ("fma", "neon")
 
@@ -30,18 +30,17 @@ def vector_registers() -> Finding:
     bits = max((WIDTHS[name] for name in features if name in WIDTHS), default=64) if fused else 64
     words = "fused multiply-add by instruction" if fused else "no fused multiply-add"
     requested = vector_bits()
-    choice = "the compiler's choice" if requested is None else f"{requested} bits asked for"
+    choice = "the compiler's choice" if requested is None else f"{requested} bits requested"
     state = (
-        f"{min(bits, requested or bits)} bits, {words}, compiled for {processor}; {choice}, "
-        f"{VARIABLE} sets another"
+        f"{min(bits, requested or bits)} bits, {words}, compiled for {processor}; {choice}, which "
+        f"{VARIABLE} changes"
     )
     if fused and numba.config.OPT == 3:
         return Finding(subject, state)
-    return Finding(subject, state, f"results are right, but slow to come: {_slow()}")
+    return Finding(subject, state, f"results are correct, but slow: {_reason_for_scalar_code()}")
 
 
-def _slow() -> str:
-    """Return the reason why the machine code is scalar."""
+def _reason_for_scalar_code() -> str:
     if numba.config.OPT != 3:
         return _unset("NUMBA_OPT")
     if numba.config.CPU_NAME or numba.config.CPU_FEATURES:
@@ -50,7 +49,7 @@ def _slow() -> str:
 
 
 def _unset(variable: str) -> str:
-    return f"the environment turns the compiler's work off: unset {variable}"
+    return f"the environment switches the compiler's optimisation off: unset {variable}"
 
 
 def kernel_cache() -> Finding:
@@ -68,7 +67,7 @@ def kernel_cache() -> Finding:
         state += f", {found.foreign} for others"
     state += f", {size / 2**20:.1f} MiB in {directory}, which can be written"
     if found.usable == 0:
-        state += "; the next run compiles what it needs, vibrosweep warmup all there is"
+        state += "; a run compiles the variants that it needs, vibrosweep warmup all of them"
     if found.damaged:
         trouble = (
             f"damaged or missing files: {found.damaged}; they are not used, vibrosweep warmup "

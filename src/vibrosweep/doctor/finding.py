@@ -10,12 +10,12 @@ from dataclasses import dataclass
 class Finding:
     """The result of one check."""
 
-    subject: str  # the subject of the check
-    state: str  # the state that was found
+    subject: str
+    state: str
     trouble: str = ""  # the trouble and its remedy; empty if there is none
 
     def lines(self) -> Iterator[str]:
-        """Give the finding as text."""
+        """Yield the finding as lines of text."""
         yield f"{self.subject:20}{self.state}"
         if self.trouble:
             yield f"{'':20}WRONG: {self.trouble}"

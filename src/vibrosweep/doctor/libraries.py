@@ -18,11 +18,11 @@ from vibrosweep._version import __version__
 from vibrosweep.doctor.finding import Finding
 
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "scipy", "xarray", "h5py", "h5netcdf")
-# libraries that the extras add, and the extra of each
+# Libraries that extras of the package add, and the extra of each
 OPTIONAL: Final = {"python-flint": "verify", "distributed": "cluster", "netCDF4": "test"}
 PATIENCE: Final = 60.0  # s
 
-# Runs in a separate process, which incompatible libraries may crash.
+# Runs in a separate process, since incompatible libraries may crash it.
 TRIAL: Final = """
 import sys
 import h5netcdf, h5py
@@ -71,7 +71,7 @@ def _required() -> list[Requirement]:
     except PackageNotFoundError:
         return []
     needed = [Requirement(text) for text in stated]
-    return [one for one in needed if one.marker is None or one.marker.evaluate({"extra": ""})]
+    return [r for r in needed if r.marker is None or r.marker.evaluate({"extra": ""})]
 
 
 def _satisfied(needed: Requirement) -> bool:
@@ -91,24 +91,24 @@ def hdf5_libraries(directory: Path | None) -> Finding:
             done = subprocess.run(
                 command, capture_output=True, text=True, check=False, timeout=PATIENCE
             )
-            code, said, errors = done.returncode, done.stdout.split(), done.stderr
+            code, words, errors = done.returncode, done.stdout.split(), done.stderr
         except subprocess.TimeoutExpired:
-            code, said, errors = -1, [], f"no answer within {PATIENCE:g} s"
-    state = "h5py has " + (said[0] if said else "no HDF5 library that works")
+            code, words, errors = -1, [], f"no answer within {PATIENCE:g} s"
+    state = "h5py has " + (words[0] if words else "no HDF5 library that works")
     if other:
-        state += f", netCDF4 has {said[1] if len(said) > 1 else 'none that works beside it'}"
-    if code == 0 and said[-1] == "read":
-        return Finding("HDF5", f"{state}; written and read again, all in one process")
+        state += f", netCDF4 has {words[1] if len(words) > 1 else 'none that works beside it'}"
+    if code == 0 and words[-1] == "read":
+        return Finding("HDF5", f"{state}; a file was written and read again in one process")
     reason = errors.strip().splitlines()[-1] if errors.strip() else f"it ended with code {code}"
     return Finding(
-        "HDF5", state, f"a trial file could not be written and read: {reason}; {_cure(reason)}"
+        "HDF5", state, f"a trial file could not be written and read: {reason}; {_remedy(reason)}"
     )
 
 
-def _cure(reason: str) -> str:
+def _remedy(reason: str) -> str:
     if "lock" in reason.lower() or "unavailable" in reason:
         return "this file system cannot lock files: set HDF5_USE_FILE_LOCKING=FALSE"
     return (
-        "take h5py and netCDF4 from one source (both by pip, or both by conda), as with "
+        "install h5py and netCDF4 from one source (both by pip, or both by conda), for example "
         "python -m pip install --force-reinstall h5py netCDF4"
     )

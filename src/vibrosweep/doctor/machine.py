@@ -15,9 +15,9 @@ from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
 from vibrosweep.system import available_memory, physical_memory
 
 GROUP: Final = Path("/sys/fs/cgroup")
-# Bytes: about the result of a sweep of a million realizations.
+# Bytes; about the result of a sweep of a million realizations
 LITTLE_DISK: Final = 1 << 28
-# Bytes: the libraries alone take a third of this.
+# Bytes; the libraries alone take a third of this
 LITTLE_MEMORY: Final = (1 << 29) + BYTES_PER_TRAJECTORY * TRAJECTORIES_PER_BATCH
 
 
@@ -28,7 +28,9 @@ def processors() -> Finding:
     if quota is None or quota > usable - 0.5:
         return Finding("processors", state)
     advice = f"give --threads {max(1, round(quota))}, or raise the limit of the container"
-    return Finding("processors", state, f"only the time of {quota:g} is granted: {advice}")
+    return Finding(
+        "processors", state, f"the container grants the time of only {quota:g}: {advice}"
+    )
 
 
 def _processor_quota() -> float | None:
@@ -68,7 +70,7 @@ def disk(directory: Path) -> Finding:
             file.write(b"\0" * 4096)
             file.flush()
     except OSError as error:
-        advice = "choose another place for results with -o"
+        advice = "choose another directory for results with -o"
         return Finding("disk", state, f"nothing can be written here ({error.strerror}): {advice}")
     if free < LITTLE_DISK:
         advice = "free some space, or choose another place for results with -o"

@@ -70,16 +70,15 @@ KERNELS: Final[tuple[Any, ...]] = (
 class Compiled(NamedTuple):
     """Result of warming up."""
 
-    # made, kept: variants that were compiled, and those that were on disk already
-    made: int
-    kept: int
-    directory: Path  # where the machine code is kept
+    made: int  # variants that were compiled
+    kept: int  # variants that were on disk already
+    directory: Path  # of the machine code
 
 
 def warm_up() -> Compiled:
-    """Compute a small scene over every base, under every law and kind of measure.
+    """Compute a small scene over every base, with every law and kind of measure.
 
-    Raises an OutputError where machine code cannot be kept on this disk.
+    Raises an OutputError if machine code cannot be kept on this disk.
     """
     if _jit.cache_directory is None:
         raise OutputError(
@@ -87,7 +86,7 @@ def warm_up() -> Compiled:
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
     ways = [(base, law) for base, law in product(BASE_OF, LAWS) if not refusal(base, law=law)]
-    # one problem twice; over a moving base, with at most 1 g and with more
+    # each problem twice, so that duplicates are found; a moving base below and above 1 g
     batches = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:
         for (base, rebound), transient, regimes in product(ways, (0.0, 1.0), (False, True)):

@@ -29,11 +29,11 @@ class Background:
         for task in self._tasks:
             task.cancel()
         task = self._executor.submit(self._perform, work)
-        self._tasks = [*(one for one in self._tasks if not one.done()), task]
+        self._tasks = [*(earlier for earlier in self._tasks if not earlier.done()), task]
         return task
 
     def _perform(self, work: Callable[[], T]) -> T:
-        # a method: while its task runs, the thread keeps this object, which tells the server so
+        # a method, so that a running task keeps this object in the server's weak set
         return work()
 
     def close(self) -> None:

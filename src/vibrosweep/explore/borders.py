@@ -25,38 +25,38 @@ TIES: Final = ("grazing", "rest")
 def with_borders(points: Points, path: Path) -> Points:
     """Return the points with the curves of a file of boundaries.
 
-    Raises a DataError where the file holds something else, or curves of another scene.
+    Raises a DataError if the file holds something else, or curves of another scene.
     """
     kind = read_kind(path)
     if kind.name != BOUNDARIES:
         raise DataError(f"{path}: is a result of {kind.command}; give one of vibrosweep boundaries")
     found = load_dataset(path)
     scene = points.base_choice.scene
-    for name, own in (
+    for name, expected in (
         ("base", scene.base),
         ("rebound", scene.rebound),
         ("waveform", scene.waveform.text),
         ("restitution_law", scene.restitution_law),
     ):
-        if found.attrs[name] != own:
-            raise DataError(f"{path}: has {name} = {found.attrs[name]!r}, the result {own!r}")
+        if found.attrs[name] != expected:
+            raise DataError(f"{path}: has {name} = {found.attrs[name]!r}, the result {expected!r}")
     for name in ("frequency", "gravity"):
-        every = points.columns[name].values if name in points.columns else scene.inputs[name]
-        if np.any(np.asarray(every) != float(found[name])):
+        values = points.columns[name].values if name in points.columns else scene.inputs[name]
+        if np.any(np.asarray(values) != float(found[name])):
             raise DataError(f"{path}: has {name} = {float(found[name]):g}, the result another one")
     borders = tuple(_border(found.isel(curve=i)) for i in range(found.sizes["curve"]))
     return replace(points, borders=borders)
 
 
-def _border(one: xr.Dataset) -> Border:
-    told = one["bifurcation"].attrs
+def _border(curve: xr.Dataset) -> Border:
+    attrs = curve["bifurcation"].attrs
     meanings = dict(
-        zip(np.atleast_1d(told["flag_values"]), told["flag_meanings"].split(), strict=True)
+        zip(np.atleast_1d(attrs["flag_values"]), attrs["flag_meanings"].split(), strict=True)
     )
-    meaning = meanings[int(one["bifurcation"])]
-    taken = (one["admissible"].values == 1) | (meaning in TIES)
-    names = ("restitution", str(one.attrs["forcing"]))
-    values = {name: np.where(taken, one[name].values, np.nan) for name in names}
-    p, q = int(one["cycle_impacts"]), int(one["cycle_periods"])
+    meaning = meanings[int(curve["bifurcation"])]
+    admissible = (curve["admissible"].values == 1) | (meaning in TIES)
+    names = ("restitution", str(curve.attrs["forcing"]))
+    values = {name: np.where(admissible, curve[name].values, np.nan) for name in names}
+    p, q = int(curve["cycle_impacts"]), int(curve["cycle_periods"])
     name = f"{p} in {q} period{'s' if q > 1 else ''}: {legible(meaning.replace('_', ' '))}"
     return Border(name, DASHES.get(meaning, "dotdash"), values)

@@ -1,4 +1,4 @@
-"""The scene that a page shows, and how a person changes it."""
+"""The scene that a page shows, and its changes by the visitor."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ class Spread:
 
 @dataclass(frozen=True)
 class Choice:
-    """A scene to simulate, and what a person selected beside it."""
+    """A scene to simulate, and further selections of the visitor."""
 
-    # Over all points of a result it lacks the inputs in which they differ
+    # Without the inputs in which the points of a result differ, for the choice that they share
     scene: Scene
     # Beginning and end of the window of the result, over which separations are taken; None for all
     # of the drawn motion
     window: tuple[Time, Time] | None = None
     spread: Spread | None = Spread()  # None where the scene lists its launches
-    # Parameters of a mount that sliders keep while the base has none
+    # Parameters of a mount, which sliders keep while the base has no mount
     mount: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -75,10 +75,10 @@ class Choice:
 
     def with_inputs(self, **values: float) -> Choice:
         """Return the same choice with other values of parameters."""
-        every = {**self.inputs, **values}
-        names = [name for name in inputs_of(every, self.scene.base) if name in every]
-        used = {name: every.pop(name) for name in names}
-        return replace(self._changed(inputs=used, given=frozenset(used)), mount=every)
+        unused = {**self.inputs, **values}
+        names = [name for name in inputs_of(unused, self.scene.base) if name in unused]
+        used = {name: unused.pop(name) for name in names}
+        return replace(self._changed(inputs=used, given=frozenset(used)), mount=unused)
 
     def over(self, base: str) -> Choice:
         """Return the choice over another base, with the law of rebound that every base has."""
@@ -106,7 +106,7 @@ class Choice:
 
     def sweep_keywords(self) -> dict[str, Any]:
         """Keywords of `vibrosweep.sweep` for the same particles, without physical parameters."""
-        # staggered launches are phases of the forcing, which seconds would round
+        # staggered launches are exact phases of the forcing; in seconds they would be rounded
         scene, staggered = self.scene, self.spread == Spread()
         return {
             "particles": scene.particles,

@@ -48,7 +48,7 @@ class Colouring:
 
 
 def colouring(column: Column) -> Colouring:
-    """Colour a column: codes in a palette, numbers along a scale, zeros of a long one in grey."""
+    """Colour a column: codes in a palette, numbers along a scale, zeros of separations in grey."""
     if column.codes:
         return _of_codes(column)
     values = column.values
@@ -60,16 +60,16 @@ def colouring(column: Column) -> Colouring:
         least = max(float(np.quantile(positive, 0.01)), 1e-6 * high)
         title = f"{column.label}, grey: 0" if low == 0.0 else column.label
         return Colouring(values, _scale(LogColorMapper, least, max(high, 1.01 * least)), title)
-    endless = bool(np.any(values == -np.inf))
-    title = f"{column.label}, grey: -∞" if endless else column.label
+    infinite = bool(np.any(values == -np.inf))
+    title = f"{column.label}, grey: -∞" if infinite else column.label
     least, most = scale_ends(known) if known.size else (low, high)
     if (least, most) != (low, high):
-        # the ends of the scale stand for what is beyond them
+        # values beyond the ends of the scale take the colours of the ends
         title += f", {low:.3g} to {high:.3g}"
-        low, high = low if endless else least, most
+        low, high = low if infinite else least, most
     elif low == high:
         low, high = low - 0.5, high + 0.5
-    below = GREY if endless else Viridis256[0]
+    below = GREY if infinite else Viridis256[0]
     return Colouring(values, _scale(LinearColorMapper, low, high, below), title)
 
 
@@ -78,13 +78,13 @@ def _scale(kind: type[ColorMapper], low: float, high: float, below: str = GREY) 
 
 
 def _of_codes(column: Column) -> Colouring:
-    there = [code for code in column.codes if np.any(column.values == code)]
-    names = [column.codes[code] for code in there]
-    if len(there) > len(NAMED):
-        rest = len(there) - len(NAMED) + 1
+    present = [code for code in column.codes if np.any(column.values == code)]
+    names = [column.codes[code] for code in present]
+    if len(present) > len(NAMED):
+        rest = len(present) - len(NAMED) + 1
         names = [*names[: len(NAMED) - 1], f"{rest} others"]
     position = np.full(column.values.shape, np.nan)
-    for i, code in enumerate(there):
+    for i, code in enumerate(present):
         position[column.values == code] = min(i, len(names) - 1)
     mapper = LinearColorMapper(
         palette=NAMED[: len(names)] if len(names) < len(NAMED) else NAMED,
@@ -99,5 +99,5 @@ def particle_colours(count: int) -> list[str]:
     """One colour for each particle."""
     if count <= len(OKABE_ITO):
         return list(OKABE_ITO[:count])
-    # the palest tenth is left out: thin lines would vanish on white paper
+    # without the palest tenth of the palette, in which thin lines would vanish on white
     return [Viridis256[int(i)] for i in np.linspace(0, 0.9 * 255, count)]

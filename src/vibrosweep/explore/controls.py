@@ -85,8 +85,8 @@ class Controls:
         )
         self.set(self.choice)
 
-    def held(self, name: str, value: float) -> float:
-        """Value within the range of a slider that is nearest to a given value."""
+    def clamped(self, name: str, value: float) -> float:
+        """Clamp a value to the range of a slider."""
         low, high = self._ranges[name]
         return min(max(value, low), high)
 
@@ -138,7 +138,7 @@ class Controls:
             if self._setting:
                 return
             self.choice = self._after(name, new)
-            self.set(self.choice)  # a browser may have sent a value that no widget allows
+            self.set(self.choice)  # even if unchanged: the browser may have sent a forbidden value
             self._changed()
 
         return moved
@@ -150,7 +150,7 @@ class Controls:
             return choice.over(BASES[value]) if value in range(len(BASES)) else choice
         if value != value:
             return choice
-        value = float(self.held(name, value))
+        value = float(self.clamped(name, value))
         if name in self.sliders:
             # a duration in seconds has more periods at a higher frequency
             return choice.with_inputs(**{name: value}).shortened(self._ranges["periods"][1])

@@ -32,7 +32,7 @@ class WindowEnd(NamedTuple):
 
 
 def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd], str]:
-    """Curves A_min and A_max of the modes over a plane, in the form of forcing that it shows.
+    """Curves A_min and A_max of the modes over a plane, as the forcing that it shows.
 
     Returns the curves that cross the range of the points, and the reason if there are none.
     """
@@ -75,7 +75,7 @@ def _end(
 
 
 def _common(points: Points, name: str) -> float | None:
-    """Value that all points share."""
+    """Value that all points share, or None."""
     if name not in points.columns:
         return points.base_choice.inputs.get(name)
     values = points.columns[name].values

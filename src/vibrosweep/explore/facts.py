@@ -18,8 +18,8 @@ from vibrosweep.model.measures import known
 from vibrosweep.model.parameters import SPRUNG
 
 
-def named(choice: Choice) -> str:
-    """Parameters and base of a choice in one line."""
+def parameters_line(choice: Choice) -> str:
+    """Write the base and the parameters of a choice in one line."""
     parts = []
     for name, value in choice.scene.inputs.items():
         unit = units_text(INPUTS[name].units)
@@ -30,7 +30,7 @@ def named(choice: Choice) -> str:
 def facts(
     choice: Choice, observed: xr.Dataset, settled: xr.Dataset | None
 ) -> Iterator[tuple[str, str]]:
-    """Names and values of the properties of a realization, computed by its choice."""
+    """Yield names and values of the properties of a realization."""
     one = observed.isel(realization=0)
     begin, end = (float(one[n]) * choice.inputs["frequency"] for n in ("transient", "duration"))
     yield "base", choice.scene.base
@@ -52,7 +52,7 @@ def facts(
 
 
 def facts_html(choice: Choice) -> str:
-    """`facts` of a realization as a table, or the reason why they cannot be computed."""
+    """Write the facts of a realization as a table, or the reason why they cannot be computed."""
     try:
         scene = choice.scene
         unsettled = refusal(scene.base, measure="regimes")
@@ -68,12 +68,12 @@ def _joint(one: xr.Dataset) -> Iterator[tuple[str, str]]:
     attributes = one["joint_regime"].attrs
     codes = np.atleast_1d(attributes["flag_values"]).tolist()
     meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))
-    yield "regime of all together", meanings[int(one["joint_regime"])].replace("_", " ")
+    yield "joint regime", meanings[int(one["joint_regime"])].replace("_", " ")
     yield "largest Lyapunov exponent per period", _number(one["joint_exponent"])
 
 
 def _regimes(one: xr.Dataset) -> Iterator[str]:
-    """Number of particles in each regime, with the cycle that they follow."""
+    """Yield the number of particles in each regime, with the cycle that they follow."""
     attributes = one["regime"].attrs
     codes = np.atleast_1d(attributes["flag_values"]).tolist()
     meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))

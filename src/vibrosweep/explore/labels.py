@@ -37,7 +37,7 @@ def units_text(units: str) -> str:
 
 
 def legible(text: object) -> str:
-    """Text with escapes for bytes that are no text, which a page cannot hold."""
+    """Text with bytes escaped that are not valid text, since a page cannot hold them."""
     return str(text).encode(errors="backslashreplace").decode()
 
 

@@ -1,4 +1,4 @@
-"""Parts that the page of a server and the page in a file share."""
+"""Parts that the served page and the page in a file share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WRAP: Final = {"flex-wrap": "wrap"}
 
 
 def picker(plane: PlaneView, name: str) -> Select:
-    """Choose the column along x or y of the plane, that of its colour or of its marker."""
+    """Menu of the columns for x, y, colour or marker of the plane."""
     columns = plane.points.columns
     options = [(key, one.label) for key, one in columns.items()]
     if name == "marker":
@@ -33,27 +33,27 @@ def picker(plane: PlaneView, name: str) -> Select:
 
 
 def picker_row(pickers: Iterable[Select]) -> Any:
-    """Pickers side by side, as many as fit."""
+    """Row of menus, which wraps on a narrow page."""
     return row(*pickers, styles=WRAP, sizing_mode="stretch_width", name="pickers")
 
 
 def paragraph(name: str, text: str = "") -> Div:
-    """HTML as wide as its column."""
+    """Paragraph of HTML as wide as its column."""
     return Div(text=text, sizing_mode="stretch_width", name=name)
 
 
 def code_block(text: str = "") -> PreText:
-    """The Python lines of a picture."""
+    """Block with the Python lines of a picture."""
     return PreText(text=text, styles={"overflow-x": "auto"}, name="code")
 
 
 def code_picker(options: Sequence[str]) -> Select:
-    """Choose the picture whose Python lines are shown."""
+    """Menu of the pictures whose Python lines can be shown."""
     return Select(title="Python lines of", value="height", options=[*options], name="picture")
 
 
 def save_button() -> Button:
-    """Save the chosen points; disabled until there are some."""
+    """Button that saves the chosen points; disabled until there are some."""
     return Button(label=f"Save the table as {TABLE}", disabled=True, name="save")
 
 
@@ -65,9 +65,9 @@ def fill(
 ) -> dict[str, Any]:
     """Add the widgets and figures to a document; return where `TEMPLATE` places them, by name.
 
-    The style sheet lays the page out.  Each picture and each text is a root of its own, because
-    Bokeh repeats the layout of a whole root when one of its texts changes.  `left` stands around
-    the plane, `right` below the motions.
+    The style sheet lays the page out: `left` stands around the plane, `right` below the motions.
+    Each picture and each text is a root, because Bokeh repeats the layout of a whole root when one
+    of its texts changes.
     """
     roots = [*left, *(root for motion in motions for root in motion.roots), *right]
     with document.models.freeze():  # otherwise each root makes Bokeh gather all models again

@@ -19,7 +19,7 @@ from vibrosweep.explore import python_lines as lines
 from vibrosweep.explore.background import Background
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.controls import Controls
-from vibrosweep.explore.facts import facts_html, named
+from vibrosweep.explore.facts import facts_html, parameters_line
 from vibrosweep.explore.layout import (
     TEMPLATE,
     WRAP,
@@ -44,12 +44,12 @@ SHOWN_ROWS: Final = 6
 # ms from the last movement of a slider until the computation of regimes and exponents starts
 PATIENCE: Final = 250
 # ms until a changed view of a raster is painted
-LOOK: Final = 120
+PAINT_DELAY: Final = 120
 # s for which the page waits for a computation, so that its pictures are in the same message
 AT_ONCE: Final = 0.1
 PREPARING: Final = (
     "<b>The motion is being computed.</b> At the first use of an installation the kernels of a "
-    "base are compiled before, which takes up to a minute."
+    "base are compiled first, which takes up to a minute."
 )
 COMPUTING: Final = (
     "Regimes and exponents are being computed; at the first use of an installation their kernels "
@@ -106,7 +106,7 @@ class Page:
         self.pickers["marker"].visible = not self.plane.pixels
         self.status, self.facts = paragraph("status"), paragraph("facts")
         self.selection = paragraph(
-            "selection", "The lasso and the box of the plane choose realizations for a table."
+            "selection", "Choose realizations for a table with the lasso or the box of the plane."
         )
         self.save = save_button()
         self.holder = ColumnDataSource({"text": [""]})
@@ -131,8 +131,8 @@ class Page:
         self.right = [self.facts, lines_of, self.code]
 
     def _listen(self) -> None:
-        for name, one in self.pickers.items():
-            one.on_change("value", self._picked(name, {option[0] for option in one.options}))
+        for name, menu in self.pickers.items():
+            menu.on_change("value", self._picked(name, {option[0] for option in menu.options}))
         plot = self.plane.figure
         plot.on_event(Tap, self._tapped)
         plot.on_event(SelectionGeometry, self._selected)
@@ -148,7 +148,7 @@ class Page:
             plot.on_change("inner_width", self._view_changed)
 
     def attach(self) -> None:
-        """Make this the content of the document."""
+        """Put the page into the document."""
         places = fill(self.document, self.left, self.motions, self.right)
         self.document.title = self.points.heading
         self.document.template = TEMPLATE
@@ -159,7 +159,7 @@ class Page:
             self.click(event.x, event.y)
 
     def click(self, x: float, y: float) -> None:
-        """Show the realization at a place: that of a point, or one between points."""
+        """Show the realization at a place of the plane, at a point or between points."""
         index, near = self.plane.hit((x, y))
         axes = (self.plane.x, self.plane.y)
         free = all(name in INPUTS and name in self.points.varied for name in axes)
@@ -167,7 +167,8 @@ class Page:
             self.select_point(index)
             return
         inputs = {
-            name: self.controls.held(name, value) for name, value in zip(axes, (x, y), strict=True)
+            name: self.controls.clamped(name, value)
+            for name, value in zip(axes, (x, y), strict=True)
         }
         self.plane.mark(*inputs.values())
         self.controls.set(self.controls.choice.with_inputs(**inputs))
@@ -183,7 +184,7 @@ class Page:
         self._show(f"point {index} of {self.points.count}")
 
     def _moved(self) -> None:
-        """Show the choice of the controls, after all messages that have arrived are processed."""
+        """Show the choice of the controls once all messages that have arrived are processed."""
         if not self._scheduled:
             self._scheduled = True
             self.document.add_next_tick_callback(self._follow)
@@ -235,8 +236,8 @@ class Page:
         if error is not None:
             self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
             return
-        for motion, record, one in zip(self.motions, future.result(), shown, strict=False):
-            motion.show(record, named(one))
+        for motion, record, choice in zip(self.motions, future.result(), shown, strict=False):
+            motion.show(record, parameters_line(choice))
         self.motions[1].heading.visible = len(shown) > 1
         self.status.text = html.escape(f"Shown: {what}. {self.plane.why_no_curves}")
         self._show_code()
@@ -257,8 +258,8 @@ class Page:
             self._waiting = None
 
     def _later(self, shown: list[Choice]) -> None:
-        """Compute regimes and exponents once the visitor moves nothing any more."""
-        self.facts.text = COMPUTING  # instead of those of the motion before
+        """Compute regimes and exponents once the visitor has stopped moving the sliders."""
+        self.facts.text = COMPUTING  # replaces the facts of the previous motion
 
         def compute() -> None:
             self._waiting = None
@@ -300,7 +301,7 @@ class Page:
     def _view_changed(self, attribute: str, old: float, new: float) -> None:
         if not self._painting:
             self._painting = True
-            self.document.add_timeout_callback(self._paint, LOOK)
+            self.document.add_timeout_callback(self._paint, PAINT_DELAY)
 
     def _paint(self) -> None:
         self._painting = False

@@ -41,7 +41,7 @@ LABELS: Final = {
 FLIGHT: Final = ("start", "y_start", "end", "y_end", "cx", "cy")
 STAY: Final = FLIGHT[:4]
 ENDS: Final = ("start", "end")
-# Pixels of a picture, more than most have, until the browser has sent the true number
+# Pixels of a picture until the browser has sent the true number; few pictures have more
 GUESS: Final = (1000, 500)
 
 
@@ -51,10 +51,10 @@ class MotionView:
     Parameters
     ----------
     key
-        Name of the view, which distinguishes it from others on the same page.
-    whole
-        True if the browser holds every element.  Otherwise it gets those that are visible in the
-        present window, anew whenever the window changes.
+        Name of the view, unique on its page.
+    complete
+        True if the browser holds all elements.  Otherwise it is sent those that are visible in the
+        present window, whenever the window changes.
 
     Attributes
     ----------
@@ -63,8 +63,8 @@ class MotionView:
         so that the browser draws each picture once; Bokeh would send a message for each model.
     """
 
-    def __init__(self, key: str, *, whole: bool = False) -> None:
-        self.whole = whole
+    def __init__(self, key: str, *, complete: bool = False) -> None:
+        self.complete = complete
         self.mapper = LinearColorMapper(palette=["#000000"], low=-0.5, high=0.5)
         self.sources = {
             "base": empty_source("time", "height", "floor"),
@@ -108,7 +108,7 @@ class MotionView:
         )
         plot.toolbar.logo = None
         plot.toolbar.autohide = not large
-        if not self.whole:
+        if not self.complete:
             plot.on_event(RangesUpdate, lambda event: self._moved(name, event))
         return plot
 
@@ -150,7 +150,7 @@ class MotionView:
 
     @property
     def content(self) -> dict[str, Any]:
-        """The data that were sent last: columns of `sources` by name, ``views``, heading."""
+        """Data that were sent last: columns of `sources` by name, ``views``, heading."""
         return dict(self.holder.data["content"][0])
 
     def show(self, record: xr.Dataset, words: str) -> None:
@@ -215,7 +215,7 @@ class MotionView:
         }
 
     def _taken(self, name: str, source: str, across: list[Array], up: Array) -> Columns:
-        rows = np.arange(up.size) if self.whole else visible_rows(across, up, *self._axes(name))
+        rows = np.arange(up.size) if self.complete else visible_rows(across, up, *self._axes(name))
         return {n: self._columns[source][n][rows] for n in self.sources[source].data}
 
     def _axes(self, name: str) -> tuple[Axis, Axis]:

@@ -1,4 +1,4 @@
-"""The pictures of a record of landings: heights against time, and three with a dot a landing."""
+"""Pictures of a record of landings: heights against time, and three with a dot per landing."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from vibrosweep.analysis.record_flights import base_motion, course
 
 Columns = dict[str, NDArray[Any]]
 
-# Points of the base in a forcing period, and in all; least pieces of a stay on a moving base
-SAMPLES: Final = 48
+SAMPLES: Final = 48  # points of the base in a forcing period
 MOST_SAMPLES: Final = 20_000
-OF_STAY: Final = 8
+OF_STAY: Final = 8  # least number of pieces of a stay on a moving base
 
 HEIGHT: Final = "height"
 
@@ -65,8 +64,8 @@ class Heights(NamedTuple):
     """Height against time of one realization."""
 
     # ``particle``; ``start``, ``end`` (s), ``velocity`` at the start (m s-1), ``y_start`` and
-    # ``y_end`` (m), of each flight; ``cx``, ``cy``, the control point with which the flight, a
-    # parabola, is a quadratic Bezier curve
+    # ``y_end`` (m) of each flight; ``cx``, ``cy``: control point of the quadratic Bezier curve
+    # that is the parabola of the flight
     flights: Columns
     # ``particle``, ``start``, ``end`` (s), ``y_start`` and ``y_end`` (m) of the straight pieces
     # with which stays on the base are drawn
@@ -109,11 +108,11 @@ def heights(record: xr.Dataset) -> Heights:
 
 def _stays(one: xr.Dataset, base: BaseMotion, end: float) -> Columns:
     landing = one["landing_time"].values
-    leaves = np.fmin(one["liftoff_time"].values, end)  # a particle at rest for good stays
+    leaves = np.fmin(one["liftoff_time"].values, end)  # NaN at permanent rest: until the end
     particle, impact = np.nonzero((one["rested"].values == 1) & (landing < end))
     start, length = landing[particle, impact], (leaves - landing)[particle, impact]
     pieces = np.ones(start.size, np.int64)
-    if base.speed > 0.0:  # it follows the base as finely as that is drawn
+    if base.speed > 0.0:  # the stay follows the base and is drawn as finely
         wanted = np.ceil(SAMPLES * base.frequency * length)
         share = min(1.0, MOST_SAMPLES / max(wanted.sum(), 1.0))
         pieces = np.maximum(wanted * share, OF_STAY).astype(int)

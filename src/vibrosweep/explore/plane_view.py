@@ -22,7 +22,7 @@ from vibrosweep.explore.points import Points
 from vibrosweep.explore.raster import View, even_cells, nearest, raster
 from vibrosweep.explore.sources import LARGEST, empty_source, inner_pixels, is_window
 
-# Above this number of points, they are gathered in pixels
+# Number of points above which they are gathered in pixels
 MANY: Final = 20_000
 NO_MARKER: Final = "(none)"
 MARKERS: Final = ("circle", "square", "triangle", "diamond", "inverted_triangle", "plus", "x")
@@ -181,7 +181,7 @@ class PlaneView:
             marks = [MARKERS[int(np.nan_to_num(kind)) % len(MARKERS)] for kind in kinds]
         size = float(np.clip(160.0 / np.sqrt(self.points.count), 3.0, 9.0))
         cells = even_cells(self.values(self.x), self.values(self.y))
-        if cells is not None:  # a grid is filled cells; its dots are there to be pointed at
+        if cells is not None:  # a grid is drawn as cells; invisible dots react to the pointer
             self.paint()
             size = HEIGHT / max(cells.shape)
         else:

@@ -47,7 +47,7 @@ class Column:
     values: Array  # shape (point,)
     # Value -> meaning where the values are codes; empty for numbers
     codes: Mapping[int, str] = field(default_factory=dict)
-    # True where zero is a case of its own instead of a small number, as for separations
+    # True where zero is a special case, not a small number, as for separations
     zero_apart: bool = False
 
 
@@ -64,13 +64,12 @@ class Points:
     """Points of a plane."""
 
     path: Path  # file of the result
-    # kind, title: name of the kind of result, and its title
-    kind: str
+    kind: str  # name of the kind of result
     title: str
     columns: Mapping[str, Column]  # name -> possible axis or colour; all of one length
     # Names of the columns that are physical parameters of the realization of a point
     varied: tuple[str, ...]
-    base_choice: Choice  # the realization of every point, apart from the varied parameters
+    base_choice: Choice  # the realization of all points, without the varied parameters
     # axes, colour: names of the columns that are shown at first
     axes: tuple[str, str]
     colour: str
@@ -109,7 +108,7 @@ class Points:
 
 
 def open_points(path: Path) -> Points:
-    """Read a result; a DataError where it cannot be read or has no points of a plane."""
+    """Read a result; raises a DataError if it cannot be read or has no points of a plane."""
     kind = read_kind(path)
     if kind is SWEEP:
         with vs.open_sweep(path) as dataset:
@@ -120,7 +119,7 @@ def open_points(path: Path) -> Points:
 
 
 def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
-    """Points of a dataset of some kind; a DataError where it has none."""
+    """Points of a dataset; raises a DataError for a kind of result without points."""
     makers = {
         SWEEP.name: _of_sweep,
         "windows": _of_windows,
@@ -241,8 +240,8 @@ def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
         "base_choice": _shared(diagram, along),
         "axes": (along, name),
         "colour": "direction",
-        "remark": "Particles are launched anew here; the diagram follows their orbits from one "
-        "point of the forcing to the next, so that another attractor may be shown.",
+        "remark": "Here particles are launched at each point, while the diagram continues their "
+        "orbits from one point of the forcing to the next: the attractors may differ.",
     }
 
 
@@ -277,7 +276,7 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
 
 
 def _numbers(name: str, dataset: xr.Dataset) -> xr.DataArray:
-    """Take a variable, NaN where it is undefined; codes have a code for that."""
+    """Take a variable; numbers become NaN where they are undefined, for which codes have a code."""
     found = dataset[name]
     return found if "flag_values" in found.attrs else found.where(known(name, dataset))
 

@@ -1,4 +1,4 @@
-"""Very many points gathered in the pixels of a view, and the point nearest to a place."""
+"""Many points gathered in the pixels of a view, and the point nearest to a place."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.figures.cells import Cells, commonest, grid_cells
 
-FIRST: Final = 1000  # points from which a grid is recognized
+FIRST: Final = 1000  # number of points by which a grid is recognized
 
 
 @dataclass(frozen=True)

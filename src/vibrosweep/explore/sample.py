@@ -19,7 +19,7 @@ def evenly(count: int, most: int) -> NDArray[np.int64]:
 
 
 def spread_out(x: Array, y: Array) -> Iterator[int]:
-    """Indices of points, first far apart, then ever closer together.
+    """Yield indices of points, first far apart, then closer and closer together.
 
     The plane is cut into 1, 4, 16, ... equal cells; each gives the point nearest to its middle.
     """

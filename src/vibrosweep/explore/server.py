@@ -39,8 +39,8 @@ HTTP_PORT: Final = 80  # the port that browsers leave out of an address
 def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
     """Serve the page until a signal ends it; port 0 is any free one.
 
-    `started` is called with the address once the page can be opened.  Raises a RunError where the
-    port is not free.
+    `started` is called with the address once the page can be opened.  Raises a RunError if the port
+    is not free.
     """
     backgrounds = WeakSet[Background]()
     first = Background()
@@ -58,7 +58,7 @@ def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
     started(address)
     loop.start()
     server.stop()
-    if any(one.busy for one in backgrounds):
+    if any(background.busy for background in backgrounds):
         # Python would wait for the compilation, then print a traceback
         sys.stdout.flush()
         os._exit(0)
@@ -69,8 +69,8 @@ def opened(
 ) -> tuple[BaseServer, str]:
     """Return a server of the page in the present loop, and its address.
 
-    `watch` is called with the `Background` of each visitor.  Raises a RunError where the port is
-    not free.
+    `watch` is called with the `Background` of each visitor.  Raises a RunError if the port is not
+    free.
     """
 
     def show(document: Document) -> None:
@@ -85,8 +85,8 @@ def opened(
         sockets, port = bind_sockets(HOST, port)
     except OSError as error:
         raise RunError(
-            f"port {port} cannot be had ({error.strerror}): give another one with --port, or 0 for "
-            f"any that is free"
+            f"port {port} is not available ({error.strerror}): give another one with --port, or 0 "
+            f"for any that is free"
         ) from error
     hosts = [f"{name}:{port}" for name in NAMES] + (list(NAMES) if port == HTTP_PORT else [])
     application = BokehTornado(
@@ -99,7 +99,7 @@ def opened(
 
 
 class _LocalRouter(Router):
-    """Passes on requests that browsers on this machine make for this page, and refuses others.
+    """Router that accepts requests of browsers on this machine for this page, and no others.
 
     The name server of another site may resolve its name to this machine (DNS rebinding).  A browser
     then takes this page for one of that site, whose scripts may read it; but the request still
@@ -127,7 +127,7 @@ class _LocalRouter(Router):
 
 
 class _Refusal(RequestHandler):
-    """Refuses a request, with the address of the page."""
+    """Handler that refuses a request, and names the address of the page."""
 
     def initialize(self, address: str) -> None:
         """Take the address from the arguments of the handler."""

@@ -1,4 +1,4 @@
-"""Data sources of figures, and checks of values that a browser sends, which may be anything."""
+"""Data sources of figures, and checks of the values that a browser sends."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from bokeh.resources import INLINE
 from vibrosweep.errors import OutputError
 from vibrosweep.explore import python_lines as lines
 from vibrosweep.explore.colours import colouring
-from vibrosweep.explore.facts import facts_html, named
+from vibrosweep.explore.facts import facts_html, parameters_line
 from vibrosweep.explore.labels import legible
 from vibrosweep.explore.layout import (
     TEMPLATE,
@@ -48,8 +48,8 @@ PLANE: Final = "plane as at first"
 def write_page(points: Points, output: Path, *, force: bool) -> str:
     """Write a page as one file; return a sentence about its contents.
 
-    Raises an OutputError where the file cannot be written, exists and is not to be replaced by
-    `force`, or would be larger than `LARGEST`.
+    Raises an OutputError if the file cannot be written, exists without `force`, or would be larger
+    than `LARGEST`.
     """
     check_output(output, force=force, inputs=(points.path,))
     page = _Page(points, MOST_MOTIONS)
@@ -64,7 +64,7 @@ def write_page(points: Points, output: Path, *, force: bool) -> str:
         )
     with replacing(output, force=force) as disk:
         disk.write(text)
-    return f"written to {output} ({len(text) / 1e6:.2g} MB): {page.said}"
+    return f"written to {output} ({len(text) / 1e6:.2g} MB): {page.contents}"
 
 
 class _Page:
@@ -73,11 +73,11 @@ class _Page:
     def __init__(self, points: Points, most: int) -> None:
         self.points = points.taken(evenly(points.count, MOST_POINTS))
         self.plane = PlaneView(self.points)
-        self.motion = MotionView("first", whole=True)
+        self.motion = MotionView("first", complete=True)
         self.kept: list[int] = []
         self.motions: list[dict[str, Any]] = []
         self._compute(most)
-        self.said = (
+        self.contents = (
             f"{self.points.count} of {points.count} points; a click shows the nearest of "
             f"{len(self.kept)} realizations (crosses) that were computed beforehand, spread evenly "
             f"over the plane, for at most {PERIODS:g} forcing periods"
@@ -88,16 +88,16 @@ class _Page:
         left = OF_MOTIONS
         for index in spread_out(*(self.plane.values(name) for name in self.points.axes)):
             choice = self.points.choice(index).shortened(PERIODS)
-            self.motion.show(choice.simulate(), named(choice))
+            self.motion.show(choice.simulate(), parameters_line(choice))
             found = self.motion.content
             left -= len(pickle.dumps(found))
             if self.motions and (left < 0 or len(self.motions) == most):
                 break
             self.kept.append(index)
-            said = {"facts": facts_html(choice), "call": lines.simulation(choice)}
-            self.motions.append({**found, **said})
+            texts = {"facts": facts_html(choice), "call": lines.simulation(choice)}
+            self.motions.append({**found, **texts})
         first = self.points.choice(self.kept[0]).shortened(PERIODS)
-        self.motion.show(first.simulate(), named(first))
+        self.motion.show(first.simulate(), parameters_line(first))
         self.plane.mark_point(self.kept[0])
         self.facts = paragraph("facts", self.motions[0]["facts"])
         self.code = code_block(lines.motion_lines(first, "height"))
@@ -109,7 +109,7 @@ class _Page:
         around = {name: list(lines.around(name)) for name in lines.PICTURES}
         around[PLANE] = [lines.plane_lines(points, plane.x, plane.y, plane.colour), ""]
         self.picture = code_picker([*around])
-        self.selection = paragraph("selection", "The lasso and the box choose points.")
+        self.selection = paragraph("selection", "Choose points with the lasso or the box.")
         self.save = save_button()
         kept = {name: plane.values(name)[self.kept] for name in points.axes}
         marks = ColumnDataSource(dict(zip("xy", kept.values(), strict=True)))
@@ -117,11 +117,11 @@ class _Page:
         self._listen({**self._arguments(pickers, marks), "around": around}, pickers)
         name = legible(points.path.name)
         needs = f"Other parameters need the program: vibrosweep explore {name}"
-        said = html.escape(f"{self.said}. {needs}. {points.remark}")
+        contents = html.escape(f"{self.contents}. {needs}. {points.remark}")
         left = [
             picker_row(pickers),
             plane.figure,
-            paragraph("said", said),
+            paragraph("said", contents),
             self.selection,
             self.save,
         ]
@@ -173,7 +173,7 @@ class _Page:
         # a single callback, because each one would hold its own copy of the motions
         script = CustomJS(args=arguments, code=SCRIPT)
         self.plane.figure.js_on_event(Tap, script)
-        for one in (*pickers, self.picture):
-            one.js_on_change("value", script)
+        for menu in (*pickers, self.picture):
+            menu.js_on_change("value", script)
         self.plane.source.selected.js_on_change("indices", script)
         self.save.js_on_click(script)

@@ -1,4 +1,4 @@
-"""The elements of a picture that are visible in a window, without those that others cover."""
+"""Elements of a picture that are visible in a window, without those that others cover."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vibrosweep.arrays import Array
 
 Rows = NDArray[np.int64]
 MARGIN = 8  # pixels by which a line or a dot may reach into the window from outside
-MOST = 1 << 20  # pixels that are told apart along an axis
+MOST = 1 << 20  # pixels that are distinguished along an axis
 
 
 class Axis(NamedTuple):
