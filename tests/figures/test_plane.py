@@ -96,7 +96,7 @@ def test_separations_below_the_contact_time_are_coloured_and_zeros_have_a_marker
     ]
     assert len(crosses.get_offsets()) == np.count_nonzero(dt == 0.0) > 0
     names = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
-    assert names == ["landing or resting at once", "$\\tau_c$ = 0.0001 s"]
+    assert names == ["landing or resting together", "$\\tau_c$ = 0.0001 s"]
 
 
 @pytest.mark.parametrize(("low", "high"), [(-3.0, 0.5), (-3.0, -1.0), (1.0, 3.0)])

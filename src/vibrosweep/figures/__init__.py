@@ -18,8 +18,8 @@ if "MPLBACKEND" in os.environ:
         import matplotlib  # noqa: F401
     except ValueError as error:
         raise VibrosweepError(
-            f"MPLBACKEND={os.environ['MPLBACKEND']}: matplotlib knows no such backend; unset it, "
-            f"or name one that it knows"
+            f"MPLBACKEND={os.environ['MPLBACKEND']}: is not a backend of matplotlib; unset it, or "
+            f"name one that is"
         ) from error
 
 if TYPE_CHECKING:

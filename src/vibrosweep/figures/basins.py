@@ -86,10 +86,9 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
 
 @style.styled
 def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
-    """Draw which share of the launches leads to each attractor, along a parameter.
+    """Draw the share of the launches that leads to each attractor, along a parameter.
 
-    Shares are stacked, so that all of them add up to 1; unsettled launches, which have reached no
-    attractor, are white.
+    Shares are stacked; what they lack to 1 is the share of unsettled launches, in white.
 
     Parameters
     ----------
@@ -136,7 +135,7 @@ def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
 
 
 def _named(basins: xr.Dataset) -> tuple[list[str], Array]:
-    """Names of attractors and their fractions, shape (name, ...); rare ones are one."""
+    """Names of attractors and their fractions, shape (name, ...); the rarest share one name."""
     fraction = basins["fraction"].transpose("attractor", ...).values
     names = [name_of(basins.isel(attractor=i)) for i in range(fraction.shape[0])]
     if len(names) <= NAMED:

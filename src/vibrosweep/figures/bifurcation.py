@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["NEEDS", "bifurcation_diagram"]
 
 NEEDS: Final = data.Needs(("direction", "lyapunov_largest", "regime"))
-# upwards over downwards, so that what occurs only downwards stays visible
+# Larger dots for the downward direction, under the upward ones, so that both stay visible
 ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.7))
 
 
@@ -29,9 +29,9 @@ def bifurcation_diagram(
 ) -> Panels:
     """Draw the impacts of all particles along the forcing, up and down, over their exponents.
 
-    The axis is the forcing as it was given.
-    An orbit with rests has the exponent minus infinity, drawn on the lower edge.  The head of the
-    figure states the share of unsettled orbits, whose impacts may belong to no attractor.
+    The axis is the forcing as it was given.  An orbit with rests has the exponent minus infinity,
+    drawn at the lower edge.  The head of the figure states the share of unsettled orbits, whose
+    impacts need not belong to an attractor.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def bifurcation_diagram(
     _exponents(lower, diagram, diagram[along].values)
     upper.set_ylabel(data.label(diagram, name))
     lower.set_xlabel(data.label(diagram, along))
-    if upper.get_position().x0 != lower.get_position().x0:  # a user's, side by side
+    if upper.get_position().x0 != lower.get_position().x0:  # a user has put them side by side
         upper.set_xlabel(data.label(diagram, along))
     lower.set_ylabel("largest Lyapunov\nexponent per impact")
     head = data.conditions(diagram.drop_vars({along, "amplitude", "base_acceleration"}))

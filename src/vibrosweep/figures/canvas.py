@@ -1,4 +1,4 @@
-"""Axes to draw on: given ones, those of a figure that a notebook shows, or those of a file."""
+"""Axes to draw on: those given, those of a new figure of pyplot, or those of a file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FOR_FILE: Final = ContextVar("for_file", default=False)
 
 
 def load_backend() -> None:
-    """Have pyplot load its backend, unless for a file, so that its settings outlast the style."""
+    """Load the backend of pyplot, unless for a file, before a style that is undone afterwards."""
     if not _FOR_FILE.get():
         from matplotlib import pyplot
 
@@ -38,7 +38,7 @@ def axes_on(ax: Axes | None, width: float, height: float) -> Axes:
     ax
         Axes that a user gave; None for a new figure of pyplot, which a notebook shows.
     width, height
-        Inches of the new figure; `COLUMN`, `MEDIUM` and `PAGE` are the widths of this package's.
+        Inches of the new figure; figures of this package are `COLUMN`, `MEDIUM` or `PAGE` wide.
 
     Returns
     -------
@@ -48,7 +48,7 @@ def axes_on(ax: Axes | None, width: float, height: float) -> Axes:
     Raises
     ------
     ParameterError
-        The arguments are no axes.
+        The argument is not an Axes.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def panels_on(
     Raises
     ------
     ParameterError
-        The arguments are no axes, or not one for each panel.
+        The arguments are not Axes, or not one for each panel.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def panels_on(
 
 
 def has_room(axes: Axes) -> bool:
-    """Return whether a layout engine or `make_room` makes room around the axes."""
+    """Return whether a layout engine or `make_room` provides room around the axes."""
     figure = axes.get_figure(root=True)
     if figure is None or _arranges(figure):
         return figure is not None
@@ -140,7 +140,7 @@ def _arranges(figure: Figure) -> bool:
 
 
 def for_file(draw: Callable[P, Axes | Panels], *args: P.args, **kwargs: P.kwargs) -> Figure:
-    """Draw for a file: on a figure that pyplot does not know, so that no window opens.
+    """Draw for a file, on a figure without pyplot, so that no window opens.
 
     Parameters
     ----------

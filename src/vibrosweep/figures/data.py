@@ -109,7 +109,7 @@ def fixed(dataset: xr.Dataset, name: str) -> float | None:
 def quantity(dataset: xr.Dataset, name: str) -> Array:
     """Values of a variable or parameter, one per realization, as float64.
 
-    NaN where the value is undefined; codes have a code for that.
+    Numbers are NaN where they are undefined; codes have a code for that.
     """
     values = per_realization(dataset, name)
     if "flag_values" in dataset[name].attrs:
@@ -137,7 +137,7 @@ def drawn_forcing(dataset: xr.Dataset) -> str | None:
 
 
 def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
-    """Select a realization of a record by position; a ParameterError if it does not exist."""
+    """Select a realization of a record by position; raises a ParameterError if there is none."""
     count = record.sizes["realization"]
     if not -count <= realization < count:
         raise ParameterError(
@@ -191,9 +191,9 @@ def _units(name: str) -> str:
 
 
 def conditions(dataset: xr.Dataset) -> str:
-    """Base, law, and what all realizations share of restitution, forcing and noise, in a line.
+    """Write in one line the laws, the base, and the parameters that all realizations share.
 
-    The forcing has the form in which it was given, if the dataset holds that.
+    The forcing has the form in which it was given, if the dataset holds it.
     """
     parts = []
     given = str(dataset.attrs.get("forcing", "amplitude"))

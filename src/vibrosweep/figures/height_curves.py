@@ -39,15 +39,14 @@ NEEDS: Final = data.Needs(
     )
 )
 
-# Longer paths are cut: the Agg renderer holds the outline of a whole path in memory.
+# Longer paths are cut: the Agg renderer holds the outline of a whole path in memory
 FLIGHTS_PER_PATH: Final = 200
-# With more flights a vector file is larger than the same picture in pixels.
+# With more flights a vector file is larger than the same picture in pixels
 VECTOR_FLIGHTS: Final = 20_000
 REST: Final = "black"
-# Forcing periods that a reader can distinguish across a page.
+# Forcing periods that a reader can distinguish across a page
 READABLE_PERIODS: Final = 40.0
-# Points of a moving base in a forcing period, and in all.
-SAMPLES: Final = 48
+SAMPLES: Final = 48  # points of a moving base in a forcing period
 MOST_SAMPLES: Final = 50_000
 
 
@@ -61,12 +60,10 @@ def height_time(
     mark_landings: bool | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw height against time: one true parabola per flight, and every rest on the base.
+    """Draw height against time: one parabola per flight, and a bar on the base per rest.
 
-    A moving base is drawn under the parabolas, with the rests on it.
-
-    A parabola is a quadratic Bezier curve, so the figure shows the trajectory itself at every
-    magnification, instead of a polygon through samples of it.
+    A moving base is drawn under the parabolas.  A parabola is a quadratic Bezier curve: the figure
+    shows the exact trajectory at every magnification, not a polygon through samples of it.
 
     Parameters
     ----------
@@ -75,7 +72,7 @@ def height_time(
     particles
         Positions of the particles to draw; by default all.
     until
-        End of the drawing in s; the end of the observation by default, which is also the latest.
+        End of the drawing in s; by default, and at most, the end of the observation.
     realization
         Position of the realization in the record.
     mark_landings
@@ -162,7 +159,7 @@ def _colours(axes: Axes, shown: list[int]) -> list[ColorType]:
     """One colour per particle, with a colour bar if there are too many for a legend."""
     if len(shown) <= len(style.OKABE_ITO):
         return list(style.OKABE_ITO[: len(shown)])
-    # without the palest tenth of the map, whose thin lines would vanish on white paper
+    # without the palest tenth of the map, in which thin lines would vanish on white
     cmap = ListedColormap(colormaps[style.SEQUENTIAL_MAP](np.linspace(0.0, 0.9, 256)))
     norm = Normalize(shown[0], shown[-1])
     axes.figure.colorbar(
@@ -218,23 +215,23 @@ def _sampled(base: BaseMotion, begin: float, stop: float) -> Array:
 def _draw_rests(
     axes: Axes, drawn: list[Motion], colours: list[ColorType], base: BaseMotion
 ) -> None:
-    """Draw a thick bar on the base for every rest, so that nobody takes it for the axis."""
-    # bars of many particles hide each other; the bar of a single one would hide its landings
+    """Draw a bar on the base for every rest, thick enough to be distinguished from the axis."""
+    # black for a single particle, whose landings it would hide, and for many, which overlap
     plain = not 1 < len(drawn) <= len(style.OKABE_ITO)
     stays = [(i, rest) for i, motion in enumerate(drawn) for rest in motion.rests]
     times = [_sampled(base, *rest) if base.reach else rest for _, rest in stays]
-    of = [REST if plain else colours[i] for i, _ in stays]
+    bar_colours = [REST if plain else colours[i] for i, _ in stays]
     axes.add_collection(
         LineCollection(
             [np.stack([t, base.height(t)], axis=-1) for t in times],
-            colors=of,
+            colors=bar_colours,
             linewidths=3.0,
             capstyle="butt",
             zorder=2.5,
         ),
         autolim=False,
     )
-    if of:  # the legend shows no particle's colour
+    if stays:
         axes.plot([], [], color=REST, linewidth=3.0, label="at rest on the base")
 
 

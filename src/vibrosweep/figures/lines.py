@@ -20,7 +20,7 @@ __all__ = ["NEEDS", "orbit_boundaries", "orbit_branches"]
 NEEDS: Final = data.Needs(("bifurcation", "cycle_impacts", "cycle_periods", "admissible"))
 GRAZE, REST = 2, 3  # codes of `bifurcation`
 THIN, THICK = 0.6, 1.8  # lines of unstable and of stable orbits
-AT_BORDER: Final = 1e-9  # of stability, where a stable part of a branch ends
+AT_BORDER: Final = 1e-9  # by which a modulus may exceed 1 where a stable part of a branch ends
 # By the codes of `bifurcation`: the marker of a point, the dashes of a curve, and the name
 KINDS: Final = (
     ("s", "-", "saddle-node"),
@@ -37,8 +37,8 @@ KINDS: Final = (
 def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the speeds of periodic orbits along a parameter, and where they bifurcate.
 
-    Thick where an orbit is stable, thin where it is not; a colour for each number of impacts in
-    each number of forcing periods.
+    Lines are thick where the orbit is stable, and have a colour for each number of impacts in each
+    number of forcing periods.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
 
 
 def _mark_events(axes: Axes, branches: xr.Dataset, along: str) -> None:
-    """Mark bifurcations on the points of their branches that are next to them."""
+    """Mark each bifurcation, at the speeds of the nearest point of its branch."""
     seen = set()
     for i in range(branches.sizes["branch"]):
         one = branches.isel(branch=i)
@@ -136,10 +136,10 @@ def orbit_boundaries(
     boundaries
         Result of `vibrosweep.boundaries`.
     sweep
-        Result of a sweep over restitution and amplitude, or acceleration, whose plane the curves
-        are drawn over.
+        Result of a sweep over restitution and amplitude, or acceleration, over whose plane the
+        curves are drawn.
     variable
-        Variable drawn there, as `vibrosweep.figures.parameter_plane` takes it.
+        Variable of that sweep, as `vibrosweep.figures.parameter_plane` takes it.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 
@@ -182,8 +182,8 @@ def orbit_boundaries(
             code = int(one["bifurcation"])
             name = f"{cycle_name(*kind)}, {KINDS[code][2]}"
             # where a particle just grazes or rests, rounding decides whether it takes the orbit
-            taken = (one["admissible"].values == 1) | (code in (GRAZE, REST))
-            for chosen, width in ((np.ones_like(taken), 0.5), (taken, 1.3)):
+            admissible = (one["admissible"].values == 1) | (code in (GRAZE, REST))
+            for chosen, width in ((np.ones_like(admissible), 0.5), (admissible, 1.3)):
                 edge = [withStroke(linewidth=width + 1.0, foreground="black")]
                 axes.plot(
                     one["restitution"].values,

@@ -19,14 +19,13 @@ if TYPE_CHECKING:
 class Motion:
     """Flights, rests and landings of one particle up to an instant, as plain arrays."""
 
-    # start, end, velocity: beginning and end of every flight in s (the last one ends at the
-    # instant), and its initial speed in m/s
+    # start, end: of every flight, s; the last one is cut at the instant
     start: Array
     end: Array
-    velocity: Array
-    height: Array  # height of the base at the beginning of every flight, in m
-    rests: Array  # shape (rest, 2): from landing to lift-off, in s
-    landings: Array  # instants of landing in s
+    velocity: Array  # at the start of every flight, m s-1
+    height: Array  # of the base at the start of every flight, m
+    rests: Array  # shape (rest, 2): from landing to lift-off, s
+    landings: Array  # instants of landing, s
 
 
 def motions(one: xr.Dataset, base: BaseMotion, until: float) -> list[Motion]:
@@ -34,7 +33,7 @@ def motions(one: xr.Dataset, base: BaseMotion, until: float) -> list[Motion]:
     landing, liftoff = one["landing_time"].values, one["liftoff_time"].values
     flights = course(one, base, until)
     rests = (one["rested"].values == 1) & (landing < until)
-    leaves = np.fmin(liftoff, until)  # NaN is the lift-off of a particle at rest for good
+    leaves = np.fmin(liftoff, until)  # the lift-off is NaN at permanent rest
     return [
         Motion(
             flights.start[i, flies],
@@ -54,7 +53,7 @@ def parabolas(motion: Motion, gravity: float) -> Array:
     Points 0, 2 and 4 lie on the parabola: the launch, the apex (or the end, if the flight is cut
     before it) and the end.  Points 1 and 3 are the intersections of the tangents at the
     neighbouring points.  A single curve would be exact too, but renderers approximate curves by
-    polygons and would cut the apex off; they always draw the end point of a curve.
+    polygons, which reach the end points of a curve and may miss its apex.
     """
     rise = _rise(motion, gravity)
     top = rise * (motion.velocity - gravity * rise / 2.0)

@@ -21,7 +21,7 @@ __all__ = ["NEEDS", "periodic_orbits"]
 NEEDS: Final = data.Needs(
     ("cycle_impacts", "cycle_periods", "stable", "admissible", "impact_phase", "rebound_velocity")
 )
-OWN: Final = frozenset(("orbit", "impact", "impacts", "periods", "multiplier"))
+ORBIT_DIMS: Final = frozenset(("orbit", "impact", "impacts", "periods", "multiplier"))
 
 
 @style.styled
@@ -30,17 +30,17 @@ def periodic_orbits(
 ) -> Axes:
     """Draw periodic orbits: filled where they are stable, hollow where they are not.
 
-    Of one realization their impacts are drawn, by phase and speed at lift-off; along one axis of a
-    grid their speeds; over two axes the number of stable orbits.  Orbits that no particle takes are
-    left out.
+    For one realization the figure shows their impacts by phase and speed at lift-off; along one
+    axis of a grid their speeds; over two axes the number of stable orbits.  Orbits that no particle
+    takes are left out.
 
     Parameters
     ----------
     orbits
         Result of `vibrosweep.orbits`.
     basins
-        Result of `vibrosweep.basins` at the same parameters, over which the impacts are drawn, at
-        the times of launch that have their phases.
+        Result of `vibrosweep.basins` at the same parameters, over which the impacts are drawn, each
+        at the time of launch that has its phase.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 
@@ -52,7 +52,7 @@ def periodic_orbits(
     Raises
     ------
     DataError
-        The dataset lacks a variable, or has other dims; or there are basins, and several points.
+        The dataset lacks a variable, or has other dims, or several points while basins are given.
 
     Examples
     --------
@@ -63,11 +63,11 @@ def periodic_orbits(
     'phase of the impact, turns'
     """
     NEEDS.check("periodic_orbits", orbits)
-    axes_of = [str(dim) for dim in orbits["stable"].dims if dim not in OWN]
-    if "realization" in axes_of or len(axes_of) > 2 or (axes_of and basins is not None):
+    varied = [str(dim) for dim in orbits["stable"].dims if dim not in ORBIT_DIMS]
+    if "realization" in varied or len(varied) > 2 or (varied and basins is not None):
         raise DataError(
             f"figure periodic_orbits draws one realization, or a grid of one axis or two, and over "
-            f"basins one realization: choose with .isel() along {', '.join(axes_of)}"
+            f"basins one realization: choose with .isel() along {', '.join(varied)}"
         )
     if basins is not None:
         axes = basins_of_attraction(basins, ax=ax)
@@ -75,11 +75,11 @@ def periodic_orbits(
         style.beside(axes, data.conditions(basins))
         return axes
     axes = style.axes_on(ax, style.PAGE, 3.6)
-    if len(axes_of) == 2:
-        _draw_numbers(axes, orbits, axes_of)
+    if len(varied) == 2:
+        _draw_numbers(axes, orbits, varied)
         style.head(axes, data.conditions(orbits))
     else:
-        (along,) = axes_of or ("impact_phase",)
+        (along,) = varied or ("impact_phase",)
         _draw_points(axes, orbits, np.broadcast_to(*_aligned(orbits, along)))
         axes.set_xlabel(data.label(orbits, along))
         axes.set_ylabel(data.label(orbits, "rebound_velocity"))
@@ -100,13 +100,13 @@ def _launch_times(orbits: xr.Dataset, basins: xr.Dataset) -> Array:
 
 
 def _draw_over(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
-    """Draw all impacts of the orbits that particles take, without colours of their own."""
-    taken = orbits["admissible"].values == 1
+    """Draw all impacts of the orbits that particles take, in black and white."""
+    admissible = orbits["admissible"].values == 1
     stable, speed = orbits["stable"].values == 1, orbits["rebound_velocity"].values
     low, high = axes.get_ylim()
     for chosen, marker, size, face, edge, name in (
-        (taken & ~stable, "o", 3.0, "white", "black", "unstable orbit"),
-        (taken & stable, "D", 5.0, "black", "white", "stable orbit"),
+        (admissible & ~stable, "o", 3.0, "white", "black", "unstable orbit"),
+        (admissible & stable, "D", 5.0, "black", "white", "stable orbit"),
     ):
         axes.plot(
             across[chosen].ravel(),
@@ -124,15 +124,15 @@ def _draw_over(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
 
 def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
     """Draw all impacts of the orbits that particles take, a colour for each (p, q)."""
-    taken = orbits["admissible"].values == 1
+    admissible = orbits["admissible"].values == 1
     stable, speed = orbits["stable"].values == 1, orbits["rebound_velocity"].values
     p, q = orbits["cycle_impacts"].values, orbits["cycle_periods"].values
-    kinds = sorted({(int(a), int(b)) for a, b in zip(p[taken], q[taken], strict=True)})
+    kinds = sorted({(int(a), int(b)) for a, b in zip(p[admissible], q[admissible], strict=True)})
     colours = style.colours(len(kinds))
-    many = int(taken.sum()) > style.MANY // 10
+    many = int(admissible.sum()) > style.MANY // 10
     size = 1.2 if many else 4.5
     for kind, colour in zip(kinds, colours, strict=True):
-        of_kind = taken & (p == kind[0]) & (q == kind[1])
+        of_kind = admissible & (p == kind[0]) & (q == kind[1])
         for chosen, filled in ((of_kind & ~stable, False), (of_kind & stable, True)):
             axes.plot(
                 across[chosen].ravel(),
@@ -151,20 +151,21 @@ def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
         axes.plot([], [], "o", markeredgecolor="0.3", markerfacecolor=face, label=name)
 
 
-def _draw_numbers(axes: Axes, orbits: xr.Dataset, axes_of: list[str]) -> None:
-    """Draw how many stable orbits particles take at each point of a plane."""
-    held = (orbits["stable"] == 1) & (orbits["admissible"] == 1)
-    number = held.sum("orbit").transpose(axes_of[1], axes_of[0])
+def _draw_numbers(axes: Axes, orbits: xr.Dataset, plane: list[str]) -> None:
+    """Draw the number of stable orbits that particles take at each point of a plane."""
+    across, up = plane
+    attracting = (orbits["stable"] == 1) & (orbits["admissible"] == 1)
+    number = attracting.sum("orbit").transpose(up, across)
     most = max(1, int(number.max()))
     drawn = axes.pcolormesh(
-        orbits[axes_of[0]].values,
-        orbits[axes_of[1]].values,
+        orbits[across].values,
+        orbits[up].values,
         number.values,
         cmap=style.SEQUENTIAL_MAP,
         vmin=-0.5,
         vmax=most + 0.5,
         rasterized=True,
     )
-    axes.set_xlabel(data.label(orbits, axes_of[0]))
-    axes.set_ylabel(data.label(orbits, axes_of[1]))
+    axes.set_xlabel(data.label(orbits, across))
+    axes.set_ylabel(data.label(orbits, up))
     axes.figure.colorbar(drawn, ax=axes, label="stable orbits")

@@ -25,7 +25,7 @@ APART: Final = ("0.72", "0.35")  # colours of values apart from the scale
 
 @dataclass(frozen=True)
 class Points:
-    """Realizations in the plane; ``cells`` is None if each one is drawn as a dot."""
+    """Realizations in the plane; ``cells`` is None if each of them is drawn as a dot."""
 
     x: Array
     y: Array
@@ -38,7 +38,7 @@ class Points:
 
 
 def scatter_points(x: Array, y: Array) -> Points:
-    """Choose how to draw realizations: a grid by its cells, many by equal cells, few as dots."""
+    """Place realizations: in the cells of their grid, in equal cells if many, else as dots."""
     cells = gathering.grid_cells(x, y)
     if cells is None and x.size > style.MANY:
         cells = gathering.equal_cells(x, y)
@@ -56,8 +56,8 @@ def paint_numbers(
 ) -> Colorbar | None:
     """Paint numbers, one per realization, with a labelled colour bar; NaN has no value.
 
-    Values `apart` from the scale, by their names, have colours of their own.  With zero among them
-    the scale is logarithmic; a scale of signed numbers is diverging, with zero in its middle.
+    `apart` names the values that have colours apart from the scale.  With zero among them the scale
+    is logarithmic; a scale of signed numbers is diverging, with zero in its middle.
     """
     drawn = values if points.cells is None else gathering.median(points.cells, values)
     for (value, name), colour in zip(apart.items(), APART, strict=False):
@@ -101,7 +101,7 @@ def paint_codes(
 
 
 def _around_zero(known: Array) -> Normalize:
-    """Scale with zero in its middle, over both signs even where only one occurs."""
+    """Scale with zero in its middle, over both signs even if only one occurs."""
     low, high = style.scale_ends(known)
     most = max(abs(low), abs(high)) or 1.0
     return TwoSlopeNorm(0.0, low if low < 0.0 else -most, high if high > 0.0 else most)

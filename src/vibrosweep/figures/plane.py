@@ -31,10 +31,10 @@ def parameter_plane(
 
     The closed forms of locked orbits are drawn over it: the orbit of mode k exists above the solid
     curve and is stable up to the dashed one.  The vertical axis is the acceleration of the base in
-    g where the forcing was given in that form; otherwise the amplitude, or, if frequency or gravity
-    differ between realizations, the dimensionless kick 2 f A / g, on which the curves do not depend
-    on them.  A grid is drawn as its cells, a random design as dots; of very many realizations,
-    small cells show the median (for codes: the commonest).
+    g if the forcing was given in that form; otherwise the amplitude, or, if frequency or gravity
+    differ between realizations, the dimensionless kick 2 f A / g, in which the curves depend on
+    neither.  A grid is drawn as cells, a random design as dots; very many realizations are drawn
+    as small cells with their median (for codes: the commonest).
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def _paint_variable(
     apart = {-np.inf: data.MINUS_INFINITY, np.inf: r"$\infty$"}
     separation = variable.startswith("dt_min")
     if separation:
-        apart = {0.0: "landing or resting at once"}
+        apart = {0.0: "landing or resting together"}
     label = data.label(sweep, variable)
     signed = variable.startswith("lyapunov") or bool(np.any(values < 0.0))
     bar = paint.paint_numbers(axes, points, values, label, apart, signed=signed)

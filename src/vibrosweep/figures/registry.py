@@ -22,13 +22,13 @@ from vibrosweep.store.rows import flat
 if TYPE_CHECKING:
     import xarray as xr
 
-# Without dates and versions two drawings of the same data are the same bytes.
+# Without dates and versions, two drawings of the same data are the same bytes
 FORMATS: Final[Mapping[str, Mapping[str, None]]] = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 DOTS_PER_INCH: Final = 200
-QUARTERS: Final = 4  # of the range of a noise
+QUARTERS: Final = 4  # parts of the range of a noise
 
 _SOURCES: Final = {
     "record": "the record of every landing: add a [record] section to the sweep file",
@@ -40,12 +40,12 @@ _SOURCES: Final = {
 class FigureEntry:
     """One figure of the set."""
 
-    name: str  # name in messages
-    file_stem: str  # file name without its ending
-    title: str  # description
-    source: Literal["record", "sweep"]  # dataset that it is drawn from
+    name: str  # in messages
+    file_stem: str
+    title: str
+    source: Literal["record", "sweep"]  # dataset from which it is drawn
     needs: Needs  # requirements on that dataset
-    draw: Callable[[xr.Dataset], Axes]  # function from the dataset to the axes
+    draw: Callable[[xr.Dataset], Axes]
 
     def lacking(self, dataset: xr.Dataset | None) -> str | None:
         """Return a sentence on why the figure cannot be drawn; None if it can."""
@@ -171,7 +171,7 @@ def available(sweep: xr.Dataset | None, record: xr.Dataset | None) -> list[str]:
     Returns
     -------
     list of str
-        As of the files that `save_all` writes.
+        The names.
 
     Examples
     --------
@@ -236,7 +236,7 @@ def save_all(
 def save_formats(figure: Figure, directory: str | Path, stem: str) -> list[Path]:
     """Write one figure in every format into a directory, which is made if it does not exist.
 
-    Raises an OutputError where it or a file cannot be written.
+    Raises an OutputError if the directory or a file cannot be written.
     """
     target = Path(directory)
     try:

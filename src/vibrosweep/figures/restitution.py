@@ -33,7 +33,7 @@ NEEDS: Final = data.Needs(
 
 CELLS: Final = 160
 LARGEST_DOT: Final = 14.0
-# Plateaus closer than this fraction of the axis are too close to label both.
+# Of two plateaus closer than this fraction of the axis only one is drawn
 LABEL_GAP: Final = 0.06
 
 
@@ -156,7 +156,8 @@ def _draw_dots(axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array)
         words = data.label(sweep, name) if name else "kick $2 f A / g$"
         figure = axes.get_figure(root=True)
         engine = figure.get_layout_engine() if figure else None
-        moved = engine is not None and not engine.colorbar_gridspec  # beyond the names of plateaus
+        # some layout engines place the bar beyond the names of the plateaus themselves
+        moved = engine is not None and not engine.colorbar_gridspec
         axes.figure.colorbar(dots, ax=axes, label=words, pad=0.02 if moved else 0.1, aspect=30)
 
 
@@ -227,7 +228,7 @@ def _draw_bands(axes: Axes, one_height: float, top: float) -> None:
     highest = theory.amplitude_max(1, e, 1.0, 2.0, base="moving")
     above = theory.locked_apex(1, e, highest, 1.0, 2.0) / theory.locked_height(1, 1.0, 2.0) - 1.0
     for height in plateaus(one_height, top)[1]:
-        upper = height + above * one_height  # as much as over mode 1
+        upper = height + above * one_height  # all bands are as wide as that of mode 1
         axes.fill_between(e, height, upper, color="0.9", linewidth=0.0, zorder=0.8)
 
 

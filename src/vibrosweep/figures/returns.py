@@ -42,7 +42,7 @@ MOST_MODES: Final = 12
 
 @style.styled
 def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the arrival velocity at each landing, downwards, against that at the landing before.
+    """Draw the arrival velocity at each landing, downwards, against that at the previous one.
 
     All points lie in the strip of slope e and half-width A; over a moving base, whose height
     changes between landings, the half-width is A + 2 V0 with V0 = A / (1 + e).  Points of the

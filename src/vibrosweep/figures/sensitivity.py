@@ -39,7 +39,7 @@ def sobol_bars(indices: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None
     Raises
     ------
     DataError
-        The dataset is no result of `vibrosweep.sobol`.
+        The dataset is not a result of `vibrosweep.sobol`.
 
     Examples
     --------

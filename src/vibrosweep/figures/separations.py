@@ -71,7 +71,7 @@ def separation_distributions(
     Raises
     ------
     DataError
-        A dataset is no result of `separation_distribution`.
+        A dataset is not a result of `separation_distribution`.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def separation_distributions(
     axes = style.axes_on(ax, style.MEDIUM, 2.9)
     for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
         at = np.maximum(one["separation"].values, EDGE)
-        fraction = np.append(0.0, one["cumulative_fraction"].values)  # alone where none is known
+        fraction = np.append(0.0, one["cumulative_fraction"].values)
         axes.step(
             np.concatenate([[EDGE], at, [1.0]]),
             np.append(fraction, fraction[-1]),
@@ -116,9 +116,10 @@ def separation_distributions(
 def separations_over_chance(
     found: Sequence[xr.Dataset], names: Sequence[str], *, ax: Axes | None = None
 ) -> Axes:
-    """Draw distributions of the smallest separation over its mean under chance, and chance itself.
+    """Draw distributions of the smallest separation relative to its mean for chance landings.
 
-    Realizations in which this ratio has no meaning are left out; the legend says how many remain.
+    The black curve is the distribution for chance.  Realizations in which the ratio has no meaning
+    are left out; the legend says how many remain.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ def separations_over_chance(
     Raises
     ------
     DataError
-        A dataset is no result of these analyses.
+        A dataset is not a result of these analyses.
 
     Examples
     --------
@@ -156,14 +157,14 @@ def separations_over_chance(
         require(one, "separations_over_chance", name, source="separations_against_chance")
     axes = style.axes_on(ax, style.MEDIUM, 2.9)
     for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
-        every = one["dt_min_over_chance"].values
-        z = np.sort(every[np.isfinite(every)])
+        ratio = one["dt_min_over_chance"].values
+        z = np.sort(ratio[np.isfinite(ratio)])
         axes.step(
             z,
             np.arange(1, z.size + 1) / max(1, z.size),
             where="post",
             color=colour,
-            label=f"{name}: {z.size} of {every.size} realizations",
+            label=f"{name}: {z.size} of {ratio.size} realizations",
         )
     z = np.geomspace(1e-3, 10.0, 200)
     axes.plot(z, -np.expm1(-z), color="black", linewidth=1.2, label="chance: $1 - e^{-z}$")
@@ -196,7 +197,7 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None 
     Raises
     ------
     DataError
-        The dataset is no result of `slot_decay`.
+        The dataset is not a result of `slot_decay`.
 
     Examples
     --------
@@ -213,10 +214,10 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None 
     separation = np.abs(one["separation"].values)
     number = np.arange(separation.size)
     axes = style.axes_on(ax, style.MEDIUM, 2.9)
-    some = separation > 0.0
+    positive = separation > 0.0
     axes.plot(
-        number[some],
-        separation[some],
+        number[positive],
+        separation[positive],
         linestyle="none",
         marker="o",
         markersize=2.0,
@@ -233,7 +234,7 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None 
         label=f"multipliers: {modulus:.4f} per cycle",
     )
     axes.set_yscale("log")
-    axes.set_ylim(bottom=0.3 * separation[some].min())
+    axes.set_ylim(bottom=0.3 * separation[positive].min())
     axes.set_xlabel("cycle")
     axes.set_ylabel("separation (s)")
     style.head(axes, f"fitted: {float(one['modulus_fitted']):.4f} per cycle")

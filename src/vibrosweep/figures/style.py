@@ -46,13 +46,12 @@ COLUMN: Final = 3.5
 MEDIUM: Final = 5.0
 PAGE: Final = 7.0
 
-# Above this number, points are gathered in cells instead of drawn one by one.
+# Above this number, points are gathered in cells instead of drawn one by one
 MANY: Final = 20_000
 
-# Of a remark above the axes, and the inches of a figure's width that it cannot use
-LETTERS_PER_INCH: Final = 14
-INSIDE: Final = 0.7  # of that room, for a remark inside the axes
-BESIDE: Final = 0.5
+LETTERS_PER_INCH: Final = 14  # of a remark
+BESIDE: Final = 0.5  # inches of the width of a figure in which a remark has no room
+INSIDE: Final = 0.7  # share of the remaining width for a remark inside the axes
 
 MOST_VALUES: Final = (0.01, 0.99)  # quantiles between which a scale of colours shows differences
 
@@ -61,8 +60,8 @@ DIVERGING_MAP: Final = "coolwarm"  # of signed numbers
 DENSITY_MAP: Final = "cividis_r"
 GREY: Final = "0.45"
 
-# The palette of Okabe and Ito, distinct under every common colour blindness, without its yellow:
-# thin yellow lines vanish on white paper.
+# The palette of Okabe and Ito, distinct under every common colour blindness, without its yellow,
+# in which thin lines vanish on white
 OKABE_ITO: Final = (
     "#0072B2",  # blue
     "#D55E00",  # vermillion
@@ -112,7 +111,7 @@ RC: Final[dict[Any, Any]] = {
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
-    """Make a drawing function run under the style of this package; rcParams stay unchanged.
+    """Decorate a drawing function to run in the style of this package; rcParams stay unchanged.
 
     Parameters
     ----------
@@ -122,7 +121,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     Returns
     -------
     function
-        The same, under `RC`.
+        The function, which runs under `RC`.
 
     Examples
     --------
@@ -148,7 +147,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 
 def colours(count: int) -> list[ColorType]:
-    """Return different colours: of the palette, or of the sequential map if that has too few.
+    """Return different colours, of the palette, or of the sequential map if it has too few.
 
     Parameters
     ----------
@@ -189,12 +188,12 @@ def halo() -> list[patheffects.AbstractPathEffect]:
 def head(axes: Axes, remark: str, columns: int = 4) -> None:
     """Put a remark, and the legend if there is one, above the axes, where they hide no data.
 
-    The legend stands inside axes that a user placed by hand, for which nothing makes room.
+    If a user placed the axes by hand, so that there may be no room, the legend is put inside.
 
     Parameters
     ----------
     axes
-        Axes on which everything that the legend names is drawn.
+        Axes on which all entries of the legend have been drawn.
     remark
         Text, broken into lines after commas; it may be empty.
     columns
@@ -218,7 +217,7 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
 
 
 def beside(axes: Axes, remark: str) -> None:
-    """Put a remark and the legend to the right of the axes; otherwise as `head`."""
+    """Put a remark and the legend to the right of the axes, as `head` puts them above."""
     _explain(axes, remark, {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)})
 
 
@@ -251,7 +250,7 @@ def _room(axes: Axes) -> float:
 
 
 def _in_lines(remark: str, width: float) -> str:
-    """Break a remark after commas: one that is wider than this would narrow the axes."""
+    """Break a remark after commas into lines of a width in inches."""
     lines: list[str] = []
     for part in remark.split(", "):
         longer = f"{lines[-1]}, {part}" if lines else part

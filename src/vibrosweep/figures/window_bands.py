@@ -80,7 +80,7 @@ def stability_windows(
     all_axes = style.panels_on(ax, style.MEDIUM, height, rows, sharex=True)
     for axes, panel in zip(all_axes, panels, strict=True):
         _panel(axes, windows, panel, is_locked=panel is locked)
-    for axes in all_axes if ax is not None else all_axes[-1:]:  # those of a user may stand anywhere
+    for axes in all_axes if ax is not None else all_axes[-1:]:  # a user's axes may be side by side
         axes.set_xlabel("restitution $e$")
     return all_axes
 
@@ -115,19 +115,19 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     if has_closed_forms(windows):
         draw_windows(axes, forcing, over=True, modes=modes)
     # beside their remark only two entries fit in a row
-    lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
+    lacking = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
     turned = is_locked and windows.attrs.get("rebound") == "reflect"
     remark = "; curves: orbits without reflection" if turned else ""
-    few = lack or len(directions) == 2
+    few = lacking or len(directions) == 2
     style.head(axes, _conditions(windows) + remark, columns=2 if few else 4)
 
 
 def _over(lower: ColorType, upper: ColorType) -> Array:
     """Colour of a band that is drawn over another one on white."""
-    seen = np.ones(3)
+    mixed = np.ones(3)
     for colour in (lower, upper):
-        seen += BAND["alpha"] * (np.array(to_rgb(colour)) - seen)
-    return seen
+        mixed += BAND["alpha"] * (np.array(to_rgb(colour)) - mixed)
+    return mixed
 
 
 def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label: str) -> float:
@@ -136,12 +136,12 @@ def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label
     A window that reaches an end of the scan is drawn up to it.  Returns the highest end, or 0.
     """
     edges = _edges(chosen["restitution"].values)
-    there = chosen["window_ends"].values >= 0
+    exists = chosen["window_ends"].values >= 0
     symbol = FORCINGS[_scanned(chosen)].symbol
     lower, upper = (chosen[f"{symbol}_{end}"].values for end in ("min", "max"))
-    lower = np.where(there & np.isnan(lower), scan[0], lower)
-    upper = np.where(there & np.isnan(upper), scan[-1], upper)
-    if not there.any():
+    lower = np.where(exists & np.isnan(lower), scan[0], lower)
+    upper = np.where(exists & np.isnan(upper), scan[-1], upper)
+    if not exists.any():
         label += NONE_FOUND
     for window, (low, high) in enumerate(zip(lower.T, upper.T, strict=True)):
         axes.bar(
@@ -154,7 +154,7 @@ def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label
             label=label if window == 0 else None,
             **BAND,
         )
-    return float(np.max(upper, initial=0.0, where=there))
+    return float(np.max(upper, initial=0.0, where=exists))
 
 
 def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
@@ -164,8 +164,8 @@ def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
     """
     if "holds" not in chosen:
         return
-    some = (chosen["holds"] == UNDETERMINED).any(("condition", "direction"))
-    unknown = some.transpose("scan", "restitution").values
+    undetermined = (chosen["holds"] == UNDETERMINED).any(("condition", "direction"))
+    unknown = undetermined.transpose("scan", "restitution").values
     if not unknown.any():
         return
     axes.pcolormesh(

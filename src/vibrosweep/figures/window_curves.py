@@ -20,7 +20,7 @@ SAMPLES: Final = 201
 
 @dataclass(frozen=True)
 class Forcing:
-    """The form in which the forcing is drawn."""
+    """Form in which the forcing is drawn."""
 
     symbol: str  # in mathtext, without dollar signs
     base: str  # one of `vibrosweep.model.parameters.BASES`
@@ -46,7 +46,7 @@ def window_curves(
     forcing: Forcing,
     modes: Sequence[int] = MODES,
 ) -> list[Curve]:
-    """Return both ends of the windows of the modes, where they cross the view.
+    """Return the ends of the windows of the modes that cross the view.
 
     The view is a range of the restitution and one of the forcing.
     """
