@@ -65,7 +65,7 @@ def test_a_point_of_a_grid_and_of_a_file(tmp_path):
 def test_other_code_is_warned_of():
     found = swept()
     found.attrs["kernels"] = "of another version"
-    with pytest.warns(OtherKernelsWarning, match="other code"):
+    with pytest.warns(OtherKernelsWarning, match="another version"):
         vs.simulate(found)
 
 

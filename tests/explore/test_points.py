@@ -74,7 +74,7 @@ def test_impacts_of_a_bifurcation_diagram_are_points(forcing):
     assert points.choice(points.count - 1).inputs[forcing] == 1.2
     assert points.axes[0] == forcing
     assert points.choice(0).launch_time == (0.125, 0.45)
-    assert "launched anew" in points.remark
+    assert "launched at each point" in points.remark
 
 
 def test_a_launch_of_basins_is_followed_by_itself():
