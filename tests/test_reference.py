@@ -99,4 +99,4 @@ def test_every_public_function_tells_its_errors_and_shows_an_example(name):
     assert re.search(r"^\w+Error", told["Raises"], re.MULTILINE)
     assert f"vs.{name}(" in told["Examples"]
     if inspect.signature(getattr(vibrosweep, name)).return_annotation == "xr.Dataset":
-        assert re.search(r"\b[Dd]ims?\b|As of `", told["Returns"])
+        assert re.search(r"\b[Dd]ims?\b|As `", told["Returns"])

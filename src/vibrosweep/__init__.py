@@ -1,11 +1,11 @@
 """Fast, accurate parameter sweeps of the bouncing ball (vibro-impact).
 
-`sweep` computes realizations in memory, `run` into a file that survives interruptions, and
-`simulate` gives every landing of a small scene, `positions` the heights between; `windows`,
-`bifurcation`, `basins`, `orbits`, `branches`, `boundaries`, `sobol` and `separations` answer one
-question each.  All take the same keywords and return an `xarray.Dataset`.  `analysis` holds what is
-derived from a result or a record, `figures` draws, `lab` reads camera tracks, `theory` holds closed
-forms, `errors` the exceptions.
+`sweep` computes realizations in memory, `run` computes them into a file and continues after
+interruptions, `simulate` returns every landing of a small scene, and `positions` heights at any
+times; `windows`, `bifurcation`, `basins`, `orbits`, `branches`, `boundaries`, `sobol` and
+`separations` answer one question each.  Functions that compute take the same keywords, and all
+return an `xarray.Dataset`.  `analysis` derives quantities from a result or a record, `figures`
+draws, `lab` reads camera tracks, `theory` holds closed forms, `errors` the exceptions.
 
 Importing this package loads neither numba nor xarray: they are loaded when first used.
 """
