@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from vibrosweep.cli import OBJECTS_BETWEEN_SEARCHES
+from vibrosweep.cli import OBJECTS_BETWEEN_COLLECTIONS
 
 # Compiling a kernel takes seconds: no single example may be held to a time.  The examples are the
 # same every time, so that nobody's change is judged by chance; `--hypothesis-profile=search` looks
@@ -20,7 +20,7 @@ settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.load_profile("repeatable")
 
 # Compiling makes many objects and little garbage, as the command line knows.
-gc.set_threshold(OBJECTS_BETWEEN_SEARCHES)
+gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
 
 # A shell makes what it runs in the background ignore SIGINT, and commands that tests begin too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
