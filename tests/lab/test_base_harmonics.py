@@ -91,6 +91,19 @@ def test_a_recording_is_compared_with_the_base_of_its_trace(film):
     assert (table["error"].sel(reading="ensemble") < 2.0).all()
 
 
+@pytest.mark.parametrize(
+    ("known", "message"),
+    [
+        ({"motion": "level"}, "a trace is that of a base that moves"),
+        ({"base": 0.0}, "a height of the base is that of one at a constant level"),
+        ({"frequency": 40.0}, "given as 40 Hz, but the trace of the base repeats at 20"),
+    ],
+)
+def test_what_contradicts_a_trace_is_refused(film, known, message):
+    with pytest.raises(TrackError, match=message):
+        find_impacts(film[1].tracks, trace=make_trace(TIME, film_height(film), "height"), **known)
+
+
 @pytest.mark.parametrize("quantity", ["height", "acceleration"])
 @pytest.mark.parametrize(
     ("shape", "numbers"),

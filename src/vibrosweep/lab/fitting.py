@@ -23,6 +23,7 @@ MOTIONS: Final = ("detect", "level", "moving")
 # Share of junctions above a moving base from which on its fit is rejected: a right one has at most
 # 2 % of them in irregular films, a wrong one 9 % and more.
 TURNED_ABOVE: Final = 0.05
+FREQUENCIES_APART: Final = 0.01  # largest relative difference of a given and a traced frequency
 
 
 class View(NamedTuple):
@@ -151,6 +152,24 @@ def _check_view(gravity: float, view: View) -> None:
         raise TrackError(f"exposure = {view.exposure!r}: must be at least 0 and at most 1 s")
     if view.motion not in MOTIONS:
         raise TrackError(f"motion = {view.motion!r}: must be one of {', '.join(MOTIONS)}")
+    if view.base is not None and (view.motion == "moving" or view.trace is not None):
+        raise TrackError(
+            "a height of the base is that of one at a constant level, whereas a trace or the "
+            "motion 'moving' says that it moves: leave the height out"
+        )
+    if view.trace is None:
+        return
+    if view.motion == "level":
+        raise TrackError(
+            "a trace is that of a base that moves, whereas the motion 'level' says that it does "
+            "not: leave one of them out"
+        )
+    own = float(view.trace.values[2])
+    if view.frequency is not None and abs(view.frequency - own) > FREQUENCIES_APART * own:
+        raise TrackError(
+            f"the frequency is given as {view.frequency:g} Hz, but the trace of the base repeats "
+            f"at {own:.6g} Hz: leave the frequency out, or give the trace of this recording"
+        )
 
 
 def _check_base(tracks: xr.Dataset, base: float | None) -> None:
