@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
-from scipy.optimize import least_squares
 from scipy.signal import periodogram
 
 from vibrosweep.arrays import Array
@@ -27,6 +26,7 @@ from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.regression import TURN
 from vibrosweep.lab.tracks import check_size, rate_of
 from vibrosweep.model.shapes import MOST_HARMONICS
+from vibrosweep.scene.traces import waves
 
 __all__ = ["QUANTITIES", "make_trace", "read_trace"]
 
@@ -35,7 +35,8 @@ FEWEST: Final = 20
 # Largest share of the variance that harmonics may leave unexplained.
 UNEXPLAINED: Final = 0.1
 FEWEST_PERIODS: Final = 2.0  # of a motion that is no sine
-STEPS: Final = 3  # towards the frequency, each of which squares its error
+STEPS: Final = 20  # most steps towards the frequency
+CLOSE: Final = 1e-10  # last step, in periods over the length of the trace
 SAME: Final = 1e-9  # difference of two values, relative to their range, that is rounding
 LEAST: Final = 1e-30  # least change of a height (m) or acceleration (m s-2) that counts
 
@@ -120,46 +121,53 @@ def make_trace(
     first = float(rates[1:][np.argmax(power[1:])])
     middle = float(when.mean())  # the errors of phase and frequency are then almost independent
     first, harmonics = _chosen(when - middle, measured, first, sampled)
-    fitted, slopes, variance = _fit(when - middle, measured, first, harmonics)
-    periods = float(fitted[3]) * float(np.ptp(when))
-    if periods < 1.0:  # a part of a period also fits a drift, for example
+    fit = _fit(when - middle, measured, first, harmonics)
+    if fit.rate * np.ptp(when) < 1.0:  # a part of a period also fits a drift, for example
         raise TrackError(
             f"{source}: the {quantity} goes through no whole period of a sine: check the columns, "
             f"take a longer trace, or leave it out and let the landings tell"
         )
-    if not variance < UNEXPLAINED * measured.var():
+    if not fit.variance < UNEXPLAINED * measured.var():
         raise TrackError(
             f"{source}: {'a sine leaves' if harmonics == 1 else f'{harmonics} harmonics leave'} "
-            f"{100.0 * variance / measured.var():.0f} % of the variance of the {quantity}; at most "
-            f"{100.0 * UNEXPLAINED:.0f} % is taken for noise. Only a base whose motion repeats can "
-            f"be used: check the columns, or leave the trace out and let the landings tell"
+            f"{100.0 * fit.variance / measured.var():.0f} % of the variance of the {quantity}; at "
+            f"most {100.0 * UNEXPLAINED:.0f} % is taken for noise. Only a base whose motion repeats "
+            f"can be used: check the columns, or leave the trace out and let the landings tell"
         )
-    covariance = np.asarray(variance * np.linalg.inv(slopes.T @ slopes))
-    return _velocities(fitted, covariance, middle, quantity)
+    return _velocities(fit, middle, quantity)
 
 
-def _design(since: Array, rate: float, harmonics: int) -> Array:
-    """Sine, cosine and constant, then sines and cosines of the other harmonics."""
-    angle = TURN * rate * since
-    others = [wave(h * angle) for h in range(2, harmonics + 1) for wave in (np.sin, np.cos)]
-    return np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle), *others], axis=1)
+class _Fit(NamedTuple):
+    """Harmonics fitted to a trace."""
+
+    rate: float  # Hz
+    coefficients: Array  # of the constant, then of cosine and sine of each harmonic
+    slopes: Array  # derivatives of the fitted values by these and by the frequency
+    parts: Array  # of the values along the same waves, made orthonormal one after the other
+    variance: float  # of the residuals
 
 
-def _fit(since: Array, measured: Array, first: float, harmonics: int) -> tuple[Array, Array, float]:
-    """Coefficients of the `_design`, with the frequency after the constant.
-
-    Also returns the derivatives of the residuals by them, and the variance of the residuals.
-    """
-
-    def left(values: Array) -> Array:
-        waves = _design(since, float(values[3]), harmonics)
-        return np.asarray(waves @ np.delete(values, 3) - measured)
-
-    start = np.linalg.lstsq(_design(since, first, harmonics), measured, rcond=None)[0]
-    scale = np.full(start.size + 1, np.ptp(measured))
-    scale[3] = 0.1 / np.ptp(since)
-    found = least_squares(left, np.insert(start, 3, first), x_scale=scale, xtol=1e-14)
-    return found.x, np.asarray(found.jac), float(2.0 * found.cost / (since.size - scale.size))
+def _fit(since: Array, measured: Array, rate: float, harmonics: int) -> _Fit:
+    """Fit harmonics of a frequency near `rate` by steps of Gauss and Newton."""
+    numbers = np.arange(1, harmonics + 1)
+    for _ in range(STEPS):
+        design = np.column_stack([np.ones_like(since), waves(since, rate, harmonics)])
+        # they are nearly orthogonal, so that their normal equations lose no digits
+        root = np.linalg.cholesky(_products(design, design))
+        parts = solve_triangular(root, _products(design, measured), lower=True)
+        found = solve_triangular(root.T, parts)
+        turned = np.column_stack([numbers * found[2::2], -numbers * found[1::2]]).ravel()
+        # of the fitted values by the frequency; einsum, unlike BLAS, starts no threads
+        slope = TURN * since * np.einsum("nk,k->n", design[:, 1:], turned)
+        along = solve_triangular(root, _products(design, slope), lower=True)
+        change = float((slope @ measured - along @ parts) / (slope @ slope - along @ along))
+        if not abs(change) * np.ptp(since) > CLOSE or not rate + change > 0.0:
+            break
+        rate += change
+    left = measured - np.einsum("nk,k->n", design, found)
+    freedom = since.size - 2 * harmonics - 2
+    slopes = np.column_stack([design, slope])
+    return _Fit(rate, found, slopes, parts, float(left @ left / freedom))
 
 
 def _chosen(since: Array, measured: Array, first: float, sampled: float) -> tuple[float, int]:
@@ -171,50 +179,27 @@ def _chosen(since: Array, measured: Array, first: float, sampled: float) -> tupl
     measured = measured - measured.mean()
     steps = np.diff(np.unique(measured))
     floor = float(steps[steps > SAME * np.ptp(measured)].min()) ** 2 / 12.0
-    trials = [(_schwarz(_fit(since, measured, first, 1)[2], floor, number, 1), first, 1)]
+    trials = [(_schwarz(_fit(since, measured, first, 1).variance, floor, number, 1), first, 1)]
     for part in range(1, MOST_HARMONICS + 1):
         rate = first / part
         # as many harmonics as there are values in a period, less one
         most = min(MOST_HARMONICS, int((sampled / rate - 1.0) / 2.0), (number - 3) // 4)
         if most < max(part, 2) or rate * span < FEWEST_PERIODS:
             continue
-        rate, parts = _refined(since, measured, rate, most)
-        held = np.cumsum(parts**2)
+        one = _fit(since, measured, rate, most)
+        held = np.cumsum(one.parts**2)
         for harmonics in range(max(part, 2), most + 1):
             residual = measured @ measured - held[2 * harmonics]
             variance = float(residual) / (number - 2 * harmonics - 2)
-            trials.append((_schwarz(variance, floor, number, harmonics), rate, harmonics))
+            trials.append((_schwarz(variance, floor, number, harmonics), one.rate, harmonics))
     _, rate, harmonics = min(trials)
     return rate, harmonics
 
 
-def _refined(since: Array, measured: Array, rate: float, harmonics: int) -> tuple[float, Array]:
-    """Frequency that leaves the least residual, by steps of Gauss and Newton from a near one.
-
-    Also returns the parts of the values along the waves of the `_design`, made orthonormal one
-    after the other.
-    """
-    for turn in range(STEPS + 1):
-        waves = _design(since, rate, harmonics)
-        # they are nearly orthogonal, so that their normal equations lose no digits
-        root = np.linalg.cholesky(_products(waves, waves))
-        parts = solve_triangular(root, _products(waves, measured), lower=True)
-        if turn < STEPS:
-            pairs = np.delete(solve_triangular(root.T, parts), 2).reshape(-1, 2)
-            angle = TURN * rate * since
-            slope = np.zeros_like(since)  # of the fitted values by the frequency
-            for h, (p, q) in enumerate(pairs, 1):
-                slope += TURN * h * since * (p * np.cos(h * angle) - q * np.sin(h * angle))
-            along = solve_triangular(root, _products(waves, slope), lower=True)
-            free = slope @ slope - along @ along
-            rate += float(slope @ measured - along @ parts) / float(free)
-    return rate, parts
-
-
-def _products(waves: Array, others: Array) -> Array:
+def _products(columns: Array, others: Array) -> Array:
     """Products of columns with columns, by pieces so short that BLAS starts no threads."""
-    pieces = len(waves) // 250 + 1
-    pairs = zip(np.array_split(waves, pieces), np.array_split(others, pieces), strict=True)
+    pieces = len(columns) // 250 + 1
+    pairs = zip(np.array_split(columns, pieces), np.array_split(others, pieces), strict=True)
     return np.asarray(sum(piece.T @ other for piece, other in pairs))
 
 
@@ -223,31 +208,29 @@ def _schwarz(variance: float, floor: float, number: int, harmonics: int) -> floa
     return float(number * np.log(max(variance, floor)) + (2 * harmonics + 2) * np.log(number))
 
 
-def _velocities(fitted: Array, covariance: Array, middle: float, quantity: str) -> Trace:
+def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
     """Harmonics of the velocity on the clock of the trace, from those of the quantity.
 
-    `fitted` and its covariance are those of `_fit`, on a clock that is zero in the `middle`.
+    The clock of the fit is zero in the `middle`.
     """
-    rate = float(fitted[3])
-    pairs = np.delete(fitted, [2, 3]).reshape(-1, 2)
-    # y = p sin + q cos has V = w (p cos - q sin); a = p sin + q cos has V = (-p cos + q sin) / w
+    pairs, rate = fit.coefficients[1:].reshape(-1, 2), fit.rate
+    # y = c cos + s sin has V = w (s cos - c sin); a = c cos + s sin has V = (c sin - s cos) / w
     sign, power_of = (-1.0, 1.0) if quantity == "height" else (1.0, -1.0)
-    values, change = np.zeros(fitted.size - 1), np.zeros((fitted.size - 1, fitted.size))
     sizes = np.hypot(*pairs.T) * np.arange(1.0, len(pairs) + 1.0) ** power_of
     strongest = int(sizes.argmax())
     order = [strongest, *(k for k in range(len(pairs)) if k != strongest)]
+    values, change = np.zeros(pairs.size), np.zeros((pairs.size, pairs.size + 2))
     for place, k in enumerate(order):
-        h = k + 1
+        h, row = k + 1, slice(2 * place, 2 * place + 2)
         size = sign * (TURN * rate * h) ** power_of
         turned = TURN * middle * rate * h
         cosine, sine = np.cos(turned), np.sin(turned)
-        centred = size * np.array([pairs[k][1], -pairs[k][0]])  # S and C on the centred clock
-        turn = np.array([[cosine, sine], [-sine, cosine]])
-        turning = np.array([[-sine, cosine], [-cosine, -sine]]) @ centred
-        row = slice(2 * place + (place > 0), 2 * place + (place > 0) + 2)
-        column = slice(2 * k + 2 * (k > 0), 2 * k + 2 * (k > 0) + 2)
-        values[row] = turn @ centred
-        change[row, column] = size * turn @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-        change[row, 3] = TURN * middle * h * turning + turn @ centred * power_of / rate
-    values[2], change[2, 3] = rate, 1.0
+        turn = size * np.array([[cosine, -sine], [-sine, -cosine]])  # to S and C
+        turning = size * np.array([[-sine, -cosine], [-cosine, sine]])
+        values[row] = turn @ pairs[k]
+        change[row, 1 + 2 * k : 3 + 2 * k] = turn
+        change[row, -1] = TURN * middle * h * turning @ pairs[k] + values[row] * power_of / rate
+    values = np.insert(values, 2, rate)
+    change = np.insert(change, 2, np.eye(pairs.size + 2)[-1], axis=0)
+    covariance = fit.variance * np.linalg.inv(_products(fit.slopes, fit.slopes))
     return Trace(values, change @ covariance @ change.T, tuple(k + 1 for k in order))

@@ -142,6 +142,16 @@ def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, f
     return frequency, np.stack([solution[2::2], solution[3::2]]), share
 
 
+def waves(time: Array, frequency: float, harmonics: int) -> Array:
+    """Cosine and sine of each harmonic of a frequency (Hz), shape (time, 2 harmonics)."""
+    columns = []
+    for h in range(1, harmonics + 1):
+        turns = h * frequency * time
+        angle = TWO_PI * (turns - np.rint(turns))
+        columns += [np.cos(angle), np.sin(angle)]
+    return np.stack(columns, axis=1) if columns else np.empty((time.size, 0))
+
+
 def _peak(time: Array, values: Array) -> float:
     """Return the frequency of the highest peak of the spectrum."""
     even = np.linspace(time[0], time[-1], time.size)
@@ -171,12 +181,7 @@ def _refined(time: Array, values: Array, f: float, harmonics: int, span: float) 
 
 def _least_squares(time: Array, values: Array, f: float, harmonics: int) -> tuple[float, Array]:
     """Fit mean, trend and harmonics; return the sum of squared residuals and the coefficients."""
-    columns = [np.ones_like(time), time]
-    for h in range(1, harmonics + 1):
-        turns = h * f * time
-        angle = TWO_PI * (turns - np.rint(turns))
-        columns += [np.cos(angle), np.sin(angle)]
-    design = np.stack(columns, axis=1)
+    design = np.column_stack([np.ones_like(time), time, waves(time, f, harmonics)])
     solution = np.linalg.lstsq(design, values, rcond=None)[0]
     residual = values - design @ solution
     return float(np.sum(residual * residual)), np.asarray(solution, np.float64)
