@@ -131,8 +131,9 @@ def make_trace(
         raise TrackError(
             f"{source}: {'a sine leaves' if harmonics == 1 else f'{harmonics} harmonics leave'} "
             f"{100.0 * fit.variance / measured.var():.0f} % of the variance of the {quantity}; at "
-            f"most {100.0 * UNEXPLAINED:.0f} % is taken for noise. Only a base whose motion repeats "
-            f"can be used: check the columns, or leave the trace out and let the landings tell"
+            f"most {100.0 * UNEXPLAINED:.0f} % is taken for noise. Only a base whose motion "
+            f"repeats can be used: check the columns, or leave the trace out and let the "
+            f"landings tell"
         )
     return _velocities(fit, middle, quantity)
 
