@@ -96,9 +96,14 @@ def test_a_cycle_repeats_and_its_tangent_map_is_that_of_the_motion(name):
 
 @pytest.mark.parametrize("name", CYCLES)
 def test_volumes_contract_at_every_impact(name):
+    """An impact multiplies relative height and velocity by -e; between them the mount dissipates.
+
+    The motion of the common centre of mass is that before the impact, whatever the masses.
+    """
     cycle = CYCLES[name]()
     e, _, _, natural, damping = cycle.base
-    shrunk = coupled_theory.volume_contraction(cycle.time.size, cycle.periods, e, natural, damping)
+    lost = np.exp(-2.0 * damping * (2.0 * np.pi * natural) * cycle.periods)
+    shrunk = e ** (2.0 * cycle.time.size) * lost
     assert np.linalg.det(monodromy(cycle)) == pytest.approx(shrunk, rel=1e-11)
 
 

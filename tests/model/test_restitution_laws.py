@@ -16,7 +16,10 @@ VISCOELASTIC = {"restitution_law": "viscoelastic", "restitution_speed": 1.0}
     ("given", "said"),
     [
         ({"restitution_law": "plastic"}, 'restitution_speed: is missing; restitution_law = "plas'),
-        ({"restitution_speed": 1.0}, "restitution_speed: is of a restitution that depends on it"),
+        (
+            {"restitution_speed": 1.0},
+            "restitution_speed: belongs to a law that depends on the",
+        ),
         ({"restitution_law": "plastic", "restitution_speed": 0.0}, "is out of range: the speed of"),
         ({"restitution_law": "plastic", "restitution_speed": -1.0}, "restitution_speed = -1.0"),
         ({"restitution_law": "elastic", "restitution_speed": 1.0}, 'must be "constant", "plastic"'),

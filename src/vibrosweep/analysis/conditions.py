@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.functions import digest_of, is_own, plain, source_of
+from vibrosweep.model.functions import digest_of, is_function, plain, source_of
 from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, known
 from vibrosweep.model.status import Regime, Status
 
@@ -77,7 +77,9 @@ class Condition:
         """
         function: Any = plain(self.holds)
         try:
-            digest = digest_of([function], f"condition {self.name}") if is_own(function) else ""
+            digest = (
+                digest_of([function], f"condition {self.name}") if is_function(function) else ""
+            )
         except ParameterError:
             digest = ""
         source = source_of(function)

@@ -14,8 +14,8 @@ from vibrosweep.model.ragged_arrays import (
     OF_TRAJECTORIES,
     RAGGED_DIMS,
     SAMPLES,
+    counts_agree,
     padded,
-    whole,
 )
 
 __all__ = ["rectangle"]
@@ -52,7 +52,7 @@ def rectangle(record: xr.Dataset) -> xr.Dataset:
     """
     require(record, "rectangle", *RECORD, *OF_TRAJECTORIES, source=SOURCES)
     count = record["impact_count"].values
-    if not whole(count, record["landing_time"].values):
+    if not counts_agree(count, record["landing_time"].values):
         landings = f"{record.sizes.get(LANDING)} landings where impact_count has {count.sum()}"
         raise DataError(f"rectangle takes whole records, and the dataset has {landings}")
     shape = tuple(int(record[name].max()) + 1 for name in OF_TRAJECTORIES)

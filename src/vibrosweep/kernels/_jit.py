@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._cache import KernelCache
 from vibrosweep.kernels._pieces import PieceCompiler
 from vibrosweep.kernels.vectors import vector_bits
-from vibrosweep.model.functions import is_own, outside, plain
+from vibrosweep.model.functions import is_function, outside, plain
 
 F = TypeVar("F", bound=Callable[..., Any])
 Floats = NDArray[np.float64]
@@ -169,7 +169,7 @@ def compiled_anew(
         fresh.__kwdefaults__ = function.__kwdefaults__
         done[function] = compiler(fresh)
         for name, value in outside(function).items():
-            anew = compiled_anew(value, compiler, done) if is_own(value) else value
+            anew = compiled_anew(value, compiler, done) if is_function(value) else value
             if name in cells:
                 cells[name].cell_contents = anew
             else:

@@ -1,7 +1,7 @@
 """Arcsine of a number or an array in plain arithmetic, compiled or not.
 
-A library's arcsine differs in the last bit between processors.  Fused operations are left out, so
-that numpy gives the bits of compiled code.
+The arcsine of a library may differ in the last bit between processors.  No product is fused with a
+sum, so that numpy gives the same bits as compiled code.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 
 __all__ = ["ARCSINE_ERROR", "arcsin_turns"]
 
-# Relative error, proved by checks/elementary_error.py.
+# Bound of the relative error, proved by checks/elementary_error.py
 ARCSINE_ERROR = 6.3 * 2.0**-53
-# 1 / (2 pi) as a sum of two doubles: a single one would cost half an ulp.
+# 1 / (2 pi) as a sum of two doubles; a single one would cost half an ulp
 FIRST, FIRST_LOW = 0.15915494309189535, -9.839338337591243e-18
-# (arcsin(x) / x - 1) / x^2 in turns on x^2 <= 1/4, from the highest power of x^2 down, by the Remez
-# exchange at 60 digits for the least largest relative error of the arcsine (9.8e-19)
+# Polynomial in x^2 for (arcsin(x) / x - 1) / x^2 in turns, for x^2 <= 1/4, highest power first: the
+# minimax of the relative error of the arcsine (9.8e-19), by the Remez exchange with 60 digits
 HIGHER = (
     0.005200684761607661,
     -0.0033545498665686958,

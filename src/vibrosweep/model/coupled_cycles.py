@@ -1,17 +1,17 @@
 """Periodic orbits of particles on a base of finite mass, and their Floquet multipliers.
 
-The equations between impacts are linear, so that an orbit is a solution of as many equations as it
-has impacts, twice: every flight ends on the base, and every impact obeys the law of restitution.
-Units are those of `vibrosweep.model.coupled_theory`.  The joint state is the deviation of the base
+The equations of motion between impacts are linear.  An orbit therefore solves two equations for
+each impact: the flight ends on the base, and the impact obeys the law of restitution.  Units are
+those of `vibrosweep.model.coupled_theory`.  The joint state consists of the deviation of the base
 and its velocity, then height and speed of each particle.
 
-An impact of particle i happens where h = y_i - Y = 0.  It changes the state by z+ = r(z-, t); a
-small difference dz- from the orbit delays it by n dz- / c, n the gradient of h and c = -dh/dt the
-speed of approach, so that after it, at the time of the orbit's impact,
+Particle i lands where h = y_i - Y = 0.  The impact changes the state to z+ = r(z-, t).  A small
+difference dz- from the orbit delays the impact by n dz- / c, where n is the gradient of h and
+c = -dh/dt the speed of approach.  After both impacts the difference is therefore
 
     dz+ = S dz-,    S = r_z - (f+ - r_z f- - r_t) n / c
 
-(the saltation matrix; f- and f+ are the rates of the state before and after).
+with the saltation matrix S and the rates of the state, f- before and f+ after the impact.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.coupled_theory import landing_phase, mount_propagator, recoil_deviation
 
 TWO_PI = 2.0 * np.pi
-RESIDUAL = 1e-11  # of equations whose terms are of the size of k^2, k the periods of a flight
-SAMPLES = 500  # in a period
+RESIDUAL = 1e-11  # largest residual of a solution in units of k^2, the size of the terms
+SAMPLES = 500  # per period
 ROUNDING = 1e-12
 
 
 class CoupledBase(NamedTuple):
-    """A base of finite mass, dimensionless, and the restitution with which particles land on it.
+    """A base of finite mass in dimensionless form, with the coefficient of restitution.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class CoupledBase(NamedTuple):
     damping: float
 
     def drive(self, time: ArrayLike) -> tuple[Array, Array, Array]:
-        """Height, velocity and acceleration of the base without particles."""
+        """Return height, velocity and acceleration of the base without particles."""
         turn = TWO_PI * np.asarray(time)
         alpha = self.acceleration / np.pi
         height = -alpha / TWO_PI * np.cos(turn)
@@ -68,7 +68,7 @@ class CoupledBase(NamedTuple):
 
     @property
     def exchange(self) -> float:
-        """Change of a particle's speed per speed of approach, (1 + e) / (1 + mu)."""
+        """Change of a particle's velocity per speed of approach, (1 + e) / (1 + mu)."""
         return (1.0 + self.restitution) / (1.0 + self.mass_ratio)
 
 
@@ -78,9 +78,9 @@ class Cycle(NamedTuple):
     Attributes
     ----------
     base, periods
-        The base it bounces on; the number of forcing periods after which it repeats.
+        The base, and the number of forcing periods after which the orbit repeats.
     particle, time
-        Shape (impact,): which particle lands, counted from 0, and when, in forcing periods.
+        Shape (impact,): number of the particle that lands, from 0, and time in forcing periods.
     speed, approach
         Shape (impact,): absolute speed of the particle after the impact, and speed of approach
         before it, in g / (2 f).
@@ -106,7 +106,7 @@ class Cycle(NamedTuple):
 
     @property
     def intervals(self) -> Array:
-        """Periods since the impact before, of whichever particle; shape (impact,)."""
+        """Periods since the previous impact of any particle; shape (impact,)."""
         return _intervals(self.time, self.periods)
 
 
@@ -115,7 +115,7 @@ def _intervals(time: Array, periods: int) -> Array:
 
 
 def _before(particle: NDArray[np.int64], periods: int) -> tuple[NDArray[np.intp], Array]:
-    """Index of each particle's impact before each impact, and the shift of its time."""
+    """Return the index of the same particle's previous impact, and the shift of its time."""
     index, shift = np.empty(particle.size, dtype=np.intp), np.zeros(particle.size)
     for i in np.unique(particle):
         impacts = np.flatnonzero(particle == i)
@@ -125,7 +125,7 @@ def _before(particle: NDArray[np.int64], periods: int) -> tuple[NDArray[np.intp]
 
 
 def _follow(unknown: Array, base: CoupledBase, particle: NDArray[np.int64], periods: int) -> Cycle:
-    """Carry the deviation of the base through impacts at assumed times and with assumed speeds."""
+    """Follow the deviation of the base through impacts with assumed times and speeds."""
     time, speed, end = np.split(unknown, [particle.size, 2 * particle.size])
     index, shift = _before(particle, periods)
     arrival = speed[index] - 2.0 * (time - time[index] + shift)
@@ -140,7 +140,7 @@ def _follow(unknown: Array, base: CoupledBase, particle: NDArray[np.int64], peri
 
 
 def _after(base: CoupledBase, deviation: Array, approach: float) -> Array:
-    """Deviation of the base just after an impact."""
+    """Return the deviation of the base just after an impact."""
     recoil = np.array([0.0, base.mass_ratio * base.exchange * approach])
     return np.asarray(deviation - recoil)
 
@@ -148,7 +148,7 @@ def _after(base: CoupledBase, deviation: Array, approach: float) -> Array:
 def _residual(
     unknown: Array, base: CoupledBase, particle: NDArray[np.int64], periods: int
 ) -> Array:
-    """Residuals of each flight, of the law at each impact, and of the state after a cycle."""
+    """Return the residuals of each flight, each impact and the return of the base."""
     found = _follow(unknown, base, particle, periods)
     index, shift = _before(particle, periods)
     flight = found.time - found.time[index] + shift
@@ -163,22 +163,22 @@ def _residual(
 def find_cycle(
     base: CoupledBase, k: int, time: ArrayLike, particle: ArrayLike, periods: int
 ) -> Cycle:
-    """Find the orbit on which every particle flies for about k periods, close to a guess.
+    """Find an orbit close to a guess, on which every particle flies for about k periods.
 
-    The guess consists of the times of the impacts, which increase, in periods, and of the particle
-    that lands at each, counted from 0; both of shape (impact,).  The orbit repeats after `periods`,
-    a multiple of k.  It solves the equations of motion at its impacts, in the order given;
-    `is_clear` tells whether a particle would have met the base in between.  Raises a ParameterError
-    where no solution is near.
+    The guess consists of the increasing times of the impacts in periods, and the number of the
+    particle that lands, from 0; both have shape (impact,).  The orbit repeats after `periods`, a
+    multiple of k.  It solves the equations of motion at these impacts only; `is_clear` tells
+    whether a particle would meet the base in between.  Raises a ParameterError if there is no
+    solution near the guess.
     """
     from scipy.optimize import root
 
-    guess, lands = np.asarray(time, dtype=np.float64), np.asarray(particle, dtype=np.int64)
-    speeds = np.full(lands.size, float(k))
+    guess, numbers = np.asarray(time, dtype=np.float64), np.asarray(particle, dtype=np.int64)
+    speeds = np.full(numbers.size, float(k))
     start = np.concatenate([guess, speeds, [0.0, -k * base.mass_ratio]])
-    solution = root(_residual, start, args=(base, lands, periods), tol=1e-13).x
-    found = _follow(solution, base, lands, periods)
-    miss = np.abs(_residual(solution, base, lands, periods)).max()
+    solution = root(_residual, start, args=(base, numbers, periods), tol=1e-13).x
+    found = _follow(solution, base, numbers, periods)
+    miss = np.abs(_residual(solution, base, numbers, periods)).max()
     real = (found.intervals > 0.0).all() and (found.approach > 0.0).all()
     if not (real and miss <= RESIDUAL * k * k):
         raise ParameterError(
@@ -190,21 +190,22 @@ def find_cycle(
 def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     """Find the orbit of mode k with one particle in each of the given slots, 0 to k - 1.
 
-    It has a closed form where the slots are evenly spaced; else the equations of motion are solved.
+    The orbit has a closed form if the slots are evenly spaced; otherwise the equations of motion
+    are solved numerically.
 
     Parameters
     ----------
     base
-        The base it bounces on.
+        The base.
     k
         Mode: forcing periods between two impacts of a particle.
     slots
-        Different numbers from 0 to k - 1: in which period each particle lands.
+        Different numbers from 0 to k - 1: the period in which each particle lands.
 
     Returns
     -------
     Cycle
-        With its impacts in the order of time.
+        The orbit, its impacts in the order of time.
 
     Raises
     ------
@@ -237,24 +238,24 @@ def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
 
 
 def _since(time: Array, at: Array, periods: int) -> tuple[NDArray[np.intp], Array]:
-    """Index of the last of the recurring times before each instant, and the periods since then."""
+    """Return the index of the last of recurring times before each instant, and the time since."""
     last = np.searchsorted(time, at) - 1
     return last, at - time[last] + np.where(last < 0, periods, 0)
 
 
 def is_clear(cycle: Cycle) -> bool:
-    """Tell whether every particle stays above the base between its impacts.
+    """Return whether every particle stays above the base between its impacts.
 
-    It is judged at 500 instants in each period, so that a graze may pass unnoticed.
+    Only 500 instants of each period are compared, so that a graze may be missed.
     """
     base, periods = cycle.base, cycle.periods
     at = cycle.time[-1] - periods + (np.arange(SAMPLES * periods) + 0.5) / SAMPLES
     last, since = _since(cycle.time, at, periods)
-    left = np.array(
+    after = np.array(
         [_after(base, d, c) for d, c in zip(cycle.deviation, cycle.approach, strict=True)]
     )
     free = mount_propagator(base.natural, base.damping, since)
-    surface = base.drive(at)[0] + (free @ left[last, :, np.newaxis])[:, 0, 0]
+    surface = base.drive(at)[0] + (free @ after[last, :, np.newaxis])[:, 0, 0]
     height = base.drive(cycle.time)[0] + cycle.deviation[:, 0]
     for i in np.unique(cycle.particle):
         impacts = np.flatnonzero(cycle.particle == i)
@@ -266,7 +267,7 @@ def is_clear(cycle: Cycle) -> bool:
 
 
 def _flight(base: CoupledBase, particles: int, interval: float) -> Array:
-    """Tangent map of the motion between two impacts."""
+    """Return the tangent map of the motion between two impacts."""
     tangent = np.eye(2 + 2 * particles)
     tangent[:2, :2] = mount_propagator(base.natural, base.damping, interval)
     height = 2 * np.arange(1, particles + 1)
@@ -275,7 +276,7 @@ def _flight(base: CoupledBase, particles: int, interval: float) -> Array:
 
 
 def _saltation(cycle: Cycle, j: int, particles: int) -> Array:
-    """Tangent map of impact j: S of the module."""
+    """Return the tangent map of impact j, S of the module's text."""
     base, c = cycle.base, cycle.approach[j]
     share, mu, w0 = base.exchange, base.mass_ratio, TWO_PI * base.natural
     y = 2 + 2 * cycle.particle[j]
@@ -295,7 +296,7 @@ def _saltation(cycle: Cycle, j: int, particles: int) -> Array:
 
 
 def monodromy(cycle: Cycle) -> Array:
-    """Tangent map of one cycle, from just after its last impact to just after its last impact.
+    """Return the tangent map of one cycle, which begins and ends just after the last impact.
 
     Shape (2 + 2 particles, 2 + 2 particles); its eigenvalues are the Floquet multipliers.
     """
@@ -313,12 +314,12 @@ def spectral_radius(cycle: Cycle) -> float:
     Parameters
     ----------
     cycle
-        An orbit, such as `staggered` finds.
+        An orbit, as `staggered` finds it.
 
     Returns
     -------
     float
-        Per forcing period.
+        The modulus to the power 1 / (periods of the cycle).
 
     Examples
     --------

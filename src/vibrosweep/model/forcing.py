@@ -1,14 +1,14 @@
 """The four ways to state the forcing of the base, and the quantities that follow from them.
 
-The base moves with the velocity V0 sin(2 pi f t + phi), where it moves at all.  A ball that lands
-gains (1 + e) times the velocity of the base, which is the kick of the high-bounce map:
+The base has the velocity V0 sin(2 pi f t + phi).  At a landing, a particle gains (1 + e) times the
+velocity of the base, which is the kick of the high-bounce map:
 
     A = (1 + e) V0        V0 = 2 pi f B        Gamma = 2 pi f V0 / g
 
-Of another waveform V0 scales the velocity as it is given, B is half the height from the lowest to
-the highest level, and Gamma the greatest downward acceleration, which is what throws a ball.
+For another waveform V0 is the factor of the given velocity, B half the height from the lowest to
+the highest level, and Gamma the greatest downward acceleration, from which a particle lifts off.
 
-The kernels are given the amplitude A, and this double defines the realization.  In the same way the
+The kernels take the amplitude A, and this double defines the realization.  In the same way the
 masses of a particle and of the base may be given in place of their ratio.
 """
 
@@ -43,20 +43,19 @@ FORCINGS: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
         PARAMETERS[AMPLITUDE],
-        # so that the amplitude is at most LARGEST; for the other two that depends on f and g
+        # so that A <= 2 V0 is at most LARGEST; for the other two, A depends on f and g
         Parameter("base_velocity", "V0", "m s-1", "peak base velocity", math.nan, 0.0, LARGEST / 2),
         Parameter("base_displacement", "B", "m", "peak base displacement", math.nan, 0.0, LARGEST),
         Parameter(ACCELERATION, "Gamma", "1", "peak base acceleration (g)", math.nan, 0.0, LARGEST),
     )
 }
 
-# All inputs of a realization, in the order of files: the parameters, with the forcings in place of
-# the amplitude, exactly one of which is given, those of a law of restitution and of a mount, and
-# noise (`inputs_of`).
+# All inputs of a realization, in the order of files: the parameters, with the four forcings in
+# place of the amplitude, then those of a law of restitution and of a mount, and noise
 INPUTS: Final[Mapping[str, Parameter]] = {
     name: parameter
-    for key, one in PARAMETERS.items()
-    for name, parameter in (FORCINGS if key == AMPLITUDE else {key: one}).items()
+    for key, single in PARAMETERS.items()
+    for name, parameter in (FORCINGS if key == AMPLITUDE else {key: single}).items()
 } | {**OF_RESTITUTION, **OF_MOUNT, **NOISE}
 
 # Parameters that relate each forcing to V0
@@ -69,9 +68,9 @@ _SOURCES: Final[Mapping[str, frozenset[str]]] = {
 
 
 def forcing_of(given: Collection[str]) -> str:
-    """Name of the forcing among names that are given; the amplitude where none is.
+    """Return the forcing among given names; by default the amplitude.
 
-    Raises a ParameterError where there are two or more.
+    Raises a ParameterError if there are two or more.
     """
     found = [name for name in FORCINGS if name in given]
     if len(found) > 1:
@@ -82,32 +81,32 @@ def forcing_of(given: Collection[str]) -> str:
 
 
 def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
-    """Names of the inputs that describe a realization, given or by default.
+    """Return the names of the inputs that describe a realization, given or by default.
 
-    The names are consistent: `vibrosweep.model.mount.mount_mistakes` and
-    `vibrosweep.model.restitution_laws.speed_mistakes` find nothing.  Raises a ParameterError where
-    two forcings are given.
+    The given names must be free of mistakes that `vibrosweep.model.mount.mount_mistakes` and
+    `vibrosweep.model.restitution_laws.speed_mistakes` find.  Raises a ParameterError for two
+    forcings.
     """
     optional = {*OF_RESTITUTION, *NOISE}
-    left_out = (FORCINGS.keys() - {forcing_of(given)}) | (optional - {*given})
+    excluded = (FORCINGS.keys() - {forcing_of(given)}) | (optional - {*given})
     if base != SPRUNG:
-        left_out |= OF_MOUNT.keys()
+        excluded |= OF_MOUNT.keys()
     else:
-        left_out |= MASSES.keys() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
-    return tuple(name for name in INPUTS if name not in left_out)
+        excluded |= MASSES.keys() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
+    return tuple(name for name in INPUTS if name not in excluded)
 
 
 def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
-    """Names of quantities that differ between realizations: varied inputs and their results.
+    """Return the quantities that differ between realizations: varied inputs, and their results.
 
-    The forcing is the one that is given, varied or not.
+    `forcing` is the name of the given forcing, varied or not.
     """
     derived = [n for n in (AMPLITUDE, ACCELERATION, MASS_RATIO) if n not in (forcing, *varied)]
     return (*varied, *(name for name in derived if not sources(name, forcing).isdisjoint(varied)))
 
 
 def sources(name: str, forcing: str) -> frozenset[str]:
-    """Names of the inputs from which a quantity follows, where it is not given itself.
+    """Return the inputs from which a quantity follows that is not given itself.
 
     The quantity is the amplitude, the acceleration of the base, or the ratio of masses.
     """
@@ -117,11 +116,11 @@ def sources(name: str, forcing: str) -> frozenset[str]:
 
 
 def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str, Array]:
-    """Complete inputs by the amplitude and acceleration of the base, and by the ratio of masses.
+    """Add the amplitude and acceleration of the base, and the ratio of masses, to given inputs.
 
-    The inputs are those of `inputs_of`, each of shape (realization,), in the order of `INPUTS`.
-    An amplitude that follows from a displacement or an acceleration, and a ratio of masses, can be
-    above their ranges; `vibrosweep.model.parameters.representable` finds these.
+    The inputs are those of `inputs_of`, each of shape (realization,); the result has the order of
+    `INPUTS`.  An amplitude that follows from a displacement or an acceleration, and a ratio of
+    masses, may be above their ranges; `vibrosweep.model.parameters.representable` finds these.
     """
     name, e = forcing_of(given), given["restitution"]
     value, frequency, gravity = given[name], given["frequency"], given["gravity"]
@@ -137,23 +136,23 @@ def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str
     found = {AMPLITUDE: (1.0 + e) * velocity, ACCELERATION: fall * velocity / gravity}
     if not MASSES.keys().isdisjoint(given):
         particle, base = (given[mass] for mass in MASSES)
-        with np.errstate(over="ignore"):  # out of range, as `representable` tells
+        with np.errstate(over="ignore"):  # `representable` finds it
             found[MASS_RATIO] = particle / base
     every = found | dict(given)
     return {name: every[name] for name in INPUTS if name in every}
 
 
 def only_parameters(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the parameters that the engine takes; some of them only where they are given."""
+    """Return the parameters that the engine takes; optional ones only if they are given."""
     others = [name for name in (*OF_RESTITUTION, *MOUNT, *NOISE, STREAM) if name in values]
     return {name: values[name] for name in (*PARAMETERS, *others)}
 
 
 def refuse_extreme(values: Mapping[str, Array], forcing: str, law: str) -> None:
-    """Refuse a forcing whose amplitude, and masses whose ratio, is above its range.
+    """Raise a ParameterError for an amplitude, a ratio of masses or a restitution out of range.
 
-    Also a restitution for which the law of restitution does not hold.  The values are those of
-    `completed`; the ParameterError names the forcing, the masses, or the restitution.
+    The values are those of `completed`.  The error names the given forcing or the masses.  The
+    range of the restitution is that of its law.
     """
     if wrong := range_mistake(law, values["restitution"]):
         raise ParameterError(wrong)

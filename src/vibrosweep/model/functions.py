@@ -1,4 +1,4 @@
-"""Fingerprint of a user's function: its code, and all values that it takes from outside."""
+"""The fingerprint of a user's function: its code, and all values that it takes from outside."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ import numpy as np
 
 from vibrosweep.errors import ParameterError
 
-# Modules whose contents change only with a version that is part of the resume key.
+# Modules that change only with a version, which is part of the identity of a run
 FIXED_MODULES: Final = ("builtins", "cmath", "math", "numpy")
 
 
 def plain(value: object) -> Any:
-    """Return the Python function that numba has compiled, or the value itself."""
+    """Return the Python function of a function compiled by numba, or the value itself."""
     return getattr(value, "py_func", value)
 
 
 def outside(function: FunctionType) -> dict[str, Any]:
-    """Values that a function, and functions inside it, take from its module and its enclosure."""
+    """Return the global and enclosed values that a function, and functions inside it, use."""
     names = _arguments(function.__code__, "LOAD_GLOBAL")
     found = {n: function.__globals__[n] for n in sorted(names) if n in function.__globals__}
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     return found | {name: cell.cell_contents for name, cell in cells}
 
 
-def is_own(value: object) -> bool:
-    """Tell whether this is a Python function, compiled by numba or not."""
+def is_function(value: object) -> bool:
+    """Return whether a value is a Python function, compiled by numba or not."""
     return isinstance(plain(value), FunctionType)
 
 
 def source_of(function: Any) -> str:
-    """Source text of a function; empty where Python does not have it."""
+    """Return the source text of a function; empty if Python does not have it."""
     try:
         return textwrap.dedent(inspect.getsource(plain(function)))
     except (OSError, TypeError):
@@ -45,19 +45,19 @@ def source_of(function: Any) -> str:
 
 
 def changes_its_arguments(function: FunctionType) -> bool:
-    """Tell whether a function could change an array that it is given."""
+    """Return whether a function could change an array that is its argument."""
     return any(
-        one.opname.startswith(("STORE_SUBSCR", "STORE_SLICE", "CALL"))
-        or (one.opname == "BINARY_OP" and one.argrepr.endswith("="))
-        for one in dis.get_instructions(function)
+        instruction.opname.startswith(("STORE_SUBSCR", "STORE_SLICE", "CALL"))
+        or (instruction.opname == "BINARY_OP" and instruction.argrepr.endswith("="))
+        for instruction in dis.get_instructions(function)
     )
 
 
 def parts(function: FunctionType, where: str) -> Iterator[str]:
-    """Yield everything that decides what a function computes.
+    """Yield everything on which the results of a function depend.
 
-    Raises a ParameterError, which begins with `where`, where the function takes something from
-    outside whose value could change without notice, or numbers at random.
+    Raises a ParameterError, which begins with `where`, if the function draws random numbers or uses
+    something from outside whose value could change without notice.
     """
     yield from _parts(function, where, set())
 
@@ -74,13 +74,13 @@ def _parts(function: FunctionType, where: str, seen: set[FunctionType]) -> Itera
     yield from _code(function.__code__)
     if "random" in _arguments(function.__code__, "LOAD_ATTR", "LOAD_METHOD"):
         raise ParameterError(
-            f"{where}: its function draws numbers at random, which would depend on the threads"
+            f"{where}: its function draws random numbers, which would depend on the threads"
         )
     defaults = [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).items()]
     given = {f"default {k}": value for k, value in enumerate(defaults)}
     for name, value in (outside(function) | given).items():
         yield name
-        if is_own(value):
+        if is_function(value):
             if plain(value) not in seen:
                 yield from _parts(plain(value), where, seen)
         elif _fixed(value):
@@ -90,7 +90,7 @@ def _parts(function: FunctionType, where: str, seen: set[FunctionType]) -> Itera
         else:
             remedy = "numbers, tuples of numbers, or functions"
             if isinstance(value, ModuleType):
-                remedy = f"what it needs of it, as from {value.__name__} import ..."
+                remedy = f"an import of what it needs, as from {value.__name__} import ..."
             raise ParameterError(
                 f"{where}: its function uses {name}, a {type(value).__name__}, whose value could "
                 f"change without notice; use {remedy} instead"
@@ -98,7 +98,7 @@ def _parts(function: FunctionType, where: str, seen: set[FunctionType]) -> Itera
 
 
 def _fixed(value: Any) -> str:
-    """Name of a module of `FIXED_MODULES`, or of one of their functions or types, or nothing."""
+    """Return the name of a member of `FIXED_MODULES`, or of such a module; else empty."""
     if isinstance(value, np.ufunc):
         return f"numpy.{value.__name__}"
     if isinstance(value, ModuleType):
@@ -117,7 +117,7 @@ def _is_constant(value: object) -> bool:
 
 
 def _code(code: CodeType) -> Iterator[str]:
-    """Yield the compiled code, without names of files and numbers of lines."""
+    """Yield the compiled code, without file names and line numbers."""
     yield code.co_code.hex()
     yield repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars))
     for constant in code.co_consts:
@@ -128,7 +128,7 @@ def _code(code: CodeType) -> Iterator[str]:
 
 
 def _arguments(code: CodeType, *operations: str) -> set[str]:
-    """Names to which a function, and functions inside it, apply some operations."""
+    """Return the names that some operations of a function, and of functions inside it, take."""
     found = {i.argval for i in dis.get_instructions(code) if i.opname in operations}
     inside: Iterable[CodeType] = [c for c in code.co_consts if isinstance(c, CodeType)]
     return found.union(*(_arguments(c, *operations) for c in inside))

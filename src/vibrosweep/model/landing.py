@@ -11,15 +11,16 @@ class Landing(NamedTuple):
     Attributes
     ----------
     phase
-        Of the forcing, in turns: -1/2 to 1/2, 0 where the velocity of the base rises through zero.
+        Phase of the forcing in turns, -1/2 to 1/2; 0 where the velocity of the base rises through
+        zero.
     flight_time
-        Of the flight that ends here, in forcing periods.
+        Duration in forcing periods of the flight that ends here.
     arrival, rebound
-        Speeds relative to the base before the impact, and with which the particle leaves it, in
-        units of g / (2 f), so that a flight with rebound 1 from a base at rest lasts one forcing
-        period.  After a rest, the rebound is the speed at its end.
+        Speeds relative to the base, before the impact and at lift-off, in units of g / (2 f): from
+        a base at rest, a flight with rebound 1 lasts one forcing period.  If the particle rests,
+        `rebound` is the speed at the end of the rest.
     rests
-        True if the particle stays on the base.
+        True if the particle rests on the base.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Names that a user may have meant."""
+"""Names of parameters that a user may have meant."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG, Parameter
 
 
 def another_name(word: str, base: str = HIGH_BOUNCE) -> str | None:
-    """Return the physical parameter whose symbol, beginning or part of the name a word is."""
+    """Return the parameter of which a word is the symbol, the beginning or a part of the name."""
     short, known = word.lower(), _known(base)
     for name, parameter in known.items():
         if word == parameter.symbol:  # v0 is not V0
@@ -22,7 +22,7 @@ def another_name(word: str, base: str = HIGH_BOUNCE) -> str | None:
 
 
 def likely_parameter(word: str, base: str = HIGH_BOUNCE) -> str | None:
-    """Return the physical parameter of a base that an unknown word was probably meant to be."""
+    """Return the parameter of a base that an unknown word probably means."""
     return another_name(word, base) or nearest(word, _known(base))
 
 

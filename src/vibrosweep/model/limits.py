@@ -1,6 +1,6 @@
-"""Words for what is modelled under another key, or not at all, each with its answer.
+"""Answers to words for effects that are modelled under another key, or not at all.
 
-The page of limits, docs/limits.md, tells the same at length.
+The page docs/limits.md gives the same answers at length.
 """
 
 from __future__ import annotations
@@ -56,10 +56,7 @@ ANSWERS: Final = {word: answer for answer, words in _WORDS.items() for word in w
 
 
 def answer_to(word: str, known: Collection[str]) -> str:
-    """Return the answer to a word, or ask for the known key of which it is another name.
-
-    Empty where there is neither.
-    """
+    """Return the answer to a word, or a question for the known key that it abbreviates, or ""."""
     meant = another_name(word)
-    asked = f'did you mean "{meant}"?' if meant in known else ""
-    return ANSWERS.get(word.lower().replace("-", "_"), asked)
+    question = f'did you mean "{meant}"?' if meant in known else ""
+    return ANSWERS.get(word.lower().replace("-", "_"), question)

@@ -1,14 +1,14 @@
 """Windows of locked orbits under any waveform, in closed form (numpy only).
 
-An orbit of mode k lands where a w(x) = n, with n = (1 - e) k on either base; it attracts for
--m < a w'(x) < 0, with m = 2 (1 + e) on the high-bounce base and m = 4 (1 + e^2) / (1 + e) on one
-that moves.  Under the law `reflect` there is also the orbit that is turned back at every impact,
-with -w in place of w, n = (1 + e) k and m = 2 (1 - e).  Another law of restitution has other n and
-m, which do not depend on the kick either.
+An orbit of mode k lands where a w(x) = n, with n = (1 - e) k.  It attracts for -m < a w'(x) < 0,
+with m = 2 (1 + e) in the high-bounce limit and m = 4 (1 + e^2) / (1 + e) over the moving base.
+Under the law `reflect` there is a second orbit, which is reflected at every impact, with -w in
+place of w, n = (1 + e) k and m = 2 (1 - e).  Another law of restitution has other n and m, which do
+not depend on the kick either.
 
-So with a = n / w(x) each phase x with w > 0 and w' < 0 belongs to one kick, which grows with x
-while w falls: a window is an interval of phases between zeros of w, of w' (a fold, where two orbits
-meet) and of n w' + m w (a period doubling), which is a sum of harmonics, too.  All zeros are found.
+Hence each phase x with w > 0 and w' < 0 belongs to one kick a = n / w(x), which increases with x.
+A window is an interval of phases between zeros of w, of w' (a fold, where two orbits meet) and of
+n w' + m w (a period doubling), which is a sum of harmonics too.  All zeros are found.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from vibrosweep.model.shapes import (
     zeros,
 )
 
-FOLD: Final = "fold"  # two orbits meet, or one is born at a corner of the velocity
+FOLD: Final = "fold"  # two orbits meet, or one begins at a corner of the velocity
 DOUBLING: Final = "doubling"
 NONE: Final = "none"  # the window has no end there
 EPS: Final = 2.0**-52
@@ -43,37 +43,32 @@ EPS: Final = 2.0**-52
 class LockedWindow(NamedTuple):
     """A window of one branch of an orbit: kicks a in forcing periods, phases in turns.
 
-    Of `locked_windows` it holds amplitudes A in m s-1 in place of kicks.
+    In results of `locked_windows`, amplitudes A in m s-1 stand in place of kicks.
     """
 
-    # low, high: kicks at its ends, the last infinite where it has none
-    low: float
-    high: float
-    # low_error, high_error: bounds of their errors
-    low_error: float
-    high_error: float
-    # from_phase, to_phase: of the landings there
-    from_phase: float
-    to_phase: float
-    # begins, ends: what happens there
-    begins: str
-    ends: str
+    low: float  # kick at the lower end
+    high: float  # kick at the upper end; infinite without one
+    low_error: float  # bound of the error of `low`
+    high_error: float  # bound of the error of `high`
+    from_phase: float  # phase of the landings at the lower end
+    to_phase: float  # phase of the landings at the upper end
+    begins: str  # kind of the lower end
+    ends: str  # kind of the upper end
 
 
 class Mode(NamedTuple):
-    """Conditions of an orbit, with bounds of their errors beyond some roundings."""
+    """Conditions of an orbit, with bounds of their errors apart from a few roundings."""
 
-    # need, limit: n and m
-    need: float
-    limit: float
+    need: float  # n of the module's text
+    limit: float  # m of the module's text
     need_error: float = 0.0
     limit_error: float = 0.0
 
 
 def mode_of(k: float, e: float, base: str, *, turned: bool = False) -> Mode:
-    """Conditions of mode k under a constant restitution.
+    """Return the conditions of mode k under a constant restitution.
 
-    `turned` asks for the orbit that is turned back at every impact.
+    `turned` selects the orbit that is reflected at every impact.
     """
     if turned:
         return Mode((1.0 + e) * k, 2.0 * (1.0 - e))
@@ -91,9 +86,9 @@ def locked_windows(
 ) -> list[LockedWindow]:
     """Windows of amplitudes in which orbits of mode k exist and attract, under any waveform.
 
-    With the velocity V0 w(x) of the base an orbit lands where A w(x) = (1 - e) g k / (2 f), and
-    attracts until its multipliers leave the unit circle.  A mode has one window for each branch
-    of its orbits; windows may overlap.
+    If V0 w(x) is the velocity of the base, an orbit lands where A w(x) = (1 - e) g k / (2 f).  It
+    attracts while its multipliers are inside the unit circle.  A mode has one window for each
+    branch of its orbits; windows may overlap.
 
     Parameters
     ----------
@@ -102,15 +97,16 @@ def locked_windows(
     waveform
         ``"sine"``, ``"parabolic"``, or ``{"harmonics": [[number, weight, phase in rad], ...]}``.
     base
-        ``"high-bounce"`` or ``"moving"``.  Over a moving base a window may end earlier, where its
+        ``"high-bounce"`` or ``"moving"``.  Over a moving base a window may end earlier, where the
         flight grazes the base: `vibrosweep.windows` finds such ends.
 
     Returns
     -------
     list of LockedWindow
-        By their lower ends, each a named tuple: ``low``, ``high`` and bounds of their errors
-        ``low_error``, ``high_error`` (m s-1); ``from_phase``, ``to_phase`` of the landings there
-        (turns); ``begins``, ``ends``: ``"fold"``, ``"doubling"`` or ``"none"``.
+        Windows in the order of their lower ends, each a named tuple: ends ``low``, ``high`` and
+        bounds of their errors ``low_error``, ``high_error`` (m s-1); phases of the landings there
+        ``from_phase``, ``to_phase`` (turns); kinds of ends ``begins``, ``ends``: ``"fold"``,
+        ``"doubling"`` or ``"none"``.
 
     Raises
     ------
@@ -121,20 +117,20 @@ def locked_windows(
     --------
     >>> import vibrosweep as vs
     >>> two = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
-    >>> for one in vs.theory.locked_windows(1, 0.85, two, gravity=2.0):
-    ...     print(round(one.low, 4), round(one.high, 4), one.ends)
+    >>> for window in vs.theory.locked_windows(1, 0.85, two, gravity=2.0):
+    ...     print(round(window.low, 4), round(window.high, 4), window.ends)
     0.1688 0.2855 fold
     0.2852 0.6657 doubling
     """
     unit = gravity / (2.0 * frequency)
     return [
-        one._replace(
-            low=unit * one.low,
-            high=unit * one.high,
-            low_error=unit * one.low_error + 4.0 * EPS * unit * one.low,
-            high_error=unit * one.high_error + 4.0 * EPS * unit * one.high,
+        window._replace(
+            low=unit * window.low,
+            high=unit * window.high,
+            low_error=unit * window.low_error + 4.0 * EPS * unit * window.low,
+            high_error=unit * window.high_error + 4.0 * EPS * unit * window.high,
         )
-        for one in windows_of(_shape(waveform), mode_of(k, restitution, base))
+        for window in windows_of(_shape(waveform), mode_of(k, restitution, base))
     ]
 
 
@@ -151,9 +147,9 @@ def _shape(waveform: str | Mapping[str, Any]) -> Waveform:
 
 
 def windows_of(waveform: Waveform, mode: Mode, *, turned: bool = False) -> list[LockedWindow]:
-    """Windows of an orbit by their phases, one for each branch and interval.
+    """Return the windows of an orbit, one for each branch and interval of phases.
 
-    An earlier landing over a base that moves, which may end a window, is not looked for.
+    The end of a window at a graze, over the moving base, is not searched for.
     """
     need, limit, need_error, limit_error = mode
     sign = -1.0 if turned else 1.0
@@ -167,7 +163,7 @@ def windows_of(waveform: Waveform, mode: Mode, *, turned: bool = False) -> list[
         return [LockedWindow(need, high, low_error, high_error, x, y, FOLD, DOUBLING)]
     tones = waveform.tones or ((1, 1.0, 0.0),)
     w = Waveform(HARMONICS_NAME, tuple((h, sign * c, psi) for h, c, psi in tones))
-    if need == 0.0:  # it lands on a zero of w at any kick
+    if need == 0.0:  # the orbit lands at a zero of w for any kick
         falls = [(float(x), -float(w.slope(x))) for x in zeros(w, 0) if w.slope(x) < 0.0]
         off = 64.0 * EPS * w.sum_of(1)
         return sorted(
@@ -178,32 +174,32 @@ def windows_of(waveform: Waveform, mode: Mode, *, turned: bool = False) -> list[
     kinds = {NONE: zeros(w, 0), FOLD: zeros(w, 1), DOUBLING: zeros(mixed, 0)}
     ends = sorted((float(x), kind) for kind, phases in kinds.items() for x in phases)
     found = []
-    for (x, begins), (y, stops) in pairwise([*ends, (ends[0][0] + 1.0, ends[0][1])]):
+    for (x, begins), (y, finishes) in pairwise([*ends, (ends[0][0] + 1.0, ends[0][1])]):
         middle = 0.5 * (x + y)
         if w.velocity(middle) > 0.0 > w.slope(middle) and mixed.velocity(middle) > 0.0:
             low, low_error = _kick(w, mixed, mode, x, begins)
-            high, high_error = _kick(w, mixed, mode, y, stops)
-            found.append(LockedWindow(low, high, low_error, high_error, x, y, begins, stops))
+            high, high_error = _kick(w, mixed, mode, y, finishes)
+            found.append(LockedWindow(low, high, low_error, high_error, x, y, begins, finishes))
     return sorted(found)
 
 
 def _kick(w: Waveform, mixed: Waveform, mode: Mode, x: float, kind: str) -> tuple[float, float]:
-    """Kick of an orbit that lands at phase x, an end of a window of a kind, and its error."""
+    """Return the kick of the orbit at an end of a window, at phase x, and a bound of its error."""
     value, slope = float(w.velocity(x)), float(w.slope(x))
-    # the phase is off by the rounding of the function whose zero it is, over its slope
-    of, order = (w, 1) if kind == FOLD else (mixed, 0)
-    steep = abs(float(of.derivative(x, order + 1)))
-    off = 64.0 * EPS * of.sum_of(order) / steep if steep > 0.0 else NARROW
+    # error of the phase: roundings of the function that vanishes there, over its slope
+    function, order = (w, 1) if kind == FOLD else (mixed, 0)
+    steep = abs(float(function.derivative(x, order + 1)))
+    off = 64.0 * EPS * function.sum_of(order) / steep if steep > 0.0 else NARROW
     change = abs(slope) * off + w.sum_of(2) * off * off
     error = (change + 64.0 * EPS * w.sum_of(0)) / value + 8.0 * EPS
     return mode.need / value, mode.need / value * error + _moved(w, mode, x, kind)
 
 
 def _moved(w: Waveform, mode: Mode, x: float, kind: str) -> float:
-    """Bound of the error of a kick by those of the conditions.
+    """Return a bound of the error of a kick that errors of the conditions cause.
 
-    At a fold the phase stays.  At a period doubling K w = n and K w' = -m of the kick K and the
-    phase change together: dK (w'^2 - w w'') = -w' dm - w'' dn.
+    At a fold the phase does not depend on the conditions.  At a period doubling, K w = n and
+    K w' = -m determine both the kick K and the phase: dK (w'^2 - w w'') = -w' dm - w'' dn.
     """
     value, slope = float(w.velocity(x)), float(w.slope(x))
     if kind != DOUBLING or mode.need_error == mode.limit_error == 0.0:
@@ -217,6 +213,6 @@ def _mixed(w: Waveform, need: float, limit: float) -> Waveform:
     """Return the sum need w' + limit w as harmonics."""
     tones = []
     for h, c, psi in w.tones:
-        along, across = limit * c, need * TWO_PI * h * c
-        tones.append((h, math.hypot(along, across), psi + math.atan2(across, along)))
+        in_phase, quadrature = limit * c, need * TWO_PI * h * c
+        tones.append((h, math.hypot(in_phase, quadrature), psi + math.atan2(quadrature, in_phase)))
     return Waveform(HARMONICS_NAME, tuple(tones))

@@ -1,11 +1,11 @@
-"""Closed forms of locked orbits, on a base at height zero and on one that moves (numpy only).
+"""Closed forms of locked orbits, in the high-bounce limit and over the moving base (numpy only).
 
 Source: the locked orbits of the high-bounce map (Holmes 1982, J. Sound Vib. 84, 173), written for
 a kick of velocity amplitude A on a base that stays at height zero, and of the exact model (Luck &
 Mehta 1993, Phys. Rev. E 48, 3988), whose base moves with A / (1 + e).  All functions broadcast.
 
-A locked orbit of mode k impacts once every k forcing periods and leaves with the speed
-v = g k / (2 f), on either base.  With Gamma = 2 pi f A / ((1 + e) g), the acceleration of the
+A locked orbit of mode k lands once every k forcing periods and leaves with the speed
+v = g k / (2 f), over either base.  With Gamma = 2 pi f A / ((1 + e) g), the acceleration of the
 moving base in g, and s = -Gamma cos(2 pi x) at the landing, its multipliers solve
 
     z^2 - (1 + p - 2 (1 + p) s / s_m) z + p = 0,
@@ -13,7 +13,7 @@ moving base in g, and s = -Gamma cos(2 pi x) at the landing, its multipliers sol
     high-bounce    p = e      s_m = 1
     moving         p = e^2    s_m = 2 (1 + e^2) / (1 + e)^2 = 1 + ((1 - e) / (1 + e))^2
 
-so that it is stable for 0 < s < s_m, where a multiplier passes -1.
+so that it is stable for 0 < s < s_m.  At s = s_m a multiplier passes -1.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def _kick(amplitude: ArrayLike, frequency: ArrayLike, gravity: ArrayLike) -> Arr
 
 
 def _contraction(restitution: ArrayLike, base: str) -> Array:
-    """Product of the multipliers of a locked orbit, p of the module's text."""
+    """Return the product of the multipliers of a locked orbit, p of the module's text."""
     e = np.asarray(restitution, dtype=np.float64)
     return e * e if moves(base) else e
 
@@ -164,8 +164,8 @@ def locked_phase(
 ) -> Array:
     """Phase of impact in turns of the stable branch, in [1/4, 1/2]; NaN below A_min.
 
-    sin(2 pi x) = (1 - e) k / a with cos(2 pi x) < 0, on either base: a flight of whole periods
-    ends at the height at which it began, so that the motion of the base does not enter.
+    sin(2 pi x) = (1 - e) k / a with cos(2 pi x) < 0, over either base: a flight of whole periods
+    ends at the height at which it began, so that the height of the base does not enter.
 
     Parameters
     ----------
@@ -206,10 +206,10 @@ def amplitude_min(
 ) -> Array:
     """Smallest amplitude in m s-1 at which mode k exists, (1 - e) g k / (2 f).
 
-    It is the same on a moving base, Gamma_k = pi k (1 - e) / (1 + e), unless the restitution is
-    very small: at e = 0 the orbit begins at Gamma = sqrt(1 + (pi k)^2), and for e between 0 and
-    0.020458, 0.004833, 0.002127 (k = 1, 2, 3) where its flight grazes the base, for which there is
-    no closed form.
+    It is the same over a moving base, Gamma_k = pi k (1 - e) / (1 + e), unless the restitution is
+    very small.  At e = 0 the orbit begins at Gamma = sqrt(1 + (pi k)^2).  For e between 0 and
+    0.020458, 0.004833, 0.002127 (k = 1, 2, 3) it begins where its flight grazes the base, for which
+    there is no closed form.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Tables of the documentation, written from the registry of measures.
 
-``python -m vibrosweep.model.markdown docs/sweep-files.md docs/results.md`` writes them anew between
-their markers.
+``python -m vibrosweep.model.markdown docs/sweep-files.md docs/results.md`` replaces the tables
+between their markers.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Final
 from vibrosweep.model.measures import ALWAYS, MEASURES, OF_EACH, OPTIONS, RECORD, Variable
 from vibrosweep.model.scene_measures import KEYS
 
-LONG: Final = 40  # characters of a comment that is not repeated
+LONG: Final = 40  # characters above which a comment is not repeated
 _ALL: Final = (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
 
 
 def _keys() -> Iterator[str]:
-    """Give the keys of [measure] with their defaults."""
+    """Yield the keys of [measure] with their defaults."""
     yield "| key | meaning | default | cost |"
     yield "|---|---|---|---|"
     for key, default in KEYS.items():
@@ -45,11 +45,11 @@ def _variables() -> Iterator[str]:
 
 def _rows(key: str, variables: Collection[Variable]) -> Iterator[str]:
     yield f"| **{key}** | |"
-    each = [v for v in variables if v.long_name.endswith(OF_EACH)]
-    if each:
-        names = ", ".join(f"`{v.name}`" for v in each)
+    by_particle = [v for v in variables if v.long_name.endswith(OF_EACH)]
+    if by_particle:
+        names = ", ".join(f"`{v.name}`" for v in by_particle)
         yield f"| {names} (particle) | the same variables of each particle |"
-    for variable in (v for v in variables if v not in each):
+    for variable in (v for v in variables if v not in by_particle):
         dim = variable.dims[-1]
         named = [variable.units] * (variable.units != "1") + [dim] * (dim != "realization")
         brackets = f" ({', '.join(named)})" if named else ""
@@ -65,21 +65,21 @@ def _rows(key: str, variables: Collection[Variable]) -> Iterator[str]:
 
 
 def _comment(variable: Variable) -> str:
-    """Return the comment of a variable, or a reference to where the same comment stands."""
+    """Return the comment of a variable, or a reference to a variable with the same comment."""
     comment = variable.comment
     holders = [v for v in _ALL if len(comment) > LONG and comment in v.comment]
     home = max(holders, key=lambda v: len(v.comment), default=variable)
     return comment if home is variable else f"see `{home.name}`"
 
 
-# By the names in the markers around them
+# Tables by the names in their markers
 TABLES: Final = {"keys of measure": "\n".join(_keys()), "variables": "\n".join(_variables())}
 
 
 def insert(text: str) -> str:
-    """Write each table between its markers where the page has them.
+    """Replace each table that a page has markers for.
 
-    Raises a ValueError where the page has no markers, or only the first of a pair.
+    Raises a ValueError if the page has no markers, or only the first of a pair.
     """
     marked = {name for name in TABLES if f"<!-- begin {name} -->" in text}
     if not marked:

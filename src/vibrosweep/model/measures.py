@@ -1,8 +1,8 @@
-"""Every measure once: its key in a sweep file, its variables, what it requires and what it costs.
+"""The registry of measures: key in a sweep file, variables, required measures and cost of each.
 
-Everything that names a measure derives from this registry: the keys of [measure], the fields of a
-scene (`vibrosweep.model.scene_measures`), the variables of a result, the placeholders where nothing
-could be computed, the judgements of `vibrosweep verify`, reserved names, and tables of the pages.
+Everything that names a measure derives from it: the keys of [measure], the fields of a scene
+(`vibrosweep.model.scene_measures`), the variables of a result, placeholders for values that could
+not be computed, the judgements of `vibrosweep verify`, reserved names, and tables of the pages.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC
 from vibrosweep.model.status import Regime, Status
 
 UNDETERMINED: Final = -1
-OF_EACH: Final = ", of each particle"  # ends the long name of a statistic by particle
+OF_EACH: Final = ", of each particle"  # end of the long name of a statistic by particle
 TRANSIENT_PERIODS: Final = "transient_periods"
 # Forcing periods.  A landing phase is rounded to 2**-54, and orbits that contract by 2**-12 or more
-# per impact keep the error below this; a separation that is smaller may be all rounding.
+# per impact keep the error below the resolution; a smaller separation may be rounding alone.
 RESOLUTION: Final = 2.0**-40
 
 
@@ -30,8 +30,7 @@ RESOLUTION: Final = 2.0**-40
 class Variable:
     """One output variable."""
 
-    # name, dims, dtype, units, long_name: as they stand in the dataset
-    name: str
+    name: str  # this and the next four as in the dataset
     dims: tuple[str, ...]
     dtype: str
     units: str
@@ -39,16 +38,16 @@ class Variable:
     # (value, meaning) pairs of an integer variable that holds codes
     flags: tuple[tuple[int, str], ...] = ()
     comment: str = ""  # details beyond the long name
-    judged: str = "measure"  # how `verify` judges it: a key of `vibrosweep.proof.judges.JUDGES`
-    # True if it is undetermined, or NaN, exactly where the impact budget did not suffice
+    judged: str = "measure"  # its judge in `verify`: a key of `vibrosweep.proof.judges.JUDGES`
+    # True if it is undetermined, or NaN, exactly where the impact budget was too small
     open_by_budget: bool = False
-    # Name of the variable that is 0 where no cycle was found, if this one holds no value there
+    # Name of a variable that is 0 where no cycle was found, if this one has no value there either
     cycle: str = ""
-    per: str = ""  # of a rate without unit: per what
+    per: str = ""  # reference of a rate without unit, such as "impact"
 
     @property
     def blank(self) -> float:
-        """Placeholder where nothing was computed, or the status that says so."""
+        """Value for a realization that was not computed: NaN, undetermined, or its status."""
         if np.dtype(self.dtype).kind == "f":
             return math.nan
         codes = [code for code, _ in self.flags]
@@ -78,14 +77,14 @@ class Variable:
 
 @dataclass(frozen=True)
 class Measure:
-    """The variables that a key of [measure] asks for."""
+    """A key of [measure] and its variables."""
 
     meaning: str  # description in a few words
-    cost: str  # time that it adds to a landing, roughly, over short and long observations
+    cost: str  # approximate time per landing that it adds, over short and long observations
     variables: tuple[Variable, ...]  # variables of the result
-    requires: tuple[str, ...] = ()  # keys of other measures that are measured with it
-    # True for one of particles that a base of finite mass couples, False for one of particles that
-    # are independent of each other, None for one of either
+    requires: tuple[str, ...] = ()  # keys of other measures that are taken with it
+    # True if it requires particles that a base of finite mass couples, False if it requires
+    # independent particles, None if it works for both
     coupled: bool | None = None
 
 
@@ -93,12 +92,10 @@ class Measure:
 class Option:
     """A number in [measure]."""
 
-    # meaning, units: its description and unit
-    meaning: str
+    meaning: str  # description in a few words
     units: str
-    # allowed, accepts: its range, in words and as a function of a finite number
-    allowed: str
-    accepts: Callable[[float], bool]
+    allowed: str  # the range in words
+    accepts: Callable[[float], bool]  # the range as a function of a finite number
 
 
 _R = ("realization",)
@@ -107,12 +104,13 @@ _RPI = ("realization", "particle", "impact")
 _UNDECIDED = ((UNDETERMINED, "undetermined"),)
 _STATUS = tuple((int(s), s.meaning) for s in Status)
 _AFTER = "of the flights that follow the landings in the window; NaN without any"
-_APEX = "highest points above the mean level of the base, v^2 / 2g where it does not move,"
+_APEX = "greatest heights above the mean level of the base, v^2 / 2g in the high-bounce limit,"
 _WITHOUT = "0 where no recurrence was found"
 _NO_ORBIT = "-1 where no recurrence was found"
 _BOUND = (
-    "against the exact model; infinite where rounding may have changed a decision, NaN where the "
-    "impact budget ran out; on which side of the window's beginning a landing falls is not judged"
+    "relative to the exact model; infinite where rounding may have changed a decision, NaN where "
+    "the impact budget ran out; whether a landing falls before or after the beginning of the "
+    "window is not judged"
 )
 
 
@@ -139,7 +137,7 @@ def _code(
     return Variable(name, dims, "int8", "1", long_name, flags, comment, **more)
 
 
-# Of the landings in the window, [transient, duration]; of all particles, and of each where asked.
+# Statistics of the landings in the window, [transient, duration], of all particles or of each
 _STATISTICS: Final = (
     _count("impact_count", _R, "landings", judged="total"),
     _count("rest_count", _R, "landings after which the particle rested", judged="total"),
@@ -161,7 +159,8 @@ ALWAYS: Final = (
         "at_rest_count",
         _R,
         "particles that came to rest for good",
-        "over a base of finite mass: where its motion at the end shows that it lifts none of them",
+        "over a base of finite mass: only if its motion at the end shows that it lifts none of "
+        "them",
         judged="total",
     ),
     _real(
@@ -198,7 +197,7 @@ _SEPARATION: Final = Measure(
             _R,
             "dt_min is above the resolution of the arithmetic",
             (*_UNDECIDED, (0, "below_resolution"), (1, "resolved")),
-            f"below {RESOLUTION:.1g} forcing periods rounding alone can make two particles one",
+            f"below {RESOLUTION:.1g} forcing periods, rounding alone can merge two particles",
             judged="resolved",
         ),
         _real(
@@ -213,8 +212,8 @@ _SEPARATION: Final = Measure(
             _R,
             "two particles were on the base at once",
             (*_UNDECIDED, (0, "never"), (1, "shared")),
-            "at an instant of the window, in stays that may have begun before it; each lasts from "
-            "landing to lift-off, at least the contact time",
+            "at some instant of the window; a stay lasts from landing to lift-off, at least the "
+            "contact time, and may begin before the window",
             open_by_budget=True,
         ),
         _code(
@@ -269,7 +268,7 @@ _REGIMES: Final = Measure(
         _count(
             "uncertain_cycle_count",
             _R,
-            "particles whose cycle rounding may have decided",
+            "particles whose cycle may be due to rounding",
             "see cycle_uncertain",
             judged="uncertain_count",
         ),
@@ -294,16 +293,17 @@ _REGIMES: Final = Measure(
             _RP,
             "rounding may have changed a decision along the cycle",
             ((UNDETERMINED, "no_cycle"), (0, "certain"), (1, "uncertain")),
-            "the bound of its error reaches the threshold of rest or a graze: the exact model may "
-            "have another cycle",
+            "the error bound of an impact reaches the threshold of rest or a graze: the exact "
+            "model may have another cycle",
             judged="uncertain",
         ),
         _real(
             "recurrent_from",
             _RP,
             "s",
-            "time at which the orbit had entered its cycle at the latest",
-            "where it rests, its first lift-off from rest; NaN where no recurrence was found",
+            "time by which the orbit had entered its cycle",
+            "if the cycle has a rest, the first lift-off from rest; NaN where no recurrence was "
+            "found",
             judged="recurrent_from",
         ),
     ),
@@ -319,18 +319,18 @@ _LYAPUNOV: Final = Measure(
             _R,
             "1",
             "largest Lyapunov exponent per impact",
-            "of all particles whose own is defined",
+            "over all particles for which it is defined",
             judged="exponent_max",
             per="impact",
         ),
         _count(
-            "orbit_count", _R, "distinct orbits that particles settled on", judged="orbit_count"
+            "orbit_count", _R, "distinct orbits on which particles settled", judged="orbit_count"
         ),
         _count(
             "slot_count",
             _R,
             "slots that particles occupy",
-            "of all orbits, each counted once",
+            "slots of all orbits, each counted once",
             judged="slot_count",
         ),
         _real(
@@ -340,7 +340,7 @@ _LYAPUNOV: Final = Measure(
             "largest Lyapunov exponent per impact",
             "from the multipliers of the cycle, else the mean over the landings in the window; "
             "-inf where the regime is resting or at_rest; NaN without landings, and where the "
-            "window sees a rest but no cycle is known",
+            "window has a rest but no cycle is known",
             judged="exponent",
             per="impact",
         ),
@@ -383,7 +383,7 @@ _LYAPUNOV: Final = Measure(
         _count(
             "slot",
             _RP,
-            "copy of its orbit, shifted by whole periods, that the particle is on",
+            "slot of the particle: copy of its orbit, shifted by whole periods",
             _NO_ORBIT,
             judged="slot",
         ),
@@ -436,7 +436,7 @@ _ORDERING: Final = Measure(
         _count(
             "undecided_count",
             _R,
-            "decisions that rounding may have made",
+            "decisions that rounding may have changed",
             "between bouncing and sticking, or landing and passing, where the difference is below "
             "1e-12 of the speed of lift-off",
             judged="recomputed",
@@ -446,7 +446,7 @@ _ORDERING: Final = Measure(
 )
 
 _JOINT: Final = Measure(
-    "orbit that the joint state of all particles and a base of finite mass settles on",
+    "orbit on which the joint state of all particles and a base of finite mass settles",
     "as much as the landings themselves",
     (
         _code(
@@ -454,7 +454,7 @@ _JOINT: Final = Measure(
             _R,
             "regime of the joint state",
             (*_UNDECIDED, *((int(r), r.meaning) for r in Regime)),
-            "that of a particle, with the state of all in its place; see regime",
+            "as for a particle, but of the state of all particles and the base; see regime",
             judged="recomputed",
         ),
         *(
@@ -470,7 +470,7 @@ _JOINT: Final = Measure(
                 (
                     "impacts",
                     "impacts of all particles",
-                    f"the shortest, where rounding alone tells its rounds apart; {_WITHOUT}",
+                    f"the shortest cycle whose rounds differ by rounding only; {_WITHOUT}",
                 ),
                 ("periods", "forcing periods", _WITHOUT),
                 ("rests", "rests", _WITHOUT),
@@ -480,7 +480,7 @@ _JOINT: Final = Measure(
             "joint_recurrent_from",
             _R,
             "s",
-            "time at which the joint state had entered its cycle at the latest",
+            "time by which the joint state had entered its cycle",
             "NaN where no recurrence was found",
             judged="recomputed",
         ),
@@ -489,7 +489,7 @@ _JOINT: Final = Measure(
             _R,
             "1",
             "largest Lyapunov exponent of the joint state per forcing period",
-            "mean over the window; NaN where a sixteenth of it sees no event",
+            "mean over the window; NaN if a sixteenth of it has no event",
             judged="recomputed",
             per="period",
         ),
@@ -555,8 +555,9 @@ _TRUST: Final = Measure(
             "trusted_until",
             _RP,
             "s",
-            "time up to which every landing is known to measure.tolerance",
-            "the duration where all are, NaN where none is; no further than the impact budget",
+            "time up to which the error of every landing is at most measure.tolerance",
+            "the duration if this holds for all landings, NaN if for none; it ends where the "
+            "impact budget does",
             judged="trusted_until",
         ),
     ),
@@ -588,7 +589,7 @@ OPTIONS: Final[Mapping[str, Option]] = {
         lambda error: error > 0.0,
     ),
     "impact_budget": Option(
-        "impacts after which a particle is given up, rounded up to a multiple of 6",
+        "impacts after which a particle is abandoned, rounded up to a multiple of 6",
         "1",
         "a whole number of impacts per particle, at least 1 and at most 2**62",
         lambda number: 1 <= number <= 2**62,
@@ -603,9 +604,9 @@ OPTIONS: Final[Mapping[str, Option]] = {
 
 # Every variable that a sweep may measure
 VARIABLES: Final[Mapping[str, Variable]] = {
-    v.name: v for v in (*ALWAYS, *(v for one in MEASURES.values() for v in one.variables))
+    v.name: v for v in (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
 }
-# Key that asks for each variable that is not always measured
+# Key of each variable that is not always measured
 MEASURE_OF: Final[Mapping[str, str]] = {
     v.name: key for key, measure in MEASURES.items() for v in measure.variables
 }
@@ -616,11 +617,11 @@ OF_REALIZATIONS: Final[Mapping[str, Variable]] = {
 
 
 def known(name: str, held: Mapping[Any, Any]) -> NDArray[np.bool_]:
-    """Mark where a variable holds a value, not a placeholder.
+    """Return where a variable holds a value, not a placeholder.
 
-    A placeholder is NaN, `UNDETERMINED`, or 0 for a cycle that was not found.  `held` are arrays by
-    their names, or a dataset, as a sweep holds them; a value of any other variable, such as a label
-    of a table, counts unless it is NaN.
+    A placeholder is NaN, `UNDETERMINED`, or 0 for a cycle that was not found.  `held` is a dataset,
+    or arrays by name, of a sweep.  Of other variables, such as a label of a table, only NaN is a
+    placeholder.
     """
     values, variable = np.asarray(held[name]), VARIABLES.get(name)
     if values.dtype.kind == "f":
@@ -632,7 +633,7 @@ def known(name: str, held: Mapping[Any, Any]) -> NDArray[np.bool_]:
     return np.asarray(values != UNDETERMINED)
 
 
-# Every landing, for small scenes.
+# Variables of a record
 RECORD: Final[Mapping[str, Variable]] = {
     v.name: v
     for v in (
@@ -642,16 +643,16 @@ RECORD: Final[Mapping[str, Variable]] = {
             _RPI,
             "s",
             "time of lift-off",
-            "equal to the landing unless the particle rests, and then perhaps after the end; NaN "
-            "where it rests for good, or for a forcing period past the end",
+            "equal to the landing time unless the particle rests, and then perhaps after the end "
+            "of the observation; NaN if it rests for good, or for a forcing period past the end",
         ),
         _real(
             "rebound_velocity",
             _RPI,
             "m s-1",
             "velocity at lift-off, upwards",
-            "that of the particle, not relative to the base; negative where a base that falls is "
-            "left downwards; NaN where there is no time of lift-off",
+            "absolute, not relative to the base; negative if the particle leaves a falling base "
+            "downwards; NaN without a time of lift-off",
         ),
         _code(
             "rested",
@@ -664,7 +665,7 @@ RECORD: Final[Mapping[str, Variable]] = {
     )
 }
 
-# Variables of `simulate` for each landing beside its record
+# Further variables of each landing in results of `simulate`
 IMPACTS: Final[Mapping[str, Variable]] = {
     v.name: v
     for v in (
@@ -673,16 +674,15 @@ IMPACTS: Final[Mapping[str, Variable]] = {
             _RPI,
             "1",
             "phase of the forcing at landing, turns",
-            "-1/2 to 1/2, 0 where the velocity of the base rises through zero; from the time of "
-            "landing, whose rounding it has",
+            "-1/2 to 1/2, 0 where the velocity of the base rises through zero; computed from the "
+            "landing time and its rounding",
         ),
         _real(
             "arrival_speed",
             _RPI,
             "m s-1",
             "velocity of arrival, downwards",
-            "that of the particle, not relative to the base; negative where the base catches up "
-            "with a particle that rises",
+            "absolute, not relative to the base; negative if the base hits a rising particle",
         ),
     )
 }

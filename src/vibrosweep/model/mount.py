@@ -1,4 +1,4 @@
-"""Parameters of a base of finite mass: masses, and the mount that carries it."""
+"""Parameters of a base of finite mass: masses and mount."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vibrosweep.model.parameters import LARGEST, MOUNT, SMALLEST, SPRUNG, Parame
 
 MASS_RATIO: Final = "mass_ratio"
 
-# Both masses together may replace their ratio.
+# Both masses together may replace their ratio
 MASSES: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
@@ -22,16 +22,15 @@ MASSES: Final[Mapping[str, Parameter]] = {
 # All parameters by which a mount may be given, in the order of files
 OF_MOUNT: Final[Mapping[str, Parameter]] = {
     name: parameter
-    for key, one in MOUNT.items()
-    for name, parameter in ({key: one, **MASSES} if key == MASS_RATIO else {key: one}).items()
+    for key, single in MOUNT.items()
+    for name, parameter in ({key: single, **MASSES} if key == MASS_RATIO else {key: single}).items()
 }
 
 
 def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:
-    """Find mistakes in the names that are given for the mount of a base.
+    """Return mistakes in the given parameters of the mount of a base, by parameter.
 
-    Returns a description of each necessary change, by the name of the parameter; empty if the
-    names are complete and consistent.
+    Each text says what to change; there is none if the names are complete and consistent.
     """
     found = [name for name in OF_MOUNT if name in given]
     if base != SPRUNG:

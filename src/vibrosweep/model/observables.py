@@ -1,4 +1,4 @@
-"""Observables: functions of a user that see every landing, declared as measures are."""
+"""Observables: functions of a user that are called at every landing, declared as measures are."""
 
 from __future__ import annotations
 
@@ -17,43 +17,45 @@ from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.functions import changes_its_arguments, digest_of, plain, source_of
 from vibrosweep.model.measures import RESERVED, Variable
 
-# How the totals of particles make those of a realization.
+# Ways in which totals of particles combine to those of a realization
 COMBINED: Final = {"sum": np.add, "max": np.fmax, "min": np.fmin, "each": None}
-# How numbers of landings combine, and the neutral number of each way.
+# Ways in which numbers of landings combine, with the neutral element of each
 NEUTRAL: Final = {"sum": 0.0, "max": -np.inf, "min": np.inf}
 UNIT: Final = re.compile(r"(m|s)(-?\d+)?")
 
 
 @dataclass(frozen=True)
 class Observable:
-    """A function of every landing, compiled into the kernel, and the variable that it gives.
+    """A function of every landing, compiled into the kernel, and its variable in a result.
 
     Parameters
     ----------
     name
         Name of the variable in the result.
     function
-        ``function(landing)``, plain Python that numba compiles: a number of each `Landing` in the
-        window, in vector code where it has no branch; ``landings`` says how the numbers of a
-        particle's landings combine.  Or ``function(totals, landing)``, which is called in the order
-        of each particle's landings, with the particle's own `totals`, a float64 array of one number
-        for each of `values`, or of one number; it changes `totals` and returns nothing.
+        Plain Python that numba compiles, in one of two forms.  ``function(landing)`` returns a
+        number for a `Landing` in the window, in vector code if it has no branch; ``landings`` says
+        how the numbers of a particle's landings combine.  ``function(totals, landing)`` is called
+        for the landings of each particle in their order.  It changes the `totals` of the particle,
+        a float64 array with one number for each of `values`, or with one number, and returns
+        nothing.
     meaning
         Long name of the variable.
     units
-        Of the totals: ``"1"``, or a product of powers of m and s, as in ``"m s-1"``.  The function
-        computes in forcing periods (1 / f) and lengths of g / (2 f^2); totals are converted.
+        Unit of the totals: ``"1"``, or a product of powers of m and s, as in ``"m s-1"``.  The
+        function computes in forcing periods (1 / f) and lengths of g / (2 f^2); totals are
+        converted.
     along, values
         Name of a dimension of the variable, and its coordinate: increasing numbers, such as the
         middles of the bins of a histogram.  None by default.
     landings
-        How the numbers of landings combine: ``"sum"``, ``"max"`` or ``"min"``; nothing for a
-        function that changes totals.  The repetitions of a cycle are then counted without being
-        followed, as those of every statistic, and `vibrosweep.verify` compares the values with
-        proved ones.  NaN for a maximum or minimum of no landings.
+        Way in which the numbers of landings combine: ``"sum"``, ``"max"`` or ``"min"``; empty for a
+        function that changes totals.  Repetitions of a cycle are then counted without being
+        followed, as for every statistic, and `vibrosweep.verify` compares the values with proved
+        ones.  A maximum or minimum of no landings is NaN.
     particles
-        How the totals of particles become one: ``"sum"``, ``"max"``, ``"min"``; or ``"each"`` to
-        keep them apart.  By default as those of landings, else ``"sum"``.
+        Way in which the totals of particles combine: ``"sum"``, ``"max"``, ``"min"``; or ``"each"``
+        for a variable of each particle.  By default as `landings`, else ``"sum"``.
     initial
         Initial value of `totals`, ``float("inf")`` for a minimum; a particle without a landing in
         the window keeps it.
@@ -61,9 +63,9 @@ class Observable:
     Raises
     ------
     ParameterError
-        One of them is not allowed, the function draws numbers at random, or it depends on something
-        that can change without notice: anything outside it but numbers, texts, numpy, math, and
-        functions of the same kind, which need not be compiled.
+        A parameter is not allowed, the function draws random numbers, or it uses anything from
+        outside except numbers, texts, numpy, math, and functions of the same kind, which need not
+        be compiled: other values could change without notice.
 
     Examples
     --------
@@ -99,7 +101,7 @@ class Observable:
         object.__setattr__(self, "code", digest)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without `code`, which another process takes from its own function."""
+        """Pickle without `code`, which another process computes from its own function."""
         given = (self.name, self.function, self.meaning, self.units, self.along, self.values)
         return type(self), (*given, self.particles, self.initial, self.landings)
 
@@ -108,7 +110,7 @@ class Observable:
             if not isinstance(word, str) or not word.isidentifier():
                 yield f"{key} = {word!r} must be a word of letters, digits and _"
             elif word in RESERVED or word in INPUTS:
-                yield f"{key} = {word!r} is a name that results use already; choose another"
+                yield f"{key} = {word!r} is a name that results already use; choose another"
         if self.name == self.along:
             yield f"along = {self.along!r} must be another word than the name"
         if not isinstance(self.function, FunctionType):
@@ -149,7 +151,7 @@ class Observable:
 
     @property
     def source(self) -> str:
-        """Source text of the function; empty where Python does not have it."""
+        """Source text of the function; empty if Python does not have it."""
         return source_of(self.function)
 
     @property
@@ -159,7 +161,7 @@ class Observable:
 
     @property
     def variable(self) -> Variable:
-        """Variable that it adds to a result."""
+        """Variable that the observable adds to a result."""
         dims: tuple[str, ...] = ("realization",)
         dims += ("particle",) if self.particles == "each" else ()
         dims += (self.along,) if self.along else ()
@@ -171,45 +173,46 @@ class Observable:
             totals = np.where(totals == NEUTRAL[self.landings], np.nan, totals)
         rule = COMBINED[self.particles]
         if rule is not None:
-            whole = totals[:, 0].copy()
+            combined = totals[:, 0].copy()
             for k in range(1, totals.shape[1]):
-                rule(whole, totals[:, k], out=whole)
-            totals = whole
+                rule(combined, totals[:, k], out=combined)
+            totals = combined
         return totals if self.along else totals[..., 0]
 
     def scale(self, frequency: Any, gravity: Any) -> Any:
-        """Value in `units` of one unit of the function; of arrays, for each realization."""
-        size = 1.0 + 0.0 * frequency
+        """Return the factor from the units of the function to `units`, of each realization."""
+        factor = 1.0 + 0.0 * frequency
         for unit, power in UNIT.findall(self.units):
-            one = 1.0 / frequency if unit == "s" else gravity / (2.0 * frequency * frequency)
-            size = size * one ** int(power or 1)
-        return size
+            base = 1.0 / frequency if unit == "s" else gravity / (2.0 * frequency * frequency)
+            factor = factor * base ** int(power or 1)
+        return factor
 
 
 def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
     """Check the observables of a sweep, and take their functions as they are now.
 
-    Raises a ParameterError where one is no `Observable`, or two have names or dimensions in common.
+    Raises a ParameterError for anything but an `Observable`, and for two with a common name, or a
+    common dimension of different values.
     """
     if not isinstance(given, Iterable):
         raise ParameterError(f"observables = {given!r}: must be a list of vibrosweep.Observable")
-    for one in (given := tuple(given)):
-        if not isinstance(one, Observable):
-            raise ParameterError(f"observables: {one!r} must be a vibrosweep.Observable")
-    # a number that a function uses may have changed since
-    found = tuple(replace(one) for one in given)
-    names = [one.name for one in found] + list({one.along for one in found if one.along})
+    for observable in (given := tuple(given)):
+        if not isinstance(observable, Observable):
+            raise ParameterError(f"observables: {observable!r} must be a vibrosweep.Observable")
+    # a number that a function uses may have changed since the observable was made
+    found = tuple(replace(observable) for observable in given)
+    names = [o.name for o in found] + list({o.along for o in found if o.along})
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
     if twice:
         raise ParameterError(f"observables: {', '.join(twice)} is the name of two things")
-    lengths = {(one.along, one.values) for one in found if one.along}
+    lengths = {(o.along, o.values) for o in found if o.along}
     if len(lengths) > len({along for along, _ in lengths}):
         raise ParameterError("observables: those along one dimension must have the same values")
     return found
 
 
 def _numbers(name: str, values: object) -> tuple[float, ...]:
-    """Values as a tuple; a ParameterError where they are no numbers."""
+    """Return values as a tuple; a ParameterError unless they are a list of numbers."""
     try:
         array = np.array(values, np.float64)
     except (TypeError, ValueError):

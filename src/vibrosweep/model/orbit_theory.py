@@ -1,4 +1,4 @@
-"""Closed forms that hold for orbits of any kind: exponents, bounds, rests (numpy only)."""
+"""Closed forms for orbits of any kind: exponents, bounds, rests (numpy only)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING
 from vibrosweep.model.physical import physical
 
-FIXED = HIGH_BOUNCE, MOVING  # bases that particles do not act on
-HALVINGS = 60  # of a bracket as wide as the root is large, until rounding is left
+FIXED = HIGH_BOUNCE, MOVING  # bases without recoil
+HALVINGS = 60  # of a bracket as wide as the root is large, down to rounding
 
 
 def moves(base: str) -> bool:
-    """Tell whether a base of `FIXED` moves; a ParameterError for any other base."""
+    """Return whether a base of `FIXED` moves; a ParameterError for any other base."""
     if base not in FIXED:
         raise ParameterError(f"base = {base!r}: must be one of {', '.join(FIXED)}")
     return base == MOVING
@@ -25,9 +25,9 @@ def moves(base: str) -> bool:
 def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
     """Sum of the Lyapunov exponents of an orbit without rests, per impact: ln e or 2 ln e.
 
-    On a moving base an impact changes an area of phase and absolute speed by e^2 z / z', where z
-    and z' are the relative speeds with which the particle left before and leaves after it; along
-    an orbit the quotients cancel.
+    Over a moving base an impact multiplies an area of phase and absolute speed by e^2 z / z', where
+    z and z' are the relative speeds of the lift-offs before and after it; along an orbit the
+    quotients cancel.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
     Returns
     -------
     numpy.ndarray
-        Per impact.
+        Sum per impact.
 
     Raises
     ------
@@ -53,8 +53,8 @@ def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
     -0.105361
     """
     with np.errstate(divide="ignore"):
-        one = np.log(np.asarray(restitution, dtype=np.float64))
-    return np.asarray(2.0 * one if moves(base) else one)
+        logarithm = np.log(np.asarray(restitution, dtype=np.float64))
+    return np.asarray(2.0 * logarithm if moves(base) else logarithm)
 
 
 @physical
@@ -62,9 +62,9 @@ def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HI
     """Forcing periods in which an orbit locked to k periods returns bit for bit.
 
     These are ``150 k / |ln p|``.  Both multipliers have the modulus sqrt(p) over most of the
-    window, where p is e, or e^2 on a moving base.  From a distance of 1 to one rounding, 2^-53, it
-    takes ``2 * 53 ln 2 / |ln p|`` impacts, and up to twice that until the anchors of the
-    recogniser, whose ages double, have seen it; none is seen before 64 impacts.  Infinite for
+    window, where p is e, or e^2 over a moving base.  A distance of 1 shrinks to one rounding,
+    2^-53, within ``2 * 53 ln 2 / |ln p|`` impacts.  Recognition takes up to twice as long, because
+    the ages at which states are stored for comparison double, from 64 impacts on.  Infinite for
     e = 1, 0 for e = 0.
 
     Parameters
@@ -100,22 +100,22 @@ def liftoff_speed_bound(
 ) -> Array:
     """Bound of the absolute speed of every lift-off, in g / (2 f); infinite at e = 1.
 
-    High-bounce: max(u0, a / (1 - e)), because e u + a does not exceed it where u does not.
+    High-bounce: max(u0, a / (1 - e)), because e u + a does not exceed this bound if u does not.
 
     Moving: max(u0, (1 + 3 e) alpha / (1 - e)), alpha = a / (1 + e).  A flight of s periods from
     phase x with speed u lands where
 
         s (s - u) = alpha / (2 pi) (cos 2 pi (x + s) - cos 2 pi x) <= alpha s,
 
-    because a cosine is no steeper than 2 pi per turn.  Hence s <= u + alpha; the speed of arrival
-    is v = 2 s - u <= u + 2 alpha, and the next speed e v + (1 + e) alpha sin 2 pi x' is at most
-    e u + (1 + 3 e) alpha, which keeps to the bound.  A particle that lands at once leaves with at
-    most (1 + e) alpha, and one that rested with at most alpha.
+    because the slope of cos 2 pi x is at most 2 pi.  Hence s <= u + alpha.  The speed of arrival is
+    v = 2 s - u <= u + 2 alpha, and the next speed e v + (1 + e) alpha sin 2 pi x' is at most
+    e u + (1 + 3 e) alpha, which does not exceed the bound.  A particle that lands at once leaves
+    with at most (1 + e) alpha, and one that rested with at most alpha.
 
     Parameters
     ----------
     launch_speed
-        In g / (2 f).
+        Speed of the launch u0, in g / (2 f).
     kick
         a = 2 f A / g.
     restitution
@@ -126,7 +126,7 @@ def liftoff_speed_bound(
     Returns
     -------
     numpy.ndarray
-        In g / (2 f), in the shape of the arguments broadcast.
+        Bound in g / (2 f), in the shape of the arguments broadcast.
 
     Raises
     ------
@@ -140,10 +140,10 @@ def liftoff_speed_bound(
     2.0
     """
     e, a = np.asarray(restitution, dtype=np.float64), np.asarray(kick, dtype=np.float64)
-    fed = a * ((1.0 + 3.0 * e) / (1.0 + e)) if moves(base) else a
+    gain = a * ((1.0 + 3.0 * e) / (1.0 + e)) if moves(base) else a
     with np.errstate(divide="ignore", invalid="ignore"):
-        fed = np.where(a == 0.0, 0.0, fed / (1.0 - e))
-    return np.maximum(np.asarray(launch_speed, dtype=np.float64), fed)
+        limit = np.where(a == 0.0, 0.0, gain / (1.0 - e))
+    return np.maximum(np.asarray(launch_speed, dtype=np.float64), limit)
 
 
 @physical
@@ -152,12 +152,12 @@ def flight_time_bound(
 ) -> Array:
     """Bound of every flight time in forcing periods; infinite at e = 1.
 
-    This is `liftoff_speed_bound`, plus alpha on a moving base.
+    The bound is `liftoff_speed_bound`, plus alpha over a moving base.
 
     Parameters
     ----------
     launch_speed
-        In g / (2 f).
+        Speed of the launch u0, in g / (2 f).
     kick
         a = 2 f A / g.
     restitution
@@ -182,8 +182,8 @@ def flight_time_bound(
     2.0
     """
     e, a = np.asarray(restitution, dtype=np.float64), np.asarray(kick, dtype=np.float64)
-    longer = a / (1.0 + e) if moves(base) else 0.0
-    return np.asarray(liftoff_speed_bound(launch_speed, a, e, base) + longer)
+    extra = a / (1.0 + e) if moves(base) else 0.0
+    return np.asarray(liftoff_speed_bound(launch_speed, a, e, base) + extra)
 
 
 def above_sine(x: Array) -> Array:
@@ -199,14 +199,14 @@ def above_sine(x: Array) -> Array:
 def liftoff_flight(acceleration: ArrayLike) -> Array:
     """First flight after a rest on a moving base, in forcing periods; NaN for Gamma <= 1.
 
-    The particle leaves at the phase at which the base begins to fall faster than it, without
-    relative speed.  After the angle q = 2 pi s it is on the base again where
+    The particle leaves without relative speed, at the phase at which the downward acceleration of
+    the base exceeds g.  It lands after the angle q = 2 pi s for which
 
         sqrt(Gamma^2 - 1) = h(q) = (q^2 / 2 + cos q - 1) / (q - sin q).
 
     The restitution does not enter.  With t = q / 2 the derivative of h is
-    4 (t cos t - sin t)^2 / (q - sin q)^2 >= 0: there is one such angle, which is bisected.  Where
-    t = tan t the particle lands without relative speed.
+    4 (t cos t - sin t)^2 / (q - sin q)^2 >= 0, so that there is one solution, which is found by
+    bisection.  Where t = tan t the particle lands without relative speed.
 
     Parameters
     ----------
@@ -248,8 +248,8 @@ def unforced_rest_impact(
 ) -> Array:
     """Count the landings until a particle without excitation comes to rest for good.
 
-    The first n >= 1 with e^n u0 <= r, where u0 and r are flight times in forcing periods (any
-    common unit serves).  Infinite where e = 1 and u0 > r.
+    The number is the first n >= 1 with e^n u0 <= r, where u0 and r are flight times in any common
+    unit, such as forcing periods.  Infinite where e = 1 and u0 > r.
 
     Parameters
     ----------
@@ -304,18 +304,18 @@ def unforced_rest_time(
     Parameters
     ----------
     launch_velocity
-        m s-1.
+        v0 (m s-1).
     restitution
         Coefficient of restitution e, 0 to 1.
     contact_time
-        s.
+        tau_c (s).
     gravity
-        m s-2.
+        g (m s-2).
 
     Returns
     -------
     numpy.ndarray
-        s, in the shape of the arguments broadcast.
+        Time in s, in the shape of the arguments broadcast.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Laws of restitution from outside the package."""
+"""Laws of restitution that users register."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.functions import digest_of, plain
 from vibrosweep.model.restitution_laws import OUTSIDE_RATIOS, RESTITUTION_LAWS
 
-OUTSIDE: Final[dict[str, Law]] = {}  # by name, those of `register_law`
+OUTSIDE: Final[dict[str, Law]] = {}  # laws of `register_law`, by name
 
 
 @dataclass(frozen=True)
@@ -26,23 +26,23 @@ class Law:
     name
         Value of ``restitution_law`` that selects it.
     ratio
-        ``ratio(e, s)``: the coefficient e(v) at the speed s = v / ``restitution_speed``, from the
-        ``restitution`` e, plain Python that numba compiles.  It neither is negative nor exceeds 1.
-        Without functions of math it is evaluated in ball arithmetic too, as `verify` needs it.
+        ``ratio(e, s)``: the coefficient e(v), 0 to 1, at the speed s = v / ``restitution_speed``
+        for the ``restitution`` e; plain Python that numba compiles.  If it calls no functions of
+        math, `verify` evaluates it in ball arithmetic too.
     slope
-        ``slope(e, s)``: the derivative of e(v) v by v, of which s ratio(e, s) is that by s.
+        ``slope(e, s)``: the derivative of e(v) v by v, which is that of s ratio(e, s) by s.
     bend
         ``bend(e)``: a bound of the modulus of the derivative of `slope` by s, for all s >= 0.
     roundings
-        How many roundings the values of `ratio` and `slope` may be off, each half an ulp.
+        Bound of the errors of `ratio` and `slope`, in roundings of half an ulp.
     ball_ratio, ball_slope
-        The same two for balls of `flint.arb`, where `ratio` and `slope` cannot take them.
+        The same two functions for balls of `flint.arb`, if `ratio` and `slope` cannot take them.
 
     Raises
     ------
     ParameterError
-        The name is not allowed, or a function takes other arguments, draws numbers at random, or
-        depends on something that can change without notice.
+        The name is not allowed, or a function takes other arguments, draws random numbers, or uses
+        something from outside whose value could change without notice.
 
     Examples
     --------
@@ -91,12 +91,12 @@ class Law:
 
     @property
     def code(self) -> str:
-        """Digest of its functions as they are now, and of the number of roundings."""
+        """Digest of the functions as they are now, and of the number of roundings."""
         return digest_of(self._compiled(), f"law {self.name!r}", str(self.roundings))
 
 
 def register_law(law: Law) -> Law:
-    """Make a law selectable as ``restitution_law``; an earlier one of that name is replaced.
+    """Make a law available as ``restitution_law``; an earlier one of that name is replaced.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The physical parameters, their units and ranges, and the change to dimensionless form and back.
+"""The physical parameters, their units and ranges, and their dimensionless form.
 
-A realization of the map is one set of the seven physical parameters; the kernels see only their
-dimensionless combinations: phase in turns, flight time in forcing periods.
+A realization is one set of physical parameters.  The kernels take only dimensionless combinations:
+phases in turns, flight times in forcing periods.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ HIGH_BOUNCE: Final = "high-bounce"
 MOVING: Final = "moving"
 SPRUNG: Final = "sprung"
 
-# The laws of rebound that each base implements; over any other base a law is refused
+# The laws of rebound that each base implements
 LAWS_OF: Final[dict[str, tuple[str, ...]]] = {
     HIGH_BOUNCE: ("rest", "reflect"),
     MOVING: ("rest",),
@@ -34,11 +34,11 @@ BASES: Final = tuple(LAWS_OF)
 LAWS: Final = tuple(dict.fromkeys(law for laws in LAWS_OF.values() for law in laws))
 STAGGERED: Final = "staggered"
 
-# Whole periods are counted in float64, exactly up to 2**53; this leaves room for the flights.
+# Whole periods are counted in float64, exactly up to 2**53; this leaves room for the last flights
 MAX_PERIODS: Final = 2.0**51
 
-# Within these, in SI units, no product that is formed of parameters, nor the square of any flight
-# in forcing periods or in seconds, leaves the range of normal doubles.
+# Between these limits, in SI units, no product of parameters that is computed, and no square of a
+# flight time in forcing periods or seconds, leaves the range of normal doubles
 SMALLEST: Final = 1e-30
 LARGEST: Final = 1e30
 
@@ -50,18 +50,19 @@ class Parameter:
     Attributes
     ----------
     name, symbol, units, long_name
-        In code and files, in formulas, as in CF (``"1"`` for a pure number), in words.
+        Name in code and files, symbol in formulas, unit as in CF (``"1"`` for a pure number), and
+        name in words.
     default
-        That of Table 1, where the parameter is one of `PARAMETERS`; NaN without any.
+        Default value; NaN for none.
     low, high
-        Ends of the allowed range, which belong to it.
+        Ends of the allowed range, both included.
 
     Examples
     --------
     >>> import vibrosweep as vs
     >>> isinstance(vs.PARAMETERS["restitution"], vs.Parameter)
     True
-    >>> {name: one.default for name, one in vs.PARAMETERS.items() if one.units == "m s-1"}
+    >>> {name: p.default for name, p in vs.PARAMETERS.items() if p.units == "m s-1"}
     {'amplitude': 1.2, 'launch_velocity': 5.0}
     """
 
@@ -80,7 +81,7 @@ class Parameter:
         return f"at least {self.low:g} and at most {self.high:g}{unit}"
 
     def accepts(self, values: ArrayLike) -> NDArray[np.bool_]:
-        """Tell, element by element, which values lie in the allowed range (NaN never does)."""
+        """Return, element by element, whether values lie in the allowed range; NaN never does."""
         array = np.asarray(values, dtype=np.float64)
         return np.asarray((array >= self.low) & (array <= self.high))
 
@@ -98,7 +99,7 @@ PARAMETERS: Final[Mapping[str, Parameter]] = {
     )
 }
 
-# Of the base and its mount, where the base is "sprung".  NaN: without a default.
+# Parameters of a sprung base; a default of NaN means none
 MOUNT: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
@@ -110,7 +111,7 @@ MOUNT: Final[Mapping[str, Parameter]] = {
     )
 }
 
-# Standard deviations of random quantities of an impact, none of which has to be given
+# Standard deviations of noise, all optional
 NOISE: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
@@ -121,13 +122,12 @@ NOISE: Final[Mapping[str, Parameter]] = {
         Parameter("drive_noise", "sigma_A", "1", "noise of the amplitude", 0.0, 0.0, 1e6),
     )
 }
-STREAM: Final = "noise_stream"  # the number of each realization's stream of random numbers
-# Streams, and particles in each, that have a place in the counter of `vibrosweep.kernels.noise`
+STREAM: Final = "noise_stream"  # index of the random stream of each realization
+# Numbers of streams, and of particles in each, that the counter of `vibrosweep.kernels.noise` holds
 STREAMS: Final = 2**36
 STREAM_PARTICLES: Final = 2**26
 
-
-# Of a law of restitution that depends on the speed; NaN: without a default
+# Parameters of a law of restitution that depends on the speed; a default of NaN means none
 OF_RESTITUTION: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
@@ -148,38 +148,37 @@ def refuse_masked(name: str, values: object) -> None:
     """Raise a ParameterError for masked values, whose numbers numpy would take for data."""
     listed = values if isinstance(values, list | tuple) else ()
     if np.ma.is_masked(values) or any(value is np.ma.masked for value in listed):
-        raise ParameterError(f"{name}: holds masked values, which are no data; leave them out")
+        raise ParameterError(f"{name}: holds masked values, which are not data; leave them out")
 
 
 class Strengths(NamedTuple):
-    """Noise of realizations; every array has shape (realization,), None for a kind that is off."""
+    """Noise of realizations; arrays of shape (realization,), or None for a kind that is off."""
 
     restitution: Array | None  # standard deviation of e
-    kick: Array | None  # (1 + e) 2 f sigma_V / g, of the flight after an impact, forcing periods
+    # Standard deviation (1 + e) 2 f sigma_V / g of the flight after an impact, in forcing periods
+    kick: Array | None
     drive: Array | None  # relative standard deviation of a in each forcing period
-    stream: Array  # whole numbers
+    stream: Array  # indices of random streams, whole numbers
 
 
 class Dimensionless(NamedTuple):
     """Dimensionless form of realizations, for the kernels; every array has shape (realization,)."""
 
     restitution: Array  # e
-    # v_r, speed of the law of restitution as the duration of a flight; 0 where it is constant
+    # v_r, speed of the law of restitution as the duration of a flight; 0 for a constant one
     restitution_speed: Array
     kick: Array  # a = 2 f A / g, forcing periods
     launch_flight: Array  # u0 = 2 f v0 / g, duration of the first flight in forcing periods
-    rest_flight: Array  # r = f tau_c, the flight time at and below which a particle comes to rest
-    # Phase in turns, in [0, 1/4], at which the kick rises through r and a resting particle is
-    # relaunched; 0 where that never happens (a <= r)
+    rest_flight: Array  # r = f tau_c, the longest flight time at which a particle comes to rest
+    # Phase in turns, in [0, 1/4], at which the kick rises through r and a resting particle lifts
+    # off; 0 if that never happens (a <= r)
     liftoff_phase: Array
     phase: Array  # phase of the forcing at t = 0 in turns, reduced to [-1/2, 1/2]
-    # begin_count, begin_phase, end_count, end_phase: window of observation, as whole periods and
-    # reduced phase
-    begin_count: Array
-    begin_phase: Array
-    end_count: Array
-    end_phase: Array
-    noise: Strengths | None = None  # where nothing is random
+    begin_count: Array  # beginning of the window: whole periods
+    begin_phase: Array  # and reduced phase
+    end_count: Array  # end of the window: whole periods
+    end_phase: Array  # and reduced phase
+    noise: Strengths | None = None  # None: nothing is random
 
 
 class Mounts(NamedTuple):
@@ -188,18 +187,17 @@ class Mounts(NamedTuple):
     mass_ratio: Array  # mu, mass of one particle in units of that of the base
     natural: Array  # nu = f0 / f, natural frequency of the mount in units of that of the forcing
     damping: Array  # zeta, damping ratio of the mount
-    # restitution, waveform, noise: law of restitution, shape of the motion of the base without
-    # particles, and what is random in impacts, as kernels take them
-    restitution: Any
-    waveform: Any
-    noise: Any = None
+    # As kernels take them:
+    restitution: Any  # law of restitution
+    waveform: Any  # shape of the motion of the base without particles
+    noise: Any = None  # random quantities of impacts
 
 
 class Launches(NamedTuple):
-    """Launch instants without the forcing's own phase: whole periods and reduced phase.
+    """Launch times in forcing periods, as whole periods and reduced phase.
 
-    Both arrays have shape (1, particle) where all realizations share them, else
-    (realization, particle).
+    The phase of the forcing at t = 0 is not included.  Both arrays have shape (1, particle) if all
+    realizations share them, else (realization, particle).
     """
 
     whole: Array
@@ -211,10 +209,10 @@ def dimensionless(
 ) -> Dimensionless:
     """Change realizations to the dimensionless form.
 
-    Every parameter of `PARAMETERS`, and of `OF_RESTITUTION` where the law has any, is of shape
-    (realization,), within its range.  The transient is
-    the beginning of the window that measures cover; -inf covers every landing.  Raises a
-    ParameterError where a time is more forcing periods than can be counted exactly.
+    Every parameter of `PARAMETERS`, and of `OF_RESTITUTION` if the law has one, is of shape
+    (realization,) and within its range.  The transient is the beginning of the window of measures;
+    -inf includes every landing.  Raises a ParameterError for a time of more forcing periods than
+    can be counted exactly.
     """
     frequency = parameters["frequency"]
     per_velocity = 2.0 * frequency / parameters["gravity"]
@@ -230,7 +228,7 @@ def dimensionless(
     else:
         begin_count, begin_phase = np.full_like(turns, amount(transient)), np.zeros_like(turns)
     return Dimensionless(
-        # a copy: kernels are compiled anew for arrays that are read-only or not contiguous
+        # a copy: for read-only or non-contiguous arrays numba would compile the kernels again
         restitution=np.array(parameters["restitution"]),
         restitution_speed=np.zeros_like(kick) if speed is None else per_velocity * speed,
         kick=kick,
@@ -247,20 +245,20 @@ def dimensionless(
 
 
 def _strengths(parameters: Mapping[str, Array], per_velocity: Array) -> Strengths | None:
-    """Noise of realizations, whose stream is given with it."""
+    """Return the noise of realizations, with their random streams."""
     if NOISE.keys().isdisjoint(parameters):
         return None
     kick = parameters.get("kick_noise")
     if kick is not None:
         kick = (1.0 + parameters["restitution"]) * per_velocity * kick
-    # copies, as of the restitution
+    # copies, as for the restitution
     sizes = (parameters.get(name) for name in ("restitution_noise", "drive_noise"))
     restitution, drive = (None if values is None else np.array(values) for values in sizes)
     return Strengths(restitution, kick, drive, np.array(parameters[STREAM], np.float64))
 
 
 def taken(problem: Dimensionless, which: Any) -> Dimensionless:
-    """Return the arrays of some realizations, by an index of each array."""
+    """Return the arrays of some realizations; `which` indexes each array."""
 
     def row(values: Any) -> Any:
         if isinstance(values, tuple):
@@ -280,17 +278,17 @@ def mounts(
 
 
 def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Array, Array]:
-    """Whole periods and phase of the forcing at a time."""
+    """Return whole periods and phase of the forcing at a time."""
     _require_countable(what, frequency, time)
     rate = 1.0 if isinstance(time, Periods) else frequency
     return reduced_turns(rate, amount(time), turns)
 
 
 def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) -> Launches:
-    """Launch instants in forcing periods, from frequencies of shape (realization,) in Hz.
+    """Return launch times in forcing periods; frequencies in Hz have shape (realization,).
 
-    Launch times are given in s, or are ``"staggered"`` evenly over one forcing period: particle j
-    at j / (particles frequency).
+    `launch` holds times in s, or is ``"staggered"``: evenly over one forcing period, particle j at
+    j / (particles frequency).
     """
     if isinstance(launch, str):
         instants = np.arange(particles, dtype=np.float64) / particles
@@ -304,11 +302,11 @@ def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) 
 
 
 def representable(parameters: Mapping[str, Array], times: Iterable[Time]) -> NDArray[np.bool_]:
-    """Mark realizations that `dimensionless` and `launches` accept; shape (realization,).
+    """Return which realizations `dimensionless` and `launches` accept; shape (realization,).
 
-    Parameters, and those of `MOUNT` where the base is sprung, are within their ranges; only an
-    amplitude that follows from another forcing, and a mass ratio that follows from masses, may be
-    above it.  Times are launch times, transient and duration; infinite ones are left out.
+    The parameters are within their ranges, except for an amplitude that follows from another
+    forcing and a mass ratio that follows from masses, which may be too large.  Times are launch
+    times, transient and duration; infinite ones are ignored.
     """
     usable = PARAMETERS["amplitude"].accepts(parameters["amplitude"])
     if "mass_ratio" in parameters:
@@ -325,7 +323,7 @@ def representable(parameters: Mapping[str, Array], times: Iterable[Time]) -> NDA
 def _countable(frequency: Array, time: Time) -> NDArray[np.bool_]:
     if isinstance(time, Periods):
         return np.full(frequency.shape, abs(time.number) <= MAX_PERIODS)
-    # not the product, which may overflow
+    # divided, because the product of time and frequency may overflow
     return np.asarray(abs(time) <= MAX_PERIODS / frequency)
 
 

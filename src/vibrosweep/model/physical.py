@@ -1,4 +1,4 @@
-"""Ranges of the arguments of closed forms: what is physically impossible is refused."""
+"""Ranges of the arguments of closed forms, outside which they are refused."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _ARGUMENTS: Final[Mapping[str, Parameter]] = {
 
 
 def physical(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function refuse arguments outside the ranges of their names; NaN is outside."""
+    """Let a function refuse arguments outside the ranges of the parameters they name, and NaN."""
     names = inspect.signature(function)
 
     @functools.wraps(function)

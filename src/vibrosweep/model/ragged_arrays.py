@@ -1,4 +1,4 @@
-"""Records without empty places: contiguous ragged arrays of the CF conventions."""
+"""Records without padding: contiguous ragged arrays of the CF conventions."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from vibrosweep.model.measures import RECORD, Variable
 IN_FILE: Final = "record"  # the group of a result file that holds a record
 LANDING: Final = "landing"
 SAMPLES: Final = "sample_dimension"
-# Dims of a rectangle, and those of a ragged record in their place
+# Dims of a rectangle, and the dims of a ragged record that replace them
 RAGGED_DIMS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
     RECORD["landing_time"].dims: (LANDING,),
     RECORD["impact_count"].dims: ("trajectory",),
 }
-# Variables that say which trajectory is which, with their meaning
+# Variables that identify trajectories, with their meaning
 OF_TRAJECTORIES: Final[Mapping[str, str]] = {
     "realization_index": "position of the realization",
     "particle_index": "number of the particle",
@@ -34,9 +34,9 @@ def ragged_columns(
     particles: int,
     prefix: str = "",
 ) -> dict[str, Column]:
-    """Return the columns of a ragged record, whose landings stand one after the other.
+    """Return the columns of a ragged record, with all landings in one list.
 
-    The attribute of the counts that names the dimension of landings begins with `prefix`.
+    An attribute of the counts names the dimension of landings, with `prefix` before it.
     """
     places = np.divmod(np.arange(found["impact_count"].size), particles)
     of_trajectories = RAGGED_DIMS[RECORD["impact_count"].dims]
@@ -52,18 +52,18 @@ def ragged_columns(
     return columns
 
 
-def whole(count: NDArray[np.int64], *of_landings: NDArray[Any]) -> bool:
-    """Tell whether ragged arrays hold as many landings as the counts of their trajectories say."""
+def counts_agree(count: NDArray[np.int64], *of_landings: NDArray[Any]) -> bool:
+    """Return whether ragged arrays hold as many landings as the counts of trajectories say."""
     total = int(count.sum())
     return bool((count >= 0).all()) and all(values.shape == (total,) for values in of_landings)
 
 
 def padded(values: NDArray[Any], count: NDArray[np.int64]) -> NDArray[Any]:
-    """Return a ragged array as a rectangle of shape (trajectory, impact), empty past the last."""
-    there = np.arange(count.max(initial=0)) < count[:, np.newaxis]
-    full = np.full(there.shape, np.nan if values.dtype.kind == "f" else 0, values.dtype)
-    full[there] = values
-    return full
+    """Return a ragged array as a padded rectangle of shape (trajectory, impact)."""
+    filled = np.arange(count.max(initial=0)) < count[:, np.newaxis]
+    rectangle = np.full(filled.shape, np.nan if values.dtype.kind == "f" else 0, values.dtype)
+    rectangle[filled] = values
+    return rectangle
 
 
 def wasted(count: NDArray[np.int64], remedy: str) -> str:
@@ -72,7 +72,7 @@ def wasted(count: NDArray[np.int64], remedy: str) -> str:
     if places <= MOST_WASTED * landings:
         return ""
     return (
-        f"{1.0 - landings / places:.0%} of the {places} places are empty, since particles land "
-        f"{landings / count.size:.3g} times on average and {count.max()} at most: {remedy} "
+        f"{1.0 - landings / places:.0%} of the {places} places are empty, because particles land "
+        f"{landings / count.size:.3g} times on average but up to {count.max()} times: {remedy} "
         f"leaves them out"
     )

@@ -7,8 +7,8 @@ An impact at the relative speed v leaves E(v) = e(v) v, with the slope q(v) = E'
     viscoelastic   e(v) = P(y_0 (v / v_r)^(1/10)), P(y_0) = e
 
 `restitution` is e, and `restitution_speed` v_y or v_r.  P is a Pade approximation for two
-viscoelastic spheres in contact until the force between them is zero.  It exceeds the exact e(v) by
-4e-3 at 0.46 and by less above; below 0.46 it is not used.
+viscoelastic spheres, which are in contact until the force between them vanishes.  It exceeds the
+exact e(v) by 4e-3 at 0.46 and by less above; below 0.46 it is not used.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from vibrosweep.model.physical import physical
 CONSTANT: Final = "constant"
 PLASTIC: Final = "plastic"
 VISCOELASTIC: Final = "viscoelastic"
-# Those of `vibrosweep.model.outside_laws.register_law` are appended
+# `vibrosweep.model.outside_laws.register_law` appends others
 RESTITUTION_LAWS: Final = [CONSTANT, PLASTIC, VISCOELASTIC]
 
 (SPEED,) = OF_RESTITUTION
 LEAST_VISCOELASTIC: Final = 0.46
 # P(y) = (1 + n1 y) / (1 + n1 y + d2 y^2 + d3 y^3 + d4 y^4): n1, d2, d3, d4
 PADE: Final = (0.501086, 1.15345, 0.577977, 0.532178)
-# e(v) of the laws from outside the package, from e and v / v_r
+# Functions e(v), of e and v / v_r, of registered laws
 OUTSIDE_RATIOS: Final[dict[str, Callable[[Any, Any], Any]]] = {}
 
 
@@ -53,18 +53,18 @@ def restitution_at(
     velocity
         Speed v of the impact relative to the base (m s-1), not negative.
     restitution, law, restitution_speed
-        As of a scene: ``restitution``, ``restitution_law`` and, where that is not ``"constant"``,
+        As in a scene: ``restitution``, ``restitution_law`` and, unless that is ``"constant"``,
         ``restitution_speed`` (m s-1).  All numbers broadcast.
 
     Returns
     -------
     numpy.ndarray
-        As the arguments broadcast.
+        e(v), as the arguments broadcast.
 
     Raises
     ------
     ParameterError
-        There is no such law, it lacks its speed, or does not hold for the restitution.
+        There is no such law, its speed is missing, or it does not hold for the restitution.
 
     Notes
     -----
@@ -101,7 +101,7 @@ def _pade(y: Array) -> Array:
 
 
 def _root_at(e: Array) -> Array:
-    """Return y_0, by an iteration each step of which leaves a fifth of the error."""
+    """Return y_0 by an iteration that reduces the error to a fifth at each step."""
     n1, d2, d3, d4 = PADE
     y = np.zeros_like(e)
     for _ in range(40):
@@ -110,7 +110,7 @@ def _root_at(e: Array) -> Array:
 
 
 def fastest_in_range(law: str, restitution: Array, restitution_speed: Array | None) -> Array:
-    """Speed (m s-1) up to which a law of restitution holds; infinite where at any."""
+    """Return the speed (m s-1) up to which a law of restitution holds; infinite for no limit."""
     if law != VISCOELASTIC or restitution_speed is None:
         return np.full_like(restitution, np.inf)
     with np.errstate(divide="ignore"):
@@ -119,14 +119,14 @@ def fastest_in_range(law: str, restitution: Array, restitution_speed: Array | No
 
 
 def range_of(law: str, inputs: Mapping[str, float]) -> str:
-    """Say up to which speed of impact a law holds, of numbers that do not vary; "" if at any."""
+    """Return a sentence on the range of a law for inputs that do not vary; "" for no limit."""
     if law != VISCOELASTIC:
         return ""
-    said = f"holds where e(v) is at least {LEAST_VISCOELASTIC:g}"
+    text = f"holds where e(v) is at least {LEAST_VISCOELASTIC:g}"
     if {"restitution", SPEED} <= inputs.keys():
         e, speed = (np.asarray(inputs[name], np.float64) for name in ("restitution", SPEED))
-        said += f", in impacts of up to {float(fastest_in_range(law, e, speed)):.4g} m s-1"
-    return f"{said}; faster ones are computed with the same law"
+        text += f", in impacts of up to {float(fastest_in_range(law, e, speed)):.4g} m s-1"
+    return f"{text}; faster ones are computed with the same law"
 
 
 def law_in(attributes: Mapping[str, Any]) -> str:
@@ -135,14 +135,13 @@ def law_in(attributes: Mapping[str, Any]) -> str:
 
 
 def speed_mistakes(law: str, given: Collection[str]) -> dict[str, str]:
-    """Find mistakes in the names that are given for a law of restitution.
+    """Return mistakes in the given parameters of a law of restitution, by parameter.
 
-    Returns a description of the necessary change by the name of the parameter; empty if there is
-    none.
+    Each text says what to change.
     """
     if law == CONSTANT and SPEED in given:
         others = " or ".join(f'"{name}"' for name in RESTITUTION_LAWS if name != CONSTANT)
-        text = f"is of a restitution that depends on it: write restitution_law = {others}"
+        text = f"belongs to a law that depends on the speed: write restitution_law = {others}"
         return {SPEED: f"{text}, or leave it out"}
     if law != CONSTANT and SPEED not in given:
         return {SPEED: f'is missing; restitution_law = "{law}" needs it (in m s-1, above 0)'}
@@ -150,7 +149,7 @@ def speed_mistakes(law: str, given: Collection[str]) -> dict[str, str]:
 
 
 def range_mistake(law: str, restitution: Array) -> str:
-    """Return a message where a law does not hold for a restitution; else an empty one."""
+    """Return a message if a law does not hold for a restitution; else ""."""
     if law != VISCOELASTIC or not np.any(restitution < LEAST_VISCOELASTIC):
         return ""
     return (

@@ -1,4 +1,4 @@
-"""Measures of a scene, with their window and the observables."""
+"""The measures of a scene, with their window and the observables."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from vibrosweep.model.times import Time
 
 @dataclass(frozen=True)
 class Measures:
-    """Values of the keys of [measure]: `vibrosweep.model.measures` has `MEASURES` and `OPTIONS`.
+    """Values of the keys of [measure], and the observables of Python, which have no key.
 
-    Measures that another one requires are taken with it.  Observables, which are functions, have no
-    key.
+    The keys are those of `MEASURES` and `OPTIONS` of `vibrosweep.model.measures`.  A measure
+    switches those on that it requires.
     """
 
     transient: Time = 0.0
@@ -37,15 +37,15 @@ class Measures:
     def __post_init__(self) -> None:
         for key in MEASURES:
             if getattr(self, key):
-                self._ask(key)
+                self._switch_on(key)
 
-    def _ask(self, key: str) -> None:
+    def _switch_on(self, key: str) -> None:
         object.__setattr__(self, key, True)
         for other in MEASURES[key].requires:
-            self._ask(other)
+            self._switch_on(other)
 
     def over(self, base: str, restitution_law: str) -> Measures:
-        """Return these measures with those that are always taken over this base, by this law."""
+        """Return these measures with those that this base, or this law, always includes."""
         limited = restitution_law == VISCOELASTIC
         return replace(
             self,
@@ -57,7 +57,7 @@ class Measures:
     def variables(self) -> tuple[Variable, ...]:
         """Variables of a result, in their order."""
         taken = (measure for key, measure in MEASURES.items() if getattr(self, key))
-        observed = (one.variable for one in self.observables)
+        observed = (observable.variable for observable in self.observables)
         return (
             *ALWAYS,
             *(variable for measure in taken for variable in measure.variables),
@@ -66,22 +66,18 @@ class Measures:
 
     @property
     def observable_names(self) -> set[str]:
-        """Names that observables bring into a result."""
-        return {one.name for one in self.observables}.union(self.observable_dims)
+        """Names of the variables and dimensions of observables."""
+        return {o.name for o in self.observables}.union(self.observable_dims)
 
     @property
     def observable_dims(self) -> dict[str, tuple[float, ...]]:
         """Dimensions of observables, with their coordinates."""
-        return {one.along: one.values for one in self.observables if one.along}
+        return {o.along: o.values for o in self.observables if o.along}
 
 
-# The keys of [measure] with their defaults; None where another key has one
+# The keys of [measure] with their defaults; None for an alternative to another key
 KEYS: Final[Mapping[str, bool | float | None]] = {
     "transient": 0.0,
     TRANSIENT_PERIODS: None,
-    **{
-        one.name: getattr(Measures(), one.name)
-        for one in fields(Measures)
-        if one.name != "observables"
-    },
+    **{f.name: getattr(Measures(), f.name) for f in fields(Measures) if f.name != "observables"},
 }

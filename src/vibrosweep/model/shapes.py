@@ -1,7 +1,7 @@
-"""Shapes of the motion of the base over a period.
+"""Waveforms: shapes of the motion of the base over a period.
 
-The base has the velocity V0 w(X) and the height (V0 / f) W(X), W' = w, at the phase X in turns; w
-has the period 1 and the mean zero:
+At the phase X in turns the base has the velocity V0 w(X) and the height (V0 / f) W(X), W' = w.  The
+shape w has the period 1 and the mean zero:
 
     w(X) = sum c_h sin(2 pi h X + psi_h)        W(X) = -sum c_h cos(2 pi h X + psi_h) / (2 pi h)
 
@@ -28,8 +28,8 @@ HARMONICS_NAME: Final = "harmonics"
 WAVEFORMS: Final = (SINE_NAME, PARABOLIC_NAME, HARMONICS_NAME)
 MOST_HARMONICS: Final = 16
 TWO_PI: Final = 2.0 * math.pi
-OFF: Final = 0.49087
-NARROW: Final = 2.0**-44  # turns; two roots as near as that are one
+OFFSET: Final = 0.49087  # of the intervals of a search, so that no end is likely to be a zero
+NARROW: Final = 2.0**-44  # turns; two closer zeros count as one
 
 FORMS: Final = (
     f'must be "{SINE_NAME}", "{PARABOLIC_NAME}", or the harmonics of the velocity of the base, '
@@ -37,23 +37,23 @@ FORMS: Final = (
     f"{{ {HARMONICS_NAME} = [[1, 1.0, 0.0], [2, 0.4, 1.1]] }}, or a measured trace, as in "
     f'{{ trace = "shaker.csv", column = "height", {HARMONICS_NAME} = 8 }}'
 )
-LARGEST_TONE: Final = 1e6  # of a weight and a phase
+LARGEST_TONE: Final = 1e6  # largest modulus of a weight and of a phase
 
 Tone = tuple[int, float, float]  # number, weight and phase in rad of a harmonic
 
 
 class Trace(NamedTuple):
-    """A measured motion that harmonics were fitted to."""
+    """A measured motion to which harmonics were fitted."""
 
-    trace: str  # name of its file
+    trace: str  # path of the file
     column: str
     digest: str  # of the file
-    held: float  # share of the variance of the trace that the harmonics hold
+    held: float  # share of the variance of the trace that the harmonics explain
 
 
 @dataclass(frozen=True)
 class Waveform:
-    """A shape, by one of `WAVEFORMS`; harmonics in the order of their numbers, each once."""
+    """A waveform of a kind of `WAVEFORMS`; harmonics are sorted by number, each once."""
 
     name: str = SINE_NAME
     tones: tuple[Tone, ...] = ()
@@ -61,39 +61,39 @@ class Waveform:
 
     @property
     def text(self) -> str:
-        """Words of the key ``waveform``, in a result: a name, or harmonics and their origin."""
+        """Text of the key ``waveform`` in a result: a name, or harmonics and their origin."""
         return self.name if self.name != HARMONICS_NAME else toml(self.value)
 
     @property
     def value(self) -> Any:
-        """Value of the key ``waveform`` that asks for it, even if its trace is gone."""
+        """Value of the key ``waveform`` in a sweep file that does not need the trace."""
         if self.name != HARMONICS_NAME:
             return self.name
         origin = self.trace._asdict() if isinstance(self.trace, Trace) else {}
         return {self.name: [list(tone) for tone in self.tones], **origin}
 
     def height(self, x: ArrayLike) -> Array:
-        """W at phases in turns."""
+        """Return W at phases in turns."""
         if self.name == PARABOLIC_NAME:
             y, rises = _folded(x)
             return np.asarray(np.where(rises, 2.0 * y * y - 0.125, 0.125 - 2.0 * y * y))
         return self.derivative(x, -1)
 
     def velocity(self, x: ArrayLike) -> Array:
-        """W', which is w, at phases in turns."""
+        """Return w at phases in turns."""
         if self.name == PARABOLIC_NAME:
             y, rises = _folded(x)
             return np.asarray(np.where(rises, 4.0 * y, -4.0 * y))
         return self.derivative(x, 0)
 
     def slope(self, x: ArrayLike) -> Array:
-        """Derivative of w by the phase in turns."""
+        """Return the derivative of w by the phase in turns."""
         if self.name == PARABOLIC_NAME:
             return np.asarray(np.where(_folded(x)[1], 4.0, -4.0))
         return self.derivative(x, 1)
 
     def area(self, x: ArrayLike) -> Array:
-        """Integral of W, of mean zero, by the phase in turns."""
+        """Return the integral of W by the phase in turns, with mean zero."""
         if self.name == PARABOLIC_NAME:
             y, rises = _folded(x)
             return np.asarray(np.where(rises, 1.0, -1.0) * y * (2.0 * y * y / 3.0 - 0.125))
@@ -102,20 +102,20 @@ class Waveform:
     @property
     def highest(self) -> float:
         """Largest velocity, in units of V0."""
-        return _of(self).highest
+        return _sizes(self).highest
 
     @property
     def per_displacement(self) -> float:
-        """V0 in units of f times half the height from the lowest to the highest level."""
-        return _of(self).per_displacement
+        """V0 / (f B), where B is half the height from the lowest to the highest level."""
+        return _sizes(self).per_displacement
 
     @property
     def fall(self) -> float:
         """Greatest downward acceleration in units of f V0."""
-        return _of(self).fall
+        return _sizes(self).fall
 
     def sum_of(self, power: int) -> float:
-        """Sum of (2 pi h)^power |c_h|, which the derivative of that order of w never exceeds."""
+        """Return the sum of (2 pi h)^power |c_h|, a bound of the derivative of w of this order."""
         return math.fsum((TWO_PI * h) ** power * abs(c) for h, c, _ in self._tones)
 
     @property
@@ -123,7 +123,7 @@ class Waveform:
         return self.tones or ((1, 1.0, 0.0),)
 
     def derivative(self, x: ArrayLike, order: int) -> Array:
-        """Derivative of an order of harmonics w; of a negative order integrals of mean zero."""
+        """Return the derivative of w of an order; a negative order is an integral of mean zero."""
         x = np.asarray(x, dtype=np.float64)
         found = np.zeros_like(x)
         for h, weight, phase in self._tones:
@@ -136,12 +136,12 @@ SINE: Final = Waveform()
 
 
 def harmonics_of(listed: object, origin: Trace | tuple[()] = ()) -> Waveform:
-    """Return the waveform of a list of harmonics, or raise ValueError with what is allowed."""
+    """Return the waveform of a list of harmonics; a ValueError says what is allowed."""
     if not isinstance(listed, list) or not listed:
         raise ValueError("the list of harmonics is empty; ", FORMS)
     if len(listed) > MOST_HARMONICS:
         raise ValueError(f"has {len(listed)} harmonics; at most {MOST_HARMONICS} are allowed")
-    tones = tuple(sorted(_tone(one) for one in listed))
+    tones = tuple(sorted(map(_tone, listed)))
     numbers = [h for h, _, _ in tones]
     if len({*numbers}) < len(numbers):
         raise ValueError("gives a harmonic twice; sum the two, or leave one out")
@@ -150,17 +150,17 @@ def harmonics_of(listed: object, origin: Trace | tuple[()] = ()) -> Waveform:
     return Waveform(HARMONICS_NAME, tones, origin)
 
 
-def _tone(one: Any) -> Tone:
+def _tone(harmonic: Any) -> Tone:
     """Return number, weight and phase of a harmonic."""
-    if not isinstance(one, list) or len(one) != 3:
-        raise ValueError(f"harmonic {one!r} is not a list of number, weight and phase in rad")
-    h, *others = one
+    if not isinstance(harmonic, list) or len(harmonic) != 3:
+        raise ValueError(f"harmonic {harmonic!r} is not a list of number, weight and phase in rad")
+    h, *others = harmonic
     if h == 0 and not isinstance(h, bool):
-        raise ValueError("harmonic 0 is a mean velocity, with which the base would wander off")
+        raise ValueError("harmonic 0 is a mean velocity, with which the base would drift away")
     if isinstance(h, bool) or not isinstance(h, int) or not 1 <= h <= MOST_HARMONICS:
         raise ValueError(
-            f"harmonic number {h!r} must be a whole number from 1 to {MOST_HARMONICS}, or the "
-            f"motion has no period of one turn"
+            f"harmonic number {h!r} must be a whole number from 1 to {MOST_HARMONICS}, so that the "
+            f"motion has the period of the forcing"
         )
     for what, number in zip(("weight", "phase in rad"), others, strict=True):
         real = isinstance(number, int | float) and not isinstance(number, bool)
@@ -173,7 +173,7 @@ def _tone(one: Any) -> Tone:
 
 
 def name_in(attributes: Mapping[str, Any]) -> str:
-    """Name of the waveform that attributes of a result hold; by default the sine."""
+    """Return the name of the waveform in attributes of a result; by default the sine."""
     given = str(attributes.get("waveform", SINE_NAME))
     return given if given in WAVEFORMS else HARMONICS_NAME
 
@@ -186,7 +186,7 @@ class _Sizes:
 
 
 @functools.lru_cache(maxsize=64)
-def _of(waveform: Waveform) -> _Sizes:
+def _sizes(waveform: Waveform) -> _Sizes:
     if waveform.name == SINE_NAME:
         return _Sizes(1.0, TWO_PI, TWO_PI)
     if waveform.name == PARABOLIC_NAME:
@@ -202,7 +202,7 @@ def _of(waveform: Waveform) -> _Sizes:
 
 
 def _folded(x: ArrayLike) -> tuple[Array, Array]:
-    """Distance in turns from the middle of the rising or falling half period, and which it is."""
+    """Return the phase from the middle of the half period, and whether w rises in it."""
     x = np.asarray(x, dtype=np.float64)
     near = x - np.rint(x)
     rises = np.abs(near) <= 0.25
@@ -210,11 +210,11 @@ def _folded(x: ArrayLike) -> tuple[Array, Array]:
 
 
 def zeros(waveform: Waveform, order: int, level: float = 0.0) -> Array:
-    """Phases in [-1/2, 1/2], ascending, where the derivative of w of an order crosses a level.
+    """Return the phases in [-1/2, 1/2], ascending, at which a derivative of w crosses a level.
 
-    The waveform is of harmonics.  None is missed, except two that are closer than `NARROW`: an
-    interval is left out once the next derivative, bounded, says that it holds none, and halved
-    until its function is monotone.
+    `order` is that of the derivative; the waveform must be of harmonics.  All crossings are found,
+    except pairs closer than `NARROW`: an interval is discarded when a bound of the next derivative
+    excludes a crossing, and halved until the function is monotone in it.
     """
     bounds = [waveform.sum_of(order + 1) * 1.001, waveform.sum_of(order + 2) * 1.001]
 
@@ -225,7 +225,7 @@ def zeros(waveform: Waveform, order: int, level: float = 0.0) -> Array:
         return waveform.derivative(x, order + 1)
 
     most = max(h for h, _, _ in waveform.tones)
-    edges = np.linspace(0.0, 1.0, 16 * most + 1) - OFF  # no edge where a zero is likely
+    edges = np.linspace(0.0, 1.0, 16 * most + 1) - OFFSET
     left, right = edges[:-1], edges[1:]
     found = []
     while left.size:
@@ -236,17 +236,17 @@ def zeros(waveform: Waveform, order: int, level: float = 0.0) -> Array:
         crosses = (value(left) < 0.0) != (value(right) < 0.0)
         done = ~empty & (monotone | narrow)
         found.append(_bisected(value, left[done & crosses], right[done & crosses]))
-        rest = ~empty & ~done
+        undecided = ~empty & ~done
         left, right = (
-            np.concatenate([left[rest], middle[rest]]),
-            np.concatenate([middle[rest], right[rest]]),
+            np.concatenate([left[undecided], middle[undecided]]),
+            np.concatenate([middle[undecided], right[undecided]]),
         )
-    every = np.concatenate(found)
-    return np.sort(every - np.rint(every))
+    phases = np.concatenate(found)
+    return np.sort(phases - np.rint(phases))
 
 
 def _bisected(value: Callable[[Array], Array], left: Array, right: Array) -> Array:
-    """Crossing of a level between the ends of intervals, at which the signs differ."""
+    """Return the zero of a function in each interval, at whose ends its signs differ."""
     below = value(left) < 0.0
     for _ in range(60):
         middle = 0.5 * (left + right)

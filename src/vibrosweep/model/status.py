@@ -36,7 +36,7 @@ class Status(IntEnum):
         return self.name.lower()
 
 
-# Fewer landings in the window are too few to measure how neighbouring orbits separate.
+# Landings in the window that a Lyapunov exponent takes at least
 LANDINGS_OF_AN_EXPONENT: Final = 64
 
 

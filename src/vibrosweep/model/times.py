@@ -16,12 +16,11 @@ class Periods:
     number: float
 
 
-# A plain number is in s.
-Time = float | Periods
+Time = float | Periods  # a plain number is in s
 
 
 def amount(time: Time) -> float:
-    """Number of seconds or periods."""
+    """Return the number of seconds or periods."""
     return time.number if isinstance(time, Periods) else time
 
 
@@ -31,26 +30,26 @@ def fraction_of(time: Time, share: float) -> Time:
 
 
 def in_seconds(time: Time, frequency: Array) -> Array:
-    """Time in s of each realization; `frequency` in Hz, shape (realization,)."""
+    """Return a time in s for each realization; `frequency` in Hz, shape (realization,)."""
     if isinstance(time, Periods):
         return np.asarray(time.number / frequency)
     return np.full(frequency.shape, time)
 
 
 def in_periods(time: Time, frequency: Array) -> Array:
-    """Time in forcing periods of each realization; `frequency` in Hz, shape (realization,)."""
+    """Return a time in periods for each realization; `frequency` in Hz, shape (realization,)."""
     if isinstance(time, Periods):
         return np.full(frequency.shape, time.number)
     return np.asarray(frequency * time)
 
 
 def precedes(first: Time, second: Time, frequency: Array) -> bool:
-    """Tell whether one time is before another at every frequency (Hz)."""
+    """Return whether one time is before another at every frequency (Hz)."""
     if isinstance(first, Periods) == isinstance(second, Periods):
         return amount(first) < amount(second)
     return bool(np.all(in_seconds(first, frequency) < in_seconds(second, frequency)))
 
 
 def unit_of(time: Time) -> str:
-    """Unit of a time in words, for messages."""
+    """Return the unit of a time in words, for messages."""
     return "forcing periods" if isinstance(time, Periods) else "s"

@@ -1,4 +1,4 @@
-"""Turns of an angle that grows with time, without a loss of digits."""
+"""Turns of an angle that grows with time, without loss of digits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vibrosweep.arrays import Array
 
 
 def _split_product(a: Array, b: Array) -> tuple[Array, Array]:
-    """Product of a and b as rounded value and exact rounding error (Dekker 1971)."""
+    """Return the product of a and b as rounded value and exact rounding error (Dekker 1971)."""
 
     def halves(v: Array) -> tuple[Array, Array]:
         shifted = 134217729.0 * v  # 2**27 + 1
@@ -28,9 +28,9 @@ def _split_product(a: Array, b: Array) -> tuple[Array, Array]:
 def reduced_turns(rate: ArrayLike, time: ArrayLike, phase: ArrayLike) -> tuple[Array, Array]:
     """Split ``rate * time + phase`` into whole turns and a phase in [-1/2, 1/2].
 
-    In turns per second, seconds and turns, which broadcast.  The product is taken with its rounding
-    error, so that the phase of an instant 10**9 periods away is as accurate as that of an early
-    one.
+    The arguments are in turns per second, seconds and turns; they broadcast.  The product is
+    computed with its rounding error, so that the phase after 10**9 periods is as accurate as an
+    early one.
     """
     rate, time, offset = np.broadcast_arrays(
         *(np.asarray(v, dtype=np.float64) for v in (rate, time, phase))
@@ -43,7 +43,7 @@ def reduced_turns(rate: ArrayLike, time: ArrayLike, phase: ArrayLike) -> tuple[A
 
 
 def turns_of_radians(phi: Array) -> Array:
-    """Phi / 2 pi, reduced to [-1/2, 1/2]; the rounding of 2 pi itself is corrected for."""
+    """Return phi / 2 pi, reduced to [-1/2, 1/2] and corrected for the rounding of 2 pi."""
     two_pi, two_pi_low = 2.0 * math.pi, 2.4492935982947064e-16
     quotient = phi / two_pi
     product, error = _split_product(quotient, np.asarray(two_pi))

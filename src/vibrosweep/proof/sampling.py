@@ -29,7 +29,7 @@ from vibrosweep.model.parameters import (
     STAGGERED,
     STREAM,
 )
-from vibrosweep.model.ragged_arrays import padded, whole
+from vibrosweep.model.ragged_arrays import counts_agree, padded
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.axes import judge_axes
@@ -204,7 +204,7 @@ def _rectangles(stored: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Give the arrays of a ragged record the shapes of a rectangle, where they fit each other."""
     count = stored["impact_count"]
     of_landings = [name for name, one in RECORD.items() if one.dims != RECORD["impact_count"].dims]
-    if count.ndim != 1 or not whole(count, *(stored[name] for name in of_landings)):
+    if count.ndim != 1 or not counts_agree(count, *(stored[name] for name in of_landings)):
         return stored
     full = {name: padded(stored[name], count) for name in of_landings}
     return {name: values[np.newaxis] for name, values in (stored | full).items()}
