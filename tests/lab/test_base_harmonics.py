@@ -4,8 +4,10 @@ import math
 import tomllib
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from vibrosweep.cli import main
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.base_harmonics import names_of, polar, slopes_of_sizes, with_values
 from vibrosweep.lab.compare import compare_tracks
@@ -14,7 +16,9 @@ from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.surfaces import oscillating
-from vibrosweep.lab.traces import make_trace
+from vibrosweep.lab.traces import make_trace, trace_of_mark
+from vibrosweep.lab.track_files import read_tracks
+from vibrosweep.lab.tracks import with_mark
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.scene.waveform import stored
@@ -89,6 +93,53 @@ def test_a_recording_is_compared_with_the_base_of_its_trace(film):
     table = compare_tracks(film[1].tracks, trace=one, threads=1, **known)
     assert stored(table.attrs).tones[1][1:] == pytest.approx((0.4, 1.1), abs=0.02)
     assert (table["error"].sel(reading="ensemble") < 2.0).all()
+
+
+@pytest.fixture(scope="module")
+def marked(film, tmp_path_factory):
+    """The tracks of the film with that of a mark on the base, as a file."""
+    tracks, path = film[1].tracks, tmp_path_factory.mktemp("marked") / "film.csv"
+    time, rng = tracks["time"].values, np.random.default_rng(3)
+    mark = oscillating(film[0].parameters, TWO_TONES).height(time) - 0.02
+    columns = [*tracks["height"].values.T, mark + 1e-4 * rng.standard_normal(time.size)]
+    names = ["a", "b", "c", "table"]
+    rows = [
+        pd.DataFrame({"time": time, "particle": n, "height": y})
+        for n, y in zip(names, columns, strict=True)
+    ]
+    pd.concat(rows).to_csv(path, index=False)
+    return path
+
+
+def test_a_mark_on_the_base_tells_its_harmonics(film, marked, capsys):
+    tracks = read_tracks(marked, base_track="table")
+    assert tracks["particle"].values.tolist() == ["a", "b", "c"]
+    one = estimate(find_impacts(tracks))
+    for name, value in TRUTH.items():
+        own = one.sel(parameter=name)
+        assert abs(float(own["estimate"]) - value) < 5.0 * float(own["error"])
+        assert float(own["error"]) < 0.1 * value
+    assert main(["lab", "impacts", str(marked), "--base-track", "table"]) == 0
+    assert "harmonics of its velocity: 1 of weight 1; 2 of 0." in capsys.readouterr().out
+
+
+def test_a_mark_that_is_averaged_over_the_exposure_is_corrected(marked):
+    """By x / sin x, x half the angle through which a harmonic turns."""
+    tracks = read_tracks(marked, base_track="table")
+    one, other = (trace_of_mark(tracks, exposure).values for exposure in (0.0, 4e-3))
+    assert one[2] == other[2]
+    half = math.pi * one[2] * 4e-3 * np.array([1.0, 2.0]).repeat(2)
+    np.testing.assert_allclose(np.delete(other / one, 2), half / np.sin(half), rtol=1e-12)
+
+
+def test_marks_that_cannot_be_are_refused(film, marked):
+    with pytest.raises(TrackError, match="no particle is named plate, the mark on the base; has a"):
+        read_tracks(marked, base_track="plate")
+    tracks = read_tracks(marked, base_track="table")
+    with pytest.raises(TrackError, match="nothing is tracked but a, the mark on the base"):
+        with_mark(tracks.isel(particle=[0]), "a")
+    with pytest.raises(TrackError, match="a trace and a mark on the base are given"):
+        find_impacts(tracks, trace=make_trace(TIME, film_height(film), "height"))
 
 
 @pytest.mark.parametrize(

@@ -79,6 +79,7 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--base-trace", metavar="CSV", type=Path, help="its measured height or acceleration"
     )
+    parser.add_argument("--base-track", metavar="NAME", help="particle that is a mark on the base")
     parser.add_argument("--exposure", metavar="S", type=float, default=0.0, help="default: 0")
     parser.add_argument("--gravity", metavar="G", type=float, default=9.81, help="default: 9.81")
     parser.add_argument(
@@ -134,6 +135,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
             scale=options.scale,
             axis=options.axis,
             base=options.base,
+            base_track=options.base_track,
         )
         for group in groups
     ]

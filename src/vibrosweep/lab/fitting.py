@@ -16,6 +16,7 @@ from vibrosweep.lab.moving_flights import flights_over
 from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_shaken
 from vibrosweep.lab.quality import Swap, find_swaps
 from vibrosweep.lab.segments import Samples, samples_of
+from vibrosweep.lab.traces import trace_of_mark
 from vibrosweep.lab.which_base import moves, which_base
 from vibrosweep.model.parameters import PARAMETERS
 
@@ -52,6 +53,10 @@ class Fitted(NamedTuple):
 
 def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitted:  # noqa: B008
     """Find and fit the flights of tracks; raises the errors of `find_impacts`."""
+    if "base_height" in tracks:
+        if view.trace is not None:
+            raise TrackError("a trace and a mark on the base are given: leave one of them out")
+        view = view._replace(trace=trace_of_mark(tracks, view.exposure))
     _check_view(gravity, view)
     _check_base(tracks, view.base)
     time, height = tracks["time"].values, tracks["height"].values

@@ -35,7 +35,7 @@ OUTLIER: Final = 4.5
 RIDGE: Final = 1e-9
 UNDETERMINED: Final = (
     "the landings do not determine how the base moves: they are too few, or all at nearly the same "
-    "phases and speeds; film the approach to the orbit, or give a trace of the base"
+    "phases and speeds; film the approach to the orbit, or give a trace of the base or a mark on it"
 )
 ROUNDS: Final = 2
 MOST_STEPS: Final = 30

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 from scipy.signal import periodogram
@@ -136,6 +137,19 @@ def make_trace(
             f"landings tell"
         )
     return _velocities(fit, middle, quantity)
+
+
+def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
+    """Fit harmonics to the ``base_height`` of tracks, the mean over an exposure (s) at each frame.
+
+    Raises the errors of `make_trace`.
+    """
+    height = tracks["base_height"].values
+    seen, source = np.isfinite(height), f"{tracks.attrs['source']}, the mark on the base"
+    one = make_trace(tracks["time"].values[seen], height[seen], "height", source)
+    left = np.sinc(np.repeat(one.numbers, 2) * one.values[2] * exposure)  # of each harmonic
+    left = np.insert(left, 2, 1.0)
+    return Trace(one.values / left, one.covariance / np.outer(left, left), one.numbers)
 
 
 class _Fit(NamedTuple):

@@ -14,7 +14,7 @@ import xarray as xr
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.tracks import FRAME_RATES, make_tracks, table_to_tracks
+from vibrosweep.lab.tracks import FRAME_RATES, make_tracks, table_to_tracks, with_mark
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,6 +39,7 @@ def read_tracks(
     scale: float | None = None,
     axis: str | None = None,
     base: float | None = None,
+    base_track: str | None = None,
 ) -> xr.Dataset:
     """Read the tracks of one recording; the first lines of a file tell its format.
 
@@ -56,6 +57,9 @@ def read_tracks(
         the pixel rows of trackpy down.
     base
         Height of the base in units of the file, from which heights are counted; by default 0.
+    base_track
+        Name of a particle that is a mark on the base and moves with it.  Its track is the variable
+        ``base_height`` (m), from which `find_impacts` fits the harmonics of the base.
 
     Returns
     -------
@@ -98,6 +102,7 @@ def read_tracks(
         scale=scale,
         axis=axis,
         base=base,
+        base_track=base_track,
         source=", ".join(str(path) for path in files),
     )
 
@@ -109,6 +114,7 @@ def tracks_from_frame(
     scale: float | None = None,
     axis: str | None = None,
     base: float | None = None,
+    base_track: str | None = None,
     source: str = "the table",
 ) -> xr.Dataset:
     """Tracks from a `pandas.DataFrame` with columns time, particle, height or frame, particle, y.
@@ -117,7 +123,7 @@ def tracks_from_frame(
     ----------
     table
         Times in s, or frames; heights in m or in units of `scale`.
-    frame_rate, scale, axis, base
+    frame_rate, scale, axis, base, base_track
         As in `read_tracks`.
     source
         Name of the table in messages.
@@ -180,7 +186,7 @@ def tracks_from_frame(
         names = tracks["particle"].values
         tracks = make_tracks(seconds, tracks["height"].values, names, source)
         tracks.attrs["frame_rate"] = frame_rate
-    return tracks
+    return tracks if base_track is None else with_mark(tracks, base_track)
 
 
 def _numbers(table: pd.DataFrame, name: str, source: str) -> Array:

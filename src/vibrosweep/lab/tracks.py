@@ -136,6 +136,24 @@ def table_to_tracks(
     return make_tracks(axis, grid, names, source)
 
 
+def with_mark(tracks: xr.Dataset, name: str) -> xr.Dataset:
+    """Take the particle of this name for a mark on the base, whose ``base_height`` (m) it is.
+
+    Raises a TrackError if there is none, or if nothing else is tracked.
+    """
+    marks = tracks["particle"].values.astype(str) == name
+    source, names = tracks.attrs["source"], ", ".join(map(str, tracks["particle"].values))
+    if not marks.any():
+        raise TrackError(
+            f"{source}: no particle is named {name}, the mark on the base; has {names}"
+        )
+    if marks.all():
+        raise TrackError(f"{source}: nothing is tracked but {name}, the mark on the base")
+    words = {"units": "m", "long_name": "height of a mark on the base"}
+    height = tracks["height"].values[:, marks.argmax()]
+    return tracks.isel(particle=~marks).assign(base_height=("frame", height, words))
+
+
 def rate_of(times: Array, source: str) -> float:
     """Values per second at rising times (s); a TrackError if nothing measures at that rate."""
     check_size("time", times, source)
