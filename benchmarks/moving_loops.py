@@ -23,7 +23,7 @@ TRIES = 20_000
 
 @njit(nogil=True, error_model="numpy")
 def _stretch(x, x_lift):
-    """Tell whether the base presses at phase x, and return the periods until that changes."""
+    """Return whether the base presses at phase x, and return the periods until that changes."""
     x -= np.rint(x)
     presses = not abs(x) > x_lift
     to_fall = x_lift - x

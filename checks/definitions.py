@@ -133,7 +133,7 @@ class Recorded:
                 yield min(pick), max(pick)
 
     def decided(self, begin: float, end: float) -> bool:
-        """Tell whether the contents of a window do not depend on rounding."""
+        """Return whether the contents of a window do not depend on rounding."""
         near, p = NARROW / self.p["frequency"], self.p
         times = np.concatenate([np.concatenate(own[:2]) for own in self.landings])
         times = np.append(times, self.observation.launch)

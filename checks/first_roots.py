@@ -189,7 +189,7 @@ class Verdicts(NamedTuple):
 
 @njit(error_model="numpy", nogil=True)
 def _within_rounding(alpha, x, y, first, last):
-    """Tell whether the clearance is zero between two times, to the rounding of both methods."""
+    """Return whether the clearance is zero between two times, to the rounding of both methods."""
     within = True
     for k in range(65):
         value, noise, _, _ = clearance(alpha, x, y, first + (last - first) * (k / 64.0))

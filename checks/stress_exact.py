@@ -51,7 +51,7 @@ def orbit_of(scene: dict[str, float], law: str) -> tuple[np.ndarray, int]:
 
 
 def same_orbit(first: dict[str, float], second: dict[str, float], law: str) -> bool:
-    """Tell whether two scenes have the same reduced orbit, bit for bit, counted from the end."""
+    """Return whether two scenes have the same reduced orbit, bit for bit, counted from the end."""
     (a, inside), (b, other) = orbit_of(first, law), orbit_of(second, law)
     return inside == other and np.array_equal(a[:inside], b[:inside])
 

@@ -1,6 +1,6 @@
 """Check of the arrays that a file holds under the names of its dimensions.
 
-A dimension of netCDF-4 without a variable is an HDF5 array that nobody writes to.  A program that
+A dimension of netCDF-4 without a variable is an HDF5 array that is never written.  A program that
 saves a dataset again may turn it into a variable that numbers realizations, particles or impacts.
 """
 
@@ -26,7 +26,7 @@ def judge_axes(path: Path) -> Iterator[Judgement]:
     with h5py.File(path) as file:
         for place in ("", "record"):
             group = file.get(place or "/")
-            # links lead out of the file, or in circles
+            # links may lead out of the file, or in circles
             named = [
                 n for n in group or () if isinstance(group.get(n, getlink=True), h5py.HardLink)
             ]

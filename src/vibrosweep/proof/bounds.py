@@ -40,7 +40,7 @@ def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
 
 
 def measure_again(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """Stored variables of all rows that are judged by their recomputed values, computed anew."""
+    """Recompute, for all rows, the stored variables that are judged by recomputed values."""
     names = {name for name in sample.stored if VARIABLES[name].judged in RECOMPUTED}
     if not names:
         return {}
@@ -132,7 +132,7 @@ def untrusted(
     if until != duration:
         near = np.abs(times - until) <= tolerance + 4.0 * EPS * duration
         if not np.any(near):
-            return "which is no time of a landing, nor the end", math.nan
+            return "which is neither the time of a landing nor the end", math.nan
         count = int(np.argmax(near)) + 1
     error = float(np.max(errors.landing_time[:count], initial=0.0))
     return (f"proved error of a landing up to it {error:.3g}" if error > tolerance else ""), error

@@ -1,4 +1,4 @@
-"""One realization to verify: stored values, proved values, and values computed again."""
+"""One realization to verify: stored, proved and recomputed values."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Case:
     stored: Mapping[str, Any]  # its variables: numbers, or arrays over the particles
     # Bounds and other variables as this version computes them; empty if another computed the file
     again: Mapping[str, Any]
-    realization: Realization  # the realization
+    realization: Realization
     bounds: Bounds  # bounds of the errors of its landings
     trajectories: Sequence[Trajectory]  # proved; empty where there is no proof
     # Proved errors of the kernel's landings of each particle, where the file bounds them
@@ -98,7 +98,7 @@ class Case:
 
     @cached_property
     def cycles(self) -> Sequence[Cycle | None]:
-        """Cycle of each particle: from rest to rest, or else as most of its variables state."""
+        """Cycle of each particle: between two rests, or else the one that most variables state."""
         if self.realization.deviates is not None:  # random motion never repeats
             return [None] * len(self.orbits)
         said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]

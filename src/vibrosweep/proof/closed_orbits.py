@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 # Roundings of an equation of an orbit, in units of 2^-52 of the numbers in it
 ROUNDINGS: Final = 64.0
-PLACES: Final = 128  # along a flight, at which its height above the base is tested
-SEARCHED: Final = "it tells how orbits were searched, which nothing proves"
-COMPLETE: Final = "no proof tells whether there are more orbits"
+PLACES: Final = 128  # points of a flight at which its height above the base is tested
+SEARCHED: Final = "it describes the search for orbits, which cannot be proved"
+COMPLETE: Final = "it is not proved that there are no more orbits"
 YES, NO, RESTS = 1, 0, -1
 OF_LANDINGS: Final = ("impact_phase", "flight_time", "rebound_velocity", "arrival_velocity")
 JUDGED: Final = (
@@ -70,7 +70,7 @@ def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Re
     """Enclose the orbits of some realizations and judge all their numbers.
 
     Krawczyk's method proves that exactly one orbit is near each orbit of the file, and encloses it.
-    The error that is admitted is an estimate, of `ROUNDINGS` roundings in each equation.  Raises a
+    The error that is admitted is estimated as `ROUNDINGS` roundings in each equation.  Raises a
     ParameterError for a size or a seed that cannot be used.
     """
     for name, value, low in (("sample", sample, 1), ("seed", seed, 0)):
@@ -188,7 +188,7 @@ def _primitive(orbit: Orbit, box: list[arb]) -> bool:
 
 
 def _stable(proved: Proved) -> int | None:
-    """Tell whether both multipliers are inside the unit circle; None where that is not certain."""
+    """Return whether both multipliers are inside the unit circle; None where that is not certain."""
     t, d = proved.cycle.trace.v, proved.cycle.determinant.v
     if abs(t) < 1 + d and abs(d) < 1:
         return YES
@@ -196,7 +196,7 @@ def _stable(proved: Proved) -> int | None:
 
 
 def _taken(orbit: Orbit, proved: Proved) -> int | None:
-    """Tell whether a particle takes an orbit, in the codes of the result; None if uncertain."""
+    """Return whether a particle takes an orbit, in the codes of the result; None if uncertain."""
     found = proved.cycle
     if any(one.after.v <= orbit.rest and one.presses > 0 for one in found.flights):
         return RESTS

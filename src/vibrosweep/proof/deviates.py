@@ -1,4 +1,4 @@
-"""Deviates of a particle, as the kernels draw them: exact numbers for the reference."""
+"""Normal deviates of a particle as the kernels draw them, exact numbers for the reference."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vibrosweep.kernels.deviates import (
 )
 from vibrosweep.proof.reference.motion import Deviates
 
-BLOCK: Final = 512  # that are drawn at a time
+BLOCK: Final = 512  # deviates that are drawn at a time
 
 
 def deviates_of(seed: int, stream: float, particle: int) -> Deviates:

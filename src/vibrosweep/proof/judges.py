@@ -36,7 +36,7 @@ class Judge(NamedTuple):
 
 
 def judge_row(case: Case, name: str) -> Judgements:
-    """Judge a variable of a realization by all that is known."""
+    """Judge a variable of a realization by its proved value, or else by what others imply."""
     how = JUDGES[VARIABLES[name].judged]
     if case.trajectories:
         yield from how.by_proof(case, name)
@@ -72,7 +72,9 @@ def _same(name: str, particle: int | None, stored: float, other: float, words: s
     return Judgement(name, particle, abs(stored - other), 0.0, None, complaint)
 
 
-def _each(case: Case, name: str, proved: Iterable[tuple[Proved, float | None]]) -> Judgements:
+def _of_particles(
+    case: Case, name: str, proved: Iterable[tuple[Proved, float | None]]
+) -> Judgements:
     """Judge the numbers of all particles by proved values and claims."""
     for particle, (value, claim) in enumerate(proved):
         yield judge(name, particle, float(case.stored[name][particle]), value, claim)
@@ -84,19 +86,19 @@ def _measure(case: Case, name: str) -> Judgements:
     unresolved = MEASURE_OF.get(name) == "separation" and _is_unresolved(case)
     claim = None if unresolved else case.claims[name]
     if isinstance(proved, list):
-        yield from _each(case, name, ((value, claim) for value in proved))
+        yield from _of_particles(case, name, ((value, claim) for value in proved))
     else:
         yield judge(name, None, float(case.stored[name]), proved, claim)
 
 
 def _is_unresolved(case: Case) -> bool:
-    """Tell whether the kernel found landings too close together to separate them."""
+    """Return whether the kernel found landings too close together to separate them."""
     names = [v.name for v in MEASURES["separation"].variables if v.name in case.stored]
     return all(case.stored[n] == UNDETERMINED or math.isnan(case.stored[n]) for n in names)
 
 
 def _regime(case: Case, name: str) -> Judgements:
-    return _each(case, name, ((regime, 0.0) for regime in _regimes(case)))
+    return _of_particles(case, name, ((regime, 0.0) for regime in _regimes(case)))
 
 
 def _regimes(case: Case) -> list[int]:
@@ -126,7 +128,9 @@ def _number_in(case: Case, name: str) -> float:
 
 def _cycle(case: Case, name: str) -> Judgements:
     field = name.removeprefix("cycle_")
-    return _each(case, name, ((0 if c is None else getattr(c, field), 0.0) for c in case.cycles))
+    return _of_particles(
+        case, name, ((0 if c is None else getattr(c, field), 0.0) for c in case.cycles)
+    )
 
 
 def _uncertain(case: Case, name: str) -> Judgements:
@@ -147,15 +151,17 @@ def _recomputed(case: Case, name: str) -> Judgements:
 def _recurrent_from(case: Case, name: str) -> Judgements:
     pairs = zip(case.orbits, case.cycles, strict=True)
     proved = ((None if c is None else o.times[c.since], o.time_error) for o, c in pairs)
-    return _each(case, name, proved)
+    return _of_particles(case, name, proved)
 
 
 def _largest(case: Case, name: str) -> Judgements:
-    return _each(case, name, ((proved.largest, proved.claim) for proved in case.exponents))
+    return _of_particles(case, name, ((proved.largest, proved.claim) for proved in case.exponents))
 
 
 def _sum(case: Case, name: str) -> Judgements:
-    return _each(case, name, ((proved.total, proved.total_claim) for proved in case.exponents))
+    return _of_particles(
+        case, name, ((proved.total, proved.total_claim) for proved in case.exponents)
+    )
 
 
 def _largest_error(case: Case, name: str) -> Judgements:
@@ -194,11 +200,11 @@ def _true_error(case: Case, name: str, particle: int) -> float | None:
 
 def _orbit(case: Case, name: str) -> Judgements:
     numbers: Sequence[int | None] = case.orbit_numbers or [None] * len(case.stored[name])
-    return _each(case, name, ((number, _decided(number)) for number in numbers))
+    return _of_particles(case, name, ((number, _decided(number)) for number in numbers))
 
 
 def _slot(case: Case, name: str) -> Judgements:
-    return _each(case, name, ((slot, _decided(slot)) for slot in case.slots))
+    return _of_particles(case, name, ((slot, _decided(slot)) for slot in case.slots))
 
 
 def _decided(code: int | None) -> float | None:

@@ -47,7 +47,7 @@ MOST_GAPS: Final = 4096
 class ProvedMeasures:
     """Proved measures of a realization, and distances that show if rounding can change them."""
 
-    # By the names of `vibrosweep.model.measures`; a list over the particles for those of each
+    # By the names of `vibrosweep.model.measures`; lists over the particles for their own variables
     values: dict[str, Proved | list[Proved]]
     fastest: arb | None  # largest rebound speed in the window, m s-1; None without any flight
     flights: Sequence[Flight]  # those that follow landings in the window

@@ -1,4 +1,4 @@
-"""Observables that give a number of each landing: their values from proved landings, and claims.
+"""Observables with a number for each landing: their values from proved landings, and claims.
 
 The user's function is evaluated twice for each landing, on the proved numbers and on balls around
 them as wide as the errors that a dataset admits; both round as doubles do, operation by operation.
@@ -114,7 +114,7 @@ class Rounded:
 
 
 def _ball(number: object) -> arb | None:
-    """Ball of an operand; None where it is no number."""
+    """Ball of an operand; None if it is not a number."""
     if isinstance(number, Rounded):
         return number.ball
     if isinstance(number, bool | int | float | np.integer | np.bool_):
@@ -123,7 +123,7 @@ def _ball(number: object) -> arb | None:
 
 
 def _rounded(ball: arb, times: int) -> Rounded:
-    """Widen a ball by so many roundings."""
+    """Widen a ball by a number of roundings."""
     return Rounded(ball + arb(0, (abs(ball) * (times * 2.0 * EPS)).upper() + SMALLEST))
 
 
@@ -196,7 +196,7 @@ def _proved(
 
 
 def _unknown(observable: Observable, particles: int) -> ProvedObservable:
-    """Return values and claims that say nothing."""
+    """Return undefined values, of which nothing is claimed."""
     number = particles if observable.particles == "each" else 1
     return ProvedObservable([None] * number, [None] * number, True)
 

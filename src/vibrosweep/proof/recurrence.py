@@ -153,7 +153,7 @@ class Orbit:
         return next((n for n in others if self._repeats(since - n, n, SAME_ORBIT + self._error)), 0)
 
     def _repeats(self, first: int, cycle: int, error: float) -> bool:
-        """Tell whether all states from `first` on return a cycle later, up to an error."""
+        """Return whether all states from `first` on return a cycle later, up to an error."""
         last = len(self.times) - cycle
         if not 0 <= first < last:
             return False

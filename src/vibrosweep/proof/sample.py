@@ -27,8 +27,8 @@ class Realization:
     """One realization of a scene, with its times exact."""
 
     scene: Scene
-    # Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and of OF_RESTITUTION and MOUNT
-    # there those that the law of restitution and the base have
+    # All of `vibrosweep.model.parameters.PARAMETERS`, and those of OF_RESTITUTION and MOUNT that
+    # the law of restitution and the base have
     parameters: Mapping[str, float]
     stream: float | None = None  # of random numbers; None where nothing is random
 

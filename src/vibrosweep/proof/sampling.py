@@ -50,7 +50,7 @@ from vibrosweep.store.rows import read_rows, row_count, row_dims
 
 OF_OBSERVABLES: Final = "measure.observables"
 UNKNOWN: Final = "this version knows no such variable"
-OF_TOTALS: Final = "it is an observable whose function changes totals; no reference judges that"
+OF_TOTALS: Final = "it is an observable whose function changes totals, which is not compared"
 OF_LANDINGS: Final = (
     "it is an observable, whose function the file does not hold: give it in Python, as in "
     "vs.verify(path, observables=[{}])"
@@ -62,10 +62,10 @@ def read_sample(
 ) -> tuple[Sample, Sample | None, Expected, list[Judgement]]:
     """Draw realizations without replacement; all where there are no more than `size`.
 
-    The second sample is the dataset's record of every landing, where it holds one; then come the
+    The second sample is the dataset's record of every landing, if it holds one; then come the
     coordinates that its sweep file specifies, and judgements of the axes.  Raises a ParameterError
-    for a size or a seed that cannot be used, and a DataError where there is no such file, it is not
-    a result that can be read, or observables are not those of it.
+    for a size or a seed that cannot be used, and a DataError if there is no such file, if it is not
+    a result that can be read, or if it was computed with other observables.
     """
     for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
         if value < low:
@@ -115,7 +115,7 @@ def _drawn(
 
 
 def _coordinates(file: Any, chosen: slice | NDArray[np.int64]) -> dict[str, NDArray[Any]]:
-    """Coordinates that a file holds, those of realizations at the rows that are chosen."""
+    """Coordinates that a file holds; those of realizations at the chosen rows."""
     dims = row_dims(file)
     return {
         name: variable[...]
@@ -174,7 +174,7 @@ def _taken(file: Any, scene: Scene) -> tuple[str, ...]:
 
 
 def _record(file: Any, sample: Sample) -> Sample:
-    """Return the recorded realization, whose landings all count."""
+    """Return the recorded realization, all of whose landings count."""
     group, rows = file.groups["record"], np.zeros(1, np.int64)
     shared = {
         "particles": math.prod(group.variables["impact_count"].shape),
@@ -270,6 +270,6 @@ def _unsound(path: Path, bad: list[str]) -> DataError:
 
 
 def _fits(shape: tuple[int, ...], sizes: tuple[int | None, ...]) -> bool:
-    """Tell whether a shape has the sizes that are known."""
+    """Return whether a shape has the sizes that are known."""
     known = zip(shape, sizes, strict=False)
     return len(shape) == len(sizes) and all(size in (None, length) for length, size in known)

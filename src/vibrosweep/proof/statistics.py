@@ -114,7 +114,7 @@ def launch_depth(realization: Realization) -> Fraction:
 
 
 def largest(balls: Iterable[arb]) -> arb | None:
-    """Largest of some balls; None of none."""
+    """Largest of some balls; None without any."""
     listed = list(balls)
     return reduce(arb.max, listed) if listed else None
 
@@ -143,10 +143,10 @@ def statistics_claims(
     fastest: arb | None,
     longest: int,
 ) -> dict[str, float | None]:
-    """Largest errors of statistics, of a realization and of each particle.
+    """Largest errors of the statistics of a realization and of each particle.
 
-    By bounds of the errors of flights; flights, the fastest and the longest are as in
-    `vibrosweep.proof.measures.ProvedMeasures`.
+    They follow from bounds of the errors of flights; the flights, the fastest and the longest are
+    those of `vibrosweep.proof.measures.ProvedMeasures`.
     """
     p = realization.parameters
     gravity, launch = p["gravity"], p["launch_velocity"]

@@ -33,7 +33,7 @@ from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import LandingErrors, Proved, Uncertainty, statistics_claims
 
-# covers the higher orders, which the derivatives of a flight leave out
+# for the higher orders, which the derivatives of a flight leave out
 FIRST_ORDER: Final = 2.0
 
 
@@ -153,5 +153,5 @@ def _lift_off_error(dt: float, realization: Realization) -> float:
 
 
 def reaches(distance: Proved, error: float) -> bool:
-    """Tell whether zero is within the error of an exact distance; None stands for no distance."""
+    """Return whether zero is within the error of an exact distance; None stands for no distance."""
     return distance is not None and not bool(abs(distance) > error)

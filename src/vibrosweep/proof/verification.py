@@ -166,20 +166,20 @@ class Report:
         return "; ".join(why)
 
     def _judgements(self) -> Iterator[tuple[str, Judgement]]:
-        """Give every judgement with its place."""
+        """Yield every judgement with its place."""
         yield from ((DATASET, judgement) for judgement in self.coordinates)
         for outcome in self.outcomes:
             yield from ((outcome.place, judgement) for judgement in outcome.judgements)
 
     def complaints(self) -> Iterator[str]:
-        """Give a sentence for each number outside its claim."""
+        """Yield a sentence for each number outside its claim."""
         for place, j in self._judgements():
             if j.complaint:
                 of = "" if j.particle is None else f", particle {j.particle}"
                 yield f"{place}{of}: {j.variable} {j.complaint}"
 
     def lines(self) -> Iterator[str]:
-        """Give the report as text."""
+        """Yield the report as lines of text."""
         landings = sum(outcome.landings for outcome in self.outcomes)
         drawn = sum(self.count(state) for state in State)
         yield (
@@ -223,7 +223,7 @@ class Report:
             f"the effects of relative changes of the parameters by {CHANGE:.2g}"
         )
         found = [o.deviation for o in self.outcomes if o.deviation is not None]
-        found = [one for one in found if one[1] > 0.0]  # without a landing there is no estimate
+        found = [pair for pair in found if pair[1] > 0.0]  # without a landing there is no estimate
         if found:
             largest = max(error for error, _ in found)
             share = max(error / estimate for error, estimate in found)

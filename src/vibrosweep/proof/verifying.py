@@ -45,7 +45,7 @@ from vibrosweep.store.kinds import read_kind
 
 # About ten seconds for a realization, and half a gigabyte.
 MAX_LANDINGS: Final = 250_000
-# Where a dataset claims anything, its orbits have lost fewer digits than a double has.
+# Enough, since an orbit of which a dataset claims anything has lost fewer digits than a double has
 MAX_BITS: Final = 1 << 12
 
 
@@ -74,16 +74,17 @@ def verify(
         Result of a sweep, or of `vibrosweep.orbits`.
     observables
         Observables of the result to compare, as they were given to `vibrosweep.run`: the file does
-        not hold their functions.  Each must give a number of a landing (`landings` is given).  It
-        is evaluated in ball arithmetic; where it calls more than arithmetic, or branches where
-        rounding may decide, its error is estimated by its changes, and the report says so.
+        not hold their functions.  Each must have a function that gives one number for a landing
+        (`landings` is set).  It is evaluated in ball arithmetic; if it uses more than arithmetic,
+        or branches where rounding may decide, its error is estimated instead, and the report says
+        so.
     sample
         Number of realizations, drawn without replacement; all where there are no more.
     seed
         Seed of the draw.
     max_landings
-        Realizations with more landings, from the launch on, are left out.  The default is some ten
-        seconds: 250,000, or 1000 over a sprung base, whose reference takes about 10 ms for each.
+        Realizations with more landings, from the launch on, are left out.  The default is 250,000,
+        or 1000 over a sprung base, whose reference takes about 10 ms for each: some ten seconds.
     advance
         Called after each realization with the number of those done and that of all.
 
@@ -268,7 +269,7 @@ def _proved(sample: Sample, row: int, bounds: Bounds, landings: int, max_landing
         return _Proof(State.TOO_LONG)
     try:
         if not realization.coupled:
-            return _Proof(State.COMPARED, _each(realization, max_landings))
+            return _Proof(State.COMPARED, _independent(realization, max_landings))
         trajectories, estimate = prove(realization, max_landings)
     except UndecidableError:
         return _Proof(State.UNDECIDED)
@@ -279,7 +280,7 @@ def _proved(sample: Sample, row: int, bounds: Bounds, landings: int, max_landing
     return _Proof(State.COMPARED, trajectories, estimate)
 
 
-def _each(realization: Realization, max_landings: int) -> list[Trajectory]:
+def _independent(realization: Realization, max_landings: int) -> list[Trajectory]:
     """Proved trajectories of particles that are independent."""
     shared: dict[str, Any] = {
         **realization.parameters,

@@ -66,7 +66,7 @@ INSIDE: Final = (
 )
 # Forcings whose ratio to the kick is the same for all waveforms
 OF_ANY_SHAPE: Final = (AMPLITUDE, "base_velocity")
-POINTS: Final = 10_000  # of a branch to each side
+POINTS: Final = 10_000  # of a branch in each direction
 MULTIPLIER: Final = {SADDLE_NODE: 1, DOUBLING: -1}
 
 
@@ -170,7 +170,7 @@ def _mode(one: xr.Dataset) -> int:
     """Return the mode of the locked orbit of a condition; 0 for any other condition."""
     try:
         condition = named(str(one["condition"].values))
-    except ParameterError:  # one of the user's own
+    except ParameterError:  # a condition of the user
         return 0
     return condition.k if isinstance(condition, Locked) else 0
 

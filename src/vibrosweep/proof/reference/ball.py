@@ -1,27 +1,28 @@
 """Trajectories with proved error bounds, in ball arithmetic (python-flint's `arb`).
 
 Parameters are taken as the exact doubles that they are.  The precision is doubled until every
-branch is certain and every result is narrower than asked, so what comes back is a theorem about
-those doubles, up to the correctness of FLINT.  The semantics of the branches:
+branch is certain and every result is narrower than asked: the results are theorems about those
+doubles, up to the correctness of FLINT.  The rules of the branches:
 
 * A landing at t' counts if and only if t' <= duration.
 * High-bounce base: a flight lasts 2 v / g.  With w = e v + A sin(2 pi f t' + phi), or its absolute
   value under the `reflect` law, the particle rests if and only if w <= v_rest = g tau_c / 2; else
   it leaves at once with v' = w.
-* There a resting particle lifts off, with v' = v_rest, at the first t >= t' at which the kick
+* On this base a resting particle lifts off, with v' = v_rest, at the first t >= t' at which the kick
   A sin(2 pi f t + phi) rises through v_rest.  If A <= v_rest it never does.
 * Moving base, of velocity A / (1 + e) sin(2 pi f t + phi): a flight ends at the first point where
   it meets the base, at once if it begins slower than the base or, as fast, where the base presses
   the particle, 1 + Gamma cos(2 pi f t + phi) > 0.  After a landing with the relative speed z the
   particle leaves with e z; it rests if and only if e z <= v_rest and the base presses it.
-* There a resting particle lifts off, as fast as the base, when this begins to fall faster than
-  gravity, cos(2 pi f t + phi) = -1 / Gamma and falling.  If Gamma <= 1 it never does.
+* On this base a resting particle lifts off, with the velocity of the base, when the base begins to
+  fall faster than gravity, cos(2 pi f t + phi) = -1 / Gamma and falling.  If Gamma <= 1 it never
+  does.
 * With noise, e v is (e + sigma_e xi) v, the factor between 0 and 1, with (1 + e) sigma_V xi added;
   over the moving base the modulus of both is taken.  In a forcing period A is A (1 + sigma_A xi).
   A particle rests if and only if w <= v_rest, and leaves with v_rest, or over the moving base with
   its speed, at the first instant at which the base alone would throw it so.
-* Of another shape w of the motion, w stands for the sine, and its derivative for the cosine: a
-  particle is lifted at the next of several phases.
+* For another shape w of the motion, w replaces the sine, and its derivative the cosine: a particle
+  is lifted at the next of several phases.
 * A particle that never lifts off again is at rest for good, and its trajectory ends.  A lift-off is
   reported with its landing even where it is later than the duration.
 
@@ -83,7 +84,7 @@ def trajectory(
     restitution e, amplitude a, frequency 1, phase 0, gravity 2, launch_velocity u0, contact_time r,
     launch_time x0 and duration in periods: velocities are then flight times.
 
-    Strengths of noise take the deviates of the particle, which are exact numbers.
+    Noise needs the deviates of the particle, which are exact numbers.
 
     Landings at t <= duration (s) count; a `Fraction` gives a time exactly.  Radii are at most
     10**-digits of a velocity or of v_rest, of a time or of the contact time, whichever is larger,

@@ -1,4 +1,4 @@
-"""The bases by their names: where the reference chooses between them."""
+"""The references of the bases, by name."""
 
 from __future__ import annotations
 

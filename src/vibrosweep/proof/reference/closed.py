@@ -24,10 +24,10 @@ from vibrosweep.proof.reference.orbit_equations import Box, Cycle, Orbit, cycle
 BITS: Final = 160
 NEWTON: Final = 6  # steps in the middle of boxes, from a double
 SHARP: Final = arb(2) ** -60  # radius of a box from which an enclosure is made narrower
-SHARPER: Final = 3  # times
+SHARPER: Final = 3  # number of steps in which it is made narrower
 WIDE: Final = (4, 5, 6, 8, 10, 12, 16, 20, 24, 30)  # boxes of radius 2^-w, in which a root is alone
 OVERLAP: Final = 0.05  # of a piece of a branch with the next one
-DEEPEST: Final = 12  # times a piece is halved
+DEEPEST: Final = 12  # most halvings of a piece
 ENLARGED: Final = 1.2  # radius of a box, relative to that of the points it should hold
 TRIES: Final = 4  # boxes around a piece
 
@@ -76,7 +76,7 @@ def _inverse(system: _System, middle: Sequence[arb]) -> arb_mat | None:
 
 
 def _newton(system: _System, guess: Sequence[arb]) -> Box:
-    """Come near a root, without proof."""
+    """Approach a root by Newton's method, without proof."""
     z = [arb(one).mid() for one in guess]
     for _ in range(NEWTON):
         inverse = _inverse(system, z)

@@ -243,7 +243,7 @@ class _Course:
 
 
 def _rests(event: Event) -> bool:
-    """Tell whether the particle stays on the base after an event."""
+    """Return whether the particle stays on the base after an event."""
     return event.relative is None
 
 

@@ -110,7 +110,7 @@ class Stretch:
     """Parabolic motion under a load, from a phase in turns on until the next corner.
 
     Its acceleration is constant, 4 alpha on the side 1 around phase 0 and -4 alpha on the side -1,
-    and so is what a load hangs below the bare base because of it.
+    and so is the depth to which it presses a load below the bare base.
     """
 
     def __init__(self, mount: Mount, x: arb, load: arb, side: int) -> None:

@@ -94,7 +94,7 @@ class Next(NamedTuple):
     course: Course | None = None
 
     def narrowed(self) -> Next:
-        """Return it with its time as narrow as the precision allows."""
+        """Return the event with its time as narrow as the precision allows."""
         if self.course is None:
             return self
         return self._replace(s=narrowed(self.course, self.s))

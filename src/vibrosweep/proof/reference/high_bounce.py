@@ -43,7 +43,7 @@ from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.reference.waves import SINE_WAVE, Wave, next_of, wave_of
 
 ZERO, ONE = arb(0), arb(1)
-LONGEST: Final = 1 << 16  # forcing periods of a rest that are asked whether they end it
+LONGEST: Final = 1 << 16  # most forcing periods of a rest in which its end is looked for
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class BallMap:
 
 
 class Motion:
-    """A particle on this base, at one precision; the unit of time is 2 / g, which makes it V.
+    """A particle on this base, at one precision; times are V, in units of 2 / g.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class Motion:
         """V at the lift-off from a rest; None at rest for good.
 
         Without noise no rest lies between a rise of the kick through v_rest and its fall, where
-        w > v_rest; the whole period is the only thing to decide.
+        w > v_rest; only the whole number of periods is to be decided.
         """
         m = self._map
         if self._problem.deviates is not None:
@@ -200,7 +200,7 @@ class Motion:
 
     @cached_property
     def _lifts_ever(self) -> bool:
-        """True if a strength that a forcing period may have lifts a resting particle."""
+        """True if some strength of the random drive lifts a resting particle."""
         m, strengths = self._map, self._problem.strengths
         return any(m.wave.rises(s * m.amplitude, self._rest_velocity, 0) for s in strengths)
 

@@ -25,7 +25,7 @@ class Deviates(NamedTuple):
 
     of_impact: Callable[[int], Pair]  # of the restitution and of the kick, by the impact, from 0
     of_period: Callable[[int], float]  # of the drive, by the forcing period
-    largest: float  # modulus that none exceeds
+    largest: float  # bound of their moduli
 
 
 @dataclass(frozen=True)

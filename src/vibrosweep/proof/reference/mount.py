@@ -229,8 +229,8 @@ class Pressure:
         return -arc.derivative(4, s), -arc.derivative(5, s), arc.most(6, s), arc.most(4, s)
 
     def above_all(self) -> None:
-        """No time is known to be free of roots."""
+        """Return None: no interval is known to be free of roots."""
 
     def lasts(self, s: arb) -> bool:
-        """Tell whether it is proved to stay positive from then on."""
+        """Return whether it is proved to stay positive from then on."""
         return bool(2 - self._arc.most(2, s) > 0)

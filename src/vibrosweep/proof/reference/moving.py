@@ -64,7 +64,7 @@ class MovingMap:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> MovingMap:
-        """Map of physical parameters, at the current precision; there is one law of rebound."""
+        """Map of physical parameters, at the current precision; the only law of rebound is `rest`."""
         p = {name: arb(value) for name, value in parameters.items()}
         alpha = 2 * p["frequency"] / p["gravity"] * p["amplitude"] / (1 + p["restitution"])
         rest = p["frequency"] * p["contact_time"]
@@ -90,7 +90,7 @@ class MovingMap:
         return Clearance(self.wave, self.alpha, x, y, lambda: self.ends[1])
 
     def presses(self, x: arb, impact: int) -> bool:
-        """Tell whether the base presses a particle that lies on it at a phase."""
+        """Return whether the base presses a particle that lies on it at a phase."""
         pressure = 1 + self.alpha / 2 * self.wave.slope(2 * x)
         return certain_above(pressure, ZERO, "the base presses the particle", impact)
 

@@ -1,4 +1,4 @@
-"""A trajectory at one precision: all is certain and narrow enough, or more precision is needed.
+"""A trajectory at one precision: certain and narrow enough, or else more precision is needed.
 
 The semantics of the branches are stated in `vibrosweep.proof.reference.ball`.
 """

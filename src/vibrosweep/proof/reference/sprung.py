@@ -107,7 +107,7 @@ class System:
         return [] if over else [Next(turns - self._instant, Corner(turns))]
 
     def riders_stay(self, turns: arb) -> bool:
-        """Tell whether no rider can leave from a phase on, if nothing lands until then."""
+        """Return whether no rider can leave from a phase on, if nothing lands until then."""
         mount = self._bodies.mount
         if mount.has_corners and self._riders and not mount.mass_ratio.is_zero():
             return False  # the corners keep exciting a base under a load

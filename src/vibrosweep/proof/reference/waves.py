@@ -18,7 +18,7 @@ from vibrosweep.proof.reference.enclosure import FRAME_BITS
 ZERO, ONE = arb(0), arb(1)
 QUARTER: Final = arb(0.25)
 PIECES: Final = 64  # of a period, which are halved further where a zero may hide
-OFF: Final = arb(0.49087)  # the first piece begins there, before phase 0: no zero is likely to
+OFF: Final = arb(0.49087)  # start of the first piece, where a zero of a waveform is unlikely
 FALLS: Final = "the base ever falls faster than gravity"
 Begun: TypeAlias = Sequence[tuple[arb, arb]]  # what a shape keeps of the phase of a lift-off
 
