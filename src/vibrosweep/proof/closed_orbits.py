@@ -188,7 +188,7 @@ def _primitive(orbit: Orbit, box: list[arb]) -> bool:
 
 
 def _stable(proved: Proved) -> int | None:
-    """Return whether both multipliers are inside the unit circle; None where that is not certain."""
+    """Return whether both multipliers are inside the unit circle; None if it is not certain."""
     t, d = proved.cycle.trace.v, proved.cycle.determinant.v
     if abs(t) < 1 + d and abs(d) < 1:
         return YES

@@ -8,8 +8,8 @@ doubles, up to the correctness of FLINT.  The rules of the branches:
 * High-bounce base: a flight lasts 2 v / g.  With w = e v + A sin(2 pi f t' + phi), or its absolute
   value under the `reflect` law, the particle rests if and only if w <= v_rest = g tau_c / 2; else
   it leaves at once with v' = w.
-* On this base a resting particle lifts off, with v' = v_rest, at the first t >= t' at which the kick
-  A sin(2 pi f t + phi) rises through v_rest.  If A <= v_rest it never does.
+* On this base a resting particle lifts off, with v' = v_rest, at the first t >= t' at which the
+  kick A sin(2 pi f t + phi) rises through v_rest.  If A <= v_rest it never does.
 * Moving base, of velocity A / (1 + e) sin(2 pi f t + phi): a flight ends at the first point where
   it meets the base, at once if it begins slower than the base or, as fast, where the base presses
   the particle, 1 + Gamma cos(2 pi f t + phi) > 0.  After a landing with the relative speed z the

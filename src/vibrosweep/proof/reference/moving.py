@@ -64,7 +64,7 @@ class MovingMap:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> MovingMap:
-        """Map of physical parameters, at the current precision; the only law of rebound is `rest`."""
+        """Map of physical parameters, at the current precision; its law of rebound is `rest`."""
         p = {name: arb(value) for name, value in parameters.items()}
         alpha = 2 * p["frequency"] / p["gravity"] * p["amplitude"] / (1 + p["restitution"])
         rest = p["frequency"] * p["contact_time"]
