@@ -30,17 +30,17 @@ def test_a_page_is_written(swept, tmp_path, capsys):
     assert "exists and is kept" in capsys.readouterr().err
 
 
-def test_a_port_that_is_taken_is_told(swept, capsys):
+def test_a_taken_port_is_reported(swept, capsys):
     import socket
 
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         assert main(["explore", str(swept), "--port", str(port)]) == 2
-    assert f"port {port} cannot be had" in capsys.readouterr().err
+    assert f"port {port} is not available" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("port", ["99999", "65536", "-1", "x"])
-def test_a_port_that_there_is_not_is_told(swept, capsys, port):
+def test_a_number_that_is_no_port_is_reported(swept, capsys, port):
     with pytest.raises(SystemExit) as ended:
         main(["explore", str(swept), f"--port={port}"])
     assert ended.value.code == 2

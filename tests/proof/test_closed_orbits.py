@@ -141,7 +141,7 @@ def test_every_number_of_a_file_of_orbits_is_within_its_claim(found, tmp_path):
     judged = report.variables()
     assert len(judged["impact_phase"].errors) == int(found.cycle_impacts.sum())
     assert max(judged["rebound_velocity"].claims) < 1e-9
-    assert "seeds: it tells how orbits were searched" in lines
+    assert "seeds: it describes the search for orbits" in lines
     assert vs.verify(path, sample=2).total == 4
 
 
