@@ -44,8 +44,8 @@ from vibrosweep.model.shapes import (
     TWO_PI,
 )
 
-STEPS = 100  # of Newton's method within a bracket
-NEAR = 2.0**-30  # turns; steps of Newton's method that are as short as that and grow are rounding
+STEPS = 100  # of a search
+NEAR = 2.0**-30  # turns; steps of Newton's method that do not shrink any more are rounding
 
 
 class Harmonics(NamedTuple):
@@ -158,18 +158,29 @@ def falls_through(shape: Harmonics, alpha: float, x: float, other: float) -> flo
         and 1.0 + kick_slope(shape, half, high - np.rint(high)) >= 0.0
     ):
         return np.nan
-    x = 0.5 * (low + high)
-    for step in range(STEPS):
+    x, before = 0.5 * (low + high), abs(high - low)
+    for _ in range(STEPS):
         there = x - np.rint(x)
         off = 1.0 + kick_slope(shape, half, there)
         low, high = (x, high) if off < 0.0 else (low, x)
-        tried = x - off / kick_curvature(shape, half, there)
-        halves = step % 3 == 2 or not min(low, high) < tried < max(low, high)
-        tried = 0.5 * (low + high) if halves else tried
-        if abs(tried - x) <= 0.25 * HALF_ULP:
+        newton = x - off / kick_curvature(shape, half, there)
+        tried = _closer(x, newton, min(low, high), max(low, high), before)
+        before, x = abs(tried - x), tried
+        if before <= 0.25 * HALF_ULP:
             break
-        x = tried
     return x - np.rint(x)  # type: ignore[no-any-return]
+
+
+@jit
+def _closer(x: float, newton: float, low: float, high: float, before: float) -> float:
+    """Return the phase after x in a search for a zero in [low, high], x itself at its end.
+
+    It is that of Newton's method, or the middle where this leaves the bracket or its step is more
+    than half of the one before, unless rounding alone is left.
+    """
+    if low <= newton <= high and abs(newton - x) <= 0.5 * before:
+        return newton
+    return x if before <= NEAR else 0.5 * (low + high)
 
 
 @jit
@@ -190,11 +201,7 @@ def rises_through(shape: Harmonics, a: float, r: float, low: float, high: float)
         there = x - np.rint(x)
         off = fma(a, velocity(shape, there), -r)
         low, high = (x, high) if off <= 0.0 else (low, x)
-        tried = x - off / kick_slope(shape, a, there)
-        if not (low <= tried <= high and abs(tried - x) <= 0.5 * before):
-            if before <= NEAR:  # rounding alone is left
-                break
-            tried = 0.5 * (low + high)
+        tried = _closer(x, x - off / kick_slope(shape, a, there), low, high, before)
         before, x = abs(tried - x), tried
         if before <= HALF_ULP * abs(x) or abs(off) <= HALF_ULP * r:
             break
