@@ -67,7 +67,7 @@ def energy(a, e, squares):
     for (sigma, found), colour in zip(squares.items(), style.OKABE_ITO, strict=False):
         axes.plot(a, found, ".", color=colour, label=rf"$\sigma = {sigma:g}$")
         axes.plot(a, (a * a / 2.0 + sigma**2) / (1.0 - e * e), color=colour, linewidth=0.8)
-    axes.plot([], [], color=style.GREY, linewidth=0.8, label="random phases")
+    axes.plot([], [], color="black", linewidth=0.8, label="random phases")
     axes.set(xscale="log", yscale="log", xlabel=r"amplitude $a$ ($g/2f$)")
     axes.set_ylabel(r"mean square speed $\langle u^2 \rangle$ ($(g/2f)^2$)")
     axes.legend(fontsize=8.0)

@@ -31,10 +31,10 @@ def errors_in_time(
             markersize=2.5,
             markeredgewidth=0.0,
             color=colour,
-            label=f"steps of {name}",
+            label=name,
         )
     axes.set_yscale("log")
     axes.set_xlabel("landing time (s)")
     axes.set_ylabel("error of landing time (s)")
-    style.head(axes, "")
+    style.head(axes, "time step")
     return axes

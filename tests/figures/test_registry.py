@@ -62,7 +62,10 @@ def test_a_fixed_parameter_is_missing_not_an_error(twenty, make_sweep):
         )
     }
     fixed = make_sweep(1, 2)
-    assert set(missing(fixed, twenty)) == {"height_against_restitution", "parameter_plane"}
+    lacking = missing(fixed, twenty)
+    over_chance = lacking.pop("separation_over_chance")
+    assert over_chance.endswith("in which no particle rests or is locked, as chance assumes")
+    assert set(lacking) == {"height_against_restitution", "parameter_plane"}
 
 
 def test_separations_against_chance_need_what_is_measured_of_each_particle(sweep):
@@ -165,4 +168,6 @@ def test_the_command_reads_of_single_particles_what_figures_need(compute, tmp_pa
         f"[scene]\nparticles = 2\n{sample}[measure]\nseparation = true\nper_particle = true\n"
     )
     assert main(["figures", str(path), "-o", str(tmp_path)]) == 0
-    assert "separation_over_chance.png" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "separation_distribution.png" in said
+    assert "separation_over_chance needs a realization in which no particle rests" in said

@@ -28,12 +28,16 @@ def test_what_is_not_compared_with_chance_is_refused():
 
 
 def test_realizations_without_chance_are_left_out_and_counted():
-    z = xr.Dataset({"dt_min_over_chance": ("realization", [2.0, np.nan, 0.5])})
-    axes = separations_over_chance([z, z.isel(realization=[1])], ["some", "none"])
+    z = xr.Dataset({"dt_min_over_chance": ("realization", [20.0, np.nan, 0.0])})
+    nowhere = z.isel(realization=[1])
+    axes = separations_over_chance([z, nowhere], ["some", "none"])
     some, none, chance = axes.lines
-    np.testing.assert_array_equal(some.get_xdata(), [0.5, 2.0])
-    np.testing.assert_array_equal(some.get_ydata(), [0.5, 1.0])
-    assert none.get_xdata().size == 0
+    np.testing.assert_array_equal(some.get_xdata(), [1e-3, 1e-3, 20.0, 20.0])
+    np.testing.assert_array_equal(some.get_ydata(), [0.0, 0.5, 1.0, 1.0])
+    assert axes.get_xlim() == (1e-3, 20.0)  # no value lies beyond
+    assert np.isfinite(none.get_ydata()).sum() == 1  # which is no line
+    with pytest.raises(DataError, match="in which no particle rests or is locked"):
+        separations_over_chance([nowhere], ["none"])
     assert [one.get_label() for one in (some, none)] == [
         "some: 2 of 3 realizations",
         "none: 0 of 1 realizations",

@@ -81,7 +81,7 @@ def paint_numbers(
         pad=0.02,
         aspect=30,
         extend=_beyond(known, norm),
-        ticks=MaxNLocator(integer=True) if counts and not signed else ticks,
+        ticks=MaxNLocator(integer=True, min_n_ticks=1) if counts and not signed else ticks,
     )
 
 

@@ -66,7 +66,8 @@ def _separation_distribution(sweep: xr.Dataset) -> Axes:
 
     sweep = flat(sweep)
     contact = float(data.quantity(sweep, "contact_time").min())
-    parts = _by_noise(sweep) or {f"{sweep.sizes['realization']} realizations": sweep}
+    many = sweep.sizes["realization"]
+    parts = _by_noise(sweep) or {f"{many} realization{'s' if many > 1 else ''}": sweep}
     found = [separation_distribution(part) for part in parts.values()]
     return separations.separation_distributions(found, list(parts), contact)
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from vibrosweep.analysis.requirements import require
+from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
 
 if TYPE_CHECKING:
@@ -22,10 +23,28 @@ __all__ = [
     "separations_over_chance",
 ]
 
+# Left edges, where what is smaller is drawn: of separations (s), and of their ratios to chance
+EDGE: Final = 1e-9
+EDGE_OF_CHANCE: Final = 1e-3
+MEANINGLESS: Final = "a realization in which no particle rests or is locked, as chance assumes"
+
+
+class _NeedsForChance(data.Needs):
+    """Requirements of the comparison with chance, which must have a meaning somewhere."""
+
+    def lacking(self, dataset: xr.Dataset) -> str | None:
+        from vibrosweep.analysis.chance import separations_against_chance  # loads xarray
+
+        if reason := super().lacking(dataset):
+            return reason
+        ratio = separations_against_chance(dataset)["dt_min_over_chance"].values
+        return None if np.isfinite(ratio).any() else MEANINGLESS
+
+
 NEEDS: Final = data.Needs(
     ("dt_min", "collision_free", "contact_time", "duration"), known=("dt_min",)
 )
-NEEDS_FOR_CHANCE: Final = data.Needs(
+NEEDS_FOR_CHANCE: Final = _NeedsForChance(
     (
         "dt_min",
         "particle_impact_count",
@@ -37,9 +56,6 @@ NEEDS_FOR_CHANCE: Final = data.Needs(
     ),
     known=("dt_min",),
 )
-
-# s; smaller separations are drawn at the left edge
-EDGE: Final = 1e-9
 
 
 @style.styled
@@ -103,6 +119,7 @@ def separation_distributions(
         (contact_time, 0.03),
         xytext=(3, 0),
         textcoords="offset points",
+        path_effects=style.halo(),
     )
     axes.set_xscale("log")
     axes.set(xlim=(EDGE, 1.0), ylim=(0.0, 1.02))
@@ -139,7 +156,7 @@ def separations_over_chance(
     Raises
     ------
     DataError
-        A dataset is not a result of these analyses.
+        A dataset is no result of these analyses, or the ratio has no meaning in any realization.
 
     Examples
     --------
@@ -155,21 +172,25 @@ def separations_over_chance(
     for one in found:
         name = "dt_min_over_chance"
         require(one, "separations_over_chance", name, source="separations_against_chance")
+    ratios = [one["dt_min_over_chance"].values for one in found]
+    known = [np.sort(ratio[np.isfinite(ratio)]) for ratio in ratios]
+    largest = [float(z[-1]) for z in known if z.size]
+    if not largest:
+        raise DataError(f"figure separations_over_chance needs {MEANINGLESS}")
     axes = style.axes_on(ax, style.MEDIUM, 2.9)
-    for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
-        ratio = one["dt_min_over_chance"].values
-        z = np.sort(ratio[np.isfinite(ratio)])
+    right = max(10.0, *largest)
+    for ratio, z, name, colour in zip(ratios, known, names, style.colours(len(names)), strict=True):
         axes.step(
-            z,
-            np.arange(1, z.size + 1) / max(1, z.size),
+            np.concatenate([[EDGE_OF_CHANCE], np.maximum(z, EDGE_OF_CHANCE), [right]]),
+            np.append(np.arange(z.size + 1) / (z.size or np.nan), 1.0),
             where="post",
             color=colour,
             label=f"{name}: {z.size} of {ratio.size} realizations",
         )
-    z = np.geomspace(1e-3, 10.0, 200)
+    z = np.geomspace(EDGE_OF_CHANCE, right, 200)
     axes.plot(z, -np.expm1(-z), color="black", linewidth=1.2, label="chance: $1 - e^{-z}$")
     axes.set_xscale("log")
-    axes.set(xlim=(1e-3, 10.0), ylim=(0.0, 1.02))
+    axes.set(xlim=(EDGE_OF_CHANCE, right), ylim=(0.0, 1.02))
     axes.set_xlabel(r"$z = \Lambda\,\Delta t_{\mathrm{min}}$")
     axes.set_ylabel("fraction of realizations\nwith at most this")
     style.head(axes, "", columns=1)
