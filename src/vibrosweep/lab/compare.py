@@ -15,8 +15,8 @@ from vibrosweep.lab.comparison import (
     QUANTITIES,
     READINGS,
     comparable,
+    errors_of,
     measured_means,
-    prediction_errors,
 )
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import check_method, impacts_of
@@ -277,16 +277,14 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
     try:
         shares = camera_shares(tracks, by_fit, used, scene, how)
     except TrackError as error:
-        shares = {n: {q: dict.fromkeys(READINGS, np.nan) for q in QUANTITIES} for n in SHARES[:2]}
+        shares = np.full((2, len(QUANTITIES), len(READINGS)), np.nan)
         warnings.append(f"the errors of the camera are not known: {error}")
-    shares["parameters"] = {
-        q: dict.fromkeys(READINGS, float(values.mean())) | {"worst": float(values.max())}
-        for q, values in _spreads(found, means, among).items()
-    }
-    parts = [prediction_errors(impacts, best, among), *(shares[name] for name in SHARES)]
-    errors = [[[part[q][reading] for reading in READINGS] for q in QUANTITIES] for part in parts]
+    spread = _spreads(found, means, among)
+    by_parameters = np.where(
+        np.array(READINGS) == "worst", spread.max(1, keepdims=True), spread.mean(1, keepdims=True)
+    )
     return _Compared(
-        np.array(errors),
+        np.stack([errors_of(impacts, best, among), *shares, by_parameters]),
         np.array([[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]),
         {"compared": float(among.mean()), **_used(estimated, used, scene.waveform)},
         {
@@ -300,14 +298,15 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
     )
 
 
-def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> dict[str, Array]:
-    """Spread of the predictions over the draws in per cent of the measured means, by quantity."""
-    return {
-        q: 100.0 * np.std(values[1:, among], axis=0) / means[q][among]
-        if len(values) > 1
-        else np.zeros(int(among.sum()))
-        for q, values in found._asdict().items()
-    }
+def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> Array:
+    """Spread of the predictions over the draws in per cent of the measured means.
+
+    Shape (quantity, particle); zero without draws.
+    """
+    drawn = np.stack(found)[:, 1:, among]
+    if not drawn.shape[1]:
+        return np.zeros((len(QUANTITIES), int(among.sum())))
+    return np.asarray(100.0 * drawn.std(axis=1) / [means[q][among] for q in QUANTITIES])
 
 
 def _used(

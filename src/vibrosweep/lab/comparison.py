@@ -102,23 +102,23 @@ def prediction_errors(
     >>> list(vs.lab.prediction_errors(seen, predicted, vs.lab.comparable(seen)))
     ['height', 'period']
     """
+    errors = errors_of(impacts, predicted, among).tolist()
+    return {
+        q: dict(zip(READINGS, row, strict=True)) for q, row in zip(QUANTITIES, errors, strict=True)
+    }
+
+
+def errors_of(impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[np.bool_]) -> Array:
+    """Errors of `prediction_errors` as an array of shape (quantity, reading)."""
     means, columns = measured_means(impacts, among), _columns(impacts)
-    found: dict[str, dict[str, float]] = {}
-    for name in QUANTITIES:
+    found = np.full((len(QUANTITIES), len(READINGS)), np.nan)
+    for row, name in zip(found, QUANTITIES, strict=True):
         measured, foretold = means[name], predicted[name]
         both = np.isfinite(measured) & np.isfinite(foretold)
-        if not both.any():
-            found[name] = dict.fromkeys(READINGS, float("nan"))
-            continue
-        measured, foretold = measured[both], foretold[both]
-        single = 100.0 * np.abs(measured - foretold) / measured
-        flights = columns[name][both]
-        whole = 100.0 * abs(measured.mean() - foretold.mean()) / measured.mean()
-        of_flights = 100.0 * np.abs(flights - foretold[:, np.newaxis]) / flights
-        found[name] = {
-            "ensemble": float(whole),
-            "particle": float(single.mean()),
-            "worst": float(single.max()),
-            "flight": float(np.nanmean(of_flights)),
-        }
+        if both.any():
+            measured, foretold, flights = measured[both], foretold[both], columns[name][both]
+            single = 100.0 * np.abs(measured - foretold) / measured
+            whole = 100.0 * abs(measured.mean() - foretold.mean()) / measured.mean()
+            of_flights = 100.0 * np.abs(flights - foretold[:, np.newaxis]) / flights
+            row[:] = whole, single.mean(), single.max(), np.nanmean(of_flights)
     return found

@@ -303,9 +303,5 @@ def _rank(tried: tuple[Adjusted, float]) -> tuple[bool, float]:
     """Sort key whose minimum is the best adjustment: physical ones come first."""
     found, _ = tried
     chi_square = float(np.nan_to_num(found.chi_square, nan=np.inf))
-    unphysical = not np.isfinite(chi_square) or _outside(found.values, found.covariance)
+    unphysical = not np.isfinite(chi_square) or outside(found.values, found.covariance)
     return unphysical, chi_square
-
-
-def _outside(values: Array, covariance: Array) -> bool:
-    return outside(float(values[0]), float(np.sqrt(covariance[0, 0])))

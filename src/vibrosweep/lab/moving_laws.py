@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from vibrosweep.lab.contacts import Contacts
-from vibrosweep.lab.oscillation import MOST_STEPS, ROUNDS, Problem, Shaken, Trace, spread_of
+from vibrosweep.lab.oscillation import Problem, Shaken, Trace, spread_of, without_outliers
 from vibrosweep.lab.speed_laws import FITTED, FittedLaw, best, speeds_of, trials, unfitted
 
 
@@ -33,23 +32,15 @@ def _fit(problem: Problem, shaken: Shaken) -> FittedLaw:
     if law.parameters:
         start = np.append(start, np.log(law.speed))
     spread = np.sqrt(np.maximum(np.diag(shaken.covariance), 1e-20))
-    kept = shaken.kept
-    for _ in range(ROUNDS):
-        try:
-            found = least_squares(
-                problem.whitened,
-                start,
-                problem.derivatives,
-                x_scale=np.append(spread, [0.1] * law.parameters),
-                args=(kept,),
-                max_nfev=MOST_STEPS,
-            )
-        except np.linalg.LinAlgError:
-            return unfitted(law, kept.size)
-        used = int(kept.sum())
-        start, kept = found.x, problem.near(found.x)
+    scale = np.append(spread, [0.1] * law.parameters)
+    try:
+        found, used = without_outliers(problem, start, scale, shaken.kept)
+    except np.linalg.LinAlgError:
+        return unfitted(law, shaken.kept.size)
     covariance, misfit, freedom = spread_of(found)
     last = found.x.size - law.parameters
     of_law = np.r_[: problem.parameters, last : found.x.size]  # without the levels
     values, spread = speeds_of(law, found.x[of_law], covariance[np.ix_(of_law, of_law)])
-    return FittedLaw(law, values, spread, misfit, freedom, used, problem.distance(found.x))
+    return FittedLaw(
+        law, values, spread, misfit, freedom, int(used.sum()), problem.distance(found.x)
+    )

@@ -260,17 +260,8 @@ def fit_shaken(
             x_scale=scale,
             max_nfev=MOST_STEPS,
         ).x
-    for _ in range(ROUNDS):
-        kept = problem.near(values)
-        found = least_squares(
-            problem.whitened,
-            values,
-            problem.derivatives,
-            x_scale=scale,
-            args=(kept,),
-            max_nfev=MOST_STEPS,
-        )
-        values = found.x
+    found, kept = without_outliers(problem, values, scale, problem.near(values))
+    values = found.x
     covariance, misfit, freedom = spread_of(found)
     return Shaken(
         values,
@@ -284,6 +275,27 @@ def fit_shaken(
         freedom,
         problem.distance(values),
     )
+
+
+def without_outliers(
+    problem: Problem, values: Array, scale: Array, kept: Flags
+) -> tuple[OptimizeResult, Flags]:
+    """Fit the contacts that are `kept`, and again those that are then no outliers.
+
+    Returns the fit and the contacts to which it was made; `scale` is that of the `values` at which
+    it begins.
+    """
+    for _ in range(ROUNDS):
+        found = least_squares(
+            problem.whitened,
+            values,
+            problem.derivatives,
+            x_scale=scale,
+            args=(kept,),
+            max_nfev=MOST_STEPS,
+        )
+        used, values, kept = kept, found.x, problem.near(found.x)
+    return found, used
 
 
 def spread_of(found: OptimizeResult) -> tuple[Array, float, int]:

@@ -1,8 +1,7 @@
 """Laws of restitution that bounces allow: how e depends on the speed of impact.
 
-Every law is fitted to the same bounces.  Two are compared by the test of Vuong (1989, Econometrica
-57, 307), with Schwarz's correction for an additional parameter: the mean difference of the squared
-distances of the bounces from both, against its scatter, so that a few odd bounces do not decide.
+Every law is fitted to the same bounces.  Two are compared by the test of Vuong, with Schwarz's
+correction for an additional parameter.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
+from vibrosweep.lab.regression import is_nearer
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
     LEAST_VISCOELASTIC,
@@ -25,8 +25,6 @@ from vibrosweep.model.restitution_laws import (
 FITTED: Final = (CONSTANT, PLASTIC, VISCOELASTIC)
 # Places, in the distribution of speeds, at which the yielding of a plastic law is first sought
 PLACES: Final = (0.15, 0.5, 0.85)
-# Standard deviations by which the mean difference of squared distances must differ from zero
-DECIDED: Final = 3.0
 STEP: Final = 1e-5  # of speeds, relative, and of the restitution, in finite differences
 # Largest squared distance that counts, about three standard errors: one bounce must not decide
 FAR: Final = 10.0
@@ -139,9 +137,9 @@ def possible(fits: Sequence[FittedLaw]) -> list[str]:
     first, *others = sorted(fitted, key=size)
     kept = [first.law.name]
     for other in others:
-        gain = other.distance - first.distance
-        scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
-        if size(other) - size(first) <= DECIDED * scatter:
+        more = other.law.parameters - first.law.parameters
+        price = more * float(np.log(other.distance.size))
+        if not is_nearer(first.distance, other.distance, price):
             kept.append(other.law.name)
     # where no fit is found nothing is ruled out
     return kept + [one.law.name for one in fits if not np.isfinite(one.distance).all()]

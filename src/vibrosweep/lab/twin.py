@@ -16,7 +16,7 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
-from vibrosweep.lab.comparison import QUANTITIES, comparable, prediction_errors
+from vibrosweep.lab.comparison import QUANTITIES, comparable, errors_of
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
@@ -38,11 +38,11 @@ def camera_shares(
     numbers: Mapping[str, float],
     scene: Scene,
     how: Comparison,
-) -> dict[str, dict[str, dict[str, float]]]:
+) -> Array:
     """Errors of the predicted motion that are due to frames alone, and to pixels beside them.
 
-    They are in per cent, by ``frames`` and ``pixels``, quantity and reading.  `numbers` are the
-    parameters of the prediction, and the `scene` one of `scene_of`.
+    They are in per cent, of shape (2, quantity, reading).  `numbers` are the parameters of the
+    prediction, and the `scene` one of `scene_of`.
     """
     motions = _twin(impacts, numbers, scene)
     time = tracks["time"].values
@@ -61,14 +61,7 @@ def camera_shares(
         view = view._replace(motion=motion, trace=trace)
     by_frames = _measurement_error(true, time, sharp, predicted, how, view)
     together = _measurement_error(true, time, rough, predicted, how, view)
-    by_pixels = {
-        q: {
-            reading: float(np.sqrt(max(both**2 - by_frames[q][reading] ** 2, 0.0)))
-            for reading, both in values.items()
-        }
-        for q, values in together.items()
-    }
-    return {"frames": by_frames, "pixels": by_pixels}
+    return np.stack([by_frames, np.sqrt(np.maximum(together**2 - by_frames**2, 0.0))])
 
 
 def _known(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
@@ -114,11 +107,11 @@ def _measurement_error(
     predicted: dict[str, Array],
     how: Comparison,
     view: View,
-) -> dict[str, dict[str, float]]:
+) -> Array:
     """Errors of a measurement of the predicted motion itself."""
     height = film(true, camera, np.random.default_rng(how.seed))
     tracks = make_tracks(time, height, source="the predicted motion, filmed as the recording was")
     fitted = fit_tracks(tracks, how.gravity, view)
     by_fit = impacts_of(tracks, fitted, how.gravity, "fit")
     impacts = impacts_of(tracks, fitted, how.gravity, how.method)
-    return prediction_errors(impacts, predicted, comparable(by_fit))
+    return errors_of(impacts, predicted, comparable(by_fit))

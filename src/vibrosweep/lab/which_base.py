@@ -10,15 +10,18 @@ from vibrosweep.arrays import Array
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, first_guess, fit_shaken
-from vibrosweep.lab.regression import FEWEST, Speeds, outside, weakest_signal, with_subharmonics
+from vibrosweep.lab.regression import (
+    FEWEST,
+    Speeds,
+    is_nearer,
+    outside,
+    weakest_signal,
+    with_subharmonics,
+)
 
 FREQUENCIES: Final = (1.0, 100.0)
 # Most contacts that are used: more hardly change the decision.
 MOST: Final = 1000
-# Standard deviations by which the mean difference of squared distances must differ from zero: with
-# independent contacts that favour neither base, one recording in 370 would be decided.
-DECIDED: Final = 3.0
-
 # Signal of the weakest direction below which nothing is fitted; that of noise is at most 1.
 LEAST_SIGNAL: Final = 3.0
 
@@ -70,25 +73,17 @@ def _too_few(contacts: Contacts) -> bool:
 def _preferred(shaken: Shaken, still: Shaken) -> str:
     """Return the base that describes the same contacts better, by the test of Vuong.
 
-    Both models have the same number of parameters and neither contains the other.  The mean
-    difference of their squared distances is tested against the scatter of the differences (Vuong
-    1989, Econometrica 57, 307), so that a few contacts that fit neither model do not decide.  The
-    base is never one that implies an unphysical restitution.
+    Both models have the same number of parameters and neither contains the other.  The base is
+    never one that implies an unphysical restitution.
     """
-    gain = still.distance - shaken.distance
-    scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
-    if not abs(gain.sum()) > DECIDED * scatter:
-        return "undetermined"
-    favoured, better = ("moving", shaken) if gain.sum() > 0.0 else ("level", still)
-    return "undetermined" if _unphysical(better) else favoured
-
-
-def _unphysical(shaken: Shaken) -> bool:
-    return outside(shaken.restitution, float(np.sqrt(shaken.covariance[0, 0])))
+    for favoured, better, worse in (("moving", shaken, still), ("level", still, shaken)):
+        if is_nearer(better.distance, worse.distance):
+            return "undetermined" if outside(better.values, better.covariance) else favoured
+    return "undetermined"
 
 
 def _distance(shaken: Shaken) -> tuple[bool, float]:
-    return _unphysical(shaken), float(shaken.distance.sum())
+    return outside(shaken.values, shaken.covariance), float(shaken.distance.sum())
 
 
 def signal_of(contacts: Contacts, guess: Array, frequency: float) -> float:
