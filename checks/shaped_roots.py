@@ -67,8 +67,9 @@ def _lag(q):
 
 @njit(error_model="numpy", nogil=True)
 def clearance(tones, alpha, x, y, s):
-    """Clearance after s periods, a bound of its rounding error, and two derivatives."""
+    """Clearance after s periods, two derivatives, and bounds of errors of it and of the first."""
     value, size = 0.5 * s * (y - s), 0.5 * s * (abs(y) + s)
+    blur = ROUNDINGS * (0.5 * abs(y) + s)
     slope, bend = 0.5 * y - s, -1.0
     for k in range(tones.shape[0]):
         h, c, psi = tones[k]
@@ -81,8 +82,9 @@ def clearance(tones, alpha, x, y, s):
         size += abs(scale) * (abs(cosine) * versine + abs(sine) * _lag(q))
         moved = cosine * math.sin(part) - sine * versine
         slope -= 0.5 * alpha * c * moved
+        blur += 0.5 * alpha * abs(c) * (ROUNDINGS + 2.0 * q)  # the angle q is rounded, too
         bend -= 0.5 * alpha * c * TWO_PI * h * (cosine * (1.0 - versine) - sine * math.sin(part))
-    return value, ROUNDINGS * EPS * size, slope, bend
+    return value, slope, bend, ROUNDINGS * EPS * size, EPS * blur
 
 
 @njit(error_model="numpy", nogil=True)
@@ -96,7 +98,7 @@ def first_root(tones, alpha, x, y):
     half, graze = 0.25 * s, np.inf
     for _ in range(10_000_000):
         middle = s + half
-        value, error, slope, bend = clearance(tones, alpha, x, y, middle)
+        value, slope, bend, error, _ = clearance(tones, alpha, x, y, middle)
         rest = jerk * half**3 / 6.0 + error
         least = value - abs(slope) * half + 0.5 * bend * half * half
         if bend > 0.0 and abs(slope) < bend * half:
@@ -105,7 +107,7 @@ def first_root(tones, alpha, x, y):
             s += 2.0 * half
             half *= 1.5
             continue
-        right, right_error, _, _ = clearance(tones, alpha, x, y, s + 2.0 * half)
+        right, _, _, right_error, _ = clearance(tones, alpha, x, y, s + 2.0 * half)
         if slope + abs(bend) * half + 0.5 * jerk * half * half < 0.0 and right < -right_error:
             low, high = s, s + 2.0 * half
             for _ in range(100):
@@ -131,12 +133,11 @@ def _judge(base, problem, tones, x, y, missed, error, speed_error, grazes):
         found, v = fly(fixed, x[i], y[i])
         root, graze = first_root(tones, fixed.alpha, x[i], y[i])
         grazes[i] = graze < root
-        _, noise, slope, bend = clearance(tones, fixed.alpha, x[i], y[i], root)
+        _, slope, bend, noise, blur = clearance(tones, fixed.alpha, x[i], y[i], root)
         at = along(fixed, x[i], y[i], root)
         off = (noise + at.f_error) / abs(slope) + EPS * root
         error[i] = abs(found - root) / off
-        # the slope here is rounded as the speed there is
-        speed_error[i] = abs(v + 2.0 * slope) / (2.0 * abs(bend) * off + 2.0 * at.z_error)
+        speed_error[i] = abs(v + 2.0 * slope) / (2.0 * (abs(bend) * off + blur) + at.z_error)
         near = abs(found - root) <= 1e-6 * root
         at_graze = grazes[i] and found >= graze * (1.0 - 1e-5) and found <= root * (1.0 + 1e-6)
         missed[i] = not (near or at_graze)
