@@ -1,4 +1,4 @@
-"""Every figure is a ratio against a reference that is timed in the same run."""
+"""Races: every figure is a ratio to a reference that is timed in the same run."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def timed(run, settle):
 def race(benchmark, record_property):
     """Time a subject and a reference in turn; return how many times as fast the subject is.
 
-    The ratio is the median over pairs of runs, so that what disturbs the machine for longer than
-    a pair disturbs both.  Where one of them leaves threads behind that wait in a busy loop,
-    `settle` is to be long enough for these to fall asleep.  `regressions.py` holds the ratio
-    against the stored one under the test's name.
+    The ratio is the median over pairs of runs, so that a disturbance of the machine that lasts
+    longer than a pair affects both.  If one of them leaves threads behind that wait in a busy loop,
+    `settle` must be long enough for these to fall asleep.  `regressions.py` compares the ratio with
+    the one stored under the test's name.
     """
 
     def run(

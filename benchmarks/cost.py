@@ -47,8 +47,8 @@ LOOKS = {
     "periods": ("#009E73", "^"),
     "periods, without skips": ("#D55E00", "v"),
 }
-QUICK = 0.5  # s: what takes less is repeated
-CHUNKS = (16, 64)  # that a small sweep is cut into, to see what one of them costs
+QUICK = 0.5  # s; shorter measurements are repeated
+CHUNKS = (16, 64)  # numbers of chunks of a small sweep, whose difference gives the cost of one
 
 
 class Point(NamedTuple):
@@ -64,7 +64,7 @@ class Point(NamedTuple):
 
 
 class Chunked(NamedTuple):
-    """What a chunk costs more than its computation, and what comes before the first."""
+    """Cost of a chunk beside its computation, and the time before the first chunk."""
 
     where: str
     start: float  # s of wall time, until the workers can compute

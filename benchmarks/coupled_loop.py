@@ -1,8 +1,8 @@
-"""A base of finite mass as the obvious scalar loop: after each event every particle's next landing.
+"""A base of finite mass as a plain scalar loop: after each event every particle's next landing.
 
-One realization after the other and one event after the other, time as one running number, the
-library's sine and exponential.  A landing is searched for from the present on, by steps that
-cannot pass the first root: the clearance falls no faster than its slope and the largest
+It follows one realization after the other and one event after the other, with one running time and
+the library's sine and exponential.  The search for a landing starts at the present time, with steps
+that cannot pass the first root: the clearance falls no faster than its slope and the largest
 acceleration of the base allow.
 """
 
@@ -16,13 +16,13 @@ from numba import njit
 TWO_PI = 2.0 * math.pi
 ULP = 2.0**-52
 TRIES = 10_000
-SHORTEST = 2.0**-40  # periods; goes on where clearance and speed are 0
+SHORTEST = 2.0**-40  # periods; a step that is taken where clearance and speed are 0
 WAITING, FLYING, RIDING = 0, 1, 2
 
 
 @njit(nogil=True, error_model="numpy")
 def forced(alpha, mu, w, zeta, riders):
-    """Steady motion level + p cos(2 pi t) + q sin(2 pi t) of the base under so many particles."""
+    """Steady motion level + p cos(2 pi t) + q sin(2 pi t) of the base under a number of riders."""
     load = riders * mu
     stiff, drag = w * w - (1.0 + load) * TWO_PI**2, 2.0 * zeta * w * TWO_PI
     a = -alpha / TWO_PI
@@ -69,7 +69,7 @@ def base(motion, t, s):
 
 @njit(nogil=True, error_model="numpy")
 def advance(s, f, slope, curvature):
-    """Go on from s without passing a root of what is f here and curves down no more than that."""
+    """Step from s without passing a root of a function with this value, slope and curvature."""
     root = math.sqrt(slope * slope + 2.0 * curvature * max(f, 0.0))
     if slope < 0.0:
         return s + 2.0 * max(f, 0.0) / (root - slope)

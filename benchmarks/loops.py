@@ -1,4 +1,4 @@
-"""Loops that the kernels are measured against: the obvious way, and the least possible work."""
+"""Loops with which kernels are compared: the plain way, and the least possible work."""
 
 from __future__ import annotations
 

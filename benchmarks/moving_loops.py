@@ -1,7 +1,7 @@
 """The moving base as a scalar loop: the kernel's search for a landing, with the library's sine.
 
-One trajectory after the other and one flight after the other, with branches, so that nothing is
-computed that a flight does not need.
+It follows one trajectory after the other and one flight after the other, with branches, so that
+nothing is computed that a flight does not need.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from numba import njit
 
 TWO_PI = 2.0 * math.pi
 SLOW = 0.15  # periods; the first try for a particle that is neither chattering nor fast
-LAST = 2.0**-12  # a step whose series falls so fast ends the search
-SHORT = 0.25  # ... is better than Newton's
-BORDER = 2.0**-30  # turns; so near to its end, a stretch has ended
+LAST = 2.0**-12  # ratio of terms of a step's series below which the step ends the search
+SHORT = 0.25  # ratio below which the series is better than Newton's step
+BORDER = 2.0**-30  # turns before its end at which a stretch counts as ended
 ULP = 2.0**-52
 NOISE = 2.0**-50  # of the clearance, relative to its terms
 TRIES = 20_000

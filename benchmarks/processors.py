@@ -4,9 +4,9 @@
     python benchmarks/processors.py --write     and put it into docs/speed.md
     python benchmarks/processors.py --here      this process alone, as JSON
 
-Each width is timed in a process of its own, and everything in it in turn: a figure is the median of
-the ratios of processor time to that of the sine just before it, which other programs disturb
-little.
+Each width is timed in a separate process, in which all jobs take turns: a figure is the median
+ratio of the processor time of a job to that of the sine just before it, which other programs
+disturb little.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ WAYS = {
 
 
 class Job(NamedTuple):
-    """Something to time: what it is called, and how many units of work a call does."""
+    """A function to time, its name, and the number of units of work of a call."""
 
     run: object
     work: float

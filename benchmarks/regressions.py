@@ -1,19 +1,19 @@
-"""Hold every figure of the benchmarks against the stored one; fail where one is worse by a quarter.
+"""Compare every figure of the benchmarks with the stored one; fail if one is worse by a quarter.
 
     python benchmarks/regressions.py            compare with benchmarks/ratios.json
     python benchmarks/regressions.py --store    replace those of this family of processors
 
-Figures are stored for each family of processors, as LLVM names it (`znver4`, `sapphirerapids`): a
-ratio differs between families for that reason alone.  On a family of which none are stored they are
-measured and shown, and not judged.
+Figures are stored for each family of processors, as LLVM names it (`znver4`, `sapphirerapids`),
+since ratios differ between families.  On a family without stored figures they are measured and
+shown, and not judged.
 
 A figure is what the fixture `race` measures: how many times as fast as a reference in the same run
 a subject is, here by processor time, which other programs on the machine disturb little.  A test
 that fails, or whose figure is worse, is run a second time, and the better figure counts.  The exit
-code is 1 if a figure is worse or missing, or if a test fails without one.  A test that gives a
-figure and misses a target of its own, in wall time, is told, and its figure compared and stored as
-any other: it is a measurement, the target a wish, which `pytest benchmarks` judges.  A test that
-fails without a figure keeps the one that is stored.
+code is 1 if a figure is worse or missing, or if a test fails without one.  If a test gives a figure
+but misses a target of its own, in wall time, this is reported, and the figure is compared and
+stored like any other; `pytest benchmarks` judges targets.  A test that fails without a figure keeps
+the stored one.
 """
 
 from __future__ import annotations

@@ -6,9 +6,9 @@ import pytest
 
 from processors import measured, ways
 
-# Of the bare map: its chain of dependent operations is half as long again as that of the sine
-# alone.  How many such chains a core has under way decides; a vector half as wide halves the lanes
-# in each of them, but not the chain.
+# The chain of dependent operations of the bare map is half as long again as that of the sine alone,
+# and the number of such chains that a core has under way limits the speed: a vector half as wide
+# halves the lanes in each chain, but not its length.
 BARE_MAP = {"512": 1.0 / 0.75}
 
 

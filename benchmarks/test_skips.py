@@ -78,7 +78,7 @@ def test_one_problem_at_four_values_of_gravity(race):
 
 @pytest.mark.parametrize(("realizations", "periods"), [(2500, 12.0), (200, 1000.0)])
 def test_four_values_of_gravity_against_one(race, realizations, periods):
-    """A sweep over gravity costs one run, and what is done for each realization anyway."""
+    """A sweep over gravity costs one run, and the work that each realization needs anyway."""
     every = four_gravities(realizations)
     one = {name: values[:realizations].copy() for name, values in every.items()}
     with Workers(THREADS) as workers:
@@ -89,7 +89,7 @@ def test_four_values_of_gravity_against_one(race, realizations, periods):
 
 
 def test_nothing_to_skip_over_a_short_horizon(race):
-    """Nothing recurs in time, no two problems are equal: what remains is to find that out."""
+    """Nothing recurs in time and no two problems are equal: this measures the vain search."""
     assert skipping(race, drawn(20_000), duration=12.0) >= 0.9
 
 
@@ -122,7 +122,7 @@ def test_a_million_periods_against_a_thousand(race):
 
 
 def test_a_million_periods_with_chaos_against_a_thousand(race):
-    """Nine trajectories of one realization never recur: their cost is honest."""
+    """Nine trajectories of one realization never recur, so that all their impacts are computed."""
     rng = np.random.default_rng(1)
     ranges = {"restitution": rng.uniform(0.80, 0.98, 200), "amplitude": rng.uniform(0.2, 3.5, 200)}
     with Workers(THREADS) as workers:

@@ -110,7 +110,7 @@ def show(options: argparse.Namespace, name: str, text: str, path: Path = REPORT)
 
 
 def write_section(name: str, text: str, path: Path = REPORT) -> None:
-    """Replace the section between the two markers of that name in a page."""
+    """Replace the section of a page between the two markers of that name."""
     page = path.read_text(encoding="utf-8")
     pattern = re.compile(rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)
     if not pattern.search(page):

@@ -3,7 +3,7 @@
     python checks/claims.py [--realizations N] [--threads N] [--claims 4a,14] [--write]
 
 A verdict must be the same for 20 other seeds, unless one of the two says that it cannot be judged.
-Ends with 1 where one turns.  --write replaces the table of verdicts in
+The exit code is 1 if one turns.  --write replaces the table of verdicts in
 docs/separations-and-claims.md by that of the first seeds; --claims judges some of the claims and
 replaces their rows.
 """

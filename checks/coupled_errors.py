@@ -2,8 +2,8 @@
 
     python checks/coupled_errors.py [--realizations 40] [--seed 1] [--write]
 
-So many random realizations of 2, 4 and 10 particles; each is followed in ball arithmetic, and again
-with changed parameters and launches (`vibrosweep.proof.coupled`), which gives the estimate.
+Random realizations of 2, 4 and 10 particles are drawn; each is followed in ball arithmetic, and
+again with changed parameters and launches (`vibrosweep.proof.coupled`), which gives the estimate.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def draw(rng):
 def compare(parameters, launches, duration, most=MOST):
     """Return the judgement of a realization, its number of landings, and the largest error.
 
-    The error comes in units of the estimate, and of what verify grants each number.
+    The error is in units of the estimate, and of the claim of `verify` for each number.
     """
     found = simulate(base="sprung", launch_time=list(launches), duration=duration, **parameters)
     landings = int(found.impact_count.sum())

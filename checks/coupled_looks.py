@@ -1,8 +1,8 @@
-"""Number of looks at a particle by the search over a base of finite mass, for docs/speed.md.
+"""Number of particles that the search over a base of finite mass examines, for docs/speed.md.
 
 ``NUMBA_DISABLE_JIT=1 PYTHONPATH=benchmarks python checks/coupled_looks.py`` counts, per landing,
-the looks at single particles and the steps of the iteration that ends at a landing, in plain Python
-on the scenes of ``benchmarks/test_coupled.py``.
+how often a single particle is examined (a look), and the steps of the iteration that ends at the
+landing, in plain Python on the scenes of ``benchmarks/test_coupled.py``.
 """
 
 import sys

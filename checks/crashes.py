@@ -1,14 +1,14 @@
-"""Cut the power at every moment of a run, and see what is lost.
+"""Simulate a power cut at every moment of a run, and count what is lost.
 
     python checks/crashes.py [--states 400] [--seed 1] [--write]
 
-What a run does to its files is recorded: names given and taken away, bytes written, flushes.  The
-power may fail after each of these operations.  What was flushed by then is on the disk; all else is
-there, or not, or in part: a name may be there without its bytes and the other way round, a write
-may have stopped half way or left zeros, and of two operations the later one may have come first.
-Each such state is laid out in a directory and the same command is given again: it must end well,
-compute no chunk again that was finished, nor any once the parts were being cleared away, give the
-bytes of an undisturbed run, and leave nothing beside them.  At no moment may anything but a
+All operations of a run on its files are recorded: names that appear and disappear, bytes written,
+flushes.  The power may fail after each of these operations.  Data that were flushed by then are on
+the disk; all others may be there completely, partly or not at all: a name without its bytes or
+bytes without a name, a write that stopped half way or left zeros, and of two operations only the
+later one.  Each such state is laid out in a directory and the same command is given again: it must
+succeed, compute no chunk again that was finished, nor any once the parts were being removed, give
+the bytes of an undisturbed run, and leave nothing beside them.  At no moment may anything but a
 complete file have the name of the result.
 """
 
@@ -54,7 +54,7 @@ impact_budget = 32
 CREATED = {"created": "2000-01-01T00:00:00+00:00"}
 ENDS = (f"/{MANIFEST}", f"/{LOCK}")  # with these a run clears away
 MODES = ("kept", "dropped", "no bytes", "zeros", "torn", "any")
-Tree = dict[str, bytes | None]  # what each path holds: None for a directory
+Tree = dict[str, bytes | None]  # contents of each path; None for a directory
 
 
 class Scenario(NamedTuple):
@@ -92,7 +92,7 @@ class Operation(NamedTuple):
 
 
 class Recorder:
-    """Notes what this process does to names and new files below a directory.
+    """Record of the operations of this process on names and new files below a directory.
 
     HDF5 writes through an object of Python, so that nothing is hidden in its library.
     """
@@ -195,7 +195,7 @@ def _noting(call: Callable[..., Any], note: Callable[..., object]) -> Callable[.
 
 
 class Recorded:
-    """A run, and what a power cut at a moment of it may leave."""
+    """A run, and the states that a power cut at one of its moments may leave."""
 
     def __init__(self, first: Tree, operations: list[Operation]) -> None:
         self.first = first
@@ -215,7 +215,7 @@ class Recorded:
         return found[::-1]
 
     def left(self, moment: int, mode: str, rng: np.random.Generator) -> Tree:
-        """Lay out what a cut at a moment leaves, where what was not flushed has one of `MODES`."""
+        """Return the state after a cut at a moment; data that were not flushed are as in `mode`."""
         names: dict[str, int | None] = dict.fromkeys((".", *self.first))
         data: dict[int, bytearray] = {}
         for number, (path, held) in enumerate(self.first.items(), start=1):
@@ -242,7 +242,7 @@ class Recorded:
 
 
 def _write(data: bytearray, one: Operation, fate: str) -> None:
-    """Carry a change of a file out, or what the power cut lets through."""
+    """Perform a change of a file, completely or as the power cut leaves it."""
     if fate in ("dropped", "no bytes"):
         return
     if one.kind == "cut":
@@ -257,7 +257,7 @@ def _write(data: bytearray, one: Operation, fate: str) -> None:
 
 
 def _name(names: dict[str, int | None], one: Operation) -> None:
-    """Carry a change of names out."""
+    """Perform a change of names."""
     if one.kind == "mkdir":
         names[one.path] = None
     elif one.kind in ("create", "link", "rename"):
@@ -271,7 +271,7 @@ def _name(names: dict[str, int | None], one: Operation) -> None:
 
 
 def tree_of(root: Path) -> Tree:
-    """Read all that a directory holds."""
+    """Read the contents of a directory."""
     found = sorted(root.rglob("*"))
     return {str(p.relative_to(root)): None if p.is_dir() else p.read_bytes() for p in found}
 
@@ -285,7 +285,7 @@ def lay_out(tree: Tree, root: Path) -> None:
 
 
 def given(root: Path, scenario: Scenario, words: tuple[str, ...]) -> tuple[int, str]:
-    """Give the command; return its exit code and what it says."""
+    """Run the command; return its exit code and output."""
     said, output = io.StringIO(), str(root / OUTPUT)
     chunk = ("--chunk", str(scenario.chunk), "--threads", "1")
     with (
@@ -335,7 +335,7 @@ class Findings:
 
 
 def again(root: Path, scenario: Scenario, tree: Tree, result: bytes) -> bool:
-    """Give the command again until it ends well; tell whether it did."""
+    """Run the command again until it succeeds; return whether it did."""
     lay_out(tree, root)
     # a run with --force goes on without it; where none has begun, it is to be given again
     tries = ((), scenario.words) if scenario.words == ("--force",) else (scenario.words,)
@@ -349,7 +349,7 @@ def again(root: Path, scenario: Scenario, tree: Tree, result: bytes) -> bool:
 
 
 def campaign(root: Path, scenario: Scenario, states: int, seed: int) -> Findings:
-    """Go on from so many states that differ, or from all there are."""
+    """Continue from a number of different states, or from all there are."""
     run, result = record(root, scenario)
     rng, seen = np.random.default_rng(seed), set()
     findings = Findings(operations=len(run.operations))
@@ -374,7 +374,7 @@ def _try(
     result: bytes,
     findings: Findings,
 ) -> None:
-    """Go on from what is left at a moment, and compare."""
+    """Continue from the state that a cut at a moment leaves, and compare."""
     chunks, ended = run.promised(moment)
     findings.states += 1
     findings.finished += len(chunks)

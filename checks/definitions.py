@@ -36,7 +36,7 @@ BASES = ("high-bounce", "moving", "sprung without mass", "sprung")
 ALL = Measures(separation=True, per_particle=True)
 PAST = 40.0  # periods past the end to which scenes are recorded: flights there have landed
 BESIDE = 1e-7  # periods between an instant and the edge of a window beside it
-NARROW = 1e-9  # periods: what is as close to a decision is left out
+NARROW = 1e-9  # periods; windows as close to a decision are left out
 CLOSE = 1e-8  # relative difference of a measure from the same by its definition
 
 Case = tuple[dict[str, np.ndarray], Scene]
@@ -146,7 +146,7 @@ class Recorded:
         ]
         each = [times[np.isfinite(times)] for times in each]
         apart = [abs(a[:, np.newaxis] - b) for a, b in itertools.combinations(each, 2)]
-        # what is together by more than rounding, in one and the same state, does no harm
+        # particles in exactly the same state do no harm
         return not any(np.any((d < near) & (d > 0.0)) for d in apart) and not any(
             np.any(abs(t[:, np.newaxis] - edges) < near) for t in each
         )

@@ -90,7 +90,7 @@ def arcsin_head(x: Number, z: Number, arithmetic: Arithmetic) -> Number:
 
 
 def check_schemes() -> None:
-    """The arithmetic that is bounded is that of the kernels, bit for bit."""
+    """Check that the arithmetic that is bounded is that of the kernels, bit for bit."""
     draw = np.random.default_rng(0).uniform
     pairs = [
         *(

@@ -1,7 +1,7 @@
 """Latency of the page of ``vibrosweep explore``, measured in a browser.
 
-An answer is timed in the browser: from the event there until all pictures that it changes are
-painted and the frame is finished.  Needs the extra ``browser`` and a Chromium.
+A response is timed in the browser, from the event until all pictures that it changes are painted
+and the frame is finished.  Needs the extra ``browser`` and a Chromium.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def told(name: str, times: list[float]) -> str:
 
 
 def of_motions(page: Page, count: int) -> Iterator[str]:
-    """Tell in lines about clicks and movements of sliders."""
+    """Yield lines about clicks and movements of sliders."""
     clicks = [clicked(page, *place) for place in places(count)]
     yield told("click to pictures, 20 particles over 12 periods", clicks)
     page.evaluate(SET, ["periods", 100.0, list(MOTION)])
@@ -145,7 +145,7 @@ def of_motions(page: Page, count: int) -> Iterator[str]:
 
 
 def of_plane(page: Page, count: int) -> Iterator[str]:
-    """Tell in lines about a plane of very many points."""
+    """Yield lines about a plane of very many points."""
     clicks = [clicked(page, *place) for place in places(count)]
     yield told("click to pictures", clicks)
     left, top, width, height = page.evaluate(PLACE)
@@ -174,7 +174,7 @@ def of_plane(page: Page, count: int) -> Iterator[str]:
 
 
 def timed(server: subprocess.Popen[str], began: float, found: str, count: int) -> Iterator[str]:
-    """Tell in lines about a server that was started."""
+    """Yield lines about a server that was started."""
     assert server.stdout is not None
     address = re.search(r"http://localhost:\d+/", server.stdout.readline())[0]
     yield f"from the command to the address {time.perf_counter() - began:.1f} s"

@@ -6,8 +6,8 @@ The clearance over the base after s periods is covered from the launch on with i
 its Taylor polynomial of second degree, with a bound of the third derivative (2 pi Gamma), either
 shows that there is no root, or that there is one and that the clearance falls all through.  An
 interval that is halved down to 1e-7 of its time without an answer holds a minimum within rounding
-of zero, an undecided graze: the particle may land there or fly on.  Nothing is shared with the
-kernel but the equation.
+of zero, an undecided graze: the particle may land there or fly on.  The method shares only the
+equation with the kernel.
 
 Flights: Gamma 0.01-50 and launch speeds relative to the base 1e-9-20 periods, both log-uniform,
 phases uniform; lift-offs from rest; and grazes, whose parameters solve for a clearance that touches
@@ -276,7 +276,7 @@ def touching(number: int, rng: np.random.Generator) -> Flights:
 
 
 def judge(flights: Flights, threads: int = 2) -> Verdicts:
-    """Hold the kernel's landings against the first roots."""
+    """Compare the kernel's landings with the first roots."""
     number = flights.x.size
     problem = bare_problem(np.zeros(number), flights.alpha)
     whole, real = np.zeros((2, number), np.int64), np.empty((4, number))

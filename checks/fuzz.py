@@ -1,4 +1,4 @@
-"""Feed the command line with damaged and invented input, and see that it never fails badly.
+"""Feed the command line with damaged and invented input, and check that it never fails badly.
 
     python checks/fuzz.py [--specs 2000] [--tables 1000] [--results 1000] [--again 1000] [--seed 1]
                           [--write]
@@ -511,7 +511,7 @@ def other_attribute(rng: np.random.Generator, holder: h5py.Group | h5py.Dataset)
 
 
 def linked(rng: np.random.Generator, group: h5py.Group, directory: Path) -> str:
-    """Have a member of a group lead elsewhere: to a pipe, which never ends, or in a circle."""
+    """Make a member of a group a link: to a pipe, which never ends, or in a circle."""
     name = str(rng.choice([*group, "new"]))
     pipe = str(directory / "pipe")
     shape = getattr(group.get(name), "shape", None) or (3,)

@@ -1,4 +1,4 @@
-"""Errors of the high-bounce approximation: the same scenes on a fixed base and on a moving one.
+"""Errors of the high-bounce approximation: the same scenes over the fixed and the moving base.
 
     python checks/high_bounce_cost.py [--seed 1] [--only NAME] [--pictures FOLDER] [--write]
 
@@ -244,7 +244,7 @@ def locked(workers, _options):
 
 
 def windows(workers, _options):
-    """Ends of the window of mode 1 as bisection finds them, held against their closed forms."""
+    """Ends of the window of mode 1 by bisection, compared with their closed forms."""
     e = np.array([0.0, 0.05, 0.3, 0.5, 0.7, 0.9, 0.99])
     rows = [[f"{one:g}"] for one in e]
     for base in BOTH:

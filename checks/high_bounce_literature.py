@@ -28,7 +28,7 @@ def cycles(e, gamma, workers, launches=1, duration=2e4):
 
 
 def last_that(holds, low, high, width=1e-12):
-    """Largest Gamma at which something holds that holds at low and not at high."""
+    """Largest Gamma at which a condition holds that holds at `low` and not at `high`."""
     assert holds(low)
     assert not holds(high)
     while high - low > width * high:

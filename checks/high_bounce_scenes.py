@@ -1,4 +1,4 @@
-"""Scenes that high_bounce_cost.py computes on both bases, and how it reads what comes out."""
+"""Scenes that high_bounce_cost.py computes on both bases, and the regimes of their particles."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def amplitude_of(e, gamma, frequency=1.0):
 
 
 def settled(particles=20, launch="staggered", duration=SETTLED):
-    """Observe what orbits become, and measure the last tenth of the time."""
+    """Observe orbits until they settle, and measure the last tenth of the time."""
     asked = Measures(0.9 * duration, regimes=True, lyapunov=True, per_particle=True)
     return Scene(particles, launch, duration, "rest", asked)
 

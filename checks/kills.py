@@ -1,4 +1,4 @@
-"""Kill runs of a sweep at random moments, and see what is lost.
+"""Kill runs of a sweep at random moments, and count what is lost.
 
     python checks/kills.py [--kills 200] [--seed 1] [--write]
 
@@ -83,7 +83,7 @@ def run_words(directory: Path, extra: Sequence[str]) -> list[str]:
 
 
 def killed(words: Sequence[str], delay: float) -> bool:
-    """Run a command for some seconds; tell whether it had to be killed."""
+    """Run a command for some seconds; return whether it had to be killed."""
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         try:
             _, message = process.communicate(timeout=delay)
@@ -117,7 +117,7 @@ def contents(path: Path) -> bytes:
 
 
 def campaign(directory: Path, sweep: str, kills: int, seed: int) -> Findings:
-    """Kill runs of a sweep until so many kills are done."""
+    """Kill runs of a sweep until the number of kills is reached."""
     rng = np.random.default_rng(seed)
     (directory / "sweep.toml").write_text(sweep, encoding="utf-8")
     output = directory / "out.h5"
@@ -139,7 +139,7 @@ def campaign(directory: Path, sweep: str, kills: int, seed: int) -> Findings:
             findings.different += contents(output) != expected
             output.unlink()
             before = set()
-            if run_directory(output).exists():  # what the kill left is in nobody's way
+            if run_directory(output).exists():  # remains of the kill, which do no harm
                 killed(words, 600.0)
                 findings.different += contents(output) != expected
                 output.unlink()

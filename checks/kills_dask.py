@@ -1,4 +1,4 @@
-"""Kill Dask workers, and now and then the run itself, and see what is lost.
+"""Kill Dask workers, and now and then the run itself, and count what is lost.
 
     python checks/kills_dask.py [--kills 100] [--workers 2] [--minutes 60] [--seed 1] [--write]
 
@@ -108,7 +108,7 @@ def disturbed(
 def campaign(
     directory: Path, sweep: str, kills: int, workers: int, seed: int, seconds: float
 ) -> Findings:
-    """Kill until so many kills are done or the time is over, and finish the last round."""
+    """Kill until the number of kills or the time is reached, and finish the last round."""
     until = time.perf_counter() + seconds
     rng = np.random.default_rng(seed)
     (directory / "sweep.toml").write_text(sweep, encoding="utf-8")

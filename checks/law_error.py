@@ -94,7 +94,7 @@ def step(left: Any, e: Any, y: Any, arithmetic: Any) -> Any:
 
 
 def check_schemes() -> None:
-    """The arithmetic that is bounded is that of the kernels, bit for bit."""
+    """Check that the arithmetic that is bounded is that of the kernels, bit for bit."""
     draw = np.random.default_rng(0)
     for y in (10.0 ** draw.uniform(-6.0, 3.0, 500)).tolist():
         share, rise, fall = quotients(y, FLOATS)
@@ -121,7 +121,7 @@ def guess(t: float) -> float:
 
 
 def left_out(most: float) -> float:
-    """Relative size of what the series of t^(-1/4) leaves out, for |h| up to that.
+    """Relative truncation error of the series of t^(-1/4), for |h| up to `most`.
 
     The cubic times (1 - h)^(1/4) has the derivative -13/4 Q3 h^3 (1 - h)^(-3/4).
     """

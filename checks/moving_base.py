@@ -1,10 +1,9 @@
 """Accuracy of recordings of a moving base: the table of docs/laboratory.md.
 
 ``python checks/moving_base.py [--recordings N] [--first SEED]`` films virtual experiments at random
-phases and launches over a base that moves and over one that stays at its level, measures them, and
-holds landings, restitution and motion of the base against the truth.  Exit code 1 where a target is
-missed: 68 % intervals that hold 60 to 76 %, and the right base in 95 % of the recordings that
-determine one.
+phases and launches over a moving and over a level base, measures them, and compares landings,
+restitution and motion of the base with the truth.  Exit code 1 if a target is missed: 68 %
+intervals that hold 60 to 76 %, and the right base in 95 % of the recordings that determine one.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Noise against its closed forms, at 10^6 impacts or more, and what it does to locks.
+"""Noise compared with its closed forms, at 10^6 impacts or more, and its effect on locks.
 
     python checks/noise.py [--impacts 1000000] [--seed 1] [--write]
 
@@ -72,7 +72,7 @@ PAIR = {"along": "part", "values": (0.0, 1.0)}
 
 
 def stationary(impacts, seed):
-    """Mean square of the speed on a base that only trembles, by the means of particles."""
+    """Mean square of the speed under noise without a drive, from the means of particles."""
     for e, sigma_e in ((0.9, 0.0), (0.8, 0.05)):
         found = vs.sweep(
             **TREMBLING, restitution=e, restitution_noise=sigma_e, kick_noise=1.0 / (1.0 + e),
@@ -153,7 +153,7 @@ def lifetime(noise, seed, replicas=500, duration=2000.0):
 
 
 def blurred(amplitude, seed, noise, particles=100):
-    """Share of particles locked on mode 1 for 500 periods, launched on the orbit that attracts."""
+    """Share of particles that stay locked to mode 1 for 500 periods, from the attracting orbit."""
     sine = np.clip(0.1 * 9.81 / (2.0 * amplitude), None, 1.0)
     design = {
         "amplitude": np.repeat(amplitude, len(noise)),

@@ -1,4 +1,4 @@
-"""Orbits and their bifurcations by a slow way of their own: 60 digits, differences, no kernels.
+"""Orbits and their bifurcations by a slow independent way: 60 digits, differences, no kernels.
 
 Run with ``python checks/orbits.py``; takes about 80 s of processor time.  A flight is found by
 steps of 1/200 period and Newton's method on its height, the multipliers of an orbit from

@@ -1,4 +1,4 @@
-"""Scenes that ordering.py computes with the engine, and what becomes of their particles."""
+"""Scenes that ordering.py computes with the engine, and the outcomes of their particles."""
 
 from __future__ import annotations
 

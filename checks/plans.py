@@ -1,9 +1,9 @@
-"""Hold the estimates of plans against the runs that they are for.
+"""Compare the estimates of plans with the runs that follow.
 
     python checks/plans.py [--only NAME] [--write]
 
-Each sweep is planned in one process and run in another; what was measured is divided by what was
-estimated, and the table gives the spread over all sweeps.
+Each sweep is planned in one process and run in another; the table gives the spread of the ratios of
+measured to estimated quantities over all sweeps.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Interrupt random sweeps at random places, change them in between, and go on.
+"""Interrupt random sweeps at random places, change them in between, and continue.
 
     python checks/resumes.py [--specs 500] [--seed 1] [--write]
 
 A random sweep file is computed in chunks and interrupted before, in or after a chunk, while the
-result is written from the parts, or at its record.  It then goes on, now and then with a key of the
-file changed: that must be refused with the key named, and harm nothing.  A change that can change
-no number (a comment, a default written out) must go on.  Every result must at last be that of a run
-that nothing disturbed, byte for byte apart from the time of its creation.  Sweeps whose impact
-budget is spent are then computed again with a larger one, and must be those of that budget.
+result is written from the parts, or at its record.  It is then continued, now and then with a
+changed key: this must be refused with the name of the key, and harm nothing.  A change that changes
+no number (a comment, a default written out) must be accepted.  Every final result must be that of
+an undisturbed run, byte for byte apart from the time of its creation.  Sweeps whose impact budget
+is spent are then computed again with a larger one, and must equal those with that budget.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Findings:
 
 
 def random_tables(rng: np.random.Generator) -> Tables:
-    """Tables of a sweep file that takes a moment."""
+    """Tables of a sweep file that takes a moment to compute."""
     particles = int(rng.integers(1, 5))
     launch = [round(float(t), 3) for t in rng.uniform(0.0, 2.0, particles)]
     grid = rng.random() < 0.2
@@ -195,7 +195,7 @@ class _Counted:
 
 @contextmanager
 def interrupting(rng: np.random.Generator, most: int) -> Iterator[None]:
-    """Interrupt what runs inside at a random place, if it comes that far."""
+    """Interrupt the code inside at a random place, if it is reached."""
     counted = _Counted(int(rng.integers(1, most)), bool(rng.random() < 0.5))
     with ExitStack() as stack:
         for owner, name in PLACES:
@@ -260,7 +260,7 @@ def _resumed(
     rng: np.random.Generator,
     findings: Findings,
 ) -> Sweep:
-    """Try to go on with a changed sweep; return the sweep to go on with."""
+    """Try to continue with a changed sweep; return the sweep to continue with."""
     findings.resumes += 1
     if rng.random() < 0.4:
         return spec

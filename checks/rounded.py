@@ -1,7 +1,7 @@
-"""Rounding errors of an evaluation, followed as noises of their own around ball arithmetic.
+"""Rounding errors of an evaluation by affine arithmetic: a separate noise for each rounding.
 
-An error that two operations inherit from the same rounding is counted with its sign, which a bound
-by absolute values cannot do (affine arithmetic).
+An error that two operations inherit from the same rounding is counted with its sign, which bounds
+by absolute values cannot do.
 """
 
 from __future__ import annotations

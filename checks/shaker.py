@@ -1,8 +1,8 @@
-"""Accuracy of bases that are no sine and of laws of restitution: numbers of docs/laboratory.md.
+"""Accuracy for bases other than a sine and for laws of restitution: numbers of docs/laboratory.md.
 
 ``python checks/shaker.py [--recordings N] [--first SEED]`` films virtual experiments over bases of
-two to four random harmonics, whose traces are known, and holds harmonics, restitution and motion
-against the truth; then over both bases with each law of restitution, and counts the laws that are
+two to four random harmonics, whose traces are known, and compares harmonics, restitution and motion
+with the truth; then over both bases with each law of restitution, and counts the laws that are
 found.  Exit code 1 where 68 % intervals of all parameters together hold less than 60 % or more than
 76 %, a number of harmonics is wrong in more than 5 %, or a law is ruled out wrongly in more than
 5 %.

@@ -6,7 +6,7 @@ The clearance over the base is covered from the launch on with intervals on whic
 polynomial of second degree, with a bound of the third derivative, either shows that there is no
 root, or that the clearance falls all through one.  An interval that is halved down to 1e-7 of its
 time without an answer holds a minimum within rounding of zero, an undecided graze, at which the
-particle may land or fly on.  Nothing is shared with the kernel but the equation.
+particle may land or fly on.  The method shares only the equation with the kernel.
 
 Waveforms: two to sixteen harmonics, weights normal, phases uniform.  Flights: the greatest downward
 acceleration 0.01-50 g and launch speeds relative to the base 1e-9-20 periods, both log-uniform,

@@ -45,7 +45,7 @@ def scheme(y, constant, fma):
 
 
 def check_scheme() -> None:
-    """The arithmetic that is bounded is that of the kernel, bit for bit."""
+    """Check that the arithmetic that is bounded is that of the kernel, bit for bit."""
     for y in np.random.default_rng(0).uniform(-0.25, 0.25, 2000).tolist():
         if scheme(y, float, _fma_exact) != sin_turns(y):
             raise SystemExit(f"sin_turns({y!r}) is not what the proof is about")

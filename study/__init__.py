@@ -1,3 +1,3 @@
-"""Every claim of the study judged by computation: numbers, verdicts, one page."""
+"""Judge every claim of the study by computation: numbers, verdicts, one page."""
 
 import vibrosweep.figures  # noqa: F401  (before matplotlib: it looks at the environment)

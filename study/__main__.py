@@ -1,6 +1,7 @@
 """``python -m study``: judge every claim of the study; write a page and a JSON file.
 
-0 means done, 2 a mistake that the message tells how to mend, 130 an interruption.
+The exit code is 0 for success, 2 for an error, whose message gives the remedy, 130 after an
+interruption.
 """
 
 from __future__ import annotations

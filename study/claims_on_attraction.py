@@ -1,4 +1,4 @@
-"""Claims 4a and 4b: synchronous impacts that are unstable, staggered motion that attracts."""
+"""Claims 4a and 4b: synchronous impacts are unstable, staggered motion attracts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Claim 24: particles that repel each other in phase, against landings at random."""
+"""Claim 24: particles repel each other in phase, compared with random landings."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _repulsion(plan: Plan, base: str) -> Evidence:
 
 
 def _irregular(plan: Plan, base: str, setting: Setting, particles: int) -> xr.Dataset:
-    """Staggered particles under strong excitation, each realization against chance."""
+    """Compare staggered particles under strong excitation with chance, by realization."""
     since, until = WINDOW
     each = [
         order_against_chance(record, since=since, surrogates=SURROGATES, seed=plan.first_seed)
@@ -126,7 +126,7 @@ def _irregular(plan: Plan, base: str, setting: Setting, particles: int) -> xr.Da
 
 
 def _known(found: xr.Dataset) -> xr.Dataset:
-    """Realizations whose landings are points of a density, without rests and clumps."""
+    """Select realizations whose landings are samples of a density, without rests and clusters."""
     return found.isel(realization=np.isfinite(found["dt_min_over_chance"].values))
 
 

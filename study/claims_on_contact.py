@@ -1,4 +1,4 @@
-"""Claims 10, 11 and 21: separations that stay positive, heights that differ, grooves for balls."""
+"""Claims 10, 11 and 21: separations stay positive, heights differ, grooves guide balls."""
 
 from __future__ import annotations
 
@@ -216,7 +216,7 @@ def _heights_differ(plan: Plan, base: str) -> Evidence:
     )
     found = crossings(record)
     crossing = float(found["pairs_crossing"]) / float(found["pairs"])
-    # whoever passes through another one's centre has touched it
+    # balls whose centres are at one height on one vertical line touch
     touching = Estimate(crossing, crossing, 1.0)
     return Evidence(
         base,

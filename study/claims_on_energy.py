@@ -39,7 +39,7 @@ RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
 ROUNDING: Final = 1e-9
 # An orbit settles by the factor sqrt(e) per impact at the slowest: by so many factors exp(1) in all
 SETTLED: Final = 30.0
-ROUGHLY: Final = 0.1  # what the sign for "about" in Eq. 26 may cover
+ROUGHLY: Final = 0.1  # relative deviation that "about" in Eq. 26 allows
 # "A much smaller than 1", m s-1
 WEAK: Final = (0.01, 0.1)
 # Of the realizations: enough, where a quarter of them never rest
@@ -208,7 +208,7 @@ def _in_balance(whose: str, off: Array, setting: Setting) -> Check:
 
 
 def _relative(found: xr.Dataset) -> tuple[Array, Array]:
-    """Imbalance relative to the loss; and without the effect of the first and last speed.
+    """Imbalance relative to the loss, and the same without the effect of first and last speed.
 
     The latter is an identity for the map without rests, whatever the motion.
     """

@@ -187,7 +187,7 @@ def _changes(plan: Plan, base: str, setting: Setting, launch: str, window: str) 
 
 
 def _change(e: Array, height: Array) -> float:
-    """Of the median in the highest group of e against the lowest; NaN where most do not bounce."""
+    """Change of the median from the lowest group of e to the highest; NaN if most do not bounce."""
     order = np.argsort(e)
     size = max(1, e.size // GROUPS)
     groups = height[order[:size]], height[order[-size:]]
@@ -238,7 +238,7 @@ def _gains(
     The share of realizations that gain, and the gain of the mean over realizations, relative.
     """
     begin, end = WINDOWS[window]
-    # what takes long on a base of finite mass is the time that is left out
+    # on a base of finite mass the time before the window takes most of the computation
     scale = 0.5 * SMALLER[base] if base == SPRUNG and begin else 1.0
     drawn = setting.drawn(plan, scale=scale)
     lower, higher = (

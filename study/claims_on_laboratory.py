@@ -63,7 +63,7 @@ def judged(study: xr.Dataset) -> Evidence:
     """Judge virtual experiments: results of `study_imperfections` along the dim ``seed``.
 
     The study does not say how its laboratory differed from the model, so that each imperfection is
-    a setting.  How an impact is found it does say (sec. 3.2.7).
+    a setting.  It says how an impact is found (sec. 3.2.7).
     """
     below: list[Reading] = []
     growing: list[Reading] = []
@@ -101,7 +101,7 @@ def judged(study: xr.Dataset) -> Evidence:
 
 
 def _meeting(readings: list[Reading]) -> Estimate:
-    """Settings under which some reading surely, or possibly, passes."""
+    """Count the settings under which some reading certainly, or possibly, passes."""
     surely: set[str] = set()
     possibly: set[str] = set()
     for reading in readings:

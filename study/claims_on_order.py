@@ -1,4 +1,4 @@
-"""Claims 3, 9 and 17: separations that are preserved, ordered motion, the invariant manifold."""
+"""Claims 3, 9 and 17: separations are preserved, motion is ordered, the invariant manifold."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ STAGGERED: Final[dict[int, dict[str, float]]] = {
 
 
 def in_own_slots(base: str, checks: Sequence[Check], largest: int, before: str = "") -> Reading:
-    """The condition that rescues order, with the heights that it takes."""
+    """Condition under which order holds, with the heights that it needs."""
     if base == SPRUNG:
         height = height_needed(2)
         words = f"two particles in slots of their own (at 1 Hz, flights {height:.1f} m high)"

@@ -1,4 +1,4 @@
-"""Claims 18 and 19: motion that is steady after 20 s, and repeats that agree within 8 %."""
+"""Claims 18 and 19: motion is steady after 20 s, and repeats agree within 8 %."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ADJUSTMENT: Final = 0.01
 
 
 def _scaled(drawn: dict[str, Any]) -> dict[str, Any]:
-    """The same motion in forcing periods at the frequencies drawn."""
+    """Scale parameters so that the motion in forcing periods is the same at all frequencies."""
     f = drawn["frequency"]
     return drawn | {"amplitude": drawn["amplitude"] / f, "launch_velocity": 5.0 / f}
 
@@ -56,7 +56,7 @@ def _steady(plan: Plan, base: str) -> Evidence:
                 _film(plan, base, drawn, begin)["rebound_height_mean"].values
                 for begin in (BEGIN, LATER)
             )
-            # one that comes to rest for good after the first film was not steady in it
+            # a particle that comes to rest for good after the first film was not steady in it
             known = np.isfinite(first)
             same = np.abs(first[known] / later[known] - 1.0) <= UNCERTAINTY
             what = (
@@ -137,12 +137,12 @@ def _near_mode_1(plan: Plan, base: str, setting: Setting) -> tuple[list[xr.Datas
 
 
 def _hand(plan: Plan) -> np.random.Generator:
-    """Chance in what is done by hand."""
+    """Random numbers for actions by hand."""
     return np.random.default_rng([plan.first_seed, REPEATS])
 
 
 def _agreeing(films: list[xr.Dataset], setting: Setting) -> Check:
-    """Test of the coefficients of variation, of settings that bounce in all repeats."""
+    """Test of the coefficients of variation, for settings with bounces in all repeats."""
     each = [
         np.stack([film[name].values for film in films])
         for name in ("rebound_height_mean", "flight_time_mean")

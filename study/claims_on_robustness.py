@@ -1,4 +1,4 @@
-"""Claims 31 to 34: what noise, other waveforms and e that falls with speed leave of the study."""
+"""Claims 31 to 34: the claims under noise, other waveforms and e that falls with speed."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from study.verdict import Check, Evidence, Outcome, Reading, check, nearly_all
 from vibrosweep import theory
 from vibrosweep.analysis import first_shared_base
 
-NEAR: Final = 1e-3  # launches are so far from an orbit, turns
+NEAR: Final = 1e-3  # distance of launches from an orbit, turns
 PART: Final = 0.25  # of the realizations
 LONG: Final = 1000.0  # s at 1 Hz: the forcing periods of a film of 40 s at 25 Hz
-LOCKED: Final = 0.25  # within so many periods of k are the flights of a particle that is locked
+LOCKED: Final = 0.25  # periods by which the flights of a locked particle may differ from k
 SHOWN: Final = 12.0  # s, in the study
-HARDLY: Final = 0.1  # what heights may change
+HARDLY: Final = 0.1  # relative change of heights that "hardly" allows
 POPULATIONS: Final = (FEW, 20)
 PER_SLOT: Final = 100  # impacts of each particle
 TOGETHER: Final = 1e-6  # launches of a pair, s
-END: Final = 10.0  # s, in which a pair is looked at
+END: Final = 10.0  # s at the end in which a pair is judged
 # Table 1: restitution, periods per impact, amplitude in m s-1
 TABLE_1: Final = (0.9, 1, 1.2)
 Test = Callable[[dict[str, Any], Orbit, Setting], Check]
@@ -39,7 +39,7 @@ def _judged(
     test: Test,
     name: Callable[[int, str], str],
 ) -> Evidence:
-    """Test a statement under each kind of disturbance about some orbits; say what is refused.
+    """Test a statement under each kind of disturbance of some orbits; name refused combinations.
 
     Scenes are restitution, mode and amplitude, `name` is that of a reading, of mode and kind.
     """
@@ -157,7 +157,7 @@ def heights_hardly_change(plan: Plan) -> Outcome:
 
 
 def _rise(record: xr.Dataset) -> Array:
-    """Greatest rise of the first particle in a flight that begins with an impact, m; 0 of none."""
+    """Greatest rise of the first particle in a flight after an impact, m; 0 without any."""
     speed = np.nan_to_num(record["rebound_velocity"].values[:, 0]).max(axis=1)
     return np.asarray(speed**2 / (2.0 * float(record["gravity"])))
 

@@ -104,7 +104,7 @@ def eccentric_motor(plan: Plan) -> Outcome:
 
 
 def _eccentric(base: str) -> Evidence:
-    """With a fixed eccentricity the displacement stays as it is: A grows as f, windows as 1/f."""
+    """With a fixed eccentricity the displacement is constant: A grows as f, windows as 1/f."""
     slow, fast = FREQUENCIES
     needed = (fast / slow) ** 2
     what = "A_max over A_min of mode 1; A f changes from 8 to 35 Hz by the factor that is the bound"

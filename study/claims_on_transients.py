@@ -1,4 +1,4 @@
-"""Claims 25 and 29: heights that settle from a transient, and energy that is replenished."""
+"""Claims 25 and 29: heights settle from a transient, and energy is replenished."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from study.verdict import Check, Evidence, Outcome, Reading, check, nearly_all, 
 EARLY: Final = (0.0, 4.0)
 LATE: Final = (8.0, 12.0)
 DECAYED: Final = 0.9
-LEFT: Final = 0.01  # of a particle that still bounces
+LEFT: Final = 0.01  # least ratio of heights of a particle that still bounces
 SINCE: Final = 30.0  # s
 UNTIL: Final = 150.0
 PART: Final = {base: FOLLOWED if base == SPRUNG else 0.4 for base in BASES}  # of realizations
@@ -130,7 +130,7 @@ def _mass_ratio(base: str) -> float:
 
 
 def energies(record: xr.Dataset, mass_ratio: float) -> Array:
-    """Energy per mass and impact that each particle is given and that its impacts dissipate.
+    """Energy per mass and impact that each particle receives and that its impacts dissipate.
 
     Shape (2, particle) over all realizations; NaN where a particle rests in the window, or has not
     two landings there.  An impact takes a particle from the speed of arrival v to v' and dissipates

@@ -54,7 +54,7 @@ CLOSE: Final = dict.fromkeys(FIXED, "launched close to the locked orbit") | {
     SPRUNG: "launched close to the locked orbit, away from resonances of the mount (e up to 0.9)"
 }
 STRONG: Final = (4.0, 12.0)  # "A much larger than 1", m s-1
-FOLLOWED_FOR: Final = 1e6  # until particles rest, s
+FOLLOWED_FOR: Final = 1e6  # longest time in which a rest is awaited, s
 
 
 def windows(plan: Plan) -> Outcome:
@@ -127,7 +127,7 @@ def _launched(plan: Plan, base: str, setting: Setting, where: str) -> NDArray[An
     there = setting.over(amplitude=(0.0, 1.0), phase=ANY_PHASE)
     drawn = there.drawn(plan, scale=SMALLER[base])
     e, part = drawn["restitution"], drawn["amplitude"]
-    # that of a heavy table where the base recoils: it ends within some per cent of it
+    # where the base recoils, the window of a heavy base, which ends within some per cent of it
     solid = MOVING if base == SPRUNG else base
     low, high = (end(1, e, base=solid) for end in (theory.amplitude_min, theory.amplitude_max))
     below, beyond = 2.0 * part * low, (0.5 + part) * high
@@ -184,7 +184,7 @@ def _window_deviation(plan: Plan, base: str) -> float:
             }
             for name, end in ends.items():
                 ratio = widest[name].values / end
-                # a window that is not found is NaN and stays so: its test is not passed
+                # a window that is not found stays NaN, and fails its test
                 largest = float(np.maximum(largest, np.max(np.abs(ratio - 1.0))))
     return largest
 

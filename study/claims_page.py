@@ -1,4 +1,4 @@
-"""The claims as one HTML page that needs nothing else."""
+"""The claims as one self-contained HTML page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All claims in their order: words from ``texts.toml``, outcomes from computation."""
+"""All claims in order: texts from ``texts.toml``, outcomes from computation."""
 
 from __future__ import annotations
 

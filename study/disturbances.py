@@ -1,7 +1,7 @@
 """Disturbances of a real table: noise, another waveform, e that falls with speed.
 
-Sizes of noise are relative; speeds of the laws of restitution are relative to that of the orbit, so
-that `restitution` is what it is about there.
+Sizes of noise are relative; speeds of the laws of restitution are relative to the impact speed of
+the orbit, so that the restitution there is close to `restitution`.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def disturbances(
 
 
 def refusal(base: str, keys: Mapping[str, Any]) -> str:
-    """Say why a scene cannot be had over a base, in the words of the package; empty if it can."""
+    """Return the package's reason why a scene cannot be computed over a base; empty if it can."""
     given = {key: np.max(value) if np.ndim(value) else value for key, value in keys.items()}
     try:
         simulate(base=base, duration=1.0, **given)
@@ -122,7 +122,7 @@ def orbit(
 
 
 def _falling(waveform: Any) -> Iterator[tuple[Array, Array]]:
-    """Stretches of phases, in turns, in which the base rises ever more slowly."""
+    """Yield intervals of the phase, in turns, in which the velocity of the base decreases."""
     turns = np.arange(2 * POINTS) / POINTS
     if waveform == "parabolic":
         velocity = 1.0 - 4.0 * np.abs((turns + 0.25) % 1.0 - 0.5)

@@ -9,23 +9,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 CONFIDENCE: Final = 0.95
-# A statement on all without an exception is granted where so large a share must be true
+# A statement about all cases, without an exception found, passes if at least this share is true
 ENOUGH: Final = 0.95
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number, and the ends of its interval; they coincide where chance has no part in it."""
+    """A number, and the ends of its interval, which coincide with it if nothing is random."""
 
     value: float
     low: float
     high: float
-    # Realizations or seeds that it is estimated from; None where chance has no part in it
+    # Number of realizations or seeds from which it is estimated; None if nothing is random
     cases: int | None = None
 
 
 def exact(value: Estimate | SupportsFloat) -> Estimate:
-    """An estimate as it is, or a number without doubt as an interval of no width."""
+    """Return an estimate unchanged, and an exact number as an interval of width zero."""
     if isinstance(value, Estimate):
         return value
     return Estimate(float(value), float(value), float(value))
@@ -34,7 +34,7 @@ def exact(value: Estimate | SupportsFloat) -> Estimate:
 def share(flags: ArrayLike, known: ArrayLike = True) -> Estimate:
     """Share of independent realizations that are true, with Wilson's interval.
 
-    Of none it is NaN.  Where some are not known, so is the share: its interval then reaches from
+    NaN without any.  Where some are not known, neither is the share: its interval then reaches from
     that with all of these false to that with all of them true.
     """
     from scipy.stats import binomtest
@@ -53,10 +53,10 @@ def share(flags: ArrayLike, known: ArrayLike = True) -> Estimate:
 
 
 def exceptions(flags: ArrayLike) -> Estimate:
-    """Number of realizations in which a statement on all is false: one refutes it.
+    """Number of realizations in which a statement about all of them is false: one refutes it.
 
-    Where none is, as many as there may be in as many further realizations: 0 only if Wilson's
-    interval of the share that is true begins above `ENOUGH`.
+    Without an exception the interval reaches to the number that as many further realizations may
+    have: to 0 only if Wilson's interval of the true share begins above `ENOUGH`.
     """
     each = np.asarray(flags, np.bool_)
     found = float(np.count_nonzero(~each))

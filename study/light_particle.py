@@ -1,7 +1,7 @@
-"""One particle on the base of finite mass: windows of its locked orbits, and where it ends.
+"""One particle on the base of finite mass: windows of its locked orbits, and its final regimes.
 
-Its state returns to within rounding, but rarely bit for bit, because the base swings on.  Two
-successive stretches of time are compared instead, in which all cycles of up to six periods fit.
+Its state returns to within rounding, but rarely bit for bit, because the base keeps oscillating.
+Instead, two successive intervals of time are compared that hold whole cycles of up to six periods.
 """
 
 from __future__ import annotations

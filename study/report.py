@@ -1,4 +1,4 @@
-"""The claims as files: one HTML page that needs nothing else, JSON, and pictures."""
+"""The claims as files: one self-contained HTML page, JSON, and pictures."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def provenance(threads: int | None) -> dict[str, str]:
 
 
 def prepare(directory: Path) -> None:
-    """Make the directory of the claims before anything is computed; an OutputError if it cannot."""
+    """Make the directory of the claims before anything is computed, or raise an OutputError."""
     with _writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):
@@ -62,7 +62,7 @@ def prepare(directory: Path) -> None:
 
 
 def _replace_all(directory: Path, contents: Mapping[str, bytes]) -> list[Path]:
-    """Write all files under other names and then rename them: none is ever half written."""
+    """Write all files under other names and then rename them, so that none is ever incomplete."""
     prepare(directory)
     with _writing(directory), tempfile.TemporaryDirectory(dir=directory, prefix=".claims-") as room:
         for name, content in contents.items():
@@ -88,7 +88,7 @@ def _png(picture: Picture) -> bytes:
 
 
 def as_json(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
-    """Everything but the figures; the same version gives the same text but for the provenance."""
+    """Everything but the figures; apart from the provenance, one version gives one text."""
     words = texts()
     document = {
         **{name: words[name] for name in ("rule", "samples", "bases")},

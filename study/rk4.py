@@ -1,9 +1,9 @@
 """The study's own scheme: fixed-step RK4, with contact seen at the first step below the base.
 
-The study does not say how a landing is found.  Read plainly, nothing is looked for between steps,
-so that a landing is late by up to one step and its speed too large by up to g times a step.  That
-error enters every impact: the scheme is of first order in the step, although RK4 itself is exact on
-a parabola.
+The study does not say how a landing is found.  In the plain reading contact is tested only at
+steps, so that a landing is late by up to one step and its speed too large by up to g times a step.
+That error enters every impact: the scheme is of first order in the step, although RK4 itself is
+exact on a parabola.
 
 On contact the position is set to 0 and w = e |v| + A sin(2 pi f t + phi), its absolute value under
 the `reflect` law.  With w <= v_rest = g tau_c / 2 the particle stays on the base until the first
@@ -13,8 +13,8 @@ steps well below tau_c, and below v_rest / (2 pi f A): with larger ones the late
 particle that should rest g times a step at each impact, and it may bounce on the base for ever.
 
 In the other reading, `contact="interpolated"`, the landing is where the parabola through the step
-meets the base, and the lift-off where the kick passes v_rest in it, as event location does: steps
-begin anew there, and what remains is rounding.
+meets the base, and the lift-off is where the kick passes v_rest in the step, as with event
+location: a new step begins there, and only rounding errors remain.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Landings(NamedTuple):
 
 @compiled
 def _acceleration(y: float, v: float, gravity: float) -> float:
-    """Right-hand side of v' = -g; written as a field so that RK4 is what it is for any field."""
+    """Right-hand side of v' = -g, as a function of the state, as RK4 takes any field."""
     return -gravity
 
 

@@ -19,7 +19,7 @@ from vibrosweep import LANDINGS_OF_AN_EXPONENT, PARAMETERS, Regime, Status, simu
 from vibrosweep.errors import DataError
 
 IMPACT_BUDGET: Final = 10_000_000
-# Part of the realizations where every landing is looked at
+# Share of the realizations where every landing is analysed
 FOLLOWED: Final = 0.1
 TOGETHER: Final = 100  # realizations in a record
 FEW: Final = 5  # particles
@@ -71,16 +71,16 @@ class Setting:
     null_model: str = ""  # what chance is, where a number is compared with it
 
     def over(self, **ranges: tuple[float, float]) -> Setting:
-        """The same with further or other ranges."""
+        """Return the setting with further or other ranges."""
         return replace(self, ranges={**self.ranges, **ranges})
 
     def with_constants(self, **constants: Any) -> Setting:
-        """The same with further or other constants, which are not drawn."""
+        """Return the setting with further or other constants, which are not drawn."""
         ranges = {name: ends for name, ends in self.ranges.items() if name not in constants}
         return replace(self, ranges=ranges, constants={**self.constants, **constants})
 
     def against(self, null_model: str) -> Setting:
-        """The same, where a number is compared with a model of chance."""
+        """Return the setting with the model of chance with which a number is compared."""
         return replace(self, null_model=null_model)
 
     @property
@@ -91,7 +91,7 @@ class Setting:
     def drawn(self, plan: Plan, *, scale: float = 1.0) -> dict[str, Any]:
         """Realizations of all seeds, one seed after the other, and the constants.
 
-        `scale` is that of their number, for what takes long.
+        `scale` reduces their number for long computations.
         """
         size = max(2, round(plan.realizations * self.part * scale))
         rows = [
@@ -121,14 +121,14 @@ _MASSES: Final = tuple(
 def settings_of(base: str) -> tuple[Setting, ...]:
     """The settings under which a claim is tested; this package's ranges first.
 
-    The law of rebound is one of them where the base stays: over a base that moves there is none.
+    They include the laws of rebound over the high-bounce base; a moving base has only one.
     """
     more = {HIGH_BOUNCE: (REFLECT,), SPRUNG: _MASSES}
     return (FIRST, *_OTHERS, *more.get(base, ()))
 
 
 def laws(base: str, setting: Setting = TABLE_1) -> tuple[Setting, ...]:
-    """A setting under each law of rebound that there is over a base."""
+    """Return the setting under each law of rebound of a base."""
     if base != HIGH_BOUNCE:
         return (setting,)
     return tuple(
@@ -162,7 +162,7 @@ def measured(plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any) 
 def records(
     plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any
 ) -> Iterator[xr.Dataset]:
-    """Every landing of drawn realizations, the record of some at a time to spare memory.
+    """Yield records of every landing of drawn realizations, some at a time to save memory.
 
     Arguments as of `measured`, with further keys of `vibrosweep.simulate`.
     """

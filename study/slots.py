@@ -1,4 +1,4 @@
-"""Particles each in a slot of its own: what the claims about order are true of."""
+"""Particles each in a slot of its own, for which the claims about order are true."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class Mounted:
         return out
 
     def _clearance(self, j: int):
-        """Height of a particle above the base on its way down; positive by decree on its way up."""
+        """Height of a particle above the base on its way down; a positive number on its way up."""
 
         def above(t: float, y: np.ndarray) -> float:
             height, rate = self.base(t, y)

@@ -1,4 +1,4 @@
-"""The page that goes with the figure: what was run, the numbers, and what they say."""
+"""The page on work and precision: the problems, the methods, the numbers and conclusions."""
 
 from __future__ import annotations
 
@@ -57,20 +57,20 @@ others are given them.
 
 {finest}
 
-- Over a base at rest integrators step along parabolas exactly, whatever the tolerance: what is left
-  is rounding, most of it in the running time. Where the base moves tolerances count. Errors of a
-  large part of a period mean a lost orbit; "missed": fewer landings were found than there are.
+- Over a base at rest integrators step along parabolas exactly, whatever the tolerance: only
+  rounding remains, most of it in the running time. Where the base moves tolerances count. Errors of
+  a large part of a period mean a lost orbit; "missed": fewer landings were found than there are.
 - RK4, as any integrator with fixed steps, sees contact late by up to one step: observed order
   {order:.2f} on the locked problem.
-- A rest forgets the errors before it: where particles rest, the last landing flatters all alike.
+- A rest erases the errors before it: where particles rest, the last landing flatters all methods.
 
 *{origin}*
 """
 
 ABSENT = """\
-Without a row, because the programs here do not take them: {gaps}.
-That of heyoka.py follows one particle over a base that nothing moves back; the compiled loop of
-diffrax takes the sine alone and no stream of random numbers."""
+Without a row, because the programs used here do not support them: {gaps}.
+That of heyoka.py follows one particle over a base without recoil; the compiled loop of diffrax
+takes the sine only, and no random numbers."""
 
 
 def report(rows: Sequence[Row], references: Mapping[str, Sequence[Reference]]) -> str:

@@ -343,7 +343,7 @@ def test_an_unknown_condition_is_named(name):
 
 
 def test_conditions_on_launches_cannot_be_continued():
-    with pytest.raises(ParameterError, match="separated reads dt_min, which follows from the laun"):
+    with pytest.raises(ParameterError, match="separated reads dt_min, which depends on the laun"):
         find_windows(
             keyword_spec({"duration": 12.0}).scene,
             [0.9],

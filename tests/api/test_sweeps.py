@@ -232,7 +232,7 @@ def test_more_labels_than_a_file_can_hold(tmp_path):
     ("setting", "words", "command", "module"),
     [
         ("NUMBA_NUM_THREADS=0", "takes no number below 1", "doctor", "kernels.fixed"),
-        ("MPLBACKEND=nope", "knows no such backend", "figures any.h5", "figures"),
+        ("MPLBACKEND=nope", "is not a backend", "figures any.h5", "figures"),
     ],
 )
 def test_an_environment_that_a_library_does_not_start_in(tmp_path, setting, words, command, module):
