@@ -242,7 +242,7 @@ def test_a_bad_table(spec, refused, tmp_path, rows, words):
 def test_a_sweep_file_that_is_none(refused, tmp_path, result):
     assert "there is no such sweep file" in refused("run", tmp_path / "none.toml")
     assert "is a directory" in refused("run", tmp_path)
-    assert "is a result: give the sweep file" in refused("run", result)
+    assert "is a result: give its sweep file" in refused("run", result)
 
 
 def test_an_existing_output_is_kept(refused, vibrosweep, result, tmp_path):
