@@ -203,15 +203,15 @@ def set_formulas(app: Sphinx, document: Element, name: str) -> None:
     from docutils import nodes
     from sphinx.addnodes import desc_sig_element, desc_signature
 
-    apart = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw)
-    apart += (nodes.reference, desc_signature, desc_sig_element)
+    apart = (nodes.FixedTextElement, nodes.literal, nodes.math, nodes.reference)
+    apart += (desc_signature, desc_sig_element)
     for text in list(document.findall(nodes.Text)):
         if isinstance(text.parent, apart):
             continue
-        whole = UNIT.sub("\N{NO-BREAK SPACE}", text)
+        whole = SPELLED.sub(lambda found: SIGNS[found[0]], text)
+        whole = UNIT.sub("\N{NO-BREAK SPACE}", whole)
         whole = EQUAL.sub("\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}", whole)
         whole = EXPONENT.sub("\N{WORD JOINER}", whole)
-        whole = SPELLED.sub(lambda found: SIGNS[found[0]], whole)
         parts, end = [], 0
         for found in RAISED.finditer(whole):
             kind = nodes.subscript if found["low"] else nodes.superscript

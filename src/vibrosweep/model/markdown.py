@@ -6,6 +6,7 @@ between their markers.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -14,6 +15,10 @@ from typing import Final
 from vibrosweep.model.measures import ALWAYS, MEASURES, OF_EACH, OPTIONS, RECORD, Variable
 from vibrosweep.model.scene_measures import KEYS
 
+# A name of a variable or of a key within a sentence
+NAME: Final = re.compile(
+    r"(?<![`\w])((?<=see )\w+|(scene|measure)\.\w+|[a-z]+(_[a-z\d]+)+)(?![`\w])"
+)
 LONG: Final = 40  # characters above which a comment is not repeated
 _ALL: Final = (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
 
@@ -61,6 +66,7 @@ def _rows(key: str, variables: Collection[Variable]) -> Iterator[str]:
             else:
                 codes.append(code)
         meaning = "; ".join(filter(None, (variable.long_name, ", ".join(codes), comment)))
+        meaning = NAME.sub(r"`\g<0>`", meaning)
         yield f"| `{variable.name}`{brackets} | {meaning} |"
 
 
