@@ -15,10 +15,8 @@ from typing import Final
 from vibrosweep.model.measures import ALWAYS, MEASURES, OF_EACH, OPTIONS, RECORD, Variable
 from vibrosweep.model.scene_measures import KEYS
 
-# A name of a variable or of a key within a sentence
-NAME: Final = re.compile(
-    r"(?<![`\w])((?<=see )\w+|(scene|measure)\.\w+|[a-z]+(_[a-z\d]+)+)(?![`\w])"
-)
+# A name of a variable within a sentence
+NAME: Final = re.compile(r"(?<![`\w.])((?<=see )\w+|[a-z]+(_[a-z\d]+)+)(?![`\w])")
 LONG: Final = 40  # characters above which a comment is not repeated
 _ALL: Final = (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
 
