@@ -125,7 +125,7 @@ def agreement(rows: list[Row]) -> str:
         apart.append(f"{100.0 * (max(counts) - min(counts)) / max(counts):.1g} %")
     return (
         f"Chaotic orbits amplify rounding in every method: {', '.join(lost)}. "
-        f"The numbers of landings found by the methods differ by up to {' and '.join(apart)}."
+        f"The numbers of landings found by the methods differ by {' and '.join(apart)} at most."
     )
 
 
