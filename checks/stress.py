@@ -1,4 +1,4 @@
-"""The numerics under stress: extreme scenes of every kind, and what must hold for each.
+"""The numerics under stress: extreme scenes of every kind, and checks that must hold for each.
 
     python checks/stress.py [--cases 200] [--seed 1] [--only NAME] [--write]
 
@@ -7,8 +7,8 @@ record) and checked: numbers finite or documented as absent, landings in order a
 impacts in the strip |v' - e v| <= A, speeds below max(v0, A / (1 - e)), or the bound of the moving
 base, the budget respected, each single step within rounding of ball arithmetic, on the moving base
 each landing the first root, and the landings within their bounds of the proved reference (of a
-base of finite mass, within the estimate of `vibrosweep.proof.coupled`).  Nothing but
-`ParameterError` may be raised.
+base of finite mass, within the estimate of `vibrosweep.proof.coupled`).  Only a `ParameterError`
+may be raised.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ ACCELERATION = (1e-12, 1.0 - 2.0**-53, 1.0, 1.0 + 2.0**-52, 1.0 + 1e-12, 1.0 + 1
 MASS_RATIO = (0.0, 1e-12, 1e-3, 1.0, 1e3)
 MOUNT_FREQUENCY = (1e-3, 0.37, 1.0 - 2.0**-53, 1.0, 7.3, 1e3)  # of the forcing
 DAMPING = (0.0, 1e-12, 0.05, 1.0 - 2.0**-53, 1.0, 1.0 + 2.0**-52, 1e3)
-HANGS = 600  # s, after which a case is one that hangs
+HANGS = 600  # s, after which a case counts as hanging
 
 Family = Callable[[np.random.Generator, str], Case]
 
@@ -62,7 +62,7 @@ def case(
     transient: float = 0.0,
     budget: int = 4000,
 ) -> Case:
-    """A case from dimensionless numbers; what is not given is drawn from a moderate range."""
+    """A case from dimensionless numbers; others are drawn from a moderate range."""
 
     def drawn(value: float | None, low: float, high: float) -> float:
         return rng.uniform(low, high) if value is None else value
@@ -155,7 +155,7 @@ def long(rng: np.random.Generator, law: str) -> Case:
 
 
 def crowded(rng: np.random.Generator, law: str) -> Case:
-    """Chattering without end in sight: flights shrink to contact times of 10^-18 periods."""
+    """Almost endless chattering: flights shrink to contact times of 10^-18 periods."""
     number = int(rng.choice([2, 20, 200]))
     return case(
         rng,
@@ -230,7 +230,7 @@ def families_of(base: str) -> Mapping[str, Family]:
 
 
 def with_mount(rng: np.random.Generator, drawn: Case) -> Case:
-    """The same on a base of finite mass: heavy, as light as a particle, and lighter; any mount."""
+    """The case on a base of finite mass: heavy, as light as a particle, or lighter; any mount."""
     allowed = MOUNT["mount_frequency"]
     natural = drawn.scene["frequency"] * rng.choice(MOUNT_FREQUENCY)
     mount = {

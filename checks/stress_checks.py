@@ -1,4 +1,4 @@
-"""Checks of the stress suite, which must hold for any scene, however extreme."""
+"""Checks of the stress suite, which must hold for any scene."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ COUPLED_LANDINGS = 40  # up to which the landings of coupled particles are prove
 
 @dataclass
 class Case:
-    """One realization of some particles, and how it is watched; of a sprung base the mount too."""
+    """One realization of some particles, its observation, and the mount of a sprung base."""
 
     scene: dict[str, float]
     launch: tuple[float, ...]
@@ -68,7 +68,7 @@ class Findings:
 
 
 def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
-    """Compute a case in every way there is, and check what must hold."""
+    """Compute a case in all ways, and run the checks."""
     found = Findings()
     began = time.perf_counter()
     plain = Scene(len(case.launch), case.launch, case.duration, case.law, base=case.base).recorded(
@@ -89,7 +89,7 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     except ParameterError:
         found.refused = 1
         return found
-    except Exception as error:  # anything else is what this suite looks for
+    except Exception as error:  # any other exception is a fault that this suite looks for
         found.faults.append(f"{type(error).__name__}: {error}")
         return found
     found.seconds = time.perf_counter() - began
@@ -167,7 +167,7 @@ def check_absolute_speeds(case: Case, speed: np.ndarray) -> Iterator[str]:
 def check_measures(
     case: Case, measured: dict[str, np.ndarray], record: dict[str, np.ndarray]
 ) -> Iterator[str]:
-    """Faults of what a sweep measures: counts, and numbers that are neither finite nor absent."""
+    """Faults of the measures of a sweep: counts, and numbers that are neither finite nor absent."""
     status = int(measured["status"][0])
     if status not in list(Status):
         yield f"status {status} has no meaning"

@@ -1,7 +1,7 @@
 """Identities that hold bit for bit, or within proved bounds, between different computations.
 
-Each check takes a law, a number of cases, a seed and threads, and returns how many cases it tried
-and what was wrong.
+Each check takes a law, a number of cases, a seed and threads, and returns the number of cases that
+it tried and the faults.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""All measures that can be had together, over every base, law and waveform, computed and proved.
+"""All measures that can be combined, over every base, law and waveform, computed and proved.
 
     python checks/together.py
 

@@ -2,8 +2,8 @@
 
     python checks/trust_check.py [--trajectories 10000] [--seed 1] [--write]
 
-The kernel's own phases and counts are compared, not its times in s: a double of seconds is too
-coarse late in a run.  What each landing is bounded by is read off by asking for many tolerances.
+The phases and counts of the kernel are compared, not its times in s: a double of seconds is too
+coarse late in a run.  The bound of each landing is found from many tolerances.
 """
 
 from __future__ import annotations

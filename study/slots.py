@@ -20,7 +20,7 @@ SCATTER: Final = 1e-3
 
 
 def populations(base: str, largest: int = POPULATIONS[-1]) -> tuple[int, ...]:
-    """Numbers of particles for which there is an orbit with a slot for each, up to the largest."""
+    """Numbers of particles, up to the largest, for which an orbit with a slot for each exists."""
     return (2,) if base == SPRUNG else tuple(n for n in POPULATIONS if n <= largest)
 
 

@@ -37,9 +37,9 @@ METHODS: Final = ("fit", "sign_change")
 ACCELERATION: Final = "base_acceleration"
 # Without noise, rounding or blur; what frames alone do remains.
 PERFECT: Final = Camera(frame_rate=240.0, noise=0.0, whole_pixels=False)
-# At this phase the staggered launch of a single particle leads to a locked orbit, not to one that
-# rests: case A would have nothing to compare.
-# 23 Hz is no divisor of a frame rate: a flight lasts 10.4 frames at 240 Hz, not always the same.
+# At this phase the staggered launch of a single particle leads to a locked orbit; with one that
+# rests, case A would have nothing to compare.
+# 23 Hz does not divide a frame rate: a flight lasts 10.4 frames at 240 Hz, whose phases vary.
 SCENE: Final[dict[str, Any]] = {
     **Experiment().parameters,
     "phase": float(np.pi),
@@ -244,7 +244,7 @@ def in_band(study: xr.Dataset) -> xr.Dataset:
 
 
 def verdict(study: xr.Dataset) -> list[str]:
-    """Say in sentences what explains the ranges of Table 4, and what their growth with N."""
+    """Describe the imperfections that explain the ranges of Table 4, and their growth with N."""
     judged = in_band(study)
     lines = []
     for q in QUANTITIES:

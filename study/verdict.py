@@ -1,6 +1,6 @@
-"""A claim, the evidence for it under each base, and the one rule by which evidence gives a verdict.
+"""A claim, its evidence on each base, and the rule by which evidence gives a verdict.
 
-The words of the rule and of the claims stand in ``texts.toml``.
+The texts of the rule and of the claims are in ``texts.toml``.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from study.estimates import Estimate, exact, exceptions, share
 from study.samples import TABLE_1, Setting
 
 Relation = Literal["at most", "at least"]
-# Of evidence that no base enters: geometry, weights, the film
+# Base of evidence that does not depend on one: geometry, weights, the film
 ANY_BASE: Final = "any"
-# A statement on all is granted where it is true of so large a share
+# Least share of true cases with which a statement about all cases passes
 NEARLY_ALL: Final = 0.95
-# A statement on some, where it is true of so large a share
+# Least share of true cases with which a statement about some cases passes
 SOME: Final = 0.01
-# Flights higher than a room belong to no laboratory, m
+# Greatest height of flights in a laboratory, m: that of a room
 ROOM: Final = 3.0
 
 
@@ -40,7 +40,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Number:
-    """A computed number that informs, but is not part of a test."""
+    """A computed number for information, which is not part of a test."""
 
     what: str
     value: Estimate
@@ -50,14 +50,14 @@ class Number:
 
 @dataclass(frozen=True)
 class Check:
-    """A computed number and the bound that it is held against."""
+    """A computed number and the bound with which it is compared."""
 
-    what: str  # what the number is, in words
+    what: str  # the number in words
     value: Estimate  # as computed, with its 95 % interval
     relation: Relation  # ``"at most"`` or ``"at least"``
     bound: float  # in the same unit
     units: str = "1"  # as in CF; ``"1"`` for a pure number
-    setting: Setting | None = None  # what it was computed under; None: as the evidence
+    setting: Setting | None = None  # under which it was computed; None: that of the evidence
 
     @property
     def passed(self) -> bool | None:
@@ -78,7 +78,7 @@ class Reading:
 
     name: str
     checks: Sequence[Check]
-    height: float = 0.0  # to which particles must fly at 1 Hz, where that is what it takes, m
+    height: float = 0.0  # to which particles must fly at 1 Hz for the condition, m
 
     @property
     def usable(self) -> bool:
@@ -87,7 +87,7 @@ class Reading:
 
     @property
     def by_setting(self) -> dict[str, bool | None]:
-        """Return whether it passes under each setting that has a case to test."""
+        """Return whether the reading passes under each setting that has a case to test."""
         settings: dict[str, list[bool | None]] = {}
         for one in self.checks:
             if one.value.cases != 0:
@@ -103,7 +103,7 @@ class Reading:
 
     @property
     def reason(self) -> str:
-        """Reason why it is open; empty where it is not."""
+        """Reason why the reading is open; empty where it is not."""
         if self.passed is not None:
             return ""
         by_setting = self.by_setting
@@ -159,7 +159,7 @@ class Evidence:
 
     @property
     def reason(self) -> str:
-        """Reasons why it cannot be judged, for every reading and condition that is open."""
+        """Reasons why the claim cannot be judged, for every open reading and condition."""
         if self.verdict is not Verdict.UNDECIDED:
             return ""
         every = (*self.readings, *self.conditions)
@@ -168,7 +168,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its name in files, and what is to be seen on it."""
+    """A figure with its file name and its caption."""
 
     name: str
     caption: str
@@ -185,7 +185,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim of the study: its words, and what was computed."""
+    """One claim of the study: its words, and its computed evidence."""
 
     # key, source: number in the list of claims; section, equation or figure of the study
     key: str
@@ -197,7 +197,7 @@ class Claim:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Under which it holds on some base, where it does not without."""
+        """Conditions under which the claim holds on some base where it does not without them."""
         names = (
             reading.name
             for one in self.outcome.evidence
@@ -215,17 +215,17 @@ def check(
     units: str = "1",
     setting: Setting | None = None,
 ) -> Check:
-    """Hold an estimate, or a number that is known without doubt, against a bound."""
+    """Compare an estimate, or an exact number, with a bound."""
     return Check(what, exact(value), relation, bound, units, setting)
 
 
 def nearly_all(what: str, flags: ArrayLike, setting: Setting | None = None) -> Check:
-    """Hold the share of what is true against what is granted as all."""
+    """Compare the share of true cases with the least one for a statement about all of them."""
     return check(what, share(flags), "at least", NEARLY_ALL, setting=setting)
 
 
 def without_exception(what: str, flags: ArrayLike, setting: Setting | None = None) -> Check:
-    """Hold the number of exceptions, which `what` names, against none."""
+    """Compare the number of exceptions, which `what` names, with zero."""
     return check(what, exceptions(flags), "at most", 0.0, setting=setting)
 
 
@@ -235,5 +235,5 @@ def number(
     units: str = "1",
     setting: Setting | None = None,
 ) -> Number:
-    """State an estimate, or a number that is known without doubt."""
+    """State an estimate, or an exact number."""
     return Number(what, exact(value), units, setting)

@@ -1,1 +1,1 @@
-"""Figures that only the judgement of the study draws."""
+"""Figures of the claims of the study."""

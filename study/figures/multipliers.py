@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def decay_per_impact(restitution: float, measured: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the modulus of the leading multiplier of mode 1 at 1 Hz against the amplitude.
 
-    What was measured has the dim ``amplitude`` (m s-1) and the variable ``modulus_fitted``.
+    `measured` has the dim ``amplitude`` (m s-1) and the variable ``modulus_fitted``.
     """
     low, high = (float(end(1, restitution)) for end in (theory.amplitude_min, theory.amplitude_max))
     amplitude = np.linspace(low, 1.15 * high, 600)

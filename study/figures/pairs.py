@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 # Where zero is drawn on a logarithmic axis, s
 ZERO: Final = 1e-17
-PARTNERS: Final = len(style.OKABE_ITO)  # that colours tell apart
+PARTNERS: Final = len(style.OKABE_ITO)  # curves that colours distinguish
 
 
 @style.styled
@@ -58,7 +58,7 @@ def separations_in_time(record: xr.Dataset, *, ax: Axes | None = None) -> Axes:
 def fates(sweep: xr.Dataset, launched: float, *, ax: Axes | None = None) -> Axes:
     """Draw the smallest separation of pairs late in the observation against the amplitude.
 
-    The sweep is of two particles, launched so many s apart, with separations, regimes and a late
+    The sweep is of two particles, launched `launched` s apart, with separations, regimes and a late
     window.
     """
     dt = sweep["dt_min"].values
