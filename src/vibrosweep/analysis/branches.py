@@ -9,7 +9,14 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.analysis.closed_orbits import MOST_IMPACTS, MOST_PERIODS, cycle_name, multipliers
-from vibrosweep.analysis.common import KEPT, attributes, grid_axes, require_ability, shared
+from vibrosweep.analysis.common import (
+    KEPT,
+    attributes,
+    described,
+    grid_axes,
+    require_ability,
+    shared,
+)
 from vibrosweep.analysis.orbit_lines import (
     ENDS,
     EVENTS,
@@ -65,7 +72,7 @@ def branches(
     dims = ("branch",)
     parents = np.array([line.parent for line in lines], np.int64)
     words = "branch whose orbit doubles where this one is born, -1 without any"
-    data["parent"] = (dims, parents, _words(words))
+    data["parent"] = (dims, parents, described(words))
     data |= shared(spec.scene, [along])
     attrs = attributes(spec.scene, "Periodic orbits along a parameter") | {"along": along}
     return xr.Dataset(data, attrs=attrs | _source(spec))
@@ -194,19 +201,15 @@ def _lines(
     codes = np.array([line.ends for line in lines], np.int8).reshape(len(lines), 2)
     return data | {
         "ends": (ends.dims, codes, ends.attributes),
-        "multiplier_real": ((*dims, "multiplier"), real, _words("multiplier, real part")),
+        "multiplier_real": ((*dims, "multiplier"), real, described("multiplier, real part")),
         "multiplier_imaginary": (
             (*dims, "multiplier"),
             imaginary,
-            _words("multiplier, imaginary part"),
+            described("multiplier, imaginary part"),
         ),
-        "impact_phase": (landing, phase, _words("phase of the impact, turns")),
-        "rebound_velocity": (landing, speed * unit, _words("velocity at lift-off", "m s-1")),
+        "impact_phase": (landing, phase, described("phase of the impact, turns")),
+        "rebound_velocity": (landing, speed * unit, described("velocity at lift-off", "m s-1")),
     }
-
-
-def _words(long_name: str, units: str = "1") -> dict[str, str]:
-    return {"units": units, "long_name": long_name}
 
 
 def _values(line: Line, plane: Plane, name: str, z: Array) -> Array:
@@ -244,7 +247,7 @@ def _events(lines: Sequence[Line], plane: Plane, along: str, spec: Sweep) -> dic
         "bifurcation_phase": (
             (*dims, "impact"),
             phase,
-            _words("phase of the impact, turns"),
+            described("phase of the impact, turns"),
         ),
     }
 

@@ -13,7 +13,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.common import attributes, require_ability, require_memory, shared
+from vibrosweep.analysis.common import (
+    attributes,
+    described,
+    require_ability,
+    require_memory,
+    shared,
+)
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
@@ -21,7 +27,7 @@ from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.orbit_search import NO_ORBIT, Closed, Wanted, empty_closed, find_closed
 from vibrosweep.kernels.unwritten import require_written
-from vibrosweep.model.measures import VARIABLES
+from vibrosweep.model.measures import VARIABLES, Variable
 from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless, taken
 from vibrosweep.runs.result import attributes_of
 from vibrosweep.scene.realizations import open_design
@@ -42,18 +48,27 @@ BYTES_PER_IMPACT: Final = 40
 OF_ORBITS: Final = Closed._fields[1 : Closed._fields.index("seeds")]
 ABSENT: Final = -1
 FLAGS: Final = {
-    "admissible": (
+    "admissible": Variable(
+        "admissible",
+        ("realization", "orbit"),
         "int8",
+        "1",
         "whether a particle takes the orbit: no earlier landing, no rest",
         ((NO_ORBIT, "no_orbit"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
     ),
-    "stable": (
+    "stable": Variable(
+        "stable",
+        ("realization", "orbit"),
         "int8",
+        "1",
         "whether both multipliers are inside the unit circle",
         ((ABSENT, "no_orbit"), (0, "no"), (1, "yes")),
     ),
-    "balanced": (
+    "balanced": Variable(
+        "balanced",
+        ("realization", "impacts", "periods"),
         "int8",
+        "1",
         "whether points with a real multiplier above 1 are as many as the others",
         ((ABSENT, "unknown"), (0, "no"), (1, "yes")),
     ),
@@ -175,14 +190,9 @@ def _padded(values: NDArray[Any], most: int, name: str) -> NDArray[Any]:
     return np.pad(values, shape, constant_values=blank)
 
 
-def _flagged(name: str, dims: tuple[str, ...], values: NDArray[Any]) -> tuple[Any, ...]:
-    kind, words, flags = FLAGS[name]
-    attrs = {
-        "long_name": words,
-        "flag_values": np.array([value for value, _ in flags], kind),
-        "flag_meanings": " ".join(meaning for _, meaning in flags),
-    }
-    return dims, values.astype(kind), attrs
+def _flagged(name: str, values: NDArray[Any]) -> tuple[Any, ...]:
+    flagged = FLAGS[name]
+    return flagged.dims, values.astype(flagged.dtype), flagged.attributes
 
 
 def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
@@ -200,32 +210,32 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
     return {
         "cycle_impacts": (dims, found.impacts, VARIABLES["cycle_impacts"].attributes),
         "cycle_periods": (dims, found.periods, VARIABLES["cycle_periods"].attributes),
-        "admissible": _flagged("admissible", dims, found.admissible),
-        "stable": _flagged("stable", dims, np.where(present, modulus < 1.0, ABSENT)),
+        "admissible": _flagged("admissible", found.admissible),
+        "stable": _flagged("stable", np.where(present, modulus < 1.0, ABSENT)),
         "multiplier_real": (
             (*dims, "multiplier"),
             real,
-            {"units": "1", "long_name": "multiplier of the orbit, real part, the larger first"},
+            described("multiplier of the orbit, real part, the larger first"),
         ),
         "multiplier_imaginary": (
             (*dims, "multiplier"),
             imaginary,
-            {"units": "1", "long_name": "multiplier of the orbit, imaginary part"},
+            described("multiplier of the orbit, imaginary part"),
         ),
         "impact_phase": (
             landing,
             times - np.rint(times),
-            {"units": "1", "long_name": "phase of the impact, turns"},
+            described("phase of the impact, turns"),
         ),
         "flight_time": (
             landing,
             (ends - times) * period,
-            {"units": "s", "long_name": "duration of the flight after the impact"},
+            described("duration of the flight after the impact", "s"),
         ),
         "rebound_velocity": (
             landing,
             found.speed * speed,
-            {"units": "m s-1", "long_name": "velocity at lift-off"},
+            described("velocity at lift-off", "m s-1"),
         ),
         "arrival_velocity": (
             landing,
@@ -266,14 +276,13 @@ def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> di
     }
     comment = "of all solutions of p impacts in q periods, including shorter orbits run d times"
     data: dict[str, Any] = {
-        name: (dims, values, {"units": "1", "long_name": words})
-        for name, (values, words) in numbers.items()
+        name: (dims, values, described(words)) for name, (values, words) in numbers.items()
     }
     for name in ("saddle_points", "other_points"):
         data[name][2]["comment"] = comment
     balanced = np.where(balances, found.saddles == found.others, ABSENT)
-    data["balanced"] = _flagged("balanced", dims, balanced)
-    count = {"units": "1", "long_name": "number of orbits"}
+    data["balanced"] = _flagged("balanced", balanced)
+    count = described("number of orbits")
     return {"orbit_count": (("realization",), found.orbits, count), **data}
 
 

@@ -69,6 +69,11 @@ def attributes(scene: Scene, title: str) -> dict[str, Any]:
     }
 
 
+def described(long_name: str, units: str = "1") -> dict[str, str]:
+    """Attributes of a variable."""
+    return {"units": units, "long_name": long_name}
+
+
 def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
     """Variables without dimensions: times, and parameters that all realizations share."""
     values = {name: np.array([INPUTS[name].low]) for name in varied if name not in scene.inputs}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from vibrosweep.errors import DataError
-from vibrosweep.explore.labels import legible
+from vibrosweep.explore.labels import meanings
 from vibrosweep.explore.points import Border, Points
 from vibrosweep.store.kinds import load_dataset, read_kind
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 BOUNDARIES: Final = "boundaries"
-DASHES: Final = {"saddle_node": "solid", "period_doubling": "dashed", "corner": "solid"}
+DASHES: Final = {"saddle node": "solid", "period doubling": "dashed", "corner": "solid"}
 # Events at which rounding decides whether a particle takes the orbit
 TIES: Final = ("grazing", "rest")
 
@@ -49,14 +49,10 @@ def with_borders(points: Points, path: Path) -> Points:
 
 
 def _border(curve: xr.Dataset) -> Border:
-    attrs = curve["bifurcation"].attrs
-    meanings = dict(
-        zip(np.atleast_1d(attrs["flag_values"]), attrs["flag_meanings"].split(), strict=True)
-    )
-    meaning = meanings[int(curve["bifurcation"])]
+    meaning = meanings(curve["bifurcation"].attrs)[int(curve["bifurcation"])]
     admissible = (curve["admissible"].values == 1) | (meaning in TIES)
     names = ("restitution", str(curve.attrs["forcing"]))
     values = {name: np.where(admissible, curve[name].values, np.nan) for name in names}
     p, q = int(curve["cycle_impacts"]), int(curve["cycle_periods"])
-    name = f"{p} in {q} period{'s' if q > 1 else ''}: {legible(meaning.replace('_', ' '))}"
+    name = f"{p} in {q} period{'s' if q > 1 else ''}: {meaning}"
     return Border(name, DASHES.get(meaning, "dotdash"), values)

@@ -12,7 +12,7 @@ import xarray as xr
 from vibrosweep.abilities import refusal
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.explore.choice import Choice
-from vibrosweep.explore.labels import SYMBOLS, units_text
+from vibrosweep.explore.labels import SYMBOLS, meanings, units_text
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import known
 from vibrosweep.model.parameters import SPRUNG
@@ -65,25 +65,21 @@ def facts_html(choice: Choice) -> str:
 
 
 def _joint(one: xr.Dataset) -> Iterator[tuple[str, str]]:
-    attributes = one["joint_regime"].attrs
-    codes = np.atleast_1d(attributes["flag_values"]).tolist()
-    meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))
-    yield "joint regime", meanings[int(one["joint_regime"])].replace("_", " ")
+    joint = one["joint_regime"]
+    yield "joint regime", meanings(joint.attrs)[int(joint)]
     yield "largest Lyapunov exponent per period", _number(one["joint_exponent"])
 
 
 def _regimes(one: xr.Dataset) -> Iterator[str]:
     """Yield the number of particles in each regime, with the cycle that they follow."""
-    attributes = one["regime"].attrs
-    codes = np.atleast_1d(attributes["flag_values"]).tolist()
-    meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))
     names = ("regime", "cycle_impacts", "cycle_periods")
+    regimes = meanings(one["regime"].attrs)
     kinds = Counter(zip(*(one[name].values.tolist() for name in names), strict=True))
     for (regime, impacts, periods), count in kinds.most_common():
         cycle = (
             f" ({_some(impacts, 'impact')} in {_some(periods, 'period')})" if impacts > 0 else ""
         )
-        yield f"{count} {meanings.get(regime, 'not known').replace('_', ' ')}{cycle}"
+        yield f"{count} {regimes.get(regime, 'not known')}{cycle}"
 
 
 def _some(number: int, thing: str) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from vibrosweep.model.forcing import INPUTS
 
@@ -51,3 +53,10 @@ def label(name: str, words: str, units: str) -> str:
 def input_label(name: str) -> str:
     """Label of a physical parameter: 'launch velocity v₀ (m s⁻¹)'."""
     return label(name, name.replace("_", " "), INPUTS[name].units)
+
+
+def meanings(attributes: Mapping[Any, Any]) -> dict[int, str]:
+    """Meanings of the codes of a variable, from its attributes."""
+    codes = np.atleast_1d(attributes["flag_values"]).tolist()
+    words = legible(attributes["flag_meanings"]).split()
+    return {int(c): word.replace("_", " ") for c, word in zip(codes, words, strict=True)}

@@ -15,7 +15,7 @@ from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.explore.choice import Choice, Spread
-from vibrosweep.explore.labels import input_label, label, legible
+from vibrosweep.explore.labels import input_label, label, legible, meanings
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.measures import known
 from vibrosweep.model.mount import MASSES
@@ -256,13 +256,13 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
     found = basins["basin"].transpose("launch_velocity", "launch_time")
     row, column = (index.ravel() for index in np.indices(found.shape))
     names = [name_of(basins.isel(attractor=i)) for i in range(basins.sizes["attractor"])]
-    meanings = {i: f"{i + 1}: {name}" for i, name in enumerate(names)}
+    reached = {i: f"{i + 1}: {name}" for i, name in enumerate(names)}
     if (found == UNSETTLED).any():
-        meanings[UNSETTLED] = Regime.UNSETTLED.meaning
+        reached[UNSETTLED] = Regime.UNSETTLED.meaning
     columns = {
         LAUNCHED: Column("time of launch (s)", basins["launch_time"].values[column]),
         "launch_velocity": _column("launch_velocity", basins["launch_velocity"], row),
-        "basin": Column("attractor", found.values[row, column].astype(np.float64), meanings),
+        "basin": Column("attractor", found.values[row, column].astype(np.float64), reached),
         "slot": _column("slot", _numbers("slot", basins).transpose(*found.dims), (row, column)),
     }
     forcing = str(basins.attrs.get("forcing", "amplitude"))
@@ -287,11 +287,7 @@ def _column(name: str, variable: Any, index: Any = slice(None)) -> Column:
     words = str(attributes.get("long_name", name.replace("_", " ")))
     if name in INPUTS:
         return Column(input_label(name), np.asarray(variable.values[index], np.float64))
-    codes = {}
-    if "flag_values" in attributes:
-        meanings = [m.replace("_", " ") for m in str(attributes["flag_meanings"]).split()]
-        flags = np.atleast_1d(attributes["flag_values"]).tolist()
-        codes = {int(v): legible(m) for v, m in zip(flags, meanings, strict=True)}
+    codes = meanings(attributes) if "flag_values" in attributes else {}
     if len(words) > LONGEST_LABEL:
         words = name.replace("_", " ")
     units = str(attributes.get("units", ""))
