@@ -24,6 +24,7 @@ def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, wor
     """H_1 = g / (8 f^2) and the forcing period, whatever restitution and amplitude are."""
     table = compare([locked.tracks], Comparison(KNOWN), workers)
     assert table["case"].values.tolist() == ["N=1"]
+    assert all(variable.attrs for variable in table.data_vars.values())  # units, meanings
     height = float(locked_height(1, 20.0))
     for name in ("measured", "predicted"):
         np.testing.assert_allclose(table[name].values[0], [height, 0.05], rtol=2e-3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -18,6 +18,7 @@ from vibrosweep.lab.comparison import (
     errors_of,
     measured_means,
 )
+from vibrosweep.lab.described import described
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import check_method, impacts_of
 from vibrosweep.lab.oscillation import Trace
@@ -54,17 +55,6 @@ KNOWN: Final = {
     **OF_RESTITUTION,
 }
 SHARES: Final = ("frames", "pixels", "parameters")
-
-
-class _Compared(NamedTuple):
-    """Comparison of one recording with its prediction."""
-
-    # Error and its contributions in per cent, shape (1 + len(SHARES), quantity, reading)
-    errors: Array
-    means: Array  # measured and predicted, m and s; shape (2, quantity)
-    # Share of the particles that were compared, parameters of the prediction and their errors
-    numbers: dict[str, float]
-    texts: dict[str, str]  # attributes of the result
 
 
 def compare_tracks(
@@ -151,26 +141,30 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
     Recordings are tracks as of `read_tracks`; result and errors are those of `compare_tracks`.
     """
     _check(recordings, how)
-    groups: dict[int, list[_Compared]] = {}
-    for tracks in recordings:
-        groups.setdefault(tracks.sizes["particle"], []).append(_one(tracks, how, workers))
-    counts = sorted(groups)
-    rows = [groups[count] for count in counts]
-    texts = [one.texts for row in rows for one in row]
-    return xr.Dataset(
-        {**_errors(rows), **_means(rows)},
-        coords={
-            "case": [f"N={count}" for count in counts],
-            "particles": ("case", counts),
-            "quantity": list(QUANTITIES),
-            "units": ("quantity", ["m", "s"]),
-            "reading": list(READINGS),
-        },
-        attrs={
-            "method": how.method,
-            **{name: "; ".join(sorted({one[name] for one in texts} - {""})) for name in texts[0]},
-        },
-    )
+    found = [_one(tracks, how, workers) for tracks in recordings]
+    counts = sorted({int(one["particles"]) for one in found})
+    repeats = ([one for one in found if one["particles"] == count] for count in counts)
+    table = xr.concat(map(_case, repeats), "case")
+    table = table.assign_coords(case=[f"N={count}" for count in counts])
+    texts = {name: {one.attrs[name] for one in found} - {""} for name in found[0].attrs}
+    return table.assign_attrs({name: "; ".join(sorted(said)) for name, said in texts.items()})
+
+
+def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
+    """Mean over the recordings of one number of particles."""
+    every = xr.concat(repeats, "repeat", combine_attrs="drop_conflicts")
+    means = every.mean("repeat", keep_attrs=True)
+    # contributions to an error, and standard errors, add as squares
+    for name in [*SHARES, *(name for name in means if str(name).endswith("_error"))]:
+        means[name].values = np.sqrt((every[name] ** 2).mean("repeat").values)
+    words = {"long_name": "standard deviation over the repeats"}
+    spread = np.nan * means["measured"]
+    if len(repeats) > 1:
+        spread = every["measured"].std("repeat", ddof=1)
+    return means.assign(
+        measured_sd=spread.assign_attrs(words),
+        repeats=((), len(repeats), {"units": "1"}),
+    ).assign_coords(particles=repeats[0]["particles"])
 
 
 def _check(recordings: Sequence[xr.Dataset], how: Comparison) -> None:
@@ -197,61 +191,7 @@ def _check(recordings: Sequence[xr.Dataset], how: Comparison) -> None:
         raise ParameterError(wrong)
 
 
-def _errors(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
-    """Variables of dims (case, quantity, reading): the errors and their contributions."""
-    repeats = [np.stack([one.errors for one in row], axis=-1) for row in rows]
-    # contributions add as squares, so their squares are averaged
-    shares = [np.sqrt(np.mean(found[1:] ** 2, axis=-1)) for found in repeats]
-    errors = [np.mean(found[:1], axis=-1) for found in repeats]
-    columns = np.concatenate([errors, shares], axis=1).swapaxes(0, 1)
-    words = ["|measured - predicted| / measured", *(f"error due to {name}" for name in SHARES)]
-    return {
-        name: (("case", "quantity", "reading"), values, {"units": "percent", "long_name": text})
-        for name, values, text in zip(("error", *SHARES), columns, words, strict=True)
-    }
-
-
-def _means(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
-    """Variables of dims (case, quantity) and (case): measured and predicted means, parameters."""
-    repeats = [np.stack([one.means for one in row], axis=-1) for row in rows]
-    measured, predicted = np.array([found.mean(axis=-1) for found in repeats]).swapaxes(0, 1)
-    spread = [
-        found[0].std(axis=-1, ddof=1) if len(row) > 1 else np.full(len(QUANTITIES), np.nan)
-        for found, row in zip(repeats, rows, strict=True)
-    ]
-    dims = ("case", "quantity")
-    compared = {"units": "1", "long_name": "share of the particles that could be compared"}
-    gamma = {"units": "1", "long_name": "peak acceleration of the base in units of gravity"}
-    about: dict[str, dict[str, str]] = {
-        "compared": compared,
-        **{n: {"units": KNOWN[n].units, "long_name": KNOWN[n].long_name} for n in USED},
-        ACCELERATION: gamma,
-        **{
-            f"{name}_error": {"long_name": f"typical standard error of the {name} of one recording"}
-            for name in (*USED, ACCELERATION)
-        },
-    }
-
-    def average(name: str, row: Sequence[_Compared]) -> float:
-        values = np.array([one.numbers[name] for one in row])
-        values = values[np.isfinite(values)]  # a constant restitution has no speed
-        if not values.size:
-            return float("nan")
-        return float(np.sqrt(np.mean(values**2)) if name.endswith("_error") else np.mean(values))
-
-    return {
-        "measured": (dims, measured, {"long_name": "measured mean"}),
-        "measured_sd": (dims, spread, {"long_name": "standard deviation over the repeats"}),
-        "predicted": (dims, predicted, {"long_name": "predicted mean"}),
-        "repeats": ("case", [len(row) for row in rows], {"units": "1"}),
-        **{
-            name: ("case", [average(name, row) for row in rows], attributes)
-            for name, attributes in about.items()
-        },
-    }
-
-
-def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
+def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> xr.Dataset:
     """Measure and predict one recording, and split its errors into contributions."""
     fitted = fit_tracks(tracks, how.gravity, how.view)
     by_fit = impacts_of(tracks, fitted, how.gravity, "fit")
@@ -283,11 +223,40 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
     by_parameters = np.where(
         np.array(READINGS) == "worst", spread.max(1, keepdims=True), spread.mean(1, keepdims=True)
     )
-    return _Compared(
-        np.stack([errors_of(impacts, best, among), *shares, by_parameters]),
-        np.array([[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]),
-        {"compared": float(among.mean()), **_used(estimated, used, scene.waveform)},
+    words = ["|measured - predicted| / measured", *(f"error due to {name}" for name in SHARES)]
+    errors = [errors_of(impacts, best, among), *shares, by_parameters]
+    both = {"measured": means, "predicted": best}
+    return xr.Dataset(
         {
+            **described(
+                ("quantity", "reading"),
+                {
+                    name: (values, "percent", text)
+                    for name, values, text in zip(("error", *SHARES), errors, words, strict=True)
+                },
+            ),
+            **{
+                name: (
+                    "quantity",
+                    [np.nanmean(each[q][among]) for q in QUANTITIES],
+                    {"long_name": f"{name} mean"},
+                )
+                for name, each in both.items()
+            },
+            **described((), _used(estimated, used, scene.waveform)),
+            **described(
+                (),
+                {"compared": (among.mean(), "1", "share of the particles that could be compared")},
+            ),
+        },
+        coords={
+            "quantity": list(QUANTITIES),
+            "units": ("quantity", ["m", "s"]),
+            "reading": list(READINGS),
+            "particles": among.size,
+        },
+        attrs={
+            "method": how.method,
             "warning": "; ".join(warnings),
             "base_motion": impacts.attrs["base_motion"],
             "favoured_base": fitted.favoured_base,
@@ -311,14 +280,18 @@ def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> Array:
 
 def _used(
     estimated: xr.Dataset | None, used: dict[str, float], shape: Waveform
-) -> dict[str, float]:
+) -> dict[str, tuple[Any, str, str]]:
     """Parameters of a prediction, Gamma among them, and their standard errors, NaN if known."""
     velocity = used["amplitude"] / (1.0 + used["restitution"])
     gamma = shape.fall * used["frequency"] * velocity / used["gravity"]
-    errors = {f"{name}_error": float("nan") for name in (*USED, ACCELERATION)}
+    about = {name: (p.units, p.long_name) for name, p in KNOWN.items() if name in USED}
+    about[ACCELERATION] = "1", "peak acceleration of the base in units of gravity"
+    values, errors = {SPEED: np.nan, **used, ACCELERATION: gamma}, dict.fromkeys(about, np.nan)
     if estimated is not None:
-        names = estimated["parameter"].values
-        errors |= {f"{n}_error": float(estimated["error"].sel(parameter=n)) for n in names}
-        if "base_acceleration_error" in estimated:
-            errors[f"{ACCELERATION}_error"] = float(estimated["base_acceleration_error"])
-    return {SPEED: float("nan"), **used, ACCELERATION: gamma, **errors}
+        fitted = zip(estimated["parameter"].values, estimated["error"].values, strict=True)
+        errors |= {name: error for name, error in fitted if name in about}
+        errors[ACCELERATION] = float(estimated.get("base_acceleration_error", np.nan))
+    words = "typical standard error, in one recording, of the "
+    return {name: (values[name], *of) for name, of in about.items()} | {
+        f"{name}_error": (error, about[name][0], f"{words}{name}") for name, error in errors.items()
+    }

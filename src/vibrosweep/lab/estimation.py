@@ -9,6 +9,7 @@ which every bounce obeys the map.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +21,7 @@ from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.adjustment import Adjusted, adjust, fit_laws
 from vibrosweep.lab.base_harmonics import names_of, polar, slopes_of_sizes
 from vibrosweep.lab.bounces import Bounces, bounces_of
+from vibrosweep.lab.described import described
 from vibrosweep.lab.impacts import numbers_in
 from vibrosweep.lab.regression import (
     FEWEST,
@@ -152,13 +154,12 @@ def estimate(
         misfit, freedom = law.misfit, law.freedom
         warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
     about = {
-        "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
-        "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
-        "signal": ((), signal, {"units": "1", "long_name": "signal of the weakest direction"}),
-        "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
-        **speed_laws(laws),
+        "misfit": (misfit, "1", "chi-square per degree of freedom"),
+        "bounces": (bounces.middle.size, "1", "bounces used"),
+        "signal": (signal, "1", "signal of the weakest direction"),
+        "frequency_used": (rate, "Hz", "forcing frequency"),
     }
-    one = _estimated(names, values, covariance, about, warnings, shape)
+    one = _estimated(names, values, covariance, about, warnings, shape).assign(speed_laws(laws))
     return one.assign_attrs(restitution_law=" or ".join(possible(laws)))
 
 
@@ -187,20 +188,17 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
         [velocity / (shape.per_displacement * rate), shape.fall * rate * velocity / gravity]
     )
     error = size * np.sqrt(np.einsum("ki,ij,kj->k", relative, spread, relative))
-    about = {
-        name: ((), float(value), {"units": units, "long_name": words})
-        for name, value, units, words in (
-            ("misfit", impacts["shaken_misfit"], "1", "chi-square per degree of freedom"),
-            ("bounces", impacts["shaken_bounces"], "1", "bounces used"),
-            ("frequency_used", rate, "Hz", "forcing frequency"),
-            ("base_displacement", size[0], "m", "peak displacement of the base"),
-            ("base_displacement_error", error[0], "m", "its standard error"),
-            ("base_acceleration", size[1], "1", "peak acceleration in units of gravity"),
-            ("base_acceleration_error", error[1], "1", "its standard error"),
-        )
-    }
     covariance = change @ spread @ change.T
     misfit, freedom = float(impacts["shaken_misfit"]), int(impacts["shaken_freedom"])
+    about = {
+        "misfit": (misfit, "1", "chi-square per degree of freedom"),
+        "bounces": (float(impacts["shaken_bounces"]), "1", "bounces used"),
+        "frequency_used": (rate, "Hz", "forcing frequency"),
+        "base_displacement": (size[0], "m", "peak displacement of the base"),
+        "base_displacement_error": (error[0], "m", "its standard error"),
+        "base_acceleration": (size[1], "1", "peak acceleration in units of gravity"),
+        "base_acceleration_error": (error[1], "1", "its standard error"),
+    }
     warnings = undetermined(SIGNAL, kicks, covariance, misfit), bad_fit(misfit, freedom)
     of_laws = impacts[[name for name in impacts.data_vars if impacts[name].dims == ("law",)]]
     one = _estimated(names, kicks, covariance, about, warnings, shape)
@@ -212,7 +210,7 @@ def _estimated(
     names: list[str],
     values: Array,
     covariance: Array,
-    about: dict[str, Any],
+    about: Mapping[str, tuple[Any, str, str]],
     warnings: tuple[str, str],
     shape: Waveform,
 ) -> xr.Dataset:
@@ -229,7 +227,7 @@ def _estimated(
                 np.int8(not warnings[0]),
                 {"long_name": "the orbit determines them"},
             ),
-            **about,
+            **described((), about),
         },
         coords={
             "parameter": names,

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.described import described
 from vibrosweep.lab.fitting import Fitted, View, fit_tracks
 from vibrosweep.lab.flight_search import Flights
 from vibrosweep.lab.flights import line_variance
@@ -128,12 +129,12 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
     found = _table(owner, columns, particles).merge(coverage(tracks))
     poor = np.bincount(flights.particle[flights.poor], minlength=particles)
     exchanged = np.bincount(np.array([p for _, *pair in swaps for p in pair], int), None, particles)
-    for name, values, units, words in (
-        ("poor_flights", poor, "1", "flights that fit badly"),
-        ("swaps", exchanged, "1", "exchanges of names with another particle"),
-        ("level", flights.levels, "m", "(mean) level of the base below the particle"),
-    ):
-        found[name] = ("particle", values, {"units": units, "long_name": words})
+    of_particles = {
+        "poor_flights": (poor, "1", "flights that fit badly"),
+        "swaps": (exchanged, "1", "exchanges of names with another particle"),
+        "level": (flights.levels, "m", "(mean) level of the base below the particle"),
+    }
+    found = found.assign(described("particle", of_particles))
     found = found.assign_coords(particle=tracks["particle"])
     if flights.shaken is not None:
         law, scale = preferred(flights.laws), gravity / flights.curvature
@@ -271,11 +272,12 @@ def _table(owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles:
     count = np.bincount(owner, minlength=particles)
     place = np.arange(owner.size) - (np.cumsum(count) - count)[owner]
     shape = (particles, int(count.max(initial=0)))
-    variables: dict[str, Any] = {}
-    for name, (units, words) in _VARIABLES.items():
+    tables: dict[str, Any] = {}
+    for name, about in _VARIABLES.items():
         values = np.full(shape, np.nan)
         values[owner, place] = columns[name]
-        variables[name] = (("particle", "impact"), values, {"units": units, "long_name": words})
+        tables[name] = values, *about
+    variables = described(("particle", "impact"), tables)
     quality = np.full(shape, -1, np.int8)
     quality[owner, place] = columns["quality"]
     flags = {
@@ -284,9 +286,5 @@ def _table(owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles:
         "flag_meanings": "none bounced stayed_or_bounced_unseen doubtful",
     }
     variables["quality"] = (("particle", "impact"), quality, flags)
-    variables["impact_count"] = (
-        "particle",
-        count,
-        {"units": "1", "long_name": "landings that were seen"},
-    )
+    variables |= described("particle", {"impact_count": (count, "1", "landings that were seen")})
     return xr.Dataset(variables)

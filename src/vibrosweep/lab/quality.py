@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
+from vibrosweep.lab.described import described
 from vibrosweep.lab.segments import GAP_FRAMES
 
 # Second differences in standard deviations: above the first number they are not noise, below the
@@ -27,18 +28,17 @@ def coverage(tracks: xr.Dataset) -> xr.Dataset:
     gaps = [
         int((np.diff(time[present[:, p]]) > GAP_FRAMES * interval).sum()) for p in range(len(count))
     ]
-    variables = {
-        "frames_seen": (count, "1", "frames in which the particle was seen"),
-        "frames_lost": (lost, "1", "frames lost between its first and last"),
-        "gaps": (np.array(gaps), "1", "gaps too long to bridge"),
-        "first_seen": (time[first], "s", "time of the first frame with the particle"),
-        "last_seen": (time[last], "s", "time of the last frame with the particle"),
-    }
     return xr.Dataset(
-        {
-            name: ("particle", values, {"units": units, "long_name": words})
-            for name, (values, units, words) in variables.items()
-        }
+        described(
+            "particle",
+            {
+                "frames_seen": (count, "1", "frames in which the particle was seen"),
+                "frames_lost": (lost, "1", "frames lost between its first and last"),
+                "gaps": (np.array(gaps), "1", "gaps too long to bridge"),
+                "first_seen": (time[first], "s", "time of the first frame with the particle"),
+                "last_seen": (time[last], "s", "time of the last frame with the particle"),
+            },
+        )
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
+from vibrosweep.lab.described import described
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 
 __all__ = ["CRITERION", "QUANTITY_UNITS", "agreement", "phases", "quantities"]
@@ -97,12 +98,7 @@ def quantities(
         found["impact_phase"] = float(np.angle(mean) / (2.0 * np.pi) % 1.0)
         found["phase_difference"] = _neighbours(vector.sum(axis=1))
     found["dt_min"] = _closest(impacts)
-    return xr.Dataset(
-        {
-            name: ((), found[name], {"units": units, "long_name": words})
-            for name, (units, words) in QUANTITY_UNITS.items()
-        }
-    )
+    return xr.Dataset(described((), {n: (found[n], *about) for n, about in QUANTITY_UNITS.items()}))
 
 
 def _neighbours(vectors: NDArray[np.complex128]) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
+from vibrosweep.lab.described import described
 from vibrosweep.lab.regression import is_nearer
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
@@ -183,10 +184,7 @@ def speed_laws(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
             "mean squared distance of the bounces in standard errors",
         ),
     }
-    found: dict[str, Any] = {"law": [one.law.name for one in fits]}
-    for name, (values, units, words) in columns.items():
-        found[name] = ("law", values, {"units": units, "long_name": words})
-    return found
+    return {"law": [one.law.name for one in fits], **described("law", columns)}
 
 
 def law_text(found: xr.Dataset) -> str:

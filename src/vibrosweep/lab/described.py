@@ -1,0 +1,16 @@
+"""Variables of datasets with their units and meanings."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any
+
+
+def described(
+    dims: Hashable | Sequence[Hashable], columns: Mapping[str, tuple[Any, str, str]]
+) -> dict[str, Any]:
+    """Variables of these dimensions, from the values, units and meaning of each."""
+    return {
+        name: (dims, values, {"units": units, "long_name": words})
+        for name, (values, units, words) in columns.items()
+    }
