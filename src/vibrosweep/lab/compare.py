@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -219,50 +219,42 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> xr.Dataset:
     except TrackError as error:
         shares = np.full((2, len(QUANTITIES), len(READINGS)), np.nan)
         warnings.append(f"the errors of the camera are not known: {error}")
-    spread = _spreads(found, means, among)
-    by_parameters = np.where(
-        np.array(READINGS) == "worst", spread.max(1, keepdims=True), spread.mean(1, keepdims=True)
-    )
-    words = ["|measured - predicted| / measured", *(f"error due to {name}" for name in SHARES)]
-    errors = [errors_of(impacts, best, among), *shares, by_parameters]
-    both = {"measured": means, "predicted": best}
+    errors = [errors_of(impacts, best, among), *shares, _spreads(found, means, among)]
+    both = [[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]
+    told = _used(estimated, used, scene.waveform)
+    told["compared"] = among.mean(), "1", "share of the particles that could be compared"
+    texts = {
+        "method": how.method,
+        "warning": "; ".join(warnings),
+        "base_motion": impacts.attrs["base_motion"],
+        "favoured_base": fitted.favoured_base,
+        "waveform": scene.waveform.text,
+        "restitution_law": scene.restitution_law,
+        "law": "" if estimated is None else law_text(estimated),
+    }
+    return _table(errors, both, told).assign_coords(particles=among.size).assign_attrs(texts)
+
+
+def _table(
+    errors: Sequence[Array], means: Sequence[Any], numbers: Mapping[str, tuple[Any, str, str]]
+) -> xr.Dataset:
+    """Dataset of one recording: the error and its shares, measured and predicted means, numbers."""
+    words = {"error": "|measured - predicted| / measured"}
+    words |= {name: f"error due to {name}" for name in SHARES}
+    percent = {
+        name: (values, "percent", text)
+        for (name, text), values in zip(words.items(), errors, strict=True)
+    }
+    of_means = {
+        name: ("quantity", values, {"long_name": f"{name} mean"})
+        for name, values in zip(("measured", "predicted"), means, strict=True)
+    }
     return xr.Dataset(
-        {
-            **described(
-                ("quantity", "reading"),
-                {
-                    name: (values, "percent", text)
-                    for name, values, text in zip(("error", *SHARES), errors, words, strict=True)
-                },
-            ),
-            **{
-                name: (
-                    "quantity",
-                    [np.nanmean(each[q][among]) for q in QUANTITIES],
-                    {"long_name": f"{name} mean"},
-                )
-                for name, each in both.items()
-            },
-            **described((), _used(estimated, used, scene.waveform)),
-            **described(
-                (),
-                {"compared": (among.mean(), "1", "share of the particles that could be compared")},
-            ),
-        },
+        {**described(("quantity", "reading"), percent), **of_means, **described((), numbers)},
         coords={
             "quantity": list(QUANTITIES),
             "units": ("quantity", ["m", "s"]),
             "reading": list(READINGS),
-            "particles": among.size,
-        },
-        attrs={
-            "method": how.method,
-            "warning": "; ".join(warnings),
-            "base_motion": impacts.attrs["base_motion"],
-            "favoured_base": fitted.favoured_base,
-            "waveform": scene.waveform.text,
-            "restitution_law": scene.restitution_law,
-            "law": "" if estimated is None else law_text(estimated),
         },
     )
 
@@ -270,12 +262,14 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> xr.Dataset:
 def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> Array:
     """Spread of the predictions over the draws in per cent of the measured means.
 
-    Shape (quantity, particle); zero without draws.
+    Shape (quantity, reading); zero without draws.
     """
     drawn = np.stack(found)[:, 1:, among]
     if not drawn.shape[1]:
-        return np.zeros((len(QUANTITIES), int(among.sum())))
-    return np.asarray(100.0 * drawn.std(axis=1) / [means[q][among] for q in QUANTITIES])
+        return np.zeros((len(QUANTITIES), len(READINGS)))
+    spread = 100.0 * drawn.std(axis=1) / [means[q][among] for q in QUANTITIES]
+    worst = np.array(READINGS) == "worst"
+    return np.asarray(np.where(worst, spread.max(1, keepdims=True), spread.mean(1, keepdims=True)))
 
 
 def _used(
