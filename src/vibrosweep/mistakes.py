@@ -6,7 +6,7 @@ of parts: plain strings, and parts that a sweep file, Python and the command lin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
 ABSENT: Final = object()
@@ -204,6 +204,17 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
     found = difflib.get_close_matches(word.lower(), list(known), n=1)
     return found[0] if found else None
+
+
+def separator_mistake(names: Sequence[str]) -> str:
+    """Return what is wrong with a header of a CSV file that another mark separates, or ""."""
+    for mark, word in ((";", "semicolons"), ("\t", "tabulators")):
+        if len(names) == 1 and mark in names[0]:
+            return (
+                f"has columns separated by {word}; separate them by commas, and write decimals "
+                f"with a point"
+            )
+    return ""
 
 
 def quoted(words: Iterable[str]) -> str:

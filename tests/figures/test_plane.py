@@ -268,6 +268,9 @@ def test_any_variable_of_a_result_is_drawn_or_refused_in_words():
             assert for_file(parameter_plane, texts, name).axes
         else:
             words = f"{name} holds .* along .*: choose a variable with one number for each"
+            words += (
+                r".*or a particle, as sweep.isel\(particle=0\)$" if "particle" in one.dims else ""
+            )
             with pytest.raises(DataError, match=words):
                 parameter_plane(texts, name)
     with pytest.raises(DataError, match="choose a variable with one number for each"):

@@ -53,9 +53,11 @@ def test_another_name_of_a_key_is_guessed(word, key):
         vs.sweep(**{word: 0.1})
 
 
-def test_a_keyword_of_windows_says_so():
+def test_a_keyword_of_another_function_says_so():
     with pytest.raises(vs.errors.SpecError, match=r"it is one of vibrosweep\.windows$"):
         vs.sweep(kick_noise=0.1, noise_replicas=3)
+    with pytest.raises(vs.errors.SpecError, match=r"it is one of vibrosweep\.sweep$"):
+        vs.simulate(restitution=0.9, realizations=3)
 
 
 def test_the_page_names_what_is_not_modelled():

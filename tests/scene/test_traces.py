@@ -141,8 +141,9 @@ def test_frequency_and_forcing_that_are_given_stay(tmp_path, monkeypatch):
         (lambda t: np.ones(t.size), 2, "does not move"),
         (lambda t: np.where(t > 0.3, np.nan, motion(t, "height")), 2, "not finite in line"),
         (lambda t: motion(t, "height"), 17, "from 1 to 16"),
+        (lambda t: motion(t, "height")[:7], 2, "7 lines; at least 8"),
     ],
-    ids=["half a period", "noise", "drift", "still", "nan", "seventeen"],
+    ids=["half a period", "noise", "drift", "still", "nan", "seventeen", "seven"],
 )
 def test_a_trace_that_cannot_be_used(tmp_path, monkeypatch, make, harmonics, message):
     monkeypatch.chdir(tmp_path)
@@ -170,3 +171,17 @@ def test_a_file_or_column_that_is_not_there(tmp_path, monkeypatch, asked, messag
     written(tmp_path / "shaker.csv", time, motion(time, "height"))
     with pytest.raises(SpecError, match=message):
         keyword_spec({"waveform": asked})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time;height\n0;1\n", "the trace has columns separated by semicolons"),
+        ("time,height\n" + "".join(f"{t},0\n" for t in (0, 1, 2, 3, 2, 5, 6, 7)), "time in line 6"),
+    ],
+)
+def test_a_trace_of_another_separator_and_one_that_goes_back(tmp_path, monkeypatch, text, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "shaker.csv").write_text(text)
+    with pytest.raises(SpecError, match=message):
+        keyword_spec({"waveform": {"trace": "shaker.csv", "column": "height", "harmonics": 2}})

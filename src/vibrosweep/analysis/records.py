@@ -43,9 +43,10 @@ def per_realization(dataset: xr.Dataset, name: str) -> Array:
     """
     one = dataset[name]
     if one.dims not in ((), ("realization",)) or one.dtype.kind not in "iufb":
+        particle = ", or a particle, as sweep.isel(particle=0)" if "particle" in one.dims else ""
         raise DataError(
             f"{name} holds {one.dtype} along {', '.join(map(str, one.dims)) or 'nothing'}: choose "
-            f"a variable with one number for each realization"
+            f"a variable with one number for each realization{particle}"
         )
     values = np.asarray(one.values, dtype=np.float64)
     return np.broadcast_to(values, (dataset.sizes["realization"],))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from vibrosweep.lab.flights import (
     Fits,
     apparent_gravity,
     contradicts,
+    correctable,
     crossings,
     fit,
     high_flights,
@@ -174,13 +176,30 @@ def _first_members(
 
 
 def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
-    """Raise a TrackError if the highest flights fall with an acceleration far from gravity."""
+    """Raise a TrackError if the highest flights fall upwards, or far from gravity."""
+    found, error = _first_gravity(samples, base)
+    if not _shows(found, error, gravity):
+        turned = replace(samples, height=-samples.height)
+        falls, scatter = _first_gravity(turned, None if base is None else -base)
+        if _shows(falls, scatter, gravity):
+            raise TrackError(
+                f"heights grow downwards: with the axis turned, what is tracked falls with "
+                f"{falls:.3g} m s-2, as gravity, {gravity:g} m s-2, demands; turn the axis"
+            )
+    refuse_gravity(found, error, gravity)
+
+
+def _shows(acceleration: float, error: float, gravity: float) -> bool:
+    """Return whether flights show gravity: near it, and with too small an error for chance."""
+    return correctable(acceleration, gravity) and SCALE_OFF * error < WRONG_SCALE * gravity
+
+
+def _first_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
+    """Acceleration that the highest flights show, and its standard error, m s-2."""
     noise = first_noise(samples)
     member, _, base, tops = _first_members(samples, FIRST_SHARE * noise, base)
     high = high_flights(tops - base, noise)
-    refuse_gravity(
-        *apparent_gravity(samples, np.where(high[member], member, -1), tops.size), gravity
-    )
+    return apparent_gravity(samples, np.where(high[member], member, -1), tops.size)
 
 
 def refuse_gravity(found: float, error: float, gravity: float) -> None:

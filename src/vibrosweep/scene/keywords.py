@@ -211,9 +211,11 @@ def _note_unknown(name: str, value: object, known: Collection[str], mistakes: Mi
         mistakes.add_broken(name, f"is not a known keyword: {answer}", value)
         mistakes.broken |= {f"{home}.{another_name(name)}" for home in HOMES}
         return
-    if name in SECTIONS["windows"]:
-        mistakes.add_broken(name, "is not a known keyword: it is one of vibrosweep.windows", value)
-        return
+    for section, function in (("windows", "windows"), ("sample", "sweep")):
+        if name in SECTIONS[section]:
+            rule = f"is not a known keyword: it is one of vibrosweep.{function}"
+            mistakes.add_broken(name, rule, value)
+            return
     guess = "launch" if name == "launch_time" else nearest(name, known) or likely_parameter(name)
     hint = f'; did you mean "{guess}"?' if guess else "."
     text = f"is not a known keyword{hint} Known keywords: {', '.join(known)}"

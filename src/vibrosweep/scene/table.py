@@ -16,7 +16,7 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TableError, refuse
-from vibrosweep.mistakes import PYTHON, TOML, Key, Mistakes, Text, table
+from vibrosweep.mistakes import PYTHON, TOML, Key, Mistakes, Text, separator_mistake, table
 from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.measures import RESERVED
@@ -117,12 +117,8 @@ def _read_csv(path: Path, mistakes: Mistakes) -> dict[str, Label]:
 def _judge_header(path: Path, names: list[str], mistakes: Mistakes) -> None:
     if not names:
         raise TableError(f"{path}: is empty; begin with a line of column names")
-    for mark, word in ((";", "semicolons"), ("\t", "tabulators")):
-        if len(names) == 1 and mark in names[0]:
-            raise TableError(
-                f"{path}: its columns are separated by {word}; separate them by commas, "
-                f"and write decimals with a point"
-            )
+    if wrong := separator_mistake(names):
+        raise TableError(f"{path}: {wrong}")
     for name in dict.fromkeys(names):
         if names.count(name) > 1:
             mistakes.add_cell("appears twice; keep one", name)

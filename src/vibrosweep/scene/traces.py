@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.arrays import Array
+from vibrosweep.mistakes import separator_mistake
 from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, Trace, Waveform, zeros
 
 COLUMNS: Final = ("height", "acceleration")
@@ -86,7 +87,8 @@ def _columns(content: bytes, column: str) -> tuple[Array, Array]:
     for needed in ("time", column):
         if needed not in names:
             found = ", ".join(names) or "none"
-            raise ValueError(f'the trace has no column "{needed}" (columns found: {found})')
+            wrong = separator_mistake(names) or f'has no column "{needed}" (columns found: {found})'
+            raise ValueError(f"the trace {wrong}")
     places = [names.index("time"), names.index(column)]
     numbers = np.empty((len(rows) - 1, 2))
     for k, row in enumerate(rows[1:]):
@@ -98,8 +100,10 @@ def _columns(content: bytes, column: str) -> tuple[Array, Array]:
     if not np.isfinite(numbers).all():
         line = int(np.flatnonzero(~np.isfinite(numbers).all(axis=1))[0]) + 2
         raise ValueError(f"the trace has a number that is not finite in line {line}")
-    if time.size < 8 or not np.all(np.diff(time) > 0.0):
-        raise ValueError("the trace needs eight or more lines, with increasing times")
+    if time.size < 8:
+        raise ValueError(f"the trace has {time.size} lines; at least 8 are needed")
+    if (back := np.flatnonzero(np.diff(time) <= 0.0)).size:
+        raise ValueError(f"the time in line {back[0] + 3} of the trace is not after the one before")
     return time, values
 
 
