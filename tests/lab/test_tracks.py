@@ -87,7 +87,7 @@ def test_a_height_axis_that_points_down(sound):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_flights_of_all_heights_upside_down(seed):
-    """Cusps of unequal flights, upside down, have curvatures too scattered to contradict gravity."""
+    """Upside down, cusps of unequal flights scatter too much to contradict gravity."""
     rng = np.random.default_rng(seed)
     ends = np.cumsum(rng.uniform(0.03, 0.3, 60))  # s, of flights over a base at rest
     time = np.arange(0.0, ends[-2], 1.0 / 240.0)
