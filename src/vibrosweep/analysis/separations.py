@@ -40,7 +40,7 @@ def separation_distribution(
     measure
         ``"dt_min"`` or ``"dt_min_same_index"``.
     quantiles
-        In [0, 1]; that of q is the least separation which a share q of realizations does not exceed.
+        In [0, 1]; that of q is the least number that a share q of separations does not exceed.
 
     Returns
     -------
