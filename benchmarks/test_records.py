@@ -43,7 +43,7 @@ def scatter(first, count, times, offs, speeds, rested):
 
 @pytest.mark.parametrize("base", FORCINGS)
 def test_a_ragged_record_against_streaming_and_writing(race, base):
-    """It may take three times as long as streaming, and as long as its numbers take to write."""
+    """A record may take three times as long as streaming, and the time to write its numbers."""
     sweep = as_sweep({**SWEEP, **FORCINGS[base]}, {})
     scene = sweep.scene.recorded()
     parameters = scene.parameters(open_design(sweep).take(0, SIZE), SIZE)

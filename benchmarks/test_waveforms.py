@@ -22,7 +22,7 @@ TONES = {
     [("high-bounce", 2, 2.0), ("high-bounce", 8, 2.8), ("moving", 2, 2.0), ("moving", 8, 3.0)],
 )
 def test_an_impact_under_harmonics_against_one_under_the_sine(race, base, tones, most):
-    """Of the same ranges; the other impacts of another shape count as they are."""
+    """Both have the same ranges; the numbers of impacts differ, and each time is per impact."""
     sine = batch("paper", 8000, 12.0, base)
     shape = Waveform("harmonics", TONES[tones])
     shaped = sine._replace(scene=replace(sine.scene, waveform=shape))

@@ -22,7 +22,7 @@ from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import parse_spec
 
 DESIGNS = ("uniform", "latin", "sobol", "grid")
-FORCINGS = {  # of an amplitude of 1 m/s at e = 0.9 and 1 Hz, and its power of the frequency
+FORCINGS = {  # value for an amplitude of 1 m/s at e = 0.9 and 1 Hz, and power of the frequency
     "amplitude": (1.0, -1),
     "base_velocity": (1.0 / 1.9, -1),
     "base_displacement": (1.0 / 1.9 / (2.0 * np.pi), -2),

@@ -33,7 +33,7 @@ LONGER = {
     else sweep.replace("[scene]", "[scene]\nduration_periods = 400.0") + "trust = true\n"
     for base, sweep in SWEEPS.items()
 }
-CLIENT = 1 / 8  # of the kills
+CLIENT = 1 / 8  # share of the kills that hit the process of the run
 STOPPED = (
     b"all workers of the Dask cluster have gone",
     b"run the same command again to continue",

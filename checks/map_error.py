@@ -155,7 +155,7 @@ def iterate(base, problem, x, u, impacts):
 
 @njit(error_model="numpy")
 def iterate_naive(x, u, e, a, impacts):
-    """The same map with a running time and omega t inside the library's sine."""
+    """Iterate the map with a running time and omega t inside the library's sine."""
     t = x
     for _ in range(impacts):
         t = t + u

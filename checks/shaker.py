@@ -130,7 +130,7 @@ def fastest(impacts):
 
 
 def law_left(base, numbers, law, seed):
-    """How a film with this law is judged."""
+    """Return the verdict on a film with this law."""
     rng = np.random.default_rng((seed, 39))
     scene = {**LABORATORY, "restitution": 0.85, **numbers, "phase": rng.uniform(-3.0, 3.0)}
     scene["launch_velocity"] = rng.uniform(0.15, 0.4)

@@ -37,15 +37,15 @@ def combinations() -> Iterator[dict[str, str]]:
             yield {"base": base, "rebound": law, "restitution_law": kept, "waveform": shape}
 
 
-def together(path: Path, of: dict[str, str]) -> tuple[list[str], bool]:
+def together(path: Path, combination: dict[str, str]) -> tuple[list[str], bool]:
     """Compute all measures of one combination into a file.
 
     Returns the names of variables that are missing, and whether the proof holds; True where the
     table says that there is none.
     """
-    base, law, kept, shape = of.values()
+    base, law, kept, shape = combination.values()
     wanted = [key for key in MEASURES if not refusal(base, law=law, restitution=kept, measure=key)]
-    scene: dict[str, Any] = {**of, "restitution": (0.5, 0.9), "amplitude": (0.3, 3.0)}
+    scene: dict[str, Any] = {**combination, "restitution": (0.5, 0.9), "amplitude": (0.3, 3.0)}
     scene |= {"realizations": 4, "particles": 3, "duration": 6.0, **dict.fromkeys(wanted, True)}
     scene |= MOUNT if base == SPRUNG else {}
     scene |= {} if kept == CONSTANT else {"restitution_speed": 1.0}
@@ -61,11 +61,12 @@ def main() -> int:
     options_of(__doc__, write=False)
     failed = 0
     with TemporaryDirectory() as folder:
-        for number, of in enumerate(combinations()):
-            missing, proved = together(Path(folder) / f"{number}.h5", of)
+        for number, combination in enumerate(combinations()):
+            missing, proved = together(Path(folder) / f"{number}.h5", combination)
             failed += bool(missing) or not proved
-            said = ", ".join(missing) + " missing" if missing else "complete"
-            print(f"{' '.join(of.values())}: {said}, {'passed' if proved else 'NOT PROVED'}")
+            found = ", ".join(missing) + " missing" if missing else "complete"
+            names = " ".join(combination.values())
+            print(f"{names}: {found}, {'passed' if proved else 'NOT PROVED'}")
     return 1 if failed else 0
 
 

@@ -39,7 +39,7 @@ FREQUENCIES: Final = (8.0, 35.0)  # Hz
 PLATFORM: Final = 180.0  # mm
 PIXELS: Final = 1080  # of the short side of the film
 UNCERTAINTY: Final = 0.05
-# Of an image, in pixels: the study does not say how it tracks, which may be far below a pixel
+# Errors of tracking, in pixels: the study does not state its method, which may be far below a pixel
 TRACKED: Final = (0.5, 0.1, 1.0)
 MASSES: Final = (3.5, 4.5)  # g
 # Stainless steels, g cm-3: ferritic to austenitic

@@ -17,7 +17,7 @@ from vibrosweep.figures.style import for_file
 
 STEP: Final = 1e-3
 STEPS: Final = (4e-3, 2e-3, STEP, 5e-4, 1e-4, 1e-5)
-# Of a period that is a whole number of steps, and of others
+# Frequencies at which a period is a whole number of steps, and others
 FREQUENCIES: Final = (1.0, 0.97, 1.03)
 SHOWN: Final = (4e-3, STEP, 1e-4, 1e-5)
 PLAIN, LOCATED = CONTACT

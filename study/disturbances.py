@@ -105,7 +105,7 @@ def orbit(
     fixed = base == HIGH_BOUNCE
     c = k if fixed else float(brentq(lambda v: v + left(v) - 2.0 * k, k, 2.0 * k, xtol=1e-14))
     e, q = left(c) / c, (left(1.000001 * c) - left(0.999999 * c)) / (2e-6 * c)
-    # of the slope of the kick, or twice the acceleration of the base in g
+    # limit of the slope of the kick, or of twice the acceleration of the base in g
     limit = 2.0 * (1.0 + q) if fixed else 4.0 * (1.0 + q * e) / ((1.0 + q) * (1.0 + e))
     scale = unit if fixed else unit * (1.0 + restitution)
     windows = []

@@ -26,7 +26,7 @@ FEW: Final = 5  # particles
 # Coupled particles cost a thousand times as much as others: an eighth of the realizations
 SMALLER: Final = {base: 0.125 if base == SPRUNG else 1.0 for base in BASES}
 TAU_C: Final = PARAMETERS["contact_time"].default
-# Of restitution (1) and amplitude (m s-1)
+# Ranges of restitution (1) and amplitude (m s-1)
 RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
 NEAR_TABLE_1: Final = {"restitution": (0.85, 0.95), "amplitude": (0.9, 1.5)}
 WIDE: Final = {"restitution": (0.5, 0.99), "amplitude": (0.1, 6.0)}

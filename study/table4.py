@@ -194,7 +194,7 @@ def _tried(
 
 def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[list[float]]]]]:
     """Share of particles compared, and errors by quantity as [method][reading], of each repeat."""
-    # by the study's model, whatever the base does
+    # predicted by the study's model, even if the base moves
     scene = replace(experiment.scene, base=HIGH_BOUNCE)
     predicted = predicted_means(replace(experiment, scene=scene))
     gravity = experiment.parameters["gravity"]

@@ -112,7 +112,7 @@ def count_landings(rows: np.ndarray, duration: float, reflect: int | None) -> np
 
 
 def naive(scene: Scene | Sweep, sizes: list[int], threads: int) -> Iterator[Point]:
-    """The same map with a running double t and sin(omega t + phi)."""
+    """The map with a running double t and sin(omega t + phi)."""
     sample = table(scene.cases)
     times = np.full((len(sample), max(sizes)), np.nan)
     end = scene.duration + MARGIN

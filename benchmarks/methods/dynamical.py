@@ -89,7 +89,7 @@ def _bare_as_its_models(state, parameters):
 
 @njit
 def _bare_reduced(state, parameters):
-    """The same with the cheaper reduction that this package uses."""
+    """The map without rests, with the cheaper reduction that this package uses."""
     x = state[0] + state[1]
     x -= np.rint(x)
     return np.array([x, parameters[0] * state[1] + parameters[1] * np.sin(2.0 * np.pi * x)])

@@ -91,7 +91,7 @@ class Moving:
     solver, settings = diffrax.Dopri8(), "rtol {:.0e}, atol {:.0e}, Dopri8"
 
     def constants(self, row) -> dict:
-        """As those of `HighBounce`."""
+        """Constants by name, as in `HighBounce`."""
         p = dict(zip(PARAMETERS, row, strict=False))
         e, gravity, omega = p["restitution"], p["gravity"], 2.0 * math.pi * p["frequency"]
         velocity = p["amplitude"] / (1.0 + e)
@@ -137,7 +137,7 @@ def _parabola(p: dict, left, height, v):
 
 
 def _event(base: HighBounce | Moving, rtol: float) -> Callable:
-    """The same by integration up to the landing."""
+    """Duration of a flight and speed of the landing, by integration up to the landing."""
     landing = diffrax.Event(
         lambda t, y, args, **kwargs: y[0], optimistix.Newton(ROOT, ROOT), direction=False
     )

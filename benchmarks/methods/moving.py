@@ -39,7 +39,7 @@ def count_moving_landings(rows: np.ndarray, duration: float, reflect: None) -> n
 
 
 def scalar(scene: Scene, sizes: list[int], threads: int) -> Iterator[Point]:
-    """The same search, one flight after the other."""
+    """The kernel's search, one flight after the other."""
     sample = table(scene.cases)
     times = np.full((len(sample), max(sizes)), np.nan)
     end = scene.duration + MARGIN

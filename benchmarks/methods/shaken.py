@@ -22,7 +22,7 @@ COPIES = 200
 
 @njit(nogil=True, error_model="numpy")
 def _trajectories(rows, tones, push, deviates, duration, times, speeds):
-    """So many landings of each row up to the end; returns their number, -1 after a rest."""
+    """Compute the landings of each row up to the end; return their number, -1 after a rest."""
     landings = 0
     for i in range(rows.shape[0]):
         e, amplitude, frequency, phi = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]

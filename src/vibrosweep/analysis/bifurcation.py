@@ -182,14 +182,14 @@ def _dataset(
     scene: Scene, forcing: str, scan: Array, data: dict[str, tuple[dict[str, Any], NDArray[Any]]]
 ) -> xr.Dataset:
     dims = ("direction", forcing, "particle", "sample")
-    every = scene.quantities({forcing: scan})
+    quantities = scene.quantities({forcing: scan})
     along = dict.fromkeys((forcing, *ALWAYS_HELD))
     variables = {n: (dims[: v.ndim], v, words) for n, (words, v) in data.items()}
     return xr.Dataset(
         variables | shared(scene, [forcing]),
         {
             "direction": list(DIRECTIONS),
-            **{n: (forcing, every[n], coordinate_attributes(FORCINGS[n])) for n in along},
+            **{n: (forcing, quantities[n], coordinate_attributes(FORCINGS[n])) for n in along},
         },
         {
             **attributes(scene, "Bifurcation diagram along the forcing, up and down"),

@@ -94,15 +94,15 @@ def _scan(
     evaluate: Evaluate, rows: int, axis: Array, start: Array | None, upward: bool
 ) -> tuple[Codes, Array]:
     """Codes and states at all points, shape (row, position, ...)."""
-    every = np.arange(rows)
+    row = np.arange(rows)
     if start is None:
         nothing = np.empty((rows * axis.size, 0))
-        codes, _ = evaluate(np.repeat(every, axis.size), np.tile(axis, rows), nothing)
+        codes, _ = evaluate(np.repeat(row, axis.size), np.tile(axis, rows), nothing)
         return codes.reshape(rows, axis.size), nothing.reshape(rows, axis.size, 0)
     codes = unwritten((rows, axis.size), np.int64)
     states = unwritten((rows, axis.size, *start.shape[1:]))
     for i in range(axis.size) if upward else range(axis.size - 1, -1, -1):
-        codes[:, i], start = evaluate(every, np.full(rows, axis[i]), start)
+        codes[:, i], start = evaluate(row, np.full(rows, axis[i]), start)
         states[:, i] = start
     return codes, states
 

@@ -119,7 +119,7 @@ def order_against_chance(
         _against_chance(record, i, since, random.integers(2**63, size=2), surrogates)
         for i in range(record.sizes["realization"])
     ]
-    return _dataset({name: np.array([one[name] for one in found]) for name in _NAMES})
+    return _dataset({name: np.array([values[name] for values in found]) for name in _NAMES})
 
 
 def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:

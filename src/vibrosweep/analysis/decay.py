@@ -210,6 +210,6 @@ def _moving_jacobian(
 def _leading(jacobians: list[Array]) -> float:
     """Modulus of the leading multiplier of the product of the Jacobians of impacts."""
     product = np.eye(2)
-    for one in jacobians:
-        product = one @ product
+    for jacobian in jacobians:
+        product = jacobian @ product
     return float(np.max(np.abs(np.linalg.eigvals(product))))

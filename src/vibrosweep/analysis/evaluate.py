@@ -87,10 +87,10 @@ def fixed_orbits(
 ) -> FixedOrbits:
     """Fixed orbits of k periods of each problem, without noise; `sign` as in `find_fixed`."""
     found, base = empty_fixed(problem.kick.size), base_of(*scene.mechanics)
-    every = np.full(problem.kick.size, k)
+    modes = np.full(problem.kick.size, k)
     workers.run(
-        lambda first, last: find_fixed(first, last, base, problem, every, sign, found),
-        every.size,
+        lambda first, last: find_fixed(first, last, base, problem, modes, sign, found),
+        modes.size,
         FIXED_PER_TASK,
         found,
     )

@@ -72,9 +72,9 @@ def sobol_indices(
     points = qmc.Sobol(2 * low.size, seed=np.random.default_rng(seed)).random(base)
     a, b = (low + (high - low) * half for half in np.split(points, 2, axis=1))
     mixed = [np.where(np.arange(low.size) == k, b, a) for k in range(low.size)]
-    every = dict(zip(ranges, np.concatenate([a, b, *mixed]).T, strict=True))
+    sampled = dict(zip(ranges, np.concatenate([a, b, *mixed]).T, strict=True))
     with Workers(threads) as workers:
-        found = _measured(every, scene.with_measures(**needed), workers, outputs)
+        found = _measured(sampled, scene.with_measures(**needed), workers, outputs)
     parts = found.reshape(len(outputs), 2 + low.size, base)
     first, total = _indices(parts)
     random = np.random.default_rng(seed + 1)

@@ -97,8 +97,8 @@ class Estimate(NamedTuple):
 
 def _size(proved: Proved | list[Proved]) -> float:
     """Largest absolute value."""
-    each = proved if isinstance(proved, list) else [proved]
-    return max((abs(float(one)) for one in each if one is not None), default=0.0)
+    values = proved if isinstance(proved, list) else [proved]
+    return max((abs(float(value)) for value in values if value is not None), default=0.0)
 
 
 def prove(

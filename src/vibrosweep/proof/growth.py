@@ -24,7 +24,7 @@ class Mean(NamedTuple):
     """Mean growth per impact."""
 
     value: float  # the mean logarithm
-    # Its standard error from the means of blocks; None below two blocks
+    # Standard error of the mean, from the means of blocks; None below two blocks
     standard_error: float | None
     # Bound of the error of both, by the dataset's bounds; None where there is none
     claim: float | None

@@ -76,26 +76,27 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
     frequency = arb(realization.parameters["frequency"])
     landings = landings_of(realization, trajectories)
     seen = [x for x in landings if x.time >= begin]
-    each = [flights_of(x for x in seen if x.particle == p) for p in range(len(trajectories))]
-    whole = flights_of(seen)
+    by_particle = [flights_of(x for x in seen if x.particle == p) for p in range(len(trajectories))]
+    total = flights_of(seen)
     status = [
-        _status(t, flights, realization) for t, flights in zip(trajectories, each, strict=True)
+        _status(t, flights, realization)
+        for t, flights in zip(trajectories, by_particle, strict=True)
     ]
     overlap = _overlap(landings, begin)
     shared = int(overlap is not None and bool(overlap.mid() >= 0))
-    values: dict[str, Proved | list[Proved]] = dict(statistics(whole, frequency))
+    values: dict[str, Proved | list[Proved]] = dict(statistics(total, frequency))
     landed = list(arrivals_of(trajectories, begin))
     unit = arb(realization.parameters["gravity"]) / (2 * frequency)
     fastest = largest(arrival for _, arrival in landed)
     values["impact_speed_max"] = None if fastest is None else fastest * unit
-    values["flight_height_max"] = largest_height(whole, realization, trajectories)
+    values["flight_height_max"] = largest_height(total, realization, trajectories)
     values["at_rest_count"] = sum(t.at_rest for t in trajectories)
     values["dt_min"] = _closest(seen)
     values["dt_min_same_index"] = _closest_same_index(seen)
     values["base_shared"], values["collision_free"] = shared, 1 - shared
     values["status"] = max(status)
-    for name in statistics(whole, frequency):
-        values[f"particle_{name}"] = [statistics(flights, frequency)[name] for flights in each]
+    for name in statistics(total, frequency):
+        values[f"particle_{name}"] = [statistics(f, frequency)[name] for f in by_particle]
     values["particle_at_rest"] = [int(t.at_rest) for t in trajectories]
     values["particle_status"] = list(status)
     if realization.coupled:
@@ -103,9 +104,9 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
     return ProvedMeasures(
         values=values,
         landed=[flight for flight, _ in landed],
-        fastest=largest(abs(speed) for speed in whole.speeds),
-        flights=whole.flights,
-        longest=max(len(flights.speeds) for flights in each),
+        fastest=largest(abs(speed) for speed in total.speeds),
+        flights=total.flights,
+        longest=max(len(flights.speeds) for flights in by_particle),
         edge=_least([abs(x.time - begin) for x in landings]) if windowed else None,
         launch_depth=launch_depth(realization),
         overlap=overlap,

@@ -31,7 +31,7 @@ SMALLEST: Final = 2.0**-1074
 EXTREME: Final[Mapping[str, Callable[[arb, arb], arb]]] = {"max": arb.max, "min": arb.min}
 
 
-# of a landing, by the flight that ends with it
+# Errors of a landing, by the flight that ends with it
 Errors = Callable[[Flight], LandingErrors]
 
 

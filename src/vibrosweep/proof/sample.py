@@ -109,7 +109,7 @@ class Sample:
     scene: Scene
     current: bool  # True if this version and git revision computed the dataset
     stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
-    # Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,)
+    # Coordinates of the dataset: numbers, arrays over the particles, or sampled ones, (row,)
     coordinates: Mapping[str, NDArray[Any]]
     others: Mapping[str, str]  # reasons why other variables cannot be compared, by name
     # Observables that are compared, with their values in the rows

@@ -175,8 +175,8 @@ class Report:
         """Yield a sentence for each number outside its claim."""
         for place, j in self._judgements():
             if j.complaint:
-                of = "" if j.particle is None else f", particle {j.particle}"
-                yield f"{place}{of}: {j.variable} {j.complaint}"
+                particle = "" if j.particle is None else f", particle {j.particle}"
+                yield f"{place}{particle}: {j.variable} {j.complaint}"
 
     def lines(self) -> Iterator[str]:
         """Yield the report as lines of text."""

@@ -27,7 +27,7 @@ class Mount(NamedTuple):
 
     @property
     def has_corners(self) -> bool:
-        """Whether the acceleration of the drive jumps, at phases 1/4 and 3/4."""
+        """True if the acceleration of the drive jumps, at phases 1/4 and 3/4."""
         return self.waveform.name == PARABOLIC_NAME
 
     @property
@@ -120,7 +120,7 @@ class Stretch:
         self._sag = -load * self._pull / (mount.natural * mount.natural)
 
     def derivative(self, order: int, s: arb) -> arb:
-        """As of `Tones`."""
+        """As in `Tones`."""
         y = self._y + s
         if order == 0:
             top = self._top if self._pull > 0 else -self._top
@@ -128,15 +128,15 @@ class Stretch:
         return self._pull * y if order == 1 else self._pull if order == 2 else ZERO
 
     def since(self, s: arb) -> tuple[arb, arb]:
-        """As of `Tones`."""
+        """As in `Tones`."""
         return self._pull / 2 * s * s, self._pull * s
 
     def answer(self, s: arb) -> tuple[arb, arb]:
-        """As of `Tones`."""
+        """As in `Tones`."""
         return self._sag, ZERO
 
     def most(self, order: int) -> arb:
-        """As of `Tones`, until the next corner."""
+        """As in `Tones`, until the next corner."""
         sizes = (self._top + abs(self._sag), abs(self._pull) / 4, abs(self._pull))
         return sizes[order] if order < len(sizes) else ZERO
 

@@ -31,7 +31,7 @@ from vibrosweep.proof.reference.waves import Begun, Bounds, Wave, next_of
 
 # Steps; a flight takes about ten, and one that passes close above the base some dozens.
 MOST_STEPS: Final = 1000
-SHY: Final = arb(1.0 - 2.0**-8)  # where the particle is still well above the base
+SHY: Final = arb(1.0 - 2.0**-8)  # shortens the interval above all heights of the base, at its end
 # How often, and by how much, an interval about a root is narrowed until it is proved to hold one.
 CLOSER: Final = 4
 NEARER: Final = arb(2.0**-16)

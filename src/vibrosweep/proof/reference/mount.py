@@ -220,7 +220,7 @@ class Pressure:
         return 2 + self._arc.derivative(2, s)
 
     def slope(self, s: arb) -> arb:
-        """Its rate."""
+        """Rate of Y''."""
         return self._arc.derivative(3, s)
 
     def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:

@@ -60,7 +60,7 @@ class MovingMap:
     alpha: arb  # factor of the velocity of the base
     r: arb  # relative speed at and below which a particle rests where the base presses
     wave: Wave = SINE_WAVE
-    bits: int = field(default_factory=lambda: int(ctx.prec))  # that its numbers are worth
+    bits: int = field(default_factory=lambda: int(ctx.prec))  # precision of its numbers
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> MovingMap:

@@ -76,18 +76,18 @@ def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
     m, determinant, takes = (one, zero, zero, one), one, ""
     flights = []
     for i in range(p):
-        own = fly(orbit, a, times[i + 1] - times[i], moves[i], moves[(i + 1) % p])
-        flights.append(own)
-        takes = (takes or own.meets) if own.after.v > orbit.rest else RESTING
-        determinant = determinant * own.shrinks
-        xx, xu, ux, uu = own.step
+        flight = fly(orbit, a, times[i + 1] - times[i], moves[i], moves[(i + 1) % p])
+        flights.append(flight)
+        takes = (takes or flight.meets) if flight.after.v > orbit.rest else RESTING
+        determinant = determinant * flight.shrinks
+        xx, xu, ux, uu = flight.step
         m = (
             xx * m[0] + xu * m[2],
             xx * m[1] + xu * m[3],
             ux * m[0] + uu * m[2],
             ux * m[1] + uu * m[3],
         )
-    off = [own.begins - flights[i - 1].after for i, own in enumerate(flights)]
+    off = [flight.begins - flights[i - 1].after for i, flight in enumerate(flights)]
     return Cycle(off, flights, m[0] + m[3], determinant, takes)
 
 

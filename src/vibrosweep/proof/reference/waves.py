@@ -43,7 +43,7 @@ class Wave(Protocol):
 
     @property
     def bounds(self) -> Bounds:
-        """Its bounds."""
+        """Bounds of the shape."""
 
     def level(self, h: arb) -> arb:
         """W at a phase."""
