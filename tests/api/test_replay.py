@@ -87,9 +87,3 @@ def test_what_no_sweep_has_computed_is_refused(change, word):
 def test_a_result_takes_no_keywords():
     with pytest.raises(ParameterError, match="restitution: cannot be given beside a result"):
         vs.simulate(vs.sweep(restitution=0.9), restitution=0.8)
-
-
-@pytest.mark.parametrize("given", ["out.h5", 7])
-def test_what_is_no_dataset_is_refused(given):
-    with pytest.raises(ParameterError, match=r"is not a result; give keywords.*open_sweep\(path\)"):
-        vs.simulate(given)

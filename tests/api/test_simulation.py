@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import vibrosweep
-from vibrosweep import simulate
+from vibrosweep import analysis, figures, simulate
 from vibrosweep.errors import DataError, ParameterError, ShortObservationWarning, SpecError
 from vibrosweep.mistakes import PYTHON
 from vibrosweep.model.forcing import INPUTS
@@ -224,6 +224,20 @@ def test_an_unknown_parameter_is_refused():
 def test_a_mistake_is_also_a_value_error():
     with pytest.raises(ValueError, match="restitution"):
         simulate(restitution=2.0)
+
+
+def test_a_particle_that_is_given_up_is_noted():
+    cut = simulate(particles=2, impact_budget=6, duration=12.0)
+    assert cut.attrs["notes"].startswith("2 of 2 particles were given up after 6 landings: raise")
+    assert "notes" not in simulate(particles=2).attrs
+
+
+@pytest.mark.parametrize(
+    "draw", [figures.parameter_plane, figures.height_time, analysis.slot_decay, simulate]
+)
+def test_a_path_is_no_dataset(draw):
+    with pytest.raises(DataError, match=r"str: is not a dataset.*open_sweep\(path\)"):
+        draw("out.h5")
 
 
 @pytest.mark.parametrize("opened", ["open_sweep", "open_record"])

@@ -14,6 +14,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import SINE, SINE_NAME, Waveform, name_in
+from vibrosweep.store.rows import require_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,6 +60,7 @@ class BaseMotion:
 
 def base_name(dataset: xr.Dataset) -> str:
     """Return the base of a dataset, one of `BASES`; by default the high-bounce base."""
+    require_dataset(dataset)
     return str(dataset.attrs.get("base", HIGH_BOUNCE))
 
 

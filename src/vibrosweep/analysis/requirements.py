@@ -8,6 +8,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.mistakes import nearest
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, RESERVED, VARIABLES
+from vibrosweep.store.rows import require_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,7 +56,11 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
 
 
 def refused_ragged(dataset: xr.Dataset) -> str:
-    """Return the remedy for a ragged record, which only `vibrosweep.rectangle` takes, or ""."""
+    """Return the remedy for a ragged record, which only `vibrosweep.rectangle` takes, or "".
+
+    Raises a DataError for what is no dataset.
+    """
+    require_dataset(dataset)
     ragged = "landing" in dataset.dims
     return "takes no ragged record: give it vibrosweep.rectangle(record)" if ragged else ""
 

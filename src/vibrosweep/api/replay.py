@@ -22,20 +22,17 @@ from vibrosweep.runs.result import KERNELS
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import checked
 from vibrosweep.store.kinds import KIND, SWEEP
+from vibrosweep.store.rows import require_dataset
 
 
 def replayed(result: xr.Dataset, keywords: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
     """Return the scene of a sweep and the parameters that vary, as `batch` does for keywords.
 
-    Raises a ParameterError for what is no dataset and for keywords other than measures, a SpecError
-    for measures that cannot be computed, and a DataError for a dataset that is not a sweep or lacks
-    a part of one; issues an `OtherKernelsWarning` if other code has computed it.
+    Raises a ParameterError for keywords other than measures, a SpecError for measures that cannot
+    be computed, and a DataError for what is not a dataset of a sweep or lacks a part of one; issues
+    an `OtherKernelsWarning` if other code has computed it.
     """
-    if not isinstance(result, xr.Dataset):
-        raise ParameterError(
-            f"{type(result).__name__}: is not a result; give keywords, or realizations of a "
-            f"result, as simulate(open_sweep(path).isel(realization=7))"
-        )
+    require_dataset(result)
     keywords = {name: value for name, value in keywords.items() if value is not None}
     if others := keywords.keys() - MEASURES.keys():
         raise ParameterError(

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from typing import Any, Unpack
 
+import numpy as np
 import xarray as xr
 
 from vibrosweep.api.keyword_types import BatchKeywords, completed
@@ -26,6 +27,7 @@ from vibrosweep.model.forcing import ACCELERATION, only_parameters, refuse_extre
 from vibrosweep.model.measures import IMPACTS, MEASURES, RECORD, Variable
 from vibrosweep.model.ragged_arrays import ragged_columns, wasted
 from vibrosweep.model.restitution_laws import CONSTANT, VISCOELASTIC
+from vibrosweep.model.status import Status
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.notes import NEVER_REPEATS, short_observation, strong_forcing
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, attributes_of_scene
@@ -118,8 +120,9 @@ def simulate(
         measures, such as ``regime``, ``cycle_periods``, ``cycle_impacts`` and
         ``lyapunov_largest``, as in a sweep.  Values past the last landing are NaN, and so is the
         lift-off of a particle that rests permanently, or until a forcing period past the end.  The
-        attribute ``notes`` says if more than half of the places are empty, if the base is driven
-        more strongly than by any shaker, and if the observation is too short for the regimes.  If
+        attribute ``notes`` says if particles were given up, if more than half of the places are
+        empty, if the base is driven more strongly than by any shaker, and if the observation is too
+        short for the regimes.  If
         `ragged`, the dim landing replaces (realization, particle, impact), and trajectory replaces
         (realization, particle), with ``realization_index`` and ``particle_index``.  Parameters that
         differ between realizations are coordinates, the others variables without dims.
@@ -184,6 +187,7 @@ def simulate(
         variables = ragged_columns(found, recorded, scene.particles)
     remarks = [
         strong_forcing(float(quantities[ACCELERATION].max()), forcing),
+        _spent(scene, found["status"]),
         "" if ragged else wasted(found["impact_count"], "ragged=True"),
         _short(measured, quantities),
     ]
@@ -192,6 +196,17 @@ def simulate(
         variables | fixed,
         along,
         attributes_of_scene(scene, arrays) | ({"notes": note} if note else {}),
+    )
+
+
+def _spent(scene: Scene, status: Array) -> str:
+    """Return a remark if particles were given up before the end of the observation."""
+    spent = int(np.count_nonzero(status == Status.BUDGET_EXCEEDED))
+    if not spent:
+        return ""
+    return (
+        f"{spent} of {status.size} particles were given up after {scene.budget} landings: raise "
+        f"impact_budget, or shorten the duration"
     )
 
 

@@ -49,7 +49,7 @@ from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows, row_count, row_dims
 
 OF_OBSERVABLES: Final = "measure.observables"
-UNKNOWN: Final = "this version knows no such variable"
+UNKNOWN: Final = "a label of the table, or a variable that this version does not know"
 OF_TOTALS: Final = "it is an observable whose function changes totals, which is not compared"
 OF_LANDINGS: Final = (
     "it is an observable, whose function the file does not hold: give it in Python, as in "

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.errors import DataError
 from vibrosweep.model.forcing import INPUTS
 
 if TYPE_CHECKING:
@@ -47,6 +48,11 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
     xarray.Dataset
         The same; a grid is stacked, so that its axes become coordinates.
 
+    Raises
+    ------
+    DataError
+        It is not a dataset.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -54,12 +60,22 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
     >>> vs.analysis.flat(grid).sizes["realization"]
     6
     """
+    require_dataset(sweep)
     axes_of = ([d for d in v.dims if d in INPUTS] for v in sweep.variables.values())
     longest = max(axes_of, key=len, default=[])
     axes = list(dict.fromkeys([*longest, *(d for d in sweep.sizes if d in INPUTS)]))
     if not axes:
         return sweep
     return sweep.stack({REALIZATION: axes}, create_index=False).transpose(REALIZATION, ...)
+
+
+def require_dataset(given: object) -> None:
+    """Raise a DataError for what is no dataset, as the path of a result."""
+    if not hasattr(given, "variables"):
+        raise DataError(
+            f"{type(given).__name__}: is not a dataset; give the result itself, opened as "
+            f"vibrosweep.open_sweep(path) if it is a file"
+        )
 
 
 def row_dims(file: Any) -> tuple[str, ...]:
