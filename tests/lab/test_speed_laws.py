@@ -59,6 +59,18 @@ def test_bounces_tell_the_law_of_their_restitution(base, law):
         assert law_text(one) in "\n".join(impact_lines(impacts))
 
 
+@pytest.mark.parametrize("frequency", [FREQUENCY, None])
+def test_a_law_is_found_where_no_constant_restitution_describes_the_bounces(frequency):
+    one = estimate(
+        find_impacts(film("level", PLASTIC, seed=1), motion="level"), frequency=frequency
+    )
+    assert one.attrs["restitution_law"] == PLASTIC
+    truth = {**SCENES["level"], "phase": 0.3, "frequency": FREQUENCY, "restitution_speed": 0.2}
+    for name in one["parameter"].values:
+        own = one.sel(parameter=name)
+        assert abs(float(own["estimate"]) - truth[name]) < 5.0 * float(own["error"])
+
+
 def test_a_recording_is_compared_with_the_law_of_its_bounces_or_a_given_one():
     """With a constant restitution the height of this film comes out 39 % off."""
     tracks = film("level", VISCOELASTIC, seed=2)

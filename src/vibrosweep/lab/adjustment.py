@@ -99,19 +99,23 @@ def adjust(
     return Adjusted(values, inverse, chi_square, white[:, -1] ** 2, influences)
 
 
-def fit_laws(bounces: Bounces, found: Adjusted, rate: float, *, free: bool) -> list[FittedLaw]:
-    """Fit the laws of `FITTED`, from an adjustment with a constant restitution."""
+def fit_laws(bounces: Bounces, first: Array, rate: float, *, free: bool) -> list[FittedLaw]:
+    """Fit the laws of `FITTED`, from `first` parameters of a constant restitution."""
     speeds = np.maximum(bounces.speeds()[0], 1e-6)
-    return [
-        best([_fit(bounces, found, rate, free, law) for law in trials(name, speeds)])
-        for name in FITTED
-    ]
+
+    def fitted(name: str, values: Array) -> FittedLaw:
+        return best([_fit(bounces, values, rate, free, law) for law in trials(name, speeds)])
+
+    found = [fitted(name, first) for name in FITTED]
+    near = best(found)  # from which another law may converge
+    if np.isnan(near.misfit):
+        return found
+    return [fitted(one.law.name, near.values) if np.isnan(one.misfit) else one for one in found]
 
 
-def _fit(bounces: Bounces, found: Adjusted, rate: float, free: bool, law: Law) -> FittedLaw:
+def _fit(bounces: Bounces, values: Array, rate: float, free: bool, law: Law) -> FittedLaw:
     try:
         # at a fixed speed first, because a constant restitution may give a bad beginning
-        values = found.values
         for one_law in dict.fromkeys((law._replace(fixed=True), law)):
             at = float(values[3]) if free else rate
             one = adjust(bounces, values[:3], at, free, one_law)

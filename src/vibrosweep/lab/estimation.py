@@ -32,7 +32,7 @@ from vibrosweep.lab.regression import (
     with_subharmonics,
 )
 from vibrosweep.lab.remarks import SIGNAL, bad_fit, undetermined
-from vibrosweep.lab.speed_laws import possible, preferred, speed_laws
+from vibrosweep.lab.speed_laws import FittedLaw, possible, preferred, speed_laws
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.restitution_laws import SPEED, restitution_at
 from vibrosweep.model.shapes import Waveform
@@ -134,25 +134,33 @@ def estimate(
     )
     tried = [_at(bounces, rate, free) for rate in rates]
     found, signal = min(tried, key=_rank)
-    if np.isinf(found.chi_square):
-        raise TrackError(
-            f"{impacts.attrs['source']}: no restitution and forcing describe the bounces: look for "
-            f"exchanged names, flights that fit badly, and a wrong frequency"
-        )
-    freedom = bounces.middle.size - found.values.size
-    misfit = found.chi_square / freedom
-    covariance = widened(found.covariance, misfit, freedom, found.influences)
-    values, covariance, shape = polar(found.values, covariance)
     rate = float(found.values[3]) if free else rates[0]
     names = ["restitution", "amplitude", "phase"] + ["frequency"] * free
-    warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
-    laws = [] if warnings[0] else fit_laws(bounces, found, rate, free=free)
-    if law := preferred(laws):
+    lost = bool(np.isinf(found.chi_square))
+    if lost:
+        laws = fit_laws(bounces, found.values, rate, free=free)
+        # without a fit of a constant restitution it is ruled out by any other
+        laws = laws[1:] if np.isnan(laws[0].misfit) else laws
+        law: FittedLaw | None = preferred(laws) or laws[0]
+    else:
+        freedom = bounces.middle.size - found.values.size
+        misfit = found.chi_square / freedom
+        covariance = widened(found.covariance, misfit, freedom, found.influences)
+        values, covariance, shape = polar(found.values, covariance)
+        warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
+        laws = [] if warnings[0] else fit_laws(bounces, found.values, rate, free=free)
+        law = preferred(laws)
+    if law is not None and np.isfinite(law.misfit):
         values, covariance, shape = polar(law.values, law.covariance)
         rate = float(law.values[3]) if free else rates[0]
         names += [SPEED] * law.law.parameters
         misfit, freedom = law.misfit, law.freedom
         warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
+    if lost and (law is None or np.isnan(law.misfit) or warnings[0]):
+        raise TrackError(
+            f"{impacts.attrs['source']}: no restitution and forcing describe the bounces: look for "
+            f"exchanged names, flights that fit badly, and a wrong frequency"
+        )
     about = {
         "misfit": (misfit, "1", "chi-square per degree of freedom"),
         "bounces": (bounces.middle.size, "1", "bounces used"),
@@ -264,7 +272,8 @@ def fit_phase(
 def _at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjusted, float]:
     """Parameters at a frequency, or near it if that is free, and their signal.
 
-    They are NaN if the signal is below the noise, with an infinite chi-square if no fit converges.
+    They are NaN if the signal is below the noise.  If no fit converges, they are those of the
+    regression, with an infinite chi-square.
     """
     first = _regression(bounces, rate)
     signal = _signal(bounces, first, rate)
@@ -276,7 +285,8 @@ def _at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjusted, float]:
     try:
         return adjust(bounces, first, rate, free), signal
     except np.linalg.LinAlgError:
-        return none._replace(chi_square=np.inf), signal
+        start = np.append(first, rate) if free else first
+        return none._replace(values=start, chi_square=np.inf), signal
 
 
 def _regression(bounces: Bounces, rate: float) -> Array:
