@@ -48,6 +48,21 @@ def test_estimated_parameters_predict_what_was_measured(irregular, workers):
     assert (table["parameters"] > 0.0).all()
 
 
+def test_a_copy_that_cannot_be_measured_leaves_the_errors_of_the_camera_open(irregular, workers):
+    """The particles of this prediction come to rest after a few flights."""
+    known = {**KNOWN, "restitution": 0.2, "amplitude": 0.03}
+    table = compare([irregular.tracks], Comparison(known), workers)
+    assert "the errors of the camera are not known: the predicted motion" in table.attrs["warning"]
+    assert np.isnan(table[["frames", "pixels"]].to_array()).all()
+    assert (table["error"] > 50.0).all()
+
+
+def test_a_prediction_without_a_flight_is_refused(irregular, workers):
+    known = {**KNOWN, "restitution": 0.0, "amplitude": 0.0}
+    with pytest.raises(ParameterError, match="none of the particles makes a whole flight"):
+        compare([irregular.tracks], Comparison(known), workers)
+
+
 def test_errors_by_hand(found):
     means = measured_means(found, np.array([True, True, False]))
     assert np.isnan(means["height"][2])
