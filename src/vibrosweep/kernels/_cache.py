@@ -102,9 +102,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code of a variant, or None.
 
-        Numba first imports everything that it can compile, SciPy's linear algebra among it, which
-        takes longer than all else.  Machine code that is complete needs no more than the functions
-        that count references; where there is none, the compiler imports the rest itself.
+        Numba would first import everything that it can compile, SciPy's linear algebra included,
+        which takes longer than all else.  Complete machine code needs only the functions that count
+        references; if there is none, the compiler imports the rest itself.
         """
         # a file of another version of a library may fail in any way
         with contextlib.suppress(Exception):
@@ -118,7 +118,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             super().save_overload(sig, data)
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        """Tell variants apart by the width of their vectors too, which the environment can set."""
+        """Return numba's key of a variant, with the width of vectors that the environment sets."""
         return (*super()._index_key(sig, codegen), vector_bits())
 
     @contextlib.contextmanager
@@ -132,9 +132,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 class Variants(NamedTuple):
     """Counts of the compiled variants in a directory."""
 
-    usable: int  # of them, those that this processor can use
-    foreign: int  # those of other processors or widths of vectors
-    damaged: int  # those whose file, or that of their kernel's index, is damaged or missing
+    usable: int  # variants that this processor can use
+    foreign: int  # variants for other processors or widths of vectors
+    damaged: int  # variants whose file, or whose kernel's index, is damaged or missing
 
 
 def variants(directory: Path) -> Variants:

@@ -47,7 +47,7 @@ UNCOUNTED = OPTIONS | {"_nrt": False}
 
 @functools.cache
 def sources_digest() -> str:
-    """Digest of every kernel source: numba's own check sees only the file of the entry point.
+    """Return a digest of all kernel sources; numba itself checks the file of the entry point only.
 
     The order of fields in `vibrosweep.model`, and its codes, are part of the machine code too.
     """
@@ -60,7 +60,7 @@ def sources_digest() -> str:
 
 
 def _make_cache_directory() -> Path | None:
-    """Directory of the machine code of exactly these sources; None where none can be written."""
+    """Return the directory of the machine code of these sources; None if none is writable."""
     home = Path(numba.config.CACHE_DIR) if numba.config.CACHE_DIR else None
     beside = Path(__file__).parent / "__pycache__"
     for base in [home] if home else [beside, Path.home() / ".cache"]:
@@ -93,10 +93,10 @@ def _caching_in(directory: Path) -> Iterator[None]:
 
 
 def _as_python(function: F) -> F:
-    """Make plain Python divide as machine code does: by zero, to an infinity or NaN, in silence.
+    """Make plain Python divide by zero as machine code does, silently to an infinity or NaN.
 
-    Numbers of numpy do so, where Python's own raise: floats in arguments and results become
-    numpy's.
+    Floats of numpy do so, whereas Python's raise an exception: floats in arguments and results are
+    turned into those of numpy.
     """
 
     @functools.wraps(function)
@@ -108,7 +108,7 @@ def _as_python(function: F) -> F:
 
 
 def _of_numpy(value: Any) -> Any:
-    """Make a float, or those in a tuple, numpy's."""
+    """Turn a float, or the floats in a tuple, into those of numpy."""
     if isinstance(value, float):
         return np.float64(value)
     if isinstance(value, tuple):
@@ -126,7 +126,7 @@ def jit(function: F) -> F:
 
 
 def part(function: F) -> F:
-    """Compile a piece of a kernel as `jit` does, but leave it to the compiler where to inline it.
+    """Compile a piece of a kernel as `jit` does, but let the compiler decide where to inline it.
 
     Large pieces that are called from several places compile faster this way.
     """
@@ -157,8 +157,8 @@ def compiled_anew(
 ) -> Any:
     """Compile a function from outside the package together with those that it calls.
 
-    Code that numba compiled of them earlier may hold old values of the numbers that they use, and
-    other options of the compiler.  `done` holds those that have been compiled.
+    Earlier machine code of them may hold old values of the numbers that they use, and other options
+    of the compiler.  `done` holds the functions that have been compiled.
     """
     function, done = plain(function), {} if done is None else done
     if function not in done:

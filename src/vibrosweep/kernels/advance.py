@@ -126,11 +126,11 @@ def _step(
     live: int,
     since: int,
 ) -> None:
-    """One pass of the first lanes, `since` others after the last look at them.
+    """Make one pass over the first lanes, the pass number `since` after the last check of them.
 
-    A lane past its end continues without being counted.  Without a window, None, what looks at its
-    beginning is not compiled; nor is what shows the landings of the lanes that are live without an
-    observer.
+    A lane past its end continues without being counted.  If `window` is None, the code that checks
+    the beginning of the window is not compiled; if `observer` is None, neither is the code that
+    calls it for the first `live` lanes.
     """
     wide_vectors()
     draw_all(chosen.base.noise, s, lanes, since, common_age(chosen.base))
@@ -142,13 +142,13 @@ def _step(
         x, passed = land(x_from, time)
         n = n_from + passed
         inside = n <= s[ROW.X_END + j] - x
-        # the landing after the end ends a flight that counts: the budget does not apply to it
+        # the budget does not apply to the first landing after the end, which ends a counted flight
         landed = landed & (may_land(fixed, s, j, budget) | (not inside))
         seen = landed & inside
-        # after a rest for good the phase is NaN, which is never before the end
+        # a particle at rest for good has the phase NaN, which is never before the end
         n_off, x_off, u, leaves = lift_off(fixed, n, x, rebound(fixed, x, v))
         if window is not None:
-            # not counted after the end; a phase of 1/2 is never before an end with x behind it
+            # a lift-off after the end is not counted: the phase 1/2 lies after any end before x
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
         landing = Landing(x, time, v, u, not leaves)
@@ -173,7 +173,7 @@ def _mark(s: Floats, lanes: int, chosen: Chosen, budget: int, cycles: Cycles | N
         s[ROW.AGE + j] += LOOK_AFTER * common_age(chosen.base)
         why = SPENT if s[ROW.AGE + j] >= budget else GOES_ON
         if cycles is not None:
-            # exactly the same state: from here on the orbit repeats, whole periods later
+            # the same state, bit for bit: from here on the orbit repeats, shifted by whole periods
             again = (s[ROW.X + j] == s[ROW.X_ANCHOR + j]) & (s[ROW.U + j] == s[ROW.U_ANCHOR + j])
             why = RETURNED if again else why
             if (s[ROW.AGE + j] >= s[ROW.NEXT_ANCHOR + j]) & (not again):
@@ -234,13 +234,13 @@ def _load(
 @jit
 def _write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
     """Write the statistics of the trajectory in place j to its own slot."""
-    # arrays are used last where no branch is: else numba counts references at every call
+    # arrays are used last outside branches: otherwise numba counts references at every call
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
-    if lane < 0:  # never true: it tells the compiler that no index below is negative
+    if lane < 0:  # never true; the compiler learns that no index below is negative
         return
     over = False
     fixed = take(base, s, j)
-    # a flight that begins after the end, when a rest does, is in progress here
+    # the last counted flight has not ended yet, such as one that follows a rest across the end
     waits = pending(base, s, j)
     last = Counted(0.0, 0.0, 0.0)
     if waits or s[ROW.DONE + j] == SPENT:
@@ -253,9 +253,9 @@ def _write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -
     totals, sums = with_flight(out.kinds, totals_of(out.kinds, s, j), last)
     for k in range(len(totals)):
         out.totals[k, lane] = totals[k]
-    sleeps = s[ROW.AGE + j] == np.inf  # without an end that was found
+    sleeps = s[ROW.AGE + j] == np.inf  # the search for the end of a rest was abandoned
     for_good = np.isnan(s[ROW.X + j]) and not sleeps
-    if window is None:  # it may have come after the end, but not where it was counted
+    if window is None:  # a rest that was not counted began after the end
         for_good = for_good and totals[RESTS] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
     out.status[lane] = BUDGET_EXCEEDED if over or sleeps else COMPLETED
@@ -276,15 +276,15 @@ def advance(
 ) -> int:
     """Advance trajectories of a batch to the end of their window; return how many are in progress.
 
-    When too few new ones are left to fill the block, those in progress stay in it until the next
-    call, which must take the same arguments, apart from the share; 0, or what the previous call
-    returned, are in progress before it.  With none to start, those in progress are finished.
+    When too few new trajectories are left to fill the block, those in progress stay in it until the
+    next call, which must have the same arguments apart from the share.  The share states how many
+    are in progress: 0, or the number that the previous call returned.  A share without new
+    trajectories finishes those in progress.
 
-    `window` is 1 where the window may begin after a launch, and None elsewhere; `memory` is from
-    `memory_around` and, as `rests`, not shared between threads.  If `cycles` are given, with
-    `rests`, simulation of a trajectory stops when its state recurs bit for bit, and the rest is
-    counted from one cycle.
-    Sums then differ from those of a full simulation by rounding only.
+    `window` is 1 if the window may begin after a launch, and None otherwise; `memory` is from
+    `memory_around` and, like `rests`, not shared between threads.  With `cycles` and `rests`, a
+    trajectory is followed until its state recurs bit for bit, and further landings are counted from
+    one cycle.  Sums then differ from those of a full simulation by rounding only.
     """
     base, problem, launches = batch
     s, places = memory
@@ -323,7 +323,7 @@ def advance(
         _mark(s, padded, chosen, options.budget, cycles)
         done = find_done(s, lanes, places)
         if cycles is not None and rests is not None:
-            # not in a function of its own: numba would count references to all its array arguments
+            # in a separate function numba would count references to all its array arguments
             listed, done = done, 0
             for q in range(listed):
                 j = places[q]
@@ -344,5 +344,5 @@ def advance(
     return 0
 
 
-# Machine code for a function that exists in this process alone is not kept on disk.
+# Machine code for a function that only this process has is not kept on disk
 advance_uncached = uncached(advance)

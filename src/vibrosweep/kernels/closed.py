@@ -1,9 +1,9 @@
 """Closed orbits of p impacts in q forcing periods as solutions of p equations in p phases.
 
 Two landings determine the flight between them, and so its speeds at both ends (`chord`).  An orbit
-is closed where each impact turns the speed of arrival of one flight into that at which the next one
-begins.  Each equation holds three phases that follow each other, so that Newton's method on all
-phases is as well conditioned as one impact, however unstable the orbit.
+is closed if each impact turns the speed of arrival of one flight into the initial speed of the
+next.  Each equation contains three successive phases, so that Newton's method on all phases is as
+well conditioned as one impact, however unstable the orbit.
 
 Landing times are in forcing periods, ascending within q periods; they are not reduced.
 """
@@ -28,10 +28,10 @@ from vibrosweep.kernels.bases.chords import chord
 
 STEPS = 24  # of Newton's method; seeds that lead to an orbit need 10
 LONGEST_STEP = 0.15  # periods
-# A step so small is the last but one: the error after it is below rounding, unless the orbit is
-# almost double, where rounding moves it by 1e-8.
+# One more step follows a step so small: the error is then below rounding, except near a double
+# orbit, which rounding moves by 1e-8
 SMALL_STEP = 1e-9
-SAME = 1e-7  # periods; closer orbits are one
+SAME = 1e-7  # periods; closer orbits count as one
 ADMISSIBLE, MEETS_BASE, RESTS = 1, 0, -1
 AT_LANDING = 1e-9  # periods; an earlier landing is farther than that from the end of a flight
 
@@ -176,9 +176,10 @@ def same(one: Floats, other: Floats, p: int, q: int) -> bool:
 
 @part
 def begin_shortest(times: Floats, p: int, q: int, scratch: Floats) -> None:
-    """Begin an orbit with its shortest flight; of equally short ones with that of the first phase.
+    """Reorder the landing times so that the shortest flight is the first.
 
-    Its first time is its phase, in [-1/2, 1/2).
+    Of equally short flights the one with the smallest phase is taken.  The first time becomes its
+    phase, in [-1/2, 1/2).
     """
     shortest, best, phase = math.inf, 0, math.inf
     for i in range(p):

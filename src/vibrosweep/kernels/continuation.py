@@ -1,6 +1,7 @@
-"""Orbits along one parameter, round folds, and curves of their bifurcations in two.
+"""Continuation of orbits along one parameter, and of their bifurcations in two parameters.
 
-The method is that of pseudo-arclength, on the equations of `vibrosweep.kernels.extended`.
+The method is pseudo-arclength continuation, which passes folds, of the equations of
+`vibrosweep.kernels.extended`.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ from vibrosweep.kernels.extended import (
 from vibrosweep.kernels.orbit_points import Line
 from vibrosweep.model.parameters import Dimensionless
 
-BORN = 4  # an event beside the conditions: the orbit becomes one of half its length, run twice
+BORN = 4  # an event beside the conditions: the orbit coincides with one of half its length
 CONDITIONS = 6  # SADDLE_NODE ... REST, CORNER, YIELD
-# Why a line ends: at a border of the range, at its beginning, at a doubling where it is born,
-# where it touches the base or rests, because no next point was found, or too many were
+# Ends of a line: border of the range, its own beginning, a period doubling from which it branches,
+# a graze or a rest, no next point found, too many points
 LEFT, RETURNED, DOUBLED, TOUCHED, LOST, SPENT = range(6)
 SHORTEST, SHRINKS, GROWS = 1e-7, 0.5, 1.3  # of steps along a line
 STRAIGHT = 0.9  # cosine of the angle between the directions of neighbours
@@ -76,7 +77,7 @@ def _locate(
     below = value_of(base, problem, span, low, kind, work)
     above = value_of(base, problem, span, high, kind, work)
     for k in range(2 * TRIES):
-        # Newton's method from where it should be; if that fails, a point of the line between both
+        # Newton's method from the interpolated zero; if that fails, bisection along the line
         straight = abs(below) < math.inf and abs(above) < math.inf and k % 4 == 0
         if k % 2 == 0:
             put_between(middle, low, high, below / (below - above) if straight else 0.5)
@@ -107,7 +108,7 @@ def _locate(
 def _locate_birth(
     base: Base, problem: Dimensionless, span: Range, old: Floats, new: Floats, work: Work
 ) -> bool:
-    """Find where an orbit is born of one of half its length; the new point becomes that orbit."""
+    """Find the period doubling from which an orbit branches; the new point becomes its orbit."""
     p, q = span.p, span.q
     short = p // 2
     z, middle, before, after = np.empty(short + 2), np.empty(p + 2), 0.0, 0.0
@@ -194,7 +195,7 @@ def _next(
     step: float,
     work: Work,
 ) -> bool:
-    """Go along a line by about a step, and turn the direction; return whether that succeeds."""
+    """Move along a line by about one step and update the direction; return whether it succeeds."""
     n = span.p + 2
     new, ahead = np.empty(n), along.copy()
     put_ahead(new, z, step, along)
@@ -255,10 +256,10 @@ def _meet_events(
 def follow_line(
     base: Base, problem: Dimensionless, span: Range, start: Floats, direction: Floats, out: Line
 ) -> None:
-    """Follow a line from a point on it, to one side, until it ends; see `Line.ends`.
+    """Follow a line from a point on it in one direction until it ends; see `Line.ends`.
 
-    The problem has one realization, whose restitution and kick are changed.  Where a parameter is
-    fixed events are looked for, and the line ends where no particle takes its orbit any more.
+    The problem has one realization, whose restitution and kick are overwritten.  If a parameter is
+    fixed, events are searched for, and the line ends where no particle can follow its orbit.
     """
     p, q, work, step = span.p, span.q, work_for(span.p), 0.1 * span.longest
     events = span.condition < ALONG
@@ -301,7 +302,7 @@ def follow_line(
 
 @jit
 def _returns(start: Floats, z: Floats, p: int, step: float) -> bool:
-    """Return whether a line is back where it began."""
+    """Return whether a line has returned to its beginning."""
     off = 0.0
     for c in range(p + 2):
         apart = z[c] - start[c] - (np.rint(z[0] - start[0]) if c < p else 0.0)

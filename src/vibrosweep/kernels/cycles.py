@@ -42,9 +42,9 @@ from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.landing import Landing
 
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
-# A cycle saves work if the remaining time is this many times the time since the anchor.
+# A cycle saves work if the remaining time exceeds the time since the anchor by this factor
 WORTH = 4.0
-# Distance kept from the ends of the window, where rounding might decide what is inside.
+# Distance kept from the ends of the window, where rounding might decide what is inside
 MARGIN = 2.0**-20  # periods
 
 
@@ -127,9 +127,9 @@ def empty_rests(kinds: Kinds) -> Rests:
 
 @jit
 def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -> Cycle:
-    """Totals of the cycle through a state.
+    """Return the totals of the cycle through a state.
 
-    Totals of no impacts where there is a rest on the way: the cycle is known from the rest.
+    They are those of no impacts if the cycle has a rest, from which it is known already.
     """
     n, x, u = 0.0, x_start, u_start
     found: Cycle = no_impacts(kinds)

@@ -1,4 +1,4 @@
-"""Normal deviates that depend on nothing but their place: seed, stream, particle, number, purpose.
+"""Normal deviates that depend only on seed, stream, particle, number and purpose.
 
 The generator is Philox 4x32-10 (Salmon, Moraes, Dror & Shaw, SC'11): ten rounds that turn a counter
 of four 32-bit words, with the seed as its key, into four others.  No state is kept, so that no
@@ -32,7 +32,7 @@ from vibrosweep.kernels.elementary import (
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.sine import SINE_ERROR, cos_turns, sin_turns
 
-LARGEST: Final = 8.4908  # sqrt(2 * 52 ln 2), rounded up: the modulus of no deviate is larger
+LARGEST: Final = 8.4908  # sqrt(2 * 52 ln 2), rounded up: the largest modulus of a deviate
 # Relative error of a deviate against Box and Muller's formula for its two fractions: half of that
 # of the logarithm, the root, the sine (the phase of the cosine is exact here) and the product.
 DEVIATE_ERROR: Final = 0.5 * ERRORS["log"] + SINE_ERROR + 2.1 * HALF_ULP
@@ -97,7 +97,7 @@ def two_deviates(words: Words) -> tuple[float, float]:
 
 @jit
 def _integer(value: float) -> int:
-    """A float below 2^51 that is an integer, as one; by no instruction that vectors may lack."""
+    """Convert a float below 2^51 that is an integer, by instructions that all vectors have."""
     return np.float64(value + SHIFT).view(np.int64) - SHIFT_BITS  # type: ignore[return-value]
 
 

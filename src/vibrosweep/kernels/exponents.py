@@ -98,10 +98,10 @@ def _widened(box: Enclosure, added: float, norm: float = 1.0) -> Enclosure:
 
 @jit
 def _state_error(fixed: Constants, state: State, impacts: int) -> StateError:
-    """Distance of a state of a cycle of rounded impacts from the exact cycle, to first order.
+    """Bound the distance of a state on a cycle of rounded impacts from the exact cycle.
 
-    Rounding in one round, each part carried on to its end, adds b; a distance d returns as M d + b,
-    and is its own image: d = (1 - M)^-1 b.
+    To first order, roundings during one cycle add up to b at its end, and a distance d becomes
+    M d + b.  The distance repeats: d = (1 - M)^-1 b.
     """
     n, x, u = state
     box = upright(EXACT)

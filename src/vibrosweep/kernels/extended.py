@@ -1,12 +1,12 @@
 """Equations of an orbit with two conditions more, for Newton's method.
 
-A point z holds the p landing times of an orbit, the restitution, and the drive, which is the kick,
-or its (1 + e)-th part where the velocity of the base is given.  Two conditions beside the p
-equations of the orbit make it one of finitely many; a bifurcation with one parameter fixed is
-found by Newton's method on the orbit and on its multiplier at once, which is regular at a fold.
+A point z holds the p landing times of an orbit, the restitution, and the drive: the kick, or the
+kick divided by 1 + e if the velocity of the base is given.  Two conditions in addition to the p
+equations of the orbit determine the point.  For a bifurcation at a fixed parameter, Newton's method
+solves for orbit and multiplier together, which is regular at a fold.
 
-Derivatives by the parameters, and those of conditions, are central differences: their error of
-1e-10 slows Newton's method down by no step and leaves its solution as exact as the equations.
+Derivatives by the parameters, and those of conditions, are central differences.  Their error of
+1e-10 costs no step of Newton's method, and its solution is as exact as the equations.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ SADDLE_NODE, DOUBLING, GRAZE, REST = range(4)
 CORNER, YIELD = 5, 6
 FIX_E, FIX_DRIVE, ALONG = -3, -2, -1
 DIFFERENCE = 1e-6
-STEPS = 8  # of Newton's method, from a point so near that 4 suffice
-SMALL_STEP = 1e-9  # the last but one
-FARTHEST = 0.2  # that a point is corrected by
+STEPS = 8  # of Newton's method, from points so near that 4 suffice
+SMALL_STEP = 1e-9  # one more step follows
+FARTHEST = 0.2  # largest correction of a point
 
 
 class Range(NamedTuple):
@@ -232,7 +232,7 @@ def correct(
 def turn_along(
     base: Base, problem: Dimensionless, span: Range, z: Floats, direction: Floats, work: Work
 ) -> bool:
-    """Make the direction that of the line at a point, on the side that it was on."""
+    """Set the direction to the tangent of the line at a point, keeping its orientation."""
     n = span.p + 2
     _equations(base, problem, span, z, ALONG, z, direction, work)
     for c in range(n):
@@ -255,13 +255,13 @@ def correct_point(
 def directions(
     base: Base, problem: Dimensionless, span: Range, z: Floats, direction: Floats
 ) -> bool:
-    """Make the direction, any that is not across the line, that of the line at a point."""
+    """Set the direction, any that is not normal to the line, to the tangent at a point."""
     return turn_along(base, problem, span, z, direction, work_for(span.p))
 
 
 @kernel
 def splitting(base: Base, problem: Dimensionless, span: Range, z: Floats, split: Floats) -> bool:
-    """Direction, of shape (2 p + 2,), in which an orbit twice as long leaves one that doubles."""
+    """Find the direction, shape (2 p + 2,), in which the doubled orbit branches off."""
     p, n = span.p, 2 * span.p
     fixed = place(base, problem, z, p, span.relative)
     times, off, matrix = np.empty(n), np.empty(n), np.empty((n, n))

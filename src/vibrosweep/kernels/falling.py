@@ -1,4 +1,4 @@
-"""Laws of restitution whose share falls with the speed of the impact.
+"""Laws of restitution whose coefficient falls with the speed of the impact.
 
 - plastic (Johnson 1985, Contact Mechanics, section 11.5): e(v) = e up to the speed v_y at which
   yielding begins, and e (v / v_y)^(-1/4) above it.  E has a kink there.
@@ -51,7 +51,7 @@ PLASTIC_ERROR: Final = 5.0 * HALF_ULP + 0.25 * KICK_ERROR
 # Of v / v_r, relative
 SPEED_ERROR: Final = 2.0 * HALF_ULP + KICK_ERROR
 N1, D2, D3, D4 = PADE
-STEPS = 40  # of the iteration for y_0, each of which leaves a fifth of the error
+STEPS = 40  # of the iteration for y_0, each of which reduces the error to a fifth
 # Relative errors: of y_0^10 / v_r, ten times 8 of y_0, 10 of the powers, 3 of v_r and the quotient;
 # of P where y is exact; of y where its logarithm is 0, and how much more for a logarithm of 1
 SCALE_ERROR: Final = 93.0 * HALF_ULP + KICK_ERROR
@@ -66,9 +66,10 @@ class Plastic(NamedTuple):
 
 @jit
 def inverse_fourth_root(t: float) -> float:
-    """Return t^(-1/4) to 2 half ulps, for t that is positive and normal.
+    """Return t^(-1/4) to 2 half ulps, for a positive normal number t.
 
-    A guess from the bits is off by h = 1 - root^4 t of at most 0.124; each step leaves 0.38 h^4.
+    The guess from the bits has the error h = 1 - root^4 t of at most 0.124; each step reduces it to
+    0.38 h^4.
     """
     root = np.int64(QUARTER_BITS - (np.float64(t).view(np.int64) >> 2)).view(np.float64)
     for _ in range(2):
@@ -116,7 +117,7 @@ def slack_plastic(law: Restitution) -> float:
 
 
 class Viscoelastic(NamedTuple):
-    """Spheres that dissipate as they are deformed."""
+    """Viscoelastic spheres."""
 
 
 @jit
@@ -140,10 +141,7 @@ def _root(scale: float, v: float) -> float:
     lanes is then vector code, two and a half times as fast.
     """
     t = v * scale
-    bits = np.float64(1e-300 if t < 1e-300 else t).view(np.int64)
-    exponent = (bits - elementary.ROOT_HALF + elementary.ONE) >> 52
-    k = np.int64(exponent + elementary.SHIFT_BITS).view(np.float64) - (elementary.SHIFT + 1023.0)
-    f = np.int64(bits - (exponent << 52) + elementary.ONE).view(np.float64) - 1.0
+    f, k = elementary.mantissa_and_exponent(1e-300 if t < 1e-300 else t)
     x = 0.1 * elementary.log_near_one(f, k)
     shifted = np.float64(fma(x, elementary.LOG2_E, elementary.SHIFT))
     n = shifted - elementary.SHIFT

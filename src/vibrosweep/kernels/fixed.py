@@ -1,4 +1,4 @@
-"""Fixed orbits of the map, one impact every k forcing periods, solved for instead of waited for.
+"""Fixed orbits of the map, with one impact every k forcing periods, found by Newton's method.
 
 Near the ends of its window an orbit attracts ever more slowly, and outside it does not attract at
 all.  Newton's method on the map finds it in either case in a few steps, and the Jacobian of its
@@ -37,11 +37,12 @@ ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fi
 SEEDS = 32  # phases from which the search starts, evenly over a period
 STEPS = 80  # towards a double root the distance only halves in each
 RESIDUAL = 16.0 * HALF_ULP  # of a solution, relative to the kick
-# Relative error of the kick at which the state is seen to change.  The phase that is found is exact
-# for a need that is off by the residual and its rounding, 16 + 5 half ulps of the kick, and neither
-# |need| nor sqrt(need^2 + ((1 + sign e) / pi)^2), where the state changes, is off by more.  The
-# slope adds 4, and the kick that is made of an amplitude 2.  That is of a constant restitution:
-# `end_errors` gives what another law adds.
+# Bound of the relative error of the kick at which the state is found to change, for a constant
+# restitution; `end_errors` bounds the contribution of another law.  The computed phase is exact for
+# a need (the right-hand side of the equation) with an error of the residual and its rounding,
+# 16 + 5 half ulps of the kick.  The kicks at which the state changes, |need| and
+# sqrt(need^2 + ((1 + sign e) / pi)^2), have no larger error.  The slope adds 4 half ulps, and the
+# kick that is computed from an amplitude 2.
 END_ERROR = 32.0 * HALF_ULP
 
 
@@ -64,10 +65,11 @@ def may_push_back(rebound: str) -> bool:
 
 @jit
 def _end_error(fixed: Constants, v: float) -> float:
-    """Bound of the error, as a kick, of the ends of an orbit that arrives with speed v.
+    """Bound the error, as a kick, of the ends of a window whose orbit arrives with speed v.
 
-    The need is off by no more than what is left of v, and so is a kick with its square.  The other
-    square is that of a quotient of 1 + q and the like, of which the terms below are bounds.
+    The error of the need is at most that of the speed after the impact, and so is that of a kick
+    computed from its square.  The other square is that of a quotient of terms such as 1 + q, whose
+    errors are bounded below.
     """
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
     rounding = ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
@@ -89,11 +91,11 @@ def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
 
 @uncounted
 def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Floats) -> None:
-    """Conditions of the orbit of k periods of the only problem over a base that stays, or moves.
+    """Write the conditions of the orbit of k periods of a single problem.
 
-    As of `vibrosweep.model.locked_shapes.Mode`: what a w is at the landing, the least -a w' at
-    which it does not attract, and bounds of their errors; first those of the base that stays, then
-    those of one that moves.  `sign` is that of `find_fixed`.
+    These are the fields of `vibrosweep.model.locked_shapes.Mode`: a w at the landing, the least
+    -a w' at which the orbit does not attract, and bounds of their errors; first in the high-bounce
+    limit, then over the moving base.  `sign` is that of `find_fixed`.
     """
     fixed = constants(base, problem, 0)
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
@@ -140,9 +142,9 @@ def find_fixed(
 ) -> None:
     """Find the fixed orbit of k periods of problems first ... last - 1.
 
-    Of several, this is the one that attracts.  With e below 1 and a growing kick it is absent, then
-    attracts, then repels.  `sign` is -1 for the orbit whose particle is pushed into the base, and
-    turned back.
+    If there are several, the one that attracts is taken.  For e below 1 and an increasing kick the
+    orbit is absent, then attracts, then repels.  `sign` is -1 for the orbit that is reflected at
+    every impact.
     """
     for t in range(first, last):
         out.state[t], out.phase[t] = ABSENT, np.nan
@@ -166,9 +168,10 @@ def orbits_hold(
     x: Floats,
     out: FixedOrbits,
 ) -> None:
-    """Tell whether orbits of k periods that land at phases x and attract are there at all.
+    """Check whether particles of problems first ... last - 1 follow orbits of k periods.
 
-    Of problems first ... last - 1; the particle of one may rest, or land earlier.
+    The orbits land at the phases x and attract.  A particle does not follow its orbit if it rests
+    or lands earlier.
     """
     for t in range(first, last):
         holds = fixed_holds(constants(base, problem, t), x[t], float(k[t]))

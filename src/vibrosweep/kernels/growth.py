@@ -1,10 +1,10 @@
 """Mean growth per impact along an orbit, with the error of the mean from means of blocks.
 
-Successive growths are correlated, so their own scatter says little about the error of their mean.
-They are gathered into blocks of equal length; the means of blocks much longer than the correlation
-are as good as independent, and their scatter gives the standard error of the mean (the method of
-batch means).  When all blocks are full, neighbours are joined and blocks become twice as long, so
-that the length adapts to an orbit whose number of impacts is not known beforehand.
+Successive growths are correlated, so that the standard error of their mean does not follow from
+their variance.  They are gathered into blocks of equal length.  The means of blocks much longer
+than the correlation time are practically independent, and their variance gives the standard error
+of the mean (the method of batch means).  When all blocks are full, neighbours are joined and blocks
+become twice as long, because the number of impacts is not known beforehand.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""A base that moves as a sum of harmonics; their number is part of the type, so that loops unroll.
+"""A base that moves as a sum of harmonics, whose number is part of the type so that loops unroll.
 
-The sum over harmonics is Clenshaw's, from one sine and one cosine.  Its rounding: a step that
-computes b_k = p_k + t b_(k+1) - b_(k+2) makes a coefficient off by two roundings, of p_k - b_(k+2)
-and of b_k, and |b_k| is at most the sum of |p_j| (j - k + 1) over j >= k; summed over k these are
-at most j (j + 1) of each |p_j|.  An error of the cosine turns the angle: by Bernstein's inequality
-harmonic j changes by at most j^2 of it.  Those of the sine, of the coefficients and of the last two
-operations are added.
+The sum over harmonics is computed by Clenshaw's method from one sine and one cosine.  Its rounding
+error is bounded as follows.  A step b_k = p_k + t b_(k+1) - b_(k+2) has two roundings, of
+p_k - b_(k+2) and of b_k, and |b_k| is at most the sum of |p_j| (j - k + 1) over j >= k.  Summed
+over k, these are at most j (j + 1) |p_j| for each j.  An error of the cosine is equivalent to one
+of the angle: by Bernstein's inequality harmonic j changes by at most j^2 times that error.  The
+errors of the sine, of the coefficients and of the last two operations are added.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""One impact, as used by every kernel: flight, landing, rebound, lift-off (perhaps after a rest).
+"""One impact, for every kernel: flight, landing, rebound, and lift-off, possibly after a rest.
 
 Phases stay in [-1/2, 1/2]; whole periods are counted separately, as integers in float64.  The
-reduction of a flight s to s - rint(s) is exact, so nothing is lost as time grows.
+reduction of a flight s to s - rint(s) is exact, so that accuracy does not decrease with time.
 """
 
 from __future__ import annotations

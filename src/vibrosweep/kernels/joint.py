@@ -9,7 +9,7 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.cycles import CYCLE, Cycles
 
-# Up to here quotients of two numbers are equal, in double precision, only if the fractions are.
+# Up to this number quotients of two integers are equal in double precision only if they are equal
 LONGEST = 2**25
 
 
@@ -20,7 +20,7 @@ class Joint(NamedTuple):
     impacts: int
     periods: float  # least common multiple of their forcing periods
     age: int  # impacts after which each particle is on its cycle
-    known: float  # whole periods from the end's, after which each is
+    known: float  # whole periods, relative to the end, after which each particle is on its cycle
 
 
 @jit

@@ -26,11 +26,11 @@ def speed_after(law: Law, share: float, v: float, kick: float) -> float:
 
 @generic
 def direction(law: Law, w: float) -> float:
-    """-1 where a law turns back what would leave with speed w, else 1."""
+    """Return -1 if a law reverses the speed w, else 1."""
 
 
 class Rest(NamedTuple):
-    """A particle that is pushed into the base stays on it (Eq. 7 of the study, iterated)."""
+    """A particle whose rebound points into the base stays on it."""
 
 
 @implements(speed_after, Rest)
@@ -44,7 +44,7 @@ def direction_rest(law: Law, w: float) -> float:
 
 
 class Reflect(NamedTuple):
-    """A particle that is pushed into the base is turned back, as in the Fermi accelerator."""
+    """A rebound that points into the base is reversed, as in the Fermi accelerator."""
 
 
 @implements(speed_after, Reflect)

@@ -1,8 +1,8 @@
-"""Landings of one realization, however they are found, compared with their neighbours in time.
+"""Comparison of the landings of one realization with their neighbours in time.
 
-Of all pairs of different particles the closest is a neighbouring one: a landing in between would
-be closer to one of the two.  And a landing on a base that is occupied follows directly on the
-landing of its occupant, or on another that shares the base already.
+The closest pair of landings of different particles consists of neighbours: any landing between them
+would be closer to one of the two.  Similarly, a landing on an occupied base directly follows the
+landing of its occupant, or another landing during that stay.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ def nobody() -> Listed:
 
 @jit
 def in_window(landing: Listed, begin: Instant) -> Listed:
-    """Return a landing as it counts in a window: unchanged if it is inside, else by its stay.
+    """Return a landing as it counts in a window: unchanged if it is inside.
 
-    A particle that lands before the window and is still on the base when the window begins is
-    listed one period before the beginning, where it stands between no two landings, with a stay
-    that ends when its own does and a negative name: no landing, but an occupant.  One that has left
-    by then is dropped.
+    A particle that lands before the window and is still on the base when the window begins counts
+    as an occupant, not as a landing.  It is listed with a negative name, one period before the
+    beginning, where it separates no two landings, and with a stay that ends at its lift-off.  A
+    particle that leaves before the window is dropped.
     """
     early = (begin.whole - landing.whole) + (begin.phase - landing.phase)
     if not early > 0.0:
@@ -125,7 +125,7 @@ def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> Non
         hit = impact(fixed, n, x, u, s[STATE.WHO + j], s[STATE.NUMBER + j], origin)
         due = hit.n - n_stop <= x_stop - hit.x
         rest = 0.0 if hit.leaves else (hit.n_off - hit.n) + (hit.x_off - hit.x)
-        rest = np.inf if hit.n_off == np.inf else rest  # a rest for good has no phase
+        rest = np.inf if hit.n_off == np.inf else rest  # the phase of a rest for good is NaN
         s[STATE.X_LAND + j] = hit.x
         s[STATE.N_LAND + j] = hit.n
         s[STATE.STAY + j] = rest if rest > shortest else shortest

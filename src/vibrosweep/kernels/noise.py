@@ -87,7 +87,7 @@ def _entry(values: Floats | None, i: int) -> float:
 
 @jit
 def period_of(n: float, x: float) -> float:
-    """The forcing period that the phase x after n whole periods, from -1/2 to 1/2, lies in."""
+    """Return the forcing period of the phase x, from -1/2 to 1/2, after n whole periods."""
     return n - (1.0 if x < 0.0 else 0.0)
 
 
@@ -267,9 +267,9 @@ def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: floa
 
 @jit
 def clip_is_doubtful(noise: Noise | None, share: float, slip: float, error: float) -> bool:
-    """Return whether the relative error of a speed may decide if its restitution is cut off.
+    """Return whether the relative error of a speed may decide if its restitution is clipped.
 
-    The share that a law leaves has no larger relative change than the speed.
+    The relative change of the restitution of a law does not exceed that of the speed.
     """
     if noise is None:
         return False
@@ -319,11 +319,11 @@ def strongest(noise: Noise | None, up: float, down: float, source: Source) -> fl
 def lifted(
     noise: Noise | None, known: tuple[float, float], n: float, x: float
 ) -> tuple[float, float]:
-    """Instant at which a particle that has come to rest at (n, x) is lifted.
+    """Return the instant at which a particle that comes to rest at (n, x) lifts off.
 
-    This is `known`, except where the amplitude is random: there it is the instant of the rest, from
-    which `vibrosweep.kernels.bases.wake` searches.  A rest for good has an infinite count, or no
-    phase.
+    This is `known`, unless the amplitude is random: then it is the instant of the landing, from
+    which `vibrosweep.kernels.bases.wake` searches.  A rest for good has an infinite count, or the
+    phase NaN.
     """
     if noise is None:
         return known

@@ -46,11 +46,11 @@ def load_noise(
 
 @jit
 def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int, together: float) -> None:
-    """Draw the random numbers of the next impact of the first lanes, `since` after the last look.
+    """Draw the random numbers of the next impact of the first lanes, `since` after the last check.
 
-    Where `together` is 1, every pass is an impact of each lane, which has had an even number of
-    them at the last look: a pair of deviates is drawn for two impacts in turn.  Where it is 0, each
-    lane counts its own impacts.
+    If `together` is 1, every pass is an impact of each lane, and the number of impacts at the last
+    check is even: each pair of deviates serves two successive impacts.  If it is 0, each lane
+    counts its own impacts.
     """
     if noise is not None:
         wide_vectors()
@@ -94,7 +94,7 @@ def _take_second(on: int | None, s: Floats, j: int, of: Rows) -> None:
 
 @jit
 def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
-    """Draw the amplitude of the period of the next landing, or of that which may end a rest."""
+    """Draw the amplitude of the period of the next landing, or of a period that may end a rest."""
     if on is not None:
         wide_vectors()
         for j in range(lanes):

@@ -1,7 +1,7 @@
-"""Observers of every landing, beside the loop over the lanes, such as a user's function.
+"""Observers of every landing, such as a user's function.
 
-The loop notes what an observer needs of a landing in rows of its own, and stays free of branches;
-a second one serves those lanes that have landed in the window.
+The loop over the lanes stores the last landing of each lane in additional rows, without a branch; a
+second loop then calls the observer for lanes that have landed in the window.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def note(observer: Any, s: Floats, j: int, landing: Landing, n: float, seen: boo
 
 @generic
 def observe(observer: Any, s: Floats, lanes: int, base: Base) -> None:
-    """Show the observer the first lanes that have just landed in the window."""
+    """Call the observer for those of the first lanes that have just landed in the window."""
 
 
 class Observer(NamedTuple):
@@ -93,9 +93,9 @@ _compiled: dict[tuple[str, str], Any] = {}  # by code of observables, and how la
 def compiled(observable: Observable) -> Any:
     """Compile an observable's function, once in a process.
 
-    Where it changes totals, an index beyond them raises an IndexError instead of spoiling memory.
-    If it gives a number of a landing, the type that stands for it among the statistics is returned.
-    Raises a ParameterError if numba cannot compile it.
+    Returns the compiled function if it changes totals; an index out of range then raises an
+    IndexError.  For a function that returns a number of a landing, returns the marker of its
+    statistic.  Raises a ParameterError if numba cannot compile it.
     """
     key = observable.code, observable.landings
     if key not in _compiled:
@@ -124,7 +124,7 @@ def _require_compilable(observable: Observable) -> None:
         reason = next(filter(str.strip, [*str(error).splitlines()[1:], str(error)])).strip()
         raise ParameterError(
             f"observable {observable.name!r}: numba cannot compile its function: {reason}; "
-            f"call it as plain Python with a vibrosweep.Landing to look for the mistake"
+            f"call it as plain Python with a vibrosweep.Landing to find the mistake"
         ) from error
     returned = function.nopython_signatures[0].return_type
     if observable.landings and not isinstance(returned, types.Number | types.Boolean):

@@ -1,14 +1,14 @@
-"""All closed orbits of up to so many impacts in up to so many periods, for a batch of problems.
+"""Search for all closed orbits of up to p impacts in up to q periods, for a batch of problems.
 
 Seeds cover the landing times of p impacts in q periods evenly: quasi-random points of the unit cube
-of p dimensions (the sequence of the generalised golden ratio), the first number the phase, the
-others the further landings.  More are taken until twice as many as led to the last new orbit; and,
-on the map, until orbits balance.
+of p dimensions (the sequence of the generalised golden ratio) give the phase of the first landing
+and the times of the others.  The search ends at twice the number of the seed that led to the last
+new orbit and, for the map, not before the orbits balance.
 
-For e < 1 the p equations of the map have no solution at the border of all flights u > 0, and none
-without kicks: their degree is zero.  Solutions whose Jacobian has a real multiplier above 1 are
-therefore as many as the others, where each point of an orbit is one, and shorter orbits run several
-times are included.  Where they do not balance, orbits were missed.
+For e < 1 the p equations of the map have no solution at the boundary of the region u > 0 of all
+flights, and none without kicks: their topological degree is zero.  Hence as many points have a real
+multiplier above 1 as have none, counting every point of an orbit, shorter orbits repeated included.
+If these numbers differ, orbits were missed.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from vibrosweep.kernels.closed import (
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless
 
-WORTH = 2.5  # kicks; a seed whose speeds are off by more is not tried
-LEAST = 8  # impacts from which on the number of seeds grows no more
+WORTH = 2.5  # kicks; a seed with a larger residual is not tried
+LEAST = 8  # impacts beyond which the number of seeds does not grow
 NO_ORBIT = -2  # beside the codes of `vibrosweep.kernels.closed.admits`
-PATIENCE = 32  # times the least number of seeds are tried, where orbits go on to be found
+PATIENCE = 32  # largest number of seeds relative to the least, if new orbits are still found
 
 
 class Wanted(NamedTuple):

@@ -119,11 +119,11 @@ def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
 
 @part
 def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span: float) -> None:
-    """Put the k landings that were found into the order of time.
+    """Sort the k landings that were found by time.
 
-    They are counted into k cells of time, which begin at (n, x) and reach over `span` periods;
-    what lies outside falls into the first or the last cell.  Exact comparisons do the rest, so
-    that the cells decide on the speed only.
+    A counting sort puts them into k cells of time, which begin at (n, x) and cover `span` periods;
+    landings outside are put into the first or the last cell.  Exact comparisons complete the order,
+    so that only the speed depends on the cells.
     """
     scale = k / span if span > 1e-290 else 0.0
     last = k - 1.0
@@ -154,11 +154,11 @@ def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span
 def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
     """Smallest gap between k landings of different particles, where it is below `gap`; else `gap`.
 
-    Negative names, of landings outside the window, are left out.  Nothing is put in order: time is
-    cut into cells of four gaps, and a landing is compared with those in its own cell and in the
-    nearer one beside it; cells that are a multiple of the table's length apart share an entry.
-    Where the gap is infinite or below `NARROWEST`, or landings lie beyond `FARTHEST`, NaN is
-    returned.
+    Negative names, of landings outside the window, are ignored.  The landings are not sorted: time
+    is divided into cells of four gaps, and a landing is compared with those in its own cell and in
+    the nearer neighbouring cell; cells that are a multiple of the table's length apart share an
+    entry.  Returns NaN if the gap is infinite or below `NARROWEST`, or if landings lie beyond
+    `FARTHEST`.
     """
     if not NARROWEST <= gap < np.inf:
         return np.nan

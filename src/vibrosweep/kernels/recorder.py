@@ -1,4 +1,4 @@
-"""Every landing of a batch, written beside the loop over the lanes."""
+"""An observer that writes every landing of a batch."""
 
 from __future__ import annotations
 

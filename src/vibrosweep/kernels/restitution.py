@@ -1,12 +1,12 @@
-"""Laws of restitution: the share of its relative speed that an impact leaves to a particle.
+"""Laws of restitution: the coefficient of restitution as a function of the speed of an impact.
 
 An impact at the relative speed v ends with E(v) = e(v) v, of which q(v) = E'(v) is the slope.  A
 law is an empty named tuple, whose type numba knows when it compiles.  `scale_of` makes one number
 of the restitution e and the speed of a law, with which the law scales speeds; these are durations
 of flights, in forcing periods.
 
-Here is the constant law, e(v) = e; `vibrosweep.kernels.falling` has those whose share falls with
-the speed.
+This file implements the constant law, e(v) = e; `vibrosweep.kernels.falling` implements those that
+fall with the speed.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def ratio_error(law: Restitution, e: float, scale: float, v: float) -> float:
 
 @generic
 def straight(law: Restitution) -> bool:
-    """Return whether a law leaves the same share of any speed."""
+    """Return whether the coefficient of restitution does not depend on the speed."""
 
 
 @generic
@@ -81,7 +81,7 @@ def slope_change(
 ) -> tuple[float, float]:
     """Slope at speed v, and how much it changes within an error of the speed.
 
-    By the mean value theorem the second number times the error bounds what the linear part omits.
+    By the mean value theorem, the second number times the error bounds the nonlinear remainder.
     """
     q = slope(law, e, scale, v)
     low, high = slope_range(law, e, scale, v - error, v + error)

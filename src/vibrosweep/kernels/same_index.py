@@ -44,9 +44,9 @@ def _name_early(listed: Floats, first: int, k: int, begin: Instant) -> int:
 
 @jit
 def _lift_off_together(s: Floats, lanes: int, counted: LiftOffs, rests: Floats) -> bool:
-    """Return whether a lane that just rested lifts off in the same period as another one did.
+    """Return whether a lane that just rested lifts off in the same period as an earlier one.
 
-    They are on one orbit from then on.
+    The two particles then move as one.
     """
     together = False
     for j in range(lanes):
@@ -107,7 +107,7 @@ def _drift_apart(listed: Floats, k: int, pace: Floats) -> bool:
 
 @jit
 def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
-    """Pass over whole cycles of every particle, as long as none of them enters the window."""
+    """Skip whole cycles of every particle, as long as none of them enters the window."""
     listed = work.listed
     times = np.inf
     for q in range(k):
@@ -146,9 +146,9 @@ def same_index(
 ) -> tuple[float, bool]:
     """Smallest gap of landings with equal impact numbers, and whether two particles move as one.
 
-    Once all particles are on their cycles the gaps of equally fast ones repeat after the joint
-    cycle, and those of others grow as soon as the slower one is the later one.  When that has held
-    for one joint cycle, nothing smaller can follow.
+    Once all particles are on their cycles, gaps between particles of equal pace repeat after the
+    joint cycle, and gaps between others grow as soon as the slower particle is behind.  If this
+    has held for one joint cycle, no smaller gap can follow.
     """
     gap, together = np.inf, False
     number, repeated, early = 0, 0, 0

@@ -74,15 +74,15 @@ def separate(
     cycles: Cycles,
     out: Separations,
 ) -> None:
-    """Measure the separations of realizations first ... last - 1; write their slots alone.
+    """Measure the separations of realizations first ... last - 1 and write only their slots.
 
-    Separations are unknown in realizations that are not `complete`, where a trajectory ran out of
-    its budget, and where a particle lands more than `budget` times.  `work` is not shared between
+    Separations are unknown in realizations that are not `complete`, because a trajectory ran out of
+    its budget, or in which a particle lands more than `budget` times.  `work` is not shared between
     threads.
 
-    Cycles are those of `vibrosweep.kernels.cycles.empty_cycles`, of no length where unknown.  Where
-    all particles of a realization have entered theirs, no more is followed than the joint cycle of
-    all; the result is the same, bit for bit.
+    `cycles` is from `vibrosweep.kernels.cycles.empty_cycles`, or of size 0 if cycles are unknown.
+    If all particles of a realization have entered a cycle, only the joint cycle of all is followed;
+    the result is the same, bit for bit.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]

@@ -1,10 +1,9 @@
-"""The orbit that each trajectory settles on: regime, cycle, multipliers, Lyapunov exponents.
+"""The orbit on which each trajectory settles: regime, cycle, multipliers, Lyapunov exponents.
 
-Cycles without rests are those that were recognised while the trajectory was advanced (see
-`cycles`).  After a rest the state is that of a lift-off, bit for bit; where there is only one, an
-orbit has closed its cycle with its second rest, and entered it with the first.  The exponents of
-an orbit that does not recur are means along it, over the landings in the window; those of a cycle
-are in `exponents`.
+Cycles without rests are recognised while the trajectory is advanced (see `cycles`).  If the base
+lifts resting particles at one phase only, the state after every rest is the same, bit for bit: an
+orbit enters its cycle with its first rest and closes it with the second.  The exponents of an orbit
+that does not recur are means over the landings in the window; `exponents` computes those of cycles.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from vibrosweep.model.status import Regime
 # several rounds.  Distinct points of a cycle are never this close, except right after a period
 # doubling.
 SAME_ORBIT = 2.0**-30
-NONE_LEFT = Exponent(-np.inf, 0.0)  # a rest leaves nothing of a deviation
+NONE_LEFT = Exponent(-np.inf, 0.0)  # a rest removes every deviation
 CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
 
 UNDETERMINED = -1  # as flags that could not be decided
@@ -112,7 +111,7 @@ def _follow(
         if not hit.leaves and fixed.base.noise is None:  # random motion never repeats
             lifted += 1
             same = x == x_first and u == u_first
-            if same and n > first:  # unless time stands still
+            if same and n > first:  # time has passed
                 closed, impacts, periods = lifted - anchor, age - since, int(n - first)
                 break
             if not same and lifted >= 2 * anchor:
@@ -179,7 +178,7 @@ def _write_exponents(
     """Write both exponents of a trajectory, each with its error."""
     out.largest[t], out.largest_error[t] = largest
     out.total[t], out.total_error[t] = total
-    # every impact loses one dimension; without any nothing is known
+    # every impact removes one dimension; without an impact nothing is known
     if contraction(fixed, 0.0) == 0.0 and not np.isnan(total.value):
         out.total[t], out.total_error[t] = -np.inf, 0.0
 
@@ -243,10 +242,10 @@ def settle(
     g: Floats,
     out: Orbits,
 ) -> None:
-    """Determine the orbits that trajectories first ... last - 1 of a batch settle on.
+    """Determine the orbits on which trajectories first ... last - 1 of a batch settle.
 
-    Statistics and cycles are as `advance` left them.  Only the slots first ... last - 1 are
-    written; `g` is memory of `growth.SIZE` numbers that no other thread uses.
+    Statistics and cycles are those that `advance` has written.  Only the slots first ... last - 1
+    are written; `g` is memory of `growth.SIZE` numbers that no other thread uses.
     """
     base, problem, launches = batch
     particles, (budget, exponents) = launches.whole.shape[1], search

@@ -1,9 +1,9 @@
-"""Statistics: a number for each landing, or for each flight, and how numbers combine.
+"""Statistics: a number for each landing, or for each flight, and how the numbers combine.
 
-The kernels keep nothing else of landings.  A statistic is declared once, below: `kernels.totals`
-composes those that are asked for into the loop over the lanes, the totals of a cycle and the loop
-over the events of a coupled base.  The types of a tuple decide which are composed, so that machine
-code of each choice can be kept on disk.
+The kernels keep only these of the landings.  A statistic is declared once, below: `kernels.totals`
+composes the chosen ones into the loop over the lanes, the totals of a cycle and the loop over the
+events of a coupled base.  The choice is a tuple of empty named tuples, whose types decide what is
+compiled, so that the machine code of each choice can be kept on disk.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ _DECLARED: Final[dict[type, Statistic]] = {}
 def declare(
     name: str, number: Callable[[Any], Any], combine: str, *, of_flights: bool = False
 ) -> Any:
-    """Declare a statistic; return the empty named tuple whose type stands for it.
+    """Declare a statistic; return its marker, an empty named tuple of a type of its own.
 
-    A statistic from outside the package has a digest of its code in its name: machine code is kept
-    by the names of types.
+    The name of a statistic from outside the package must contain a digest of its code, because
+    machine code is kept by the names of types.
     """
     one = kind(name)
     _DECLARED.setdefault(one, Statistic(name, number, combine, of_flights))

@@ -1,11 +1,12 @@
-"""Totals of the statistics that are asked for, composed into the code of each kernel.
+"""Totals of the chosen statistics, composed into the code of each kernel.
 
-A function here is given the tuple of `kernels.statistics` kinds, and is compiled once for each such
-tuple from a text that names every statistic: no loop over statistics is left, nothing is chosen
-at run time.  In a block of lanes each statistic k has three rows behind those of `kernels.lanes`:
+Each function takes a tuple of kinds of `kernels.statistics`.  For each such tuple it is compiled
+once, from a text that names every statistic: there is no loop over statistics, and nothing is
+chosen at run time.  In a block of lanes each statistic k has three rows behind those of
+`kernels.lanes`:
 
-    ROWS + k            what every impact changes; of a sum, what came since the last look
-    ROWS + n + k        of a sum, what came before
+    ROWS + k            the total; of a sum, the part since the last check of the lanes
+    ROWS + n + k        of a sum, the part before the last check
     ROWS + 2 n + 1 + k  of the cycle that the lane has entered; ROWS + 2 n holds its periods
 """
 
@@ -134,7 +135,7 @@ def sum_up(kinds: Kinds, s: Floats, j: int, lost: bool) -> Iterator[str]:
     yield "pass"
     for k, one in enumerate(kinds):
         if one.summed:
-            # sums of sums, which over a long orbit are rounded a sixth as often
+            # the total is rounded once for several impacts, which keeps its error small
             row, total = f"s[{(ROWS + k) * STRIDE} + j]", _row(kinds, k)
             both = f"{total} + {row}"
             yield f"{total} = " + (f"nan if lost else {both}" if one.of_flights else both)

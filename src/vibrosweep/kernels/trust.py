@@ -1,10 +1,10 @@
 """Rigorous error bounds, carried along with each trajectory.
 
 The error of the state (x, u) is enclosed in a box in a frame that turns with the orbit (Lohner's
-method): the Jacobian of each impact is applied to the frame, its larger image becomes the first
-axis of the next frame, and the box grows by the triangular factor that remains, by the rounding of
-the step and by a bound of what the linearisation omits.  An error therefore grows as the orbit
-itself stretches it, not as a sum of absolute values would.
+method).  The Jacobian of each impact is applied to the frame, and the longer image becomes the
+first axis of the next frame.  The sides of the box change by the remaining triangular factor, and
+grow by the rounding of the step and a bound of the nonlinear remainder.  An error therefore grows
+as the orbit stretches it, not as a sum of absolute values would.
 
 The bound is relative to the exact orbit of the model for the exact values of the given doubles.  It
 becomes infinite when a decision (rest or not, landing before the end or not, this period or the
@@ -50,14 +50,14 @@ from vibrosweep.kernels.unwritten import unwritten
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
-LOST = 0.125  # turns; beyond this, a linearisation is useless
+LOST = 0.125  # turns; errors beyond this are not bounded
 
 
 class Trust(NamedTuple):
     """Error bounds of trajectories, each array of shape (trajectory,)."""
 
-    # Time in forcing periods of the last landing that is known to the tolerance, all before it
-    # included; infinite where all landings are, NaN where none is
+    # Time in forcing periods up to which all landings are known to the tolerance; infinite if all
+    # landings are, NaN if none is
     until: Floats
     # Largest error of any landing in forcing periods, with noise of any lift-off too; infinite
     # where a decision is uncertain, NaN where the impact budget ended before all landings were

@@ -1,6 +1,7 @@
-"""Arrays of results begin as values that no kernel writes; none of these may be left.
+"""Marks of numbers in arrays of results that no kernel has written yet.
 
-So a result that a kernel forgets is an error that names it, and never numbers that stood in memory.
+A result that a kernel leaves unwritten raises an error that names it; it is never taken from
+uninitialised memory.
 """
 
 from __future__ import annotations
@@ -13,8 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from vibrosweep.errors import RunError
 
-# Arrays begin with these: those of flags, and all others, of which a float64 is a NaN that no
-# arithmetic gives
+# Initial values of flags, and of other numbers: as a float64, a NaN that no arithmetic gives
 FLAG: Final = -128
 NUMBER: Final = 0x7FF8_0000_0BAD_F00D
 
@@ -28,9 +28,9 @@ def unwritten(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> ND
 
 
 def require_written(results: Any, fields: Collection[str] = ()) -> None:
-    """Raise a RunError that names a field of a named tuple in which something was left unwritten.
+    """Raise a RunError that names a field of a named tuple with an unwritten number.
 
-    All fields are checked unless some are named; those of named tuples inside it, too.
+    All fields are checked unless some are named, and those of nested named tuples too.
     """
     for name in fields or results._fields:
         values = getattr(results, name)

@@ -96,12 +96,12 @@ def lifts_once(shape: Shape) -> bool:
 
 @generic
 def next_lift_off(shape: Shape, phases: LiftOffs, x: float) -> tuple[float, float]:
-    """Phase at which a particle is lifted that rests from phase x, and whole periods until then."""
+    """Phase at which a particle lifts off that rests from phase x on, and whole periods passed."""
 
 
 @generic
 def first_lift_off(shape: Shape, phases: LiftOffs) -> float:
-    """Return the phase of a lift-off, the only one where there are not several."""
+    """Return the phase of the first lift-off in a period, or of the only one."""
 
 
 @generic

@@ -1,17 +1,17 @@
-"""Generic functions in which one base differs from another.
+"""Generic functions that every base implements.
 
-A kernel is compiled for one base and one law.  The *type* of the constants tells which: the named
-tuple of the numbers that decide the impacts of one realization.  Each base is one file here, which
-holds its constants and implementations; no other kernel knows which base it is compiled for.
+A kernel is compiled for one base and one law.  The type of the constants selects them: the named
+tuple of the numbers that determine the impacts of one realization.  Each base has a file here with
+its constants and implementations; other kernels do not name any base.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
 duration of the flight that they begin on a base at rest.  Speeds are relative to the base unless
 stated otherwise.
 
-Only Python code calls functions of whole batches.
+Functions of whole batches (`fitted`, `lowest`, `lifts`) are called from Python only.
 
-A flight may take several passes to be computed: a kernel that advances many lanes calls `approach`
-for one pass of each, others call `fly` for the whole of one flight.
+The search for a landing may take several passes.  A kernel that advances many lanes calls
+`approach` for one pass of each lane; other kernels call `fly` for a whole flight.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Flight(NamedTuple):
 class LiftOff(NamedTuple):
     """A lift-off, at once or after a rest."""
 
-    # whole, phase: of the instant; an infinite count where the particle rests for good
+    # whole, phase: of the instant; an infinite count if the particle rests for good
     whole: float
     phase: float
     speed: float  # 0 where it rests for good
@@ -151,15 +151,16 @@ def prepare(base: Base, s: Floats, lanes: int) -> None:
 
 @generic
 def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
-    """One pass of the search for the landing of lane j: time of flight, speed, and whether found.
+    """Make one pass of the search for the landing of lane j.
 
-    Where it is not, the time is that at which the search goes on.
+    Returns time of flight, speed of arrival and whether the landing was found; if not, the time is
+    the one to be tried next.
     """
 
 
 @generic
 def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
-    """Return whether lane j has had fewer impacts than the budget; True where others check it."""
+    """Return whether lane j has had fewer impacts than the budget; True if others check that."""
 
 
 @generic
@@ -172,12 +173,12 @@ def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: b
 
 @generic
 def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
-    """Return whether the search of lane j is given up; called after every so many passes."""
+    """Return whether the search of lane j is abandoned; called once for so many passes."""
 
 
 @generic
 def pending(base: Base, s: Floats, j: int) -> bool:
-    """Return whether the flight that lane j is in is to be counted when it ends."""
+    """Return whether the present flight of lane j will be counted when it ends."""
 
 
 @generic
@@ -189,26 +190,26 @@ def common_age(base: Base) -> float:
 def counted(fixed: Constants, flight: Flight, u_off: float) -> Counted:
     """Duration and height of the flight that is counted at a landing.
 
-    This is the flight that ends there or, over a base on which its duration is known by then, the
-    one that begins with speed u_off.  The height is that of the apex above the level of `lowest`,
-    in units of the height of a flight of one period.
+    In the high-bounce limit, where the duration is known at lift-off, this is the next flight, with
+    speed u_off; otherwise the flight that ends.  The height is that of the apex above the level of
+    `lowest`, in units of the height of a flight of one period.
     """
 
 
 @generic
 def counted_now(fixed: Constants, s: Floats, j: int, time: float, u_off: float) -> Counted:
-    """Return the same as `counted`, of the flight of lane j, before the lane changes."""
+    """Return the same as `counted` for the flight of lane j, before the lane changes."""
 
 
 @singledispatch
 def fitted(base: Base, problem: Dimensionless) -> Base:
-    """Return the base without parts that none of these realizations needs; results are the same."""
+    """Return the base without code that these realizations do not need; results are the same."""
     raise NotImplementedError
 
 
 @singledispatch
 def lowest(base: Base, problem: Dimensionless) -> Floats | None:
-    """Depth of the zero of heights below the mean level; None where it is that level."""
+    """Return how far the zero of heights is below the mean level; None if it is that level."""
     raise NotImplementedError
 
 
@@ -238,9 +239,9 @@ def random(fixed: Constants, particle: float, number: float, n: float, x: float)
 
 @generic
 def wake(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
-    """Return when a particle that rests from (n, x) on is lifted, if `lift_off` left that open.
+    """Return when a particle that rests from (n, x) on lifts off, if `lift_off` does not tell.
 
-    Whole periods count from `origin`; they are NaN where no lift-off is found.
+    Whole periods count from `origin`; they are NaN if no lift-off is found.
     """
 
 
@@ -266,7 +267,7 @@ def lifts_alike(base: Base) -> bool:
 
 @generic
 def contact_time(fixed: Constants) -> float:
-    """Least number of periods for which the base counts as occupied after a landing."""
+    """Shortest stay, in periods, for which a particle occupies the base after a landing."""
 
 
 @generic
@@ -279,28 +280,28 @@ def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
 
 @generic
 def reverses(fixed: Constants, x: float, v: float) -> float:
-    """-1 where the Jacobian reverses orientation, else 1."""
+    """Return -1 if the Jacobian reverses orientation, else 1."""
 
 
 @generic
 def contraction(fixed: Constants, v: float) -> float:
     """Modulus of the determinant of the Jacobian of an impact with speed v of arrival.
 
-    Factors whose product over a cycle is 1 may be left out.  If it is 0, it is 0 at any speed.
+    Factors whose product over a cycle is 1 may be omitted.  If it is 0, it is 0 at any speed.
     """
 
 
 @generic
 def density(fixed: Constants, u: float) -> float:
-    """Weight of an area at speed u that supplies the factors which `contraction` leaves out."""
+    """Weight of an area at speed u, from which the factors follow that `contraction` omits."""
 
 
 @generic
 def fixed_residual(fixed: Constants, x: float, k: float, sign: float) -> tuple[float, float, float]:
     """Residual of the equation of a fixed orbit that lands at phase x every k periods.
 
-    `sign` is -1 for an orbit whose particle is pushed into the base, and turned back, at every
-    impact; else 1.  Also the derivative of the residual by the phase, and the size of its terms.
+    `sign` is -1 for an orbit that is reflected at every impact, else 1.  Returns also the
+    derivative of the residual by the phase, and the size of its terms.
     """
 
 
@@ -311,4 +312,4 @@ def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
 
 @generic
 def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
-    """Return whether a flight from phase x lands after k periods, not before, without a rest."""
+    """Return whether a flight from phase x lands after k periods, not earlier, and bounces."""

@@ -1,13 +1,13 @@
-"""The base that moves with alpha w(x), w the triangle: its height is made of parabolas.
+"""The base with the velocity alpha w(x), where w is the triangle: its height consists of parabolas.
 
-Its acceleration in units of gravity, G, is 2 alpha in the half of a period around phase 0 and -2
-alpha in the other.  In each half, or stretch, the clearance is a parabola, and the first landing is
-the first root of a chain of quadratic equations:
+Its acceleration in units of gravity, G, is 2 alpha in the half period around phase 0 and -2 alpha
+in the other.  In each half, called a stretch, the clearance is a parabola, and the landing is the
+first root of a sequence of quadratic equations:
 
     F(t + s) = F(t) + F'(t) s - (1 + G) s^2 / 2
 
-with F and F' from the beginning of the flight, F(t) = t (y - t) / 2 - (alpha / 2) (W(x + t) - W(x)
-- t w(x)), in which nothing cancels while t is small.
+F and F' are computed from the beginning of the flight, F(t) = t (y - t) / 2 - (alpha / 2)
+(W(x + t) - W(x) - t w(x)), in which nothing cancels while t is small.
 """
 
 from __future__ import annotations
@@ -69,13 +69,13 @@ class ChainedConstants(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """A landing as far as it is known from the beginning of the flight alone."""
+    """A guess of the landing, from the beginning of the flight alone."""
 
     begin: float  # time at which the search begins
-    # rise, until: until which and from which on it is not above every height of the base
+    # rise, until: the particle is above every height of the base from `rise` until `until`
     rise: float
     until: float
-    apex: float  # height above the lowest level of the base, of one that falls of its start
+    apex: float  # greatest height above the lowest level of the base
 
 
 @implements(bases.constants, Chained)
@@ -136,7 +136,7 @@ def first_guess(alpha: float, x: float, y: float) -> Guess:
     u, level = fma(alpha, velocity(Parabolic(), x), y), level_at(x)
     depth = 4.0 * alpha * (TOP - level)  # below the top, as the square of a speed
     rise = 0.5 * depth / u * (1.0 + 16.0 * ULP) if u > 0.0 else np.inf
-    # it comes down to the top faster than the base ever moves: no landing is before that
+    # it falls to the top level faster than the base ever moves, and cannot land before that
     fast = (u > 0.0) & (u * u >= fma(alpha, alpha, depth) * (1.0 + 16.0 * ULP))
     rising = u if u > 0.0 else 0.0
     until = u - rise
@@ -152,10 +152,10 @@ def first_guess(alpha: float, x: float, y: float) -> Guess:
 def try_stretch(
     alpha: float, x: float, y: float, guess: Guess, t: float
 ) -> tuple[float, float, bool, float]:
-    """Solve the equation of the stretch that begins after t periods, before which it is in flight.
+    """Solve the equation of the stretch that begins after t periods without a landing.
 
-    Return the landing or the beginning of the next stretch to try, the speed, if it lands, and
-    the clearance.
+    Returns the time of the landing, or of the next stretch to try; the speed of arrival; whether
+    the particle lands; and the clearance after t periods.
     """
     clear, f1 = clearance(alpha, x, y, t)
     f = clear if clear > 0.0 else 0.0
@@ -179,9 +179,9 @@ def try_stretch(
 
 @implements(bases.fly, ChainedConstants)
 def fly_chained(fixed: ChainedConstants, x: float, u: float) -> tuple[float, float]:
-    if not abs(x) <= 0.5:  # after a rest for good
+    if not abs(x) <= 0.5:  # NaN: the particle rests for good
         return np.nan, np.nan
-    if u == 0.0 and not abs(x) >= fixed.x_lift:  # on a base that presses
+    if u == 0.0 and not abs(x) >= fixed.x_lift:  # the base presses the particle
         return 0.0, 0.0
     guess = first_guess(fixed.alpha, x, u)
     time, v, landed, tries = guess.begin, 0.0, False, 0.0

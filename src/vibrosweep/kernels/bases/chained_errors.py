@@ -1,7 +1,7 @@
 """Bounds of errors, and derivatives, over the base of parabolas.
 
-The acceleration jumps at the corners: derivatives are constant in phase between them, and change by
-a bounded step where an error reaches across one.
+The acceleration jumps at the corners of the velocity.  Between them derivatives do not depend on
+the phase; where an error reaches across a corner, they change by a bounded step.
 """
 
 from __future__ import annotations

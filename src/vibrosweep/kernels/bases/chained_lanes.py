@@ -1,4 +1,4 @@
-"""The base of parabolas in the vector kernel: a pass solves one equation of each lane's chain."""
+"""The base of parabolas in the vector kernel: a pass solves one quadratic equation per lane."""
 
 from __future__ import annotations
 

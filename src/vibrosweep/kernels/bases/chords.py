@@ -1,4 +1,4 @@
-"""Flights between two given instants: speeds at both ends, and how closely they pass the base."""
+"""Flights between two given instants: speeds at both ends, and least clearance above the base."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from vibrosweep.kernels.bases.high_bounce import Constants
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.shaped import ShapedConstants, begin_at, search
 
-PIECES = 32  # of a period; in each one minimum of the height is looked for
-HALVINGS = 40  # the error of the height at a minimum is the square of the interval that is left
+PIECES = 32  # of a period, in each of which one minimum of the height is searched for
+HALVINGS = 40  # the error of a minimum is of the order of the square of the last interval
 
 
 @generic

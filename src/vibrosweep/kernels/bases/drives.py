@@ -1,12 +1,13 @@
-"""Motion of a base on a mount that its drive forces, by the type of its shape.
+"""Forced motion of a base on a mount, by the type of its waveform.
 
-Under the load of riders, `mass` being theirs with that of the base in units of the latter, the
-height of the bare base answers with the harmonics that
+Yf = alpha W(x) is the forced motion of the base without riders.  With riders, `mass` is the total
+mass in units of that of the base, and the forced motion Y solves
 
-    mass Y'' + 2 zeta w Y' + w^2 Y = Yf'' + 2 zeta w Yf' + w^2 Yf,        Yf = alpha W(x),
+    mass Y'' + 2 zeta w Y' + w^2 Y = Yf'' + 2 zeta w Yf' + w^2 Yf.
 
-leaves of it: each is multiplied by (b + i c) / (b - (mass - 1) v^2 + i c) with v = 2 pi h, c = 2
-zeta w v, b = w^2 - v^2.  A drive with corners (`parabolic_drive`) is known stretch by stretch.
+Each harmonic of Yf is multiplied by (b + i c) / (b - (mass - 1) v^2 + i c) with v = 2 pi h,
+c = 2 zeta w v, b = w^2 - v^2.  A drive whose velocity has corners (`parabolic_drive`) has a closed
+form from one corner to the next.
 """
 
 from __future__ import annotations
@@ -81,12 +82,12 @@ class Reach(NamedTuple):
 
 @generic
 def side_at(shape: Shape, x: float) -> float:
-    """Side on which a phase is, the sign of the acceleration; 1 of a shape without corners."""
+    """Side of a phase: the sign of the acceleration there; 1 for a shape without corners."""
 
 
 @generic
 def side_of(drive: Drive) -> float:
-    """Side of a drive; 1 of one without corners."""
+    """Side of a drive; 1 for a drive without corners."""
 
 
 @generic
@@ -142,7 +143,7 @@ def until_corner_smooth(drive: Drive, x: float) -> float:
 
 @jit
 def _answered(p: float, q: float, v: float, w: float, zeta: float, mass: float) -> Oscillation:
-    """Answer of the loaded base to what moves the bare one as p cos + q sin of the angle v x."""
+    """Response of the loaded base where the bare one moves as p cos(v x) + q sin(v x)."""
     if not mass > 1.0:
         return Oscillation(p, q)
     damping = 2.0 * zeta * w * v

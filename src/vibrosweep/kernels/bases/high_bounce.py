@@ -1,9 +1,9 @@
 """The high-bounce approximation: the base stays at height 0 and gives impulses.
 
 A flight that begins with speed u lasts u and arrives with speed u; the kick at phase x is
-a sin(2 pi x).  A resting particle is lifted when the kick rises through the threshold of rest.
+a sin(2 pi x).  A resting particle lifts off when the kick rises through the threshold of rest.
 
-On an orbit whose flights last k, restitution and kick must turn the speed k into k.  With the
+On an orbit whose flights last k, an impact at the speed k leaves the speed k.  With the
 derivatives f and g of the speed after an impact by the speed before it and by the kick, and s = 2
 pi a cos(2 pi x), the Jacobian
 

@@ -14,19 +14,18 @@ accurately as a fast one.  It lands at the first s > 0 with F = 0, with the rela
 Where 1 + Gamma cos(2 pi x) > 0, the base presses a particle that rests on it, and F is concave;
 elsewhere F is convex.  No root is missed:
 
-- Where Gamma <= 1, F is concave and has one root.  The same holds where the particle is so fast
-  that it arrives faster than the base ever moves, (pi u)^2 >= Gamma^2 + 2 Gamma (1 + cos(2 pi x))
-  for its absolute speed u > 0.  Any iteration that converges has found this root.  Where F almost
-  touches zero before the root, a step from F > 0 may go far beyond it and come back for ever; where
-  Gamma > 1, steps from F > 0 are therefore those of the next item.  Steps from beyond the root,
-  where F' < 0, come back.
-- Else the search goes from one stretch of time with F > 0 to the next.  In a concave stretch any
-  step inside it may be tried: F > 0 there says that there is no root up to it, F <= 0 that there is
-  one before it.  In a convex stretch Newton's step from the left passes no root; where F' >= 0 it
-  has none.  While the particle is above every height of the base it cannot land.
+- If Gamma <= 1, F is concave and has one root.  F also has one root if the particle arrives faster
+  than the base ever moves, (pi u)^2 >= Gamma^2 + 2 Gamma (1 + cos(2 pi x)) for its absolute speed
+  u > 0.  Any iteration that converges has found this root.  Where F almost touches zero before the
+  root, steps from F > 0 may go far beyond the root and return without end; for Gamma > 1 steps from
+  F > 0 are therefore those of the next item.  Steps from beyond the root, where F' < 0, return.
+- Otherwise the search goes through successive stretches of time in which F is concave or convex.
+  In a concave stretch any time may be tried: if F > 0 there, no root precedes it; if F <= 0, a root
+  does.  In a convex stretch Newton's step from the left passes no root, and for F' >= 0 there is no
+  root.  While the particle is above every height of the base it cannot land.
 
-The iteration is the inverse of the Taylor polynomial of fourth degree: the sine that it needs costs
-more than all its terms.
+The iteration inverts the Taylor polynomial of fourth degree, because the sine that each step needs
+costs more than all the terms.
 """
 
 from __future__ import annotations
@@ -49,13 +48,13 @@ from vibrosweep.kernels.sine import (
 TWO_PI = 2.0 * math.pi
 FAST = 0.6  # speed above which a flight with one root is guessed to last as over a base at rest
 SLOW = 0.15  # periods within which a slower particle is guessed to land
-AHEAD = 0.25  # periods beyond the flight over a base at rest, while the base falls away
-# A step ends the iteration where the terms of its series fall so fast that the remainder is below
-# half an ulp of the step, and of the flight.
+AHEAD = 0.25  # periods beyond the flight over a base at rest, if the base falls faster than gravity
+# A step ends the iteration if the terms of its series decrease so fast that the remainder is below
+# half an ulp of the step, and of the flight
 LAST = 2.0**-12
-BORDER = 2.0**-30  # turns; so near to its end, a stretch has ended
+BORDER = 2.0**-30  # turns; a stretch that is so near to its end counts as ended
 ULP = 2.0**-52
-NOISE = 8.0 * HALF_ULP  # of the clearance, relative to the terms that it is made of
+NOISE = 8.0 * HALF_ULP  # rounding error of the clearance, relative to its terms
 
 
 class Start(NamedTuple):
@@ -73,12 +72,12 @@ class Start(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """A landing as far as it is known from the beginning of the flight alone."""
+    """A guess of the landing, from the beginning of the flight alone."""
 
-    sure: bool  # True if the flight has one root for sure
-    time: float  # a time near it
-    # Time from which on it is above every height of the base, until as long before the end of the
-    # flight over a base at rest; of use with arcs only
+    sure: bool  # True if the clearance certainly has a single root
+    time: float  # a time near the landing
+    # The particle is above every height of the base from time `rise` until u - rise, u being the
+    # duration of the flight over a base at rest; needed with arcs only
     rise: float
 
 
@@ -116,7 +115,7 @@ def absolute(begin: Start) -> float:
 
 @jit
 def apex(begin: Start) -> float:
-    """Height of the apex above the lowest level of the base; of one that falls, of its start."""
+    """Greatest height above the lowest level of the base, at the apex or at lift-off."""
     u = absolute(begin)
     rising = u if u > 0.0 else 0.0
     return fma(rising, rising, (2.0 / math.pi) * begin.alpha * (1.0 - begin.cosine))
@@ -166,7 +165,7 @@ def turn(s: float) -> tuple[float, float, float]:
 def first_guess(begin: Start, arcs: int | None) -> Guess:
     """Guess when the flight ends.
 
-    Where arcs are None, the code that only flights with Gamma > 1 need is not compiled.
+    If `arcs` is None, the code that only flights with Gamma > 1 need is not compiled.
     """
     alpha, x_lift, x, y, _, cosine = begin
     gamma, u = math.pi * alpha, absolute(begin)
@@ -194,7 +193,7 @@ def rough_clearance(begin: Start, s: float) -> Clearance:
 
 @jit
 def first_try(begin: Start, guess: Guess, rough: Clearance, arcs: int | None) -> float:
-    """The time to be tried first, from a guess and the clearance then.
+    """Return the time to be tried first, from a guess and the clearance at that time.
 
     One step of Householder's method of third order comes near the root.
     """
@@ -235,9 +234,9 @@ def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
 def _across(
     begin: Start, rise: float, s: float, clear: Clearance, newton: float, step: float
 ) -> float:
-    """Time to be tried next after s, where the base may fall faster than gravity.
+    """Return the time to be tried after s, if the base may fall faster than gravity.
 
-    The clearance at s is positive, and so it is before s.
+    The clearance is positive at s and before.
     """
     f1, f2 = clear.f1, fma(-math.pi * begin.alpha, clear.cosine, -1.0)
     nears = f1 < 0.0

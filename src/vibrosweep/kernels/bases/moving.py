@@ -1,9 +1,9 @@
 """The base that moves with the velocity alpha sin(2 pi x), alpha = a / (1 + e).
 
-Speeds are relative to it: a particle arrives with z and leaves with E(z), as the law of restitution
-says.  It comes to rest where E(z) is at most r and the base presses it, 1 + Gamma cos(2 pi x) > 0
-with Gamma = pi alpha, and is lifted, with speed 0, where the base begins to fall faster than
-gravity; never if Gamma <= 1.
+Speeds are relative to the base: a particle arrives with z and leaves with E(z), by the law of
+restitution.  It comes to rest if E(z) is at most r and the base presses it, 1 + Gamma cos(2 pi x)
+> 0 with Gamma = pi alpha.  It lifts off, with speed 0, when the base begins to fall faster than
+gravity; for Gamma <= 1 it never does.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ from vibrosweep.model.arcsine import arcsin_turns
 from vibrosweep.model.parameters import Dimensionless
 
 _arcsin_turns = jit(arcsin_turns)
-TRIES = 20000.0  # passes after which the search for a landing is given up
-LARGEST_GAMMA = 1e9  # beyond it a slow particle meets the base more often than can be searched
-TINY = 1e-300  # of a speed: pushed into the base, however little
+TRIES = 20000.0  # passes after which the search for a landing is abandoned
+LARGEST_GAMMA = 1e9  # beyond it a slow particle meets the base too often for a search
+TINY = 1e-300  # modulus of a relative speed that points into the base
 
 
 class Moving(NamedTuple):
@@ -53,7 +53,7 @@ class Moving(NamedTuple):
 
     law: Law  # `Rest`, the only law of rebound with a meaning here
     restitution: Restitution = Constant()
-    # None where Gamma <= 1 in all realizations, so that no particle is ever lifted
+    # None if Gamma <= 1 in all realizations, so that no resting particle ever lifts off
     arcs: int | None = 1
     noise: Noise | None = None
     waveform: Sine = Sine()
@@ -68,8 +68,8 @@ class MovingConstants(NamedTuple):
     alpha: float
     r: float
     scale: float  # of speeds, in the law of restitution
-    # Phase at which the base begins to fall faster than gravity, and a resting particle leaves it;
-    # NaN where it never does
+    # Phase at which the base begins to fall faster than gravity and a resting particle lifts off;
+    # NaN if it never does
     x_lift: float
     # source, draw: noise of the realization, and of one impact
     source: Source
@@ -94,9 +94,9 @@ def constants_moving(base: Moving, problem: Dimensionless, i: int) -> MovingCons
 
 @implements(bases.fly, MovingConstants)
 def fly_moving(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
-    if not abs(x) <= 0.5:  # after a rest for good
+    if not abs(x) <= 0.5:  # NaN: the particle rests for good
         return np.nan, np.nan
-    if u == 0.0 and not abs(x) >= fixed.x_lift:  # on a base that presses
+    if u == 0.0 and not abs(x) >= fixed.x_lift:  # the base presses the particle
         return 0.0, 0.0
     begin = start(fixed.alpha, fixed.x_lift, x, u)
     arcs = fixed.base.arcs
@@ -194,8 +194,8 @@ def reverses_moving(fixed: MovingConstants, x: float, v: float) -> float:
 
 @implements(bases.contraction, MovingConstants)
 def contraction_moving(fixed: MovingConstants, v: float) -> float:
-    # the slope times the relative speed before the flight over that of arrival, which is the ratio
-    # of the restitution to the next
+    # slope times the relative speed of the lift-off before over that of arrival: along an orbit the
+    # product of these quotients equals the product of the restitutions
     law = fixed.base.restitution
     return slope(law, fixed.e, fixed.scale, v) * ratio(law, fixed.e, fixed.scale, v)
 

@@ -1,18 +1,18 @@
 """Bounds of the errors that an impact on the moving base adds.
 
-In the notation of `vibrosweep.kernels.bases.moving_jacobian`, with the bound Gamma of |G|, they are
-those of
+The notation is that of `vibrosweep.kernels.bases.moving_jacobian`; Gamma is a bound of |G|.  The
+errors have four sources:
 
-- s: however it was found, F is evaluated there, with a bound of its rounding.  |F''| <= 1 + Gamma,
-  so that F falls through zero within |F| / |F'| of s where |F| is small against F'^2: Kantorovich's
-  condition for Newton's iteration.  A graze fails it.
-- alpha: a few roundings of the kick, which count as an error of F and of z.
-- the remainder of the mean value theorem: how much the Jacobian changes within the error.  By
-  Bernstein's inequality |G'| <= 2 pi N Gamma, and so on, of N harmonics.
-- the choice of the root: steps in time, none of which passes a root of any of these states, end
-where F falls for good.
+- The duration s.  F is evaluated at s, with a bound of its rounding.  As |F''| <= 1 + Gamma, F has
+  a root within about |F| / |F'| of s if |F| is small against F'^2 (Kantorovich's condition for
+  Newton's iteration).  A graze fails this condition.
+- alpha, which has a few roundings of the kick; they count as errors of F and of z.
+- The nonlinear remainder: the change of the Jacobian within the error, by the mean value theorem.
+  For N harmonics |G'| <= 2 pi N Gamma by Bernstein's inequality, and so on for higher derivatives.
+- The choice of the root.  Steps in time that pass no root of any state within the error must reach
+  the interval in which F decreases to the root.
 
-The bound is infinite where a proof fails.
+The bound is infinite if a proof fails.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def _change(
 
 @jit
 def _start(fixed: Constants, flight: Flight, spread: StateError, last: float) -> float:
-    """Time until which no state in a spread has landed, at the beginning of a flight; or NaN."""
+    """Return a time before which no state in a spread lands, early in the flight; or NaN."""
     y = max(0.0, flight.u - spread.speed)
     least = 0.5 * y / (1.0 + limits(fixed, 1.0).steep)
     edge = spread.phase + error_bounds.liftoff_error(fixed).phase + 2.0 * HALF_ULP
@@ -154,7 +154,7 @@ def _lowest(fixed: Constants, flight: Flight, spread: StateError, t: float) -> t
 
 @jit
 def _above(fixed: Constants, flight: Flight, spread: StateError) -> tuple[bool, float, float]:
-    """Return whether all states land faster than the base moves, and when all are above it."""
+    """Return whether all states land faster than the base moves, and when all are above its top."""
     alpha, most, (dx, dy) = fixed.alpha * SURE, limits(fixed, SURE), spread
     u = flight.u + fixed.alpha * velocity(fixed.base.waveform, flight.x)
     u_off = dy + 2.0 * most.steep * dx + 8.0 * HALF_ULP * (abs(flight.u) + alpha)
@@ -203,7 +203,7 @@ def _is_first(fixed: Constants, flight: Flight, spread: StateError, last: float)
 
 @jit
 def _pressed(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
-    """Value of `landing_added` for a particle that lands at once, or may fly for a moment."""
+    """Return `landing_added` for a particle that lands at once, or after a very short flight."""
     dx, dy = spread
     if flight.u < -dy:
         return StateError(0.0, 0.0)
@@ -264,7 +264,7 @@ def _unless_turned(
     spread: StateError,
     error: float,
 ) -> float:
-    """Return the error, or infinity where it decides whether noise turns a lift-off back."""
+    """Return the error, or infinity if it decides whether noise reverses a rebound."""
     if random is None:
         return error
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)

@@ -1,7 +1,7 @@
-"""The moving base in the vector kernel: a pass takes one step in the flight of each lane.
+"""The moving base in the vector kernel: a pass makes one step of each lane's search.
 
-Many short loops: a processor computes several lanes at once where their chains of dependent
-operations are short enough to be under way together.
+The loops are many and short, because a processor works on several lanes at once only if their
+chains of dependent operations are short.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _near(base: Moving, s: Floats, lanes: int) -> None:
 
 @jit
 def _rough(base: Moving, s: Floats, lanes: int) -> None:
-    """Compute the clearance of each lane at that time, roughly."""
+    """Compute the clearance of each lane at the guessed time, to about five digits."""
     wide_vectors()
     for j in range(lanes):
         begin = _begun(bases.take(base, s, j), s, j)
@@ -130,7 +130,7 @@ def _look(base: Moving, s: Floats, lanes: int) -> None:
 
 @jit
 def _try(base: Moving, s: Floats, lanes: int) -> None:
-    """Judge the clearance: the landing of each lane, or the time to be tried next."""
+    """Find from the clearance the landing of each lane, or the time to be tried next."""
     wide_vectors()
     for j in range(lanes):
         clear = _cleared(s, j)
@@ -202,7 +202,7 @@ def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
     s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
     s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
     clear = s[ROW.CLEAR + j]
-    lost = (clear != clear) & (abs(s[ROW.X + j]) <= 0.5)  # not one at rest for good
+    lost = (clear != clear) & (abs(s[ROW.X + j]) <= 0.5)  # a particle at rest for good is not lost
     return bool((s[ROW.TRIES + j] >= TRIES) | lost)
 
 

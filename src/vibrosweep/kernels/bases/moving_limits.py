@@ -14,10 +14,9 @@ from vibrosweep.kernels.bases.shaped_search import at_phase, stretch
 from vibrosweep.kernels.sine import COSINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.shapes import TWO_PI
 
-# turns; a particle that leaves so near to the phase of lift-off counts as lifted
-SURE = 1.0 + 2.0**-30  # compared numbers are themselves rounded
-AT_LIFT_OFF = 2.0**-48
-UPWARDS = 1.0 + 2.0**-30  # extremes of a shape are themselves rounded
+SURE = 1.0 + 2.0**-30  # factor for the rounding of compared numbers
+AT_LIFT_OFF = 2.0**-48  # turns; so near to the phase of lift-off the base counts as falling
+UPWARDS = 1.0 + 2.0**-30  # factor for the rounding of extremes of a shape
 
 
 class Limits(NamedTuple):
@@ -35,7 +34,7 @@ class Limits(NamedTuple):
 
 @generic
 def limits(fixed: Constants, slack: float) -> Limits:
-    """Bounds for an alpha that is larger by a factor."""
+    """Bounds for alpha times the factor `slack`."""
 
 
 class Bends(NamedTuple):
@@ -61,10 +60,10 @@ def keeps_pressing(fixed: Constants, x: float, pull: float, error: float) -> boo
 
 @generic
 def below_top(fixed: Constants, x: float, dx: float, slack: float) -> float:
-    """Bound of how far phases within dx of x are below the top of the base.
+    """Bound of the depth below the top of the base at phases within dx of x.
 
-    As pi^2 times the square of the speed that a particle needs from there to reach it; alpha is
-    larger by a factor.
+    The depth is given as pi^2 times the square of the speed with which a particle just reaches the
+    top; alpha is enlarged by the factor `slack`.
     """
 
 

@@ -1,7 +1,7 @@
-"""Parabolic motion of a base on a mount that its drive forces, from one corner to the next.
+"""Forced parabolic motion of a base on a mount, from one corner of its velocity to the next.
 
-The acceleration Yf'' of the bare base is 4 alpha or -4 alpha, and a load hangs (mass - 1) Yf'' /
-w^2 below it.
+The acceleration Yf'' of the bare base is 4 alpha or -4 alpha; under a load the base oscillates
+about a level that is (mass - 1) Yf'' / w^2 lower.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The base that moves with the velocity alpha w(x), w a sum of harmonics, alpha = a / (1 + e).
 
-Speeds are relative to it: a particle arrives with z and leaves with e z.  It comes to rest where e
-z is at most r and the base presses it, 1 + G > 0 with G = alpha w'(x) / 2, and is lifted, with
-speed 0, at the next phase where 1 + G falls through 0, of several in a period.
+Speeds are relative to the base: a particle arrives with z and leaves with E(z), by the law of
+restitution.  It comes to rest if E(z) is at most r and the base presses it, 1 + G > 0 with
+G = alpha w'(x) / 2.  It lifts off, with speed 0, at the next phase at which 1 + G falls through 0;
+a period may have several.
 """
 
 from __future__ import annotations
@@ -105,10 +106,10 @@ def begin_at(x: float, y: float) -> Begin:
 
 @implements(bases.fly, ShapedConstants)
 def fly_shaped(fixed: ShapedConstants, x: float, u: float) -> tuple[float, float]:
-    if not abs(x) <= 0.5:  # after a rest for good
+    if not abs(x) <= 0.5:  # NaN: the particle rests for good
         return np.nan, np.nan
     known = search(fixed)
-    if u == 0.0 and stretch(known, x)[0]:  # on a base that presses
+    if u == 0.0 and stretch(known, x)[0]:  # the base presses the particle
         return 0.0, 0.0
     begin = begin_at(x, u)
     guess = first_guess(known, begin)

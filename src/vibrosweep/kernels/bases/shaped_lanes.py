@@ -1,6 +1,6 @@
-"""The base of harmonics in the vector kernel: a pass looks once at the flight of each lane.
+"""The base of harmonics in the vector kernel: a pass makes one step of each lane's search.
 
-The loops are short, as in `moving_lanes`.  Rows hold the same as there, or what `Rows` names.
+The loops are short, as in `moving_lanes`.  Rows are used as there, except for those of `Rows`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__: list[str] = []
 
 
 class Rows(NamedTuple):
-    """Rows that hold something other than over the base that moves as a sine."""
+    """Rows whose use differs from that over the base that moves as a sine."""
 
     F2: int
     F3: int
@@ -129,7 +129,7 @@ def _look(base: Shaped, s: Floats, lanes: int) -> None:
 
 @jit
 def _try(base: Shaped, s: Floats, lanes: int) -> None:
-    """Judge the clearance: the landing of each lane, or the time to be tried next."""
+    """Find from the clearance the landing of each lane, or the time to be tried next."""
     wide_vectors()
     for j in range(lanes):
         clear = Clear(

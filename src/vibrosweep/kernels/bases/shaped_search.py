@@ -6,12 +6,12 @@ the phase of the lift-off: after s periods, of which d are past the last whole o
     F(s) = s (y - s) / 2 - (alpha / 2) (sum (v_h C_h - u_h D_h) / (2 pi h) - (s - d) sum u_h),
     C_h = 1 - cos(2 pi h d),  D_h = 2 pi h d - sin(2 pi h d),
 
-in which no term is a difference of nearly equal numbers.  Nor is any in the recurrences from one
-harmonic to the next, C_(h+1) - C_h = C_h - C_(h-1) + 2 C_1 cos(2 pi h d), and the same of D with
-the sine.  With the acceleration G = alpha w' / 2 of the base in units of gravity F is concave while
-1 + G > 0, where the base presses, and convex elsewhere: in several stretches of a period, whose
-ends are known.  A flight has one root for sure where the base never falls faster than gravity, or
-where it comes down to the highest level of the base faster than the base ever moves.
+in which no term is a difference of nearly equal numbers.  The same holds for the recurrences from
+one harmonic to the next, C_(h+1) - C_h = C_h - C_(h-1) + 2 C_1 cos(2 pi h d), and for D with the
+sine.  G = alpha w' / 2 is the acceleration of the base in units of gravity.  F is concave while
+1 + G > 0, where the base presses, and convex elsewhere; a period has several such stretches, whose
+ends are known.  F certainly has a single root if the base never falls faster than gravity, or if
+the particle falls to the top level of the base faster than the base ever moves.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ class Begin(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """A landing as far as it is known from the beginning of the flight alone."""
+    """A guess of the landing, from the beginning of the flight alone."""
 
-    sure: bool  # True if the flight has one root for sure
-    time: float  # a time near it
+    sure: bool  # True if the clearance certainly has a single root
+    time: float  # a time near the landing
     # rise, u: it is above every height of the base from time `rise` until time `u - rise`; u is its
     # absolute speed, which is the duration of its flight over a base at rest
     rise: float
@@ -164,7 +164,7 @@ def turn(s: float) -> tuple[float, float, float]:
 
 @jit
 def rough_turn(s: float) -> tuple[float, float, float]:
-    """Return the same to about five digits."""
+    """Return the functions of `turn` to about five digits."""
     part = s - np.rint(s)
     lag, c = rough_lag_and_versine(part)
     return fma(TWO_PI, part, -lag), lag, c
@@ -218,9 +218,9 @@ def first_try(fixed: Fixed, begin: Begin, sure: bool, s: float, rough: Clear) ->
 def _across(
     fixed: Fixed, begin: Begin, guess: Guess, s: float, clear: Clear, newton: float, step: float
 ) -> float:
-    """Time to be tried next after s, where the base may fall faster than gravity.
+    """Return the time to be tried after s, if the base may fall faster than gravity.
 
-    The clearance at s is positive, and so it is before s.
+    The clearance is positive at s and before.
     """
     f1, f2 = clear.f1, clear.f2
     nears = f1 < 0.0

@@ -6,13 +6,13 @@ being the mass of one in units of that of the base, its height Y obeys
 
     (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f:
 
-a motion that the drive forces (`drives`), the sag under the load, and a free oscillation D, which
-impacts excite.  Every impact pushes the base down.
+a forced motion (`drives`), the sag under the load, and a free oscillation D, which impacts excite.
+Every impact pushes the base down.
 
-An overdamped mount does not swing: D decays with a slow and a fast rate.  What decays fast soon
-leaves D' = -slow D, from which the acceleration would be a small difference of large terms: at a
-damping ratio of 1000 six digits were lost.  So the state is D and B = D' + slow D, which decays
-with the fast rate alone.  Of a mount that swings, slow is 0 and B the velocity D'.
+An overdamped mount does not swing: D decays with a slow and a fast rate.  Once the fast part has
+decayed, D' = -slow D, and the acceleration would be a small difference of large terms: at a damping
+ratio of 1000 six digits would be lost.  The state is therefore D and B = D' + slow D, which decays
+with the fast rate alone.  For a mount that swings, slow is 0 and B is the velocity D'.
 """
 
 from __future__ import annotations
@@ -78,7 +78,9 @@ class Load(NamedTuple):
     drag: float
     drive: Drive  # the forced motion
     level: float  # height about which it oscillates
-    keeps: float  # time for which a push down holds the base down: half a free oscillation
+    # Time after a push down during which the base is nowhere higher than without it: half a free
+    # oscillation
+    keeps: float
     swing: float  # radians of the free oscillation per period; 0 where it is overdamped
     # slow, fast: rates of decay of an overdamped one, else 0
     slow: float

@@ -132,7 +132,7 @@ def count_landing(
 
 @jit
 def judge(first: int, particles: int, status: int, each: Statistics) -> None:
-    """Write the status of all particles, which are coupled: that of the worst."""
+    """Write the worst status of the particles for all of them, because they are coupled."""
     for t in range(first, first + particles):
         if not np.isfinite(flight_sums(each.kinds, each.totals, t)):
             status = NON_FINITE

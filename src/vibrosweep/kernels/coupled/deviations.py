@@ -1,10 +1,11 @@
-"""Neighbours of the joint state of all particles and a base of finite mass, to first order.
+"""Small deviations from the joint state of all particles and a base of finite mass.
 
-A deviation has the rows height of each particle, velocity of each, height and velocity of the base.
-Between impacts it follows the linear flow.  At an impact it is changed by the saltation matrix
-(Aizerman & Gantmakher 1958): the impact comes earlier by (dy - dY) / c, c the speed of approach.
-Particles that ride have the deviation of the base; where all leave it together, accelerations are
-continuous and nothing is added, nor at a corner of the drive, whose time does not deviate.
+The rows of a deviation are the height of each particle, the velocity of each particle, and height
+and velocity of the base.  Between impacts it follows the linear flow.  An impact changes it by the
+saltation matrix (Aizerman & Gantmakher 1958): the impact is delayed by (dy - dY) / c, where c is
+the speed of approach.  Riders have the deviation of the base.  When all riders lift off together,
+accelerations are continuous and the deviation does not change; neither does it at a corner of the
+drive, whose time does not deviate.
 """
 
 from __future__ import annotations

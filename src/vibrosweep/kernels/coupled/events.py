@@ -1,10 +1,10 @@
 """Events on a base of finite mass: launches, impacts, and the lift-off of riders.
 
-A particle sticks where its relative rebound speed is at most r and the base presses it, with the
-common velocity that momentum gives.  Riders leave together where the base begins to fall faster
-than gravity, which does not depend on their number.  An impact of another particle is one with the
-base alone, as nothing pulls riders down with it: they keep their velocity and fly, unless their
-speed above the base would be at most r; then they take part as one body with the base.
+A particle sticks if its relative rebound speed is at most r and the base presses it; both then have
+the common velocity that momentum gives.  Riders lift off together when the base begins to fall
+faster than gravity, which does not depend on their number.  Another particle collides with the base
+alone, because nothing pulls riders down: they keep their velocity and fly.  If their speed relative
+to the base would be at most r, however, they take part in the impact as one body with the base.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from vibrosweep.kernels.coupled.state import (
 from vibrosweep.kernels.noise import draw_of, slipped, thrown
 from vibrosweep.kernels.restitution import ratio
 
-TRIES = 20000  # times that particles are looked at before the next event is given up
-SLACK = 1.25  # of the height that bounds the base, so that it is seldom exceeded
+TRIES = 20000  # steps after which the search for the next event is abandoned
+SLACK = 1.25  # factor of the bound of the height of the base, so that it is seldom exceeded
 
 
 @part
 def next_event(
     state: System, fixed: Mount, load: Load, launch_speed: float, until: float
 ) -> tuple[Event, Load]:
-    """Go on to the next event within the time `until` from now, and let it happen.
+    """Advance to the next event within the time `until` from now, and carry it out.
 
-    If there is none, only the bounds of the times to come change.  Returns the event and the load
-    of the base after it.
+    Without an event, only bounds of future times change.  Returns the event and the load of the
+    base after it.
     """
     limit = bounds(load, state.now[NOW.D], state.now[NOW.B])
     first, corner = earliest(state), until_corner(load.drive, state.now[NOW.X])
@@ -83,7 +83,7 @@ def next_event(
 
 @part
 def _turn(state: System, fixed: Mount, load: Load, t: float) -> tuple[Event, Load]:
-    """Let the drive pass the corner after the time t, and look at all flights again."""
+    """Let the drive pass the corner after the time t, and renew the bounds of all flights."""
     side = side_of(load.drive)
     let_pass(state, load, t)
     state.now[NOW.X] = math.copysign(0.25, side)  # but for rounding
@@ -119,9 +119,9 @@ def _wait(state: System, load: Load, w: float) -> float:
 
 @part
 def _expect(state: System, load: Load, kick: float, same: bool) -> None:
-    """Correct speeds and times to come of particles after the base has lost the speed `kick`.
+    """Correct speeds and bounds of future times of particles after the base has lost `kick`.
 
-    `same` says that its load has not changed.
+    `same` is True if the load of the base has not changed.
     """
     particle, now = state.particle, state.now
     height = bounds(load, now[NOW.D], now[NOW.B]).height
@@ -214,7 +214,7 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
         _expect(state, after, kick, False)
         return Event(EVENT.STICK, who, t, c, False), after
     alone = recoil_from(fixed.noise, fixed, 0, c, w)
-    # nothing pulls riders down with the base; they stay on it below the threshold of rest
+    # nothing pulls riders down with the base; they ride on only below the threshold of rest
     dropped = load.riders > 0 and alone > fixed.r
     kick = alone if dropped else recoil_from(fixed.noise, fixed, load.riders, c, w)
     _push(state, kick)

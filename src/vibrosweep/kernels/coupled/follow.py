@@ -64,9 +64,9 @@ from vibrosweep.model.status import Status
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 NON_FINITE = int(Status.NON_FINITE)
-AFTER_THE_END = 100_000  # events within which flights that count have to land
-# Periods after the end up to which a lift-off is waited for: a base without particles that lifts
-# what rests on it does so within one
+AFTER_THE_END = 100_000  # events after the end within which counted flights must land
+# Periods after the end within which the lift-off of resting particles is awaited: if the base lifts
+# them without further impacts, it does so within one period
 PATIENCE = 1.0
 SAME_INSTANT = 2.0**-50  # periods; two sums of the same time and phase differ by less
 
@@ -116,7 +116,7 @@ def _listed(state: System, event: Event, begin: Instant, least: float) -> Listed
 def _launched_at_the_end(
     work: Work, load: Load, left: float, launch_speed: float, first: int, launch_height: Floats
 ) -> None:
-    """Count launches at the very end, which is `left` from now and rounding puts after it."""
+    """Count launches at the end, `left` from now, which rounding puts slightly after it."""
     state = work.state
     motion = motion_after(state, load, left)
     height = state.now[NOW.HEIGHT] + state.now[NOW.SPEED] * left + motion.rise
@@ -186,7 +186,7 @@ def _any(flags: Integers) -> bool:
 
 @jit
 def _horizon(work: Work, until: float, past: bool) -> float:
-    """Return how far to look for the next event; minus infinity where none counts any more."""
+    """Return the time within which the next event is searched for; minus infinity for none."""
     if not past:
         return until
     if _any(work.flies):
@@ -206,8 +206,8 @@ def _resting(
 ) -> None:
     """Note which particles rest for good at the end, which is `left` periods from now.
 
-    They do once the energy of the free oscillation is too small for the base ever to fall faster
-    than gravity: all particles together, or each by itself where none moves the base.
+    They do if the energy of the free oscillation is too small for the base ever to fall faster than
+    gravity.  If particles move the base, all of them must rest.
     """
     motion = motion_after(work.state, load, left)
     # the corners of a drive keep exciting a base under a load
@@ -232,10 +232,10 @@ def follow(
 ) -> int:
     """Follow realizations first ... last - 1 to the end of their windows.
 
-    They are followed further until flights that count have ended, and particles at rest at the end
-    have left the base or have rested for another `PATIENCE`.  A particle may land `budget` times;
-    `work` is not shared between threads, and only the slots of these realizations are written.
-    Returns `last`, or the realization that is to be begun again with a larger `work`.
+    They are followed further until counted flights have ended, and until particles at rest at the
+    end have left the base or have rested for another `PATIENCE`.  A particle may land `budget`
+    times; `work` is not shared between threads, and only the slots of these realizations are
+    written.  Returns `last`, or the realization that must be repeated with a larger `work`.
     """
     problem, mounts, launches = batch
     each, sums, launch_height, observer = statistics
@@ -299,5 +299,5 @@ def follow(
     return last
 
 
-# Machine code for a function that exists in this process alone is not kept on disk.
+# Machine code for a function that only this process has is not kept on disk
 follow_uncached = uncached(follow)

@@ -1,18 +1,19 @@
-"""Particles that meet one base of finite mass, event by event.
+"""Search for the next landing on a base of finite mass.
 
-Every impact moves the base and so every landing to come.  For each particle a time is kept before
-which it cannot land, and only the particle whose time is earliest is looked at:
+Every impact moves the base and so changes all later landings.  For each particle a lower bound of
+the time of its landing is kept, and only the particle with the earliest bound is examined:
 
-- The step (F' + sqrt(F'^2 + 2 K F)) / K from a clearance F passes no root, as F'' >= -K with a
+- The step (F' + sqrt(F'^2 + 2 K F)) / K from a clearance F passes no root, because F'' >= -K with a
   bound K from the energy of the free oscillation, which does not grow between impacts.
-- An impact pushes the base down.  Until half a free oscillation later the base is nowhere higher
-  than it would have been, so that a time found before the impact still holds.
-- The base stays below a height that follows from its energy.  A time before which a particle is
-  above that height holds until the energy exceeds what was assumed, whatever other particles do.
+- An impact pushes the base down.  For half a free oscillation the base is nowhere higher than it
+  would have been, so that a bound found before the impact remains valid.
+- The base stays below a height that follows from its energy.  A bound from the time at which a
+  particle falls to that height remains valid, whatever other particles do, until the energy exceeds
+  the assumed one.
 
-Where F' < 0 and 4 K F <= F'^2 the next root is the only one within reach, and Newton's iteration
-with the next two derivatives finds it, or with the next alone while a recoil that decays at once
-makes the cubic useless.
+If F' < 0 and 4 K F <= F'^2, the next root is unique within the step, and Newton's iteration with
+the next two derivatives finds it; with only one of them while a recoil that decays at once makes
+the cubic useless.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, motion_after
 NEAR = 2.0**-50  # relative error that ends Newton's iteration
 ROUNDING = 2.0**-40  # of speeds and clearances: a decision by less may be one of rounding
 
-STEPS = 50  # towards a lift-off between two looks at the particles
+STEPS = 50  # of the search for a lift-off before particles are examined again
 
 
 @jit

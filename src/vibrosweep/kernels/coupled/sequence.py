@@ -1,4 +1,4 @@
-"""Order of the landings on a base of finite mass, which come in the order of time."""
+"""Order of the landings on a base of finite mass, which are found in the order of time."""
 
 from __future__ import annotations
 
@@ -86,20 +86,20 @@ def _displaced(memory: Landings, mine: int) -> bool:
 def lacks_memory(memory: Landings, who: int, seen: bool) -> bool:
     """Return whether the next landing of particle `who` needs more memory.
 
-    Results do not depend on how much there is: what `MOST_INDICES` cannot hold is unknown, whatever
-    memory the realization was begun with.
+    Results do not depend on the memory at first: it grows up to `MOST_INDICES`, beyond which the
+    separation is undetermined.
     """
     return seen and memory.number.size < MOST_INDICES and _displaced(memory, memory.total[who] + 1)
 
 
 @jit
 def _numbered(memory: Landings, landing: Listed, mine: int, gap: float) -> float:
-    """Compare landing number `mine` of a particle with the one of that number before it.
+    """Compare landing number `mine` of a particle with the previous landing of that number.
 
-    Returns the smallest separation so far; NaN, from then on, where one is no longer remembered.
-    Particles that are independent go through their landings number by number
-    (`vibrosweep.kernels.same_index`), which needs no memory of other numbers; coupled ones land in
-    the order of time, so that a number waits until all have had it.
+    Returns the smallest separation so far; NaN, from then on, if a landing is no longer remembered.
+    Independent particles are followed number by number (`vibrosweep.kernels.same_index`), which
+    needs no memory of other numbers.  Coupled particles land in the order of time, so that a number
+    is remembered until all particles have had it.
     """
     place, numbered = mine % memory.number.size, memory.numbered
     if memory.number[place] == mine:
@@ -138,7 +138,7 @@ def _occupants(memory: Landings, begin: Instant) -> tuple[Listed, int]:
 
 @jit
 def close(memory: Landings, order: Order, begin: Instant) -> Order:
-    """Return the order at the end: without a landing in the window two may have shared the base."""
+    """Return the order at the end of the window, occupants of the base without landing included."""
     gap, same, shared, who, number, seen, changes, gaps = order
     if not seen:
         _, shared = _occupants(memory, begin)

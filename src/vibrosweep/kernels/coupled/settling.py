@@ -1,11 +1,11 @@
-"""Orbit that the joint state of all particles and their base settles on, and how it spreads.
+"""The orbit on which the joint state of all particles and their base settles, and its exponent.
 
-The state recurs where all of it returns bit for bit, apart from whole periods; compared at landings
-with a kept state that is renewed after 1, 2, 4, ... landings (Brent 1980).  Every landing advances
-the states of all particles, with a rounding, so that the bits of an orbit that repeats after one
-period may repeat after three only: where the cycle is a whole number of rounds between which states
-differ by rounding only, the cycle is one such round.  Particles that move as one land in any order:
-no state is kept between their landings.
+The state recurs when all of it returns bit for bit, apart from whole periods.  At landings it is
+compared with a stored state, which is renewed after 1, 2, 4, ... landings (Brent 1980).  Every
+landing advances the states of all particles, with rounding, so that the bits of an orbit of one
+period may return only after three.  A cycle that consists of several rounds which differ by
+rounding only is therefore reported as one such round.  Particles that move as one land in any
+order: no state is stored between their landings.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
     nothing = Round(0, 0, 0)
     first = nothing
     _keep(state, kept)
-    while landed <= budget:  # after its last landing in the budget it may come to rest for good
+    while landed <= budget:  # one event more may show that all rest for good
         until = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
         event, load = follow_event(
             state, fixed, load, problem.launch_flight[i], until, rode, deviation
@@ -285,14 +285,14 @@ def carry(
     rode: Integers,
     deviations: Floats,
 ) -> int:
-    """Carry a state, and deviations from it, on for some forcing periods.
+    """Advance a state, and deviations from it, by some forcing periods.
 
-    Returns the number of landings, -1 where the search for one was given up.  In the state all
-    particles fly; it holds heights and speeds above the base, the phase, the deviation of the base
-    from its forced oscillation and, in the place of `NOW.B`, the velocity of that deviation, before
-    and after; no bounds of times to come.  `rode` is scratch memory, a number for each particle.
-    Deviations, of shape (2 * particle + 2, column), are heights and velocities of the particles,
-    height and velocity of the base.
+    Returns the number of landings, or -1 if the search for one was abandoned.  All particles of the
+    state fly.  Before and after, the state holds heights and speeds relative to the base, the
+    phase, the deviation of the base from its forced oscillation and, at `NOW.B`, the velocity of
+    that deviation.  `rode` is scratch memory, a number for each particle.  Deviations have shape
+    (2 * particle + 2, column): heights and velocities of the particles, height and velocity of the
+    base.
     """
     fixed, now = mount(problem, mounts, i), state.now
     load = loaded(fixed, 0, side_at(fixed.waveform, now[NOW.X]))

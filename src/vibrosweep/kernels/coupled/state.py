@@ -30,8 +30,8 @@ class Particle(NamedTuple):
 
     HEIGHT: int  # above the base
     SPEED: int  # relative to it
-    SAFE: int  # time from now before which it does not land, or is not launched; inf of a rider
-    ABOVE: int  # time from now for which it is above every height of the base
+    SAFE: int  # lower bound of the time from now to its landing or launch; infinite for a rider
+    ABOVE: int  # time from now at which it falls to the greatest height of the base
     SCALE: int  # speed relative to the base at its lift-off
     N: int  # whole periods and phase of its launch, then of its last lift-off
     X: int
@@ -49,10 +49,10 @@ class Now(NamedTuple):
     B: int  # its velocity beyond that of slow decay
     HEIGHT: int  # of the base, and its velocity
     SPEED: int
-    HIGHEST: int  # height above which the base is taken not to come
-    LIFT: int  # time from now before which the base does not drop its riders
-    WAITING: int  # particles not launched yet
-    UNDECIDED: int  # decisions that rounding may have made
+    HIGHEST: int  # upper bound of the height of the base
+    LIFT: int  # lower bound of the time from now to the lift-off of the riders
+    WAITING: int  # number of particles not launched yet
+    UNDECIDED: int  # number of decisions that rounding may have changed
 
 
 class Mode(NamedTuple):
@@ -66,9 +66,9 @@ class Mode(NamedTuple):
 class Kinds(NamedTuple):
     """Kinds of events."""
 
-    NONE: int  # none up to the given time
-    FINISHED: int  # none ever: all rest for good
-    LOST: int  # the search was given up
+    NONE: int  # no event up to the given time
+    FINISHED: int  # no event ever: all particles rest for good
+    LOST: int  # the search was abandoned
     LAUNCH: int
     BOUNCE: int
     STICK: int
@@ -111,7 +111,7 @@ def system(particles: int) -> System:
 
 @part
 def begin(state: System, fixed: Mount, problem: Dimensionless, launches: Launches, i: int) -> Load:
-    """Put realization i before its first launch; counts of periods are relative to the end.
+    """Set realization i to its first launch; whole periods count from the end of the window.
 
     Returns the base without riders.
     """
@@ -208,7 +208,7 @@ def since_now(state: System, j: int) -> float:
 
 @part
 def under(state: System, fixed: Mount, count: int, side: float) -> Load:
-    """Change load or side: the same height and velocity of the base are another deviation."""
+    """Change the load or the side; height and velocity of the base stay, the deviation changes."""
     changed, now = loaded(fixed, count, side), state.now
     forced = place(changed.drive, phase_now(state))
     now[NOW.D] = now[NOW.HEIGHT] - (forced.height + changed.level)
