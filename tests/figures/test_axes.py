@@ -36,11 +36,12 @@ def drawings(sweep, twenty):
 
 
 def test_what_is_given_is_drawn_on_and_returned(drawings):
-    figure, every = pyplot.subplots(2, 2)
-    for (name, dataset), axes in zip(drawings.items(), every.ravel(), strict=True):
+    before = pyplot.get_fignums()
+    figure, panels = pyplot.subplots(2, 2)
+    for (name, dataset), axes in zip(drawings.items(), panels.ravel(), strict=True):
         assert getattr(figures, name)(dataset, ax=axes) is axes
         assert axes.has_data()
-    assert pyplot.get_fignums() == [figure.number]
+    assert pyplot.get_fignums() == [*before, figure.number]
     figure.canvas.draw()
     left, right = pyplot.subplots(1, 2)[1]
     assert list(figures.sobol_bars(INDICES, ax=[left, right])) == [left, right]
