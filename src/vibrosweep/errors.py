@@ -92,7 +92,7 @@ class TakenOutputError(OutputError):
 
 
 class DataError(VibrosweepError, ValueError):
-    """A result file cannot be read, or lacks a variable that was asked of it."""
+    """A result file cannot be read, or lacks a requested variable."""
 
 
 class RunError(VibrosweepError, RuntimeError):

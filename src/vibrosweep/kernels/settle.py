@@ -236,7 +236,7 @@ def settle(
     first: int,
     last: int,
     batch: Batch,
-    each: Statistics,
+    statistics: Statistics,
     cycles: Cycles,
     search: Search,
     g: Floats,
@@ -255,7 +255,7 @@ def settle(
         i = t // particles
         fixed = constants(base, problem, i)
         _write_nothing(t, out)
-        at_rest = each.at_rest[t] > 0
+        at_rest = statistics.at_rest[t] > 0
         recurs = cycles[CYCLE.IMPACTS, t] > 0.0 and not at_rest
         if recurs and cycles[CYCLE.RESTS, t] == 0.0:
             x, u = cycles[CYCLE.PHASE, t], cycles[CYCLE.FLIGHT, t]
@@ -275,8 +275,10 @@ def settle(
         end = Instant(problem.end_count[i], problem.end_phase[i])
         if exponents == 0:
             # statistics do not count rests before the window
-            rests_again = recurs or each.totals[RESTS, t] > 1.0 or begin.whole - n > x - begin.phase
-            if at_rest or not (rests_again or each.totals[LANDINGS, t] >= FIRST_ANCHOR):
+            rests_again = (
+                recurs or statistics.totals[RESTS, t] > 1.0 or begin.whole - n > x - begin.phase
+            )
+            if at_rest or not (rests_again or statistics.totals[LANDINGS, t] >= FIRST_ANCHOR):
                 continue
         launched, particle = State(n, x, launch_speed(fixed, problem, i, x)), t % particles
         state, rests, area, slack = _follow(fixed, launched, particle, begin, end, budget, g)

@@ -260,7 +260,7 @@ def flight_sums(kinds: Kinds, totals: Floats, t: int) -> Iterator[str]:
 
 @_composed
 def add_up(
-    kinds: Kinds, i: int, particles: int, each: Statistics, out: Statistics
+    kinds: Kinds, i: int, particles: int, trajectories: Statistics, out: Statistics
 ) -> Iterator[str]:
     """Combine the particles of realization i, always in the same order.
 
@@ -271,16 +271,19 @@ def add_up(
     yield from (f"v{k} = {START[one.combine]}" for k, one in enumerate(kinds))
     yield "for t in range(i * particles, (i + 1) * particles):"
     for k, one in enumerate(kinds):
-        yield f"    v{k} = {one.joined(f'v{k}', f'each.totals[{k}, t]')}"
-    yield "    at_rest += each.at_rest[t]"
-    yield "    status, least = max(status, each.status[t]), min(least, each.status[t])"
+        yield f"    v{k} = {one.joined(f'v{k}', f'trajectories.totals[{k}, t]')}"
+    yield "    at_rest += trajectories.at_rest[t]"
+    yield "    code = trajectories.status[t]"
+    yield "    status, least = max(status, code), min(least, code)"
     yield from (f"out.totals[{k}, i] = v{k}" for k in range(len(kinds)))
     yield "out.at_rest[i] = at_rest"
     yield "out.status[i] = status if least >= 0 else least"
 
 
 @uncounted
-def combine(first: int, last: int, particles: int, each: Statistics, out: Statistics) -> None:
+def combine(
+    first: int, last: int, particles: int, trajectories: Statistics, out: Statistics
+) -> None:
     """Combine the particles of realizations first ... last - 1."""
     for i in range(first, last):
-        add_up(out.kinds, i, particles, each, out)
+        add_up(out.kinds, i, particles, trajectories, out)

@@ -32,7 +32,7 @@ NO_VARIABLE: Final = "This is a netCDF dimension but not a netCDF variable.%10d"
 
 
 class Contents(NamedTuple):
-    """What a file that this process has written holds, except the values."""
+    """Contents of a file that this process has written, without the values."""
 
     # dims, shape, type and attributes of each array
     arrays: Mapping[str, tuple[tuple[str, ...], tuple[int, ...], np.dtype[Any], Attributes]]

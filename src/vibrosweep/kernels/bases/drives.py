@@ -179,7 +179,7 @@ def place_oscillation(drive: Oscillation, at: Phase) -> Place:
 
 @implements(forcing, Oscillation)
 def forcing_oscillation(drive: Oscillation, at: Phase, stiffness: float, drag: float) -> float:
-    """As over the base without riders, where q is 0."""
+    """Return the forcing of the base without riders, for which q is 0."""
     driven = (stiffness - TWO_PI**2) * at.cosine
     driven -= 2.0 * drag * TWO_PI * at.sine
     return drive.p * driven

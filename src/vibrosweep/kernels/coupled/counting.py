@@ -33,9 +33,9 @@ def empty_coupled(
     realizations: int, particles: int, kinds: Kinds, observer: Observer | None
 ) -> CoupledStatistics:
     """Allocate the statistics of a batch."""
-    each = empty_statistics(realizations * particles, kinds)
+    by_particle = empty_statistics(realizations * particles, kinds)
     sums = empty_sums(realizations, kinds)
-    return CoupledStatistics(each, sums, unwritten(each.status.size), observer)
+    return CoupledStatistics(by_particle, sums, unwritten(by_particle.status.size), observer)
 
 
 class Work(NamedTuple):
@@ -68,14 +68,18 @@ def more_numbers(work: Work) -> Work:
 
 @part
 def begin_statistics(
-    work: Work, first: int, each: Statistics, launch_height: Floats, observer: Observer | None
+    work: Work,
+    first: int,
+    by_particle: Statistics,
+    launch_height: Floats,
+    observer: Observer | None,
 ) -> None:
     """Begin with no landings of the particles in the places from `first` on."""
     for j in range(work.counts.size):
         t = first + j
         work.counts[j] = work.flies[j] = work.rides[j] = 0
-        forget(each.kinds, each.totals, t)
-        each.at_rest[t] = 0
+        forget(by_particle.kinds, by_particle.totals, t)
+        by_particle.at_rest[t] = 0
         launch_height[t] = -np.inf
         if observer is not None:
             observer.totals[t] = observer.initial
@@ -113,28 +117,28 @@ def take_off(work: Work, j: int) -> None:
 
 @part
 def count_landing(
-    work: Work, event: Event, seen: bool, t: int, each: Statistics, observer: Observer | None
+    work: Work, event: Event, seen: bool, t: int, by_particle: Statistics, observer: Observer | None
 ) -> None:
     """Count a landing in place t, where it is seen, and the flight that ends with it."""
     j, sticks = event.who, event.kind == EVENT.STICK
     time = _flight_time(work, j)
     if work.flies[j] == 1:
-        add_flight(each.kinds, each.totals, t, Counted(time, work.lifted[2, j], 1.0))
+        add_flight(by_particle.kinds, by_particle.totals, t, Counted(time, work.lifted[2, j], 1.0))
         work.flies[j] = 0
     work.counts[j] = 1 if seen else 0
     if seen:
         speed = 0.0 if sticks else work.state.particle[PARTICLE.SPEED, j]
         landing = Landing(work.state.now[NOW.X], time, event.speed, speed, sticks)
-        add_landing(each.kinds, each.totals, t, landing)
+        add_landing(by_particle.kinds, by_particle.totals, t, landing)
         if observer is not None:
             observer.function(observer.totals[t], landing)
 
 
 @jit
-def judge(first: int, particles: int, status: int, each: Statistics) -> None:
+def judge(first: int, particles: int, status: int, by_particle: Statistics) -> None:
     """Write the worst status of the particles for all of them, because they are coupled."""
     for t in range(first, first + particles):
-        if not np.isfinite(flight_sums(each.kinds, each.totals, t)):
+        if not np.isfinite(flight_sums(by_particle.kinds, by_particle.totals, t)):
             status = NON_FINITE
     for t in range(first, first + particles):
-        each.status[t] = status
+        by_particle.status[t] = status

@@ -202,7 +202,7 @@ def _scale(problem: Dimensionless, units: Units, i: int) -> Scale:
 
 @part
 def _resting(
-    work: Work, load: Load, weighs: bool, first: int, left: float, each: Statistics
+    work: Work, load: Load, weighs: bool, first: int, left: float, found: Statistics
 ) -> None:
     """Note which particles rest for good at the end, which is `left` periods from now.
 
@@ -215,7 +215,7 @@ def _resting(
     stays = calm and bounds(load, motion.d, motion.b).pull <= 2.0
     if stays and (load.riders == work.rides.size or not weighs):
         for j in range(work.rides.size):
-            each.at_rest[first + j] = work.rides[j]
+            found.at_rest[first + j] = work.rides[j]
             work.rides[j] = 0  # no lift-off is waited for
 
 
@@ -238,12 +238,12 @@ def follow(
     written.  Returns `last`, or the realization that must be repeated with a larger `work`.
     """
     problem, mounts, launches = batch
-    each, sums, launch_height, observer = statistics
+    found, sums, launch_height, observer = statistics
     state, memory, particles = work.state, work.landings, work.counts.size
     for i in range(first, last):
         fixed, place = mount(problem, mounts, i), i * particles
         load = begin(state, fixed, problem, launches, i)
-        begin_statistics(work, place, each, launch_height, observer)
+        begin_statistics(work, place, found, launch_height, observer)
         no_landings(written.record, place, place + particles)
         order = clear(memory)
         opening = Instant(problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
@@ -265,7 +265,7 @@ def follow(
                 left, past = max(until, 0.0), True
                 order = close(memory, order, opening)
                 _launched_at_the_end(work, load, left, speed, place, launch_height)
-                _resting(work, load, fixed.mu > 0.0, place, left, each)
+                _resting(work, load, fixed.mu > 0.0, place, left, found)
                 continue
             left = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
             if event.kind == EVENT.LAUNCH:
@@ -280,7 +280,7 @@ def follow(
                     break
                 if not past and lacks_memory(memory, event.who, seen):
                     return i
-                count_landing(work, event, seen and not past, place + event.who, each, observer)
+                count_landing(work, event, seen and not past, place + event.who, found, observer)
                 if not past:
                     order = note(memory, order, landing, seen and left <= 1.0, opening)
                     if event.kind != EVENT.STICK:
@@ -293,9 +293,9 @@ def follow(
             if event.kind == EVENT.STICK and not past:
                 work.rides[event.who] = 1
             events, late = events + 1, late + (1 if past else 0)
-        judge(place, particles, status, each)
-        add_up(each.kinds, i, particles, each, sums)
-        _conclude(work, memory, order, each.status[place] == COMPLETED, i, whole)
+        judge(place, particles, status, found)
+        add_up(found.kinds, i, particles, found, sums)
+        _conclude(work, memory, order, found.status[place] == COMPLETED, i, whole)
     return last
 
 
