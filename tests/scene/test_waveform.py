@@ -35,7 +35,7 @@ def test_results_name_the_waveform(tmp_path):
         ({"harmonics": []}, "is empty"),
         ({"harmonics": [[h, 1.0, 0.0] for h in range(1, 18)]}, "has 17 harmonics; at most 16"),
         ({"harmonics": [[0, 1.0, 0.0]]}, "mean velocity"),
-        ({"harmonics": [[1.5, 1.0, 0.0]]}, "no period of one turn"),
+        ({"harmonics": [[1.5, 1.0, 0.0]]}, "the motion has the period of the forcing"),
         ({"harmonics": [[17, 1.0, 0.0]]}, "from 1 to 16"),
         ({"harmonics": [[1, float("nan"), 0.0]]}, "the weight of harmonic 1 is nan"),
         ({"harmonics": [[1, 1.0, float("inf")]]}, "the phase in rad of harmonic 1 is inf"),
