@@ -57,7 +57,7 @@ def drawn(seed):
 
 def over_harmonics(seeds):
     """Share of right numbers of harmonics, and table of the deviations of each parameter."""
-    right, refused, off = 0, 0, {}
+    right, refused, ruled_out, off = 0, 0, 0, {}
     for seed in seeds:
         scene, truth = drawn(seed)
         plan = Experiment(**scene, particles=3, repeats=1, transient=1.0, duration=7.0, seed=seed)
@@ -81,6 +81,9 @@ def over_harmonics(seeds):
         size = 0.5 * np.ptp(base.height(np.linspace(0.0, 1.0 / scene["frequency"], 20001)))
         errors = {str(n): float(one["error"].sel(parameter=n)) for n in one["parameter"].values}
         values = {n: float(one["estimate"].sel(parameter=n)) for n in errors}
+        if not set(values) <= set(truth):  # a speed of a law: the restitution is constant in truth
+            ruled_out += 1
+            continue
         for name, known in {
             "base_displacement": size,
             "base_acceleration": scene["base_acceleration"],
@@ -94,7 +97,10 @@ def over_harmonics(seeds):
             kind = name.split("_")[0] if name[-1].isdigit() else name
             kind = "phase of a harmonic" if name.startswith("phase_") else kind
             off.setdefault(kind, []).append((away / errors[name], errors[name]))
-    print(f"{right} of {len(seeds)} numbers of harmonics right, {refused} films not determined\n")
+    print(
+        f"{right} of {len(seeds)} numbers of harmonics right, {refused} films not determined, "
+        f"the true constant restitution ruled out in {ruled_out}\n"
+    )
     print("| parameter | typical error | mean square deviation | 68 % cover |\n|---|---|---|---|")
     every = []
     for kind, pairs in off.items():
@@ -106,7 +112,8 @@ def over_harmonics(seeds):
         )
     cover = float(np.mean(np.abs(np.concatenate(every)) < 1.0))
     print(f"\nall together {100.0 * cover:.0f} %")
-    return right >= (1.0 - WRONG) * len(seeds) and COVERAGE[0] < cover < COVERAGE[1]
+    wrong = max(len(seeds) - right, ruled_out) / len(seeds)
+    return wrong <= WRONG and COVERAGE[0] < cover < COVERAGE[1]
 
 
 def over_laws(seeds):

@@ -195,7 +195,8 @@ def test_every_sweep_of_the_repository(spec, tmp_path):
         drawn = available(sweep, record)
         sampled = SAMPLED.get(NUMBERED.sub("", spec.stem), ())
         separated = ("separation_distribution",) if "dt_min" in sweep else ()
-        if separated and "particle_impact_count" in sweep:
+        # over a base of finite mass every realization has a particle that rests or is locked
+        if separated and "particle_impact_count" in sweep and spec.stem != "ordering":
             separated += ("separation_over_chance",)
         recorded = RECORDED if record is not None else ()
         assert drawn == [name for name in FIGURES if name in (*recorded, *sampled, *separated)]
