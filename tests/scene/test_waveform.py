@@ -35,11 +35,7 @@ def test_results_name_the_waveform(tmp_path):
         ({"harmonics": []}, "is empty"),
         ({"harmonics": [[h, 1.0, 0.0] for h in range(1, 18)]}, "has 17 harmonics; at most 16"),
         ({"harmonics": [[0, 1.0, 0.0]]}, "mean velocity"),
-<<<<<<< Updated upstream
         ({"harmonics": [[1.5, 1.0, 0.0]]}, "the motion has the period of the forcing"),
-=======
-        ({"harmonics": [[1.5, 1.0, 0.0]]}, "must be a whole number from 1 to 16, so that the motion has the period"),
->>>>>>> Stashed changes
         ({"harmonics": [[17, 1.0, 0.0]]}, "from 1 to 16"),
         ({"harmonics": [[1, float("nan"), 0.0]]}, "the weight of harmonic 1 is nan"),
         ({"harmonics": [[1, 1.0, float("inf")]]}, "the phase in rad of harmonic 1 is inf"),
