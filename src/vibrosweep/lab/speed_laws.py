@@ -148,17 +148,16 @@ def possible(fits: Sequence[FittedLaw]) -> list[str]:
 
 def preferred(fits: Sequence[FittedLaw]) -> FittedLaw | None:
     """Return the best law where bounces rule out a constant restitution, else None."""
-    name = law_named(" or ".join(possible(fits)))
+    name = law_among(possible(fits))
     return None if name == CONSTANT else next(one for one in fits if one.law.name == name)
 
 
-def law_named(left: str) -> str:
-    """Return the law of the parameters, where the bounces leave these laws, the best one first.
+def law_among(left: Sequence[str]) -> str:
+    """Return the law of the parameters among those that the bounces leave, the best one first.
 
     It is the constant one unless they rule that out.
     """
-    names = left.split(" or ")
-    return CONSTANT if not left or CONSTANT in names else names[0]
+    return CONSTANT if not left or CONSTANT in left else left[0]
 
 
 def law_of(found: xr.Dataset) -> tuple[str, float]:
@@ -166,7 +165,7 @@ def law_of(found: xr.Dataset) -> tuple[str, float]:
 
     The speed is NaN where the restitution is constant.
     """
-    name = law_named(str(found.attrs["restitution_law"]))
+    name = law_among(_laws_left(found))
     return name, np.nan if name == CONSTANT else float(found["law_speed"].sel(law=name))
 
 
@@ -187,14 +186,20 @@ def speed_laws(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
     return {"law": [one.law.name for one in fits], **described("law", columns)}
 
 
+def _laws_left(found: xr.Dataset) -> list[str]:
+    """Return the laws that the bounces leave, from the attribute of a result."""
+    named = str(found.attrs["restitution_law"])
+    return named.split(" or ") if named else []
+
+
 def law_text(found: xr.Dataset) -> str:
     """Say what bounces tell of the law of restitution; `found` is a result of `estimate`."""
-    named = str(found.attrs["restitution_law"])
-    if not named:
+    left, open_ = _laws_left(found), ""
+    if not left:
         return ""
-    law, open_ = law_named(named), ""
-    if " or " in named:
-        *others, last = named.split(" or ")
+    law = law_among(left)
+    *others, last = left
+    if others:
         either = f"{', '.join(others)} or {last}"
         open_ = f"the bounces do not decide whether the law of restitution is {either}"
     if law == CONSTANT:
