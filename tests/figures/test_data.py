@@ -42,6 +42,17 @@ def test_a_parameter_given_per_realization_is_fixed_where_all_agree():
     assert conditions(dataset) == "$A$ = 1 m s$^{-1}$, $f$ = 2 Hz, reflect law"
 
 
+def test_a_parameter_that_varies_and_is_no_axis_has_its_range():
+    coords = {
+        "restitution": ("realization", [0.8, 0.9]),
+        "drive_noise": ("realization", [0.05, 0.01]),
+    }
+    dataset = xr.Dataset(coords=coords | {"amplitude": 1.0, "frequency": [1.0, 2.0]})
+    assert conditions(dataset) == r"$A$ = 1 m s$^{-1}$, $\sigma_A$ = 0.01 to 0.05"
+    frequency = {"frequency": ("realization", [1.0, 2.0])}
+    assert "$f$ = 1 to 2 Hz" in conditions(dataset.drop_vars("frequency").assign_coords(frequency))
+
+
 def test_the_base_is_named_once_and_the_forcing_as_it_was_given():
     shared = {"amplitude": 1.0, "base_acceleration": 3.0, "frequency": 2.0}
     dataset = xr.Dataset(coords=shared, attrs={"base": "moving", "forcing": "base_acceleration"})

@@ -101,9 +101,13 @@ def varies(dataset: xr.Dataset, name: str) -> bool:
 
 def fixed(dataset: xr.Dataset, name: str) -> float | None:
     """Return the value that all realizations share, or None if they differ."""
-    values = dataset[name].values
-    low, high = float(values.min()), float(values.max())
+    low, high = _ends(dataset, name)
     return low if low == high else None
+
+
+def _ends(dataset: xr.Dataset, name: str) -> tuple[float, float]:
+    values = dataset[name].values
+    return float(values.min()), float(values.max())
 
 
 def quantity(dataset: xr.Dataset, name: str) -> Array:
@@ -191,19 +195,25 @@ def _units(name: str) -> str:
 
 
 def conditions(dataset: xr.Dataset) -> str:
-    """Write in one line the laws, the base, and the parameters that all realizations share.
+    """Write in one line the laws, the base, and the parameters that are neither axis nor colour.
 
-    The forcing has the form in which it was given, if the dataset holds it.
+    A parameter that differs between realizations has its range; restitution and forcing, which
+    figures draw, are left out then, and so are the axes of a grid.  The forcing has the form in
+    which it was given, if the dataset holds it.
     """
     parts = []
     given = str(dataset.attrs.get("forcing", "amplitude"))
     forcing = given if given in dataset.variables else "amplitude"
     for name in ("restitution", *OF_RESTITUTION, forcing, "frequency", *NOISE, *MOUNT):
-        value = fixed(dataset, name) if name in dataset.variables else None
-        if value is not None:
-            units = _units(name)
-            unit = "" if units == "1" else f" {_raised(units)}"
-            parts.append(f"${SYMBOLS[name]}$ = {value:.4g}{unit}")
+        if name not in dataset.variables:
+            continue
+        low, high = _ends(dataset, name)
+        if low < high and name in ("restitution", forcing, *dataset.dims):
+            continue
+        values = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+        units = _units(name)
+        unit = "" if units == "1" else f" {_raised(units)}"
+        parts.append(f"${SYMBOLS[name]}$ = {values}{unit}")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
     if restitution_law(dataset) != CONSTANT:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.typing import ColorType
 
-from vibrosweep.analysis.base_motion import base_name, has_closed_forms, moves
+from vibrosweep.analysis.base_motion import base_name, has_closed_forms
 from vibrosweep.analysis.conditions import UNDETERMINED
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
@@ -119,7 +119,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     turned = is_locked and windows.attrs.get("rebound") == "reflect"
     remark = "; curves: orbits without reflection" if turned else ""
     few = lacking or len(directions) == 2
-    style.head(axes, _conditions(windows) + remark, columns=2 if few else 4)
+    style.head(axes, data.conditions(windows) + remark, columns=2 if few else 4)
 
 
 def _over(lower: ColorType, upper: ColorType) -> Array:
@@ -192,10 +192,3 @@ def _edges(e: Array) -> Array:
         return np.array([e[0] - 0.01, e[0] + 0.01])
     middle = (e[1:] + e[:-1]) / 2.0
     return np.concatenate([[2.0 * e[0] - middle[0]], middle, [2.0 * e[-1] - middle[-1]]])
-
-
-def _conditions(windows: xr.Dataset) -> str:
-    """Return frequency, rebound law and base in a line."""
-    law = ", reflect law" if windows.attrs.get("rebound") == "reflect" else ""
-    base = ", moving base" if moves(windows) else ""
-    return f"$f$ = {float(windows['frequency']):.4g} Hz{law}{base}"
