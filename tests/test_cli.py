@@ -432,7 +432,8 @@ def test_a_spent_budget_is_listed_and_tried_again(spec, refused, vibrosweep, tmp
     lines = vibrosweep("info", output)[1].splitlines()
     spent = int(np.sum(xr.load_dataset(output)["status"] == 1))
     assert 0 < spent < 9
-    head = f"realizations that did not complete: {spent}; vibrosweep run --retry-failed"
+    again = "vibrosweep run --retry-failed --impact-budget N"
+    head = f"realizations that did not complete: {spent}; {again}"
     listed = lines[lines.index(head) + 1 :]
     assert len(listed) == spent
     assert all(", amplitude " in line and "budget_exceeded" in line for line in listed)

@@ -48,6 +48,13 @@ def test_absurd_rows_are_refused_and_harm_no_other(compute, tmp_path, chunk):
     xr.testing.assert_identical(mixed.isel(realization=[0, 2]).drop_attrs(), alone.drop_attrs())
 
 
+def test_a_retry_is_offered_for_those_that_a_larger_budget_may_complete(compute, tmp_path):
+    (tmp_path / "table.csv").write_text(TABLE)
+    lines = list(describe(compute(f"{ROWS}impact_budget = 3")))
+    retry = "vibrosweep run --retry-failed --impact-budget N for 2 of them"
+    assert f"realizations that did not complete: 4; {retry}" in lines
+
+
 def test_refused_rows_are_listed_and_not_verified(compute, tmp_path):
     pytest.importorskip("flint")
     from vibrosweep.proof.verifying import verify
@@ -55,7 +62,9 @@ def test_refused_rows_are_listed_and_not_verified(compute, tmp_path):
     (tmp_path / "table.csv").write_text(TABLE)
     path = compute(ROWS)
     lines = list(describe(path))
-    assert "realizations that did not complete: 2; vibrosweep run --retry-failed" in lines
+    assert (
+        "realizations that did not complete: 2; a larger impact budget helps none of them" in lines
+    )
     assert lines[-2].split()[:2] == ["1", "refused,"]
     assert lines[-2].endswith("restitution 0.9, amplitude 1e+30, frequency 1e+09")
     report = verify(path)

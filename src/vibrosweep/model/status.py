@@ -89,7 +89,9 @@ _SENTENCES = {
         "measure.impact_budget, or shorten scene.duration."
     ),
     Status.NON_FINITE: (
-        "A value became infinite or undefined: the parameters are too extreme for double precision."
+        "A value became infinite or undefined: the parameters are too extreme for double "
+        "precision, whatever the impact budget; lower the forcing or the launch velocity, or take "
+        "a mount further from resonance."
     ),
     Status.REFUSED: (
         "A time is more than 2^51 forcing periods, which cannot be counted exactly, or the "

@@ -142,11 +142,12 @@ def _unsettled(file: Any) -> Iterator[str]:
     forcing = str(file.attrs.get("forcing", "amplitude"))
     sampled = [name for name in varied if name not in FORCINGS or name == forcing]
     lines: list[str] = []
-    total = 0
+    total = mendable = 0
     for rows in _rows(row_count(file)):
         codes = {name: read_rows(file, name, rows) for name in names}
         places = np.flatnonzero(unsettled(codes))
         total += places.size
+        mendable += int(np.count_nonzero(codes["status"][places] <= Status.BUDGET_EXCEEDED))
         for place in places[: LISTED - len(lines)].tolist():
             status = Status(int(codes["status"][place]))
             # other measures are counted from the cycle, but these need every landing
@@ -155,7 +156,10 @@ def _unsettled(file: Any) -> Iterator[str]:
             values = (f"{name} {read_rows(file, name, at)[0]:g}" for name in sampled)
             lines.append(f"  {rows.start + place:<10}{', '.join((meaning, *values))}")
     if total:
-        yield f"realizations that did not complete: {total}; vibrosweep run --retry-failed"
+        some = "" if mendable == total else f" for {mendable} of them"
+        retry = f"vibrosweep run --retry-failed --impact-budget N{some}"
+        advice = retry if mendable else "a larger impact budget helps none of them"
+        yield f"realizations that did not complete: {total}; {advice}"
         yield from lines
     if total > len(lines):
         yield f"  ... and {total - len(lines)} more"
