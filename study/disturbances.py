@@ -124,12 +124,7 @@ def orbit(
 def _falling(waveform: Any) -> Iterator[tuple[Array, Array]]:
     """Yield intervals of the phase, in turns, in which the velocity of the base decreases."""
     turns = np.arange(2 * POINTS) / POINTS
-    if waveform == "parabolic":
-        velocity = 1.0 - 4.0 * np.abs((turns + 0.25) % 1.0 - 0.5)
-    else:
-        tones = ((1, 1.0, 0.0),) if waveform == "sine" else waveform["harmonics"]
-        waves = [c * np.sin(2.0 * np.pi * h * turns + p) for h, c, p in tones]
-        velocity = np.sum(waves, axis=0)
+    velocity, _ = theory.base_motion(turns, waveform)
     falls = (np.diff(velocity, append=-np.inf) < 0.0) & (velocity > 0.0)
     begins = np.nonzero(falls[1:] & ~falls[:-1])[0] + 1
     for begin in begins[begins < POINTS]:

@@ -1,10 +1,14 @@
 """Shapes of the motion of the base: their sizes against dense samples and closed forms."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vibrosweep import theory
+from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import completed
 from vibrosweep.model.shapes import SINE, Waveform, zeros
 
@@ -52,6 +56,13 @@ def test_one_harmonic_is_the_sine():
         assert getattr(one, name) == pytest.approx(getattr(SINE, name), rel=1e-14)
 
 
+@given(st.floats(-1e6, 1e6))
+def test_whole_turns_of_a_phase_cost_no_digits(phase):
+    one = Waveform("harmonics", ((3, 1.0, phase),))
+    assert float(one.velocity(0.0)) == pytest.approx(math.sin(phase), abs=2e-15)
+    assert float(one.height(0.0)) * 6.0 * math.pi == pytest.approx(-math.cos(phase), abs=2e-15)
+
+
 def test_upward_and_downward_acceleration_differ():
     two = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 0.0)))
     upward = two.slope(TURNS).max()
@@ -74,3 +85,14 @@ def test_each_forcing_gives_the_amplitude_from_which_it_follows(one, name):
     assert found["amplitude"][0] == pytest.approx(1.8 * velocity, rel=1e-6)
     again = completed({**given, name: given[name]}, one)["base_acceleration"][0]
     assert again == pytest.approx(-velocity * 3.0 * one.slope(TURNS).min() / 9.81, rel=1e-6)
+
+
+@given(waveforms(), st.floats(-3.0, 3.0))
+def test_the_public_motion_of_the_base_is_that_of_the_sum(one, x):
+    velocity, height = theory.base_motion(x, {"harmonics": [list(tone) for tone in one.tones]})
+    angles = [(h, c, 2.0 * math.pi * h * x + psi) for h, c, psi in one.tones]
+    assert velocity == pytest.approx(sum(c * math.sin(a) for _, c, a in angles), abs=1e-12)
+    level = -sum(c * math.cos(a) / (2.0 * math.pi * h) for h, c, a in angles)
+    assert height == pytest.approx(level, abs=1e-12)
+    with pytest.raises(ParameterError, match="waveform = 'square'"):
+        theory.base_motion(x, "square")

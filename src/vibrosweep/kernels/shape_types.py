@@ -29,7 +29,7 @@ def motion(waveform: Waveform, turns: Array) -> tuple[Array, Array]:
     turns = turns - np.rint(turns)
     velocities: list[Array] = []
     levels: list[Array] = []
-    for h, weight, phase in waveform.tones or ((1, 1.0, 0.0),):
+    for h, weight, phase in waveform.harmonics:
         angle = h * turns + turns_of_radians(np.asarray(phase))
         sines, cosines = np.empty_like(turns), np.empty_like(turns)
         waves(np.ravel(angle), sines.ravel(), cosines.ravel())

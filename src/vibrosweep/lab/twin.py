@@ -68,14 +68,14 @@ def _known(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
     """Motion of the base of the prediction, as if it had been measured to a millionth."""
     velocity = numbers["amplitude"] / (1.0 + numbers["restitution"])
     values = []
-    for h, weight, psi in waveform.tones or ((1, 1.0, 0.0),):
+    for h, weight, psi in waveform.harmonics:
         angle, size = psi + h * numbers["phase"], weight * velocity
         values += [size * np.cos(angle), size * np.sin(angle)]
     variance = np.insert(np.full(len(values), velocity), 2, numbers["frequency"]) ** 2 * 1e-12
     return Trace(
         np.insert(values, 2, numbers["frequency"]),
         np.diag(np.maximum(variance, LEAST_VARIANCE)),
-        tuple(h for h, *_ in waveform.tones) or (1,),
+        tuple(h for h, *_ in waveform.harmonics),
     )
 
 

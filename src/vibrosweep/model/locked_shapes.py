@@ -18,19 +18,17 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.errors import ParameterError
 from vibrosweep.model.orbit_theory import moves
 from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.physical import physical
 from vibrosweep.model.shapes import (
-    FORMS,
     HARMONICS_NAME,
     NARROW,
     PARABOLIC_NAME,
     SINE_NAME,
     TWO_PI,
     Waveform,
-    harmonics_of,
+    given_shape,
     zeros,
 )
 
@@ -130,20 +128,8 @@ def locked_windows(
             low_error=unit * window.low_error + 4.0 * EPS * unit * window.low,
             high_error=unit * window.high_error + 4.0 * EPS * unit * window.high,
         )
-        for window in windows_of(_shape(waveform), mode_of(k, restitution, base))
+        for window in windows_of(given_shape(waveform), mode_of(k, restitution, base))
     ]
-
-
-def _shape(waveform: str | Mapping[str, Any]) -> Waveform:
-    """Return the shape that a name or a list of harmonics gives."""
-    if waveform in (SINE_NAME, PARABOLIC_NAME):
-        return Waveform(str(waveform))
-    if not isinstance(waveform, Mapping) or set(waveform) != {HARMONICS_NAME}:
-        raise ParameterError(f"waveform = {waveform!r}: {FORMS}")
-    try:
-        return harmonics_of(waveform[HARMONICS_NAME])
-    except ValueError as error:
-        raise ParameterError(f"waveform = {waveform!r}: {''.join(error.args)}") from None
 
 
 def windows_of(waveform: Waveform, mode: Mode, *, turned: bool = False) -> list[LockedWindow]:
@@ -161,8 +147,8 @@ def windows_of(waveform: Waveform, mode: Mode, *, turned: bool = False) -> list[
         high = 0.25 * limit
         low_error, high_error = error * need + need_error, error * high + 0.25 * limit_error
         return [LockedWindow(need, high, low_error, high_error, x, y, FOLD, DOUBLING)]
-    tones = waveform.tones or ((1, 1.0, 0.0),)
-    w = Waveform(HARMONICS_NAME, tuple((h, sign * c, psi) for h, c, psi in tones))
+    tones = tuple((h, sign * c, psi) for h, c, psi in waveform.harmonics)
+    w = Waveform(HARMONICS_NAME, tones)
     if need == 0.0:  # the orbit lands at a zero of w for any kick
         falls = [(float(x), -float(w.slope(x))) for x in zeros(w, 0) if w.slope(x) < 0.0]
         off = 64.0 * EPS * w.sum_of(1)

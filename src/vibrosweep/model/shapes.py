@@ -20,7 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
+from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import toml
+from vibrosweep.model.turns import turns_of_radians
 
 PARABOLIC_NAME: Final = "parabolic"
 SINE_NAME: Final = "sine"
@@ -116,20 +118,26 @@ class Waveform:
 
     def sum_of(self, power: int) -> float:
         """Return the sum of (2 pi h)^power |c_h|, a bound of the derivative of w of this order."""
-        return math.fsum((TWO_PI * h) ** power * abs(c) for h, c, _ in self._tones)
+        return math.fsum((TWO_PI * h) ** power * abs(c) for h, c, _ in self.harmonics)
 
     @property
-    def _tones(self) -> tuple[Tone, ...]:
-        return self.tones or ((1, 1.0, 0.0),)
+    def harmonics(self) -> tuple[Tone, ...]:
+        """Harmonics of w, for the sine too, with phases of more than a turn reduced."""
+        return tuple((h, c, _reduced(psi)) for h, c, psi in self.tones or ((1, 1.0, 0.0),))
 
     def derivative(self, x: ArrayLike, order: int) -> Array:
         """Return the derivative of w of an order; a negative order is an integral of mean zero."""
         x = np.asarray(x, dtype=np.float64)
         found = np.zeros_like(x)
-        for h, weight, phase in self._tones:
+        for h, weight, phase in self.harmonics:
             angle = TWO_PI * (h * x - np.rint(h * x)) + phase
             found += weight * (TWO_PI * h) ** order * np.sin(angle + 0.5 * math.pi * order)
         return found
+
+
+def _reduced(psi: float) -> float:
+    """Return a phase in rad without its whole turns; one within a turn keeps its bits."""
+    return psi if abs(psi) <= TWO_PI else TWO_PI * float(turns_of_radians(np.asarray(psi)))
 
 
 SINE: Final = Waveform()
@@ -148,6 +156,56 @@ def harmonics_of(listed: object, origin: Trace | tuple[()] = ()) -> Waveform:
     if not any(weight for _, weight, _ in tones):
         raise ValueError("has no harmonic whose weight differs from 0: such a base does not move")
     return Waveform(HARMONICS_NAME, tones, origin)
+
+
+def given_shape(waveform: str | Mapping[str, Any]) -> Waveform:
+    """Return the shape that a name or a list of harmonics gives."""
+    if waveform in (SINE_NAME, PARABOLIC_NAME):
+        return Waveform(str(waveform))
+    if not isinstance(waveform, Mapping) or set(waveform) != {HARMONICS_NAME}:
+        raise ParameterError(f"waveform = {waveform!r}: {FORMS}")
+    try:
+        return harmonics_of(waveform[HARMONICS_NAME])
+    except ValueError as error:
+        raise ParameterError(f"waveform = {waveform!r}: {''.join(error.args)}") from None
+
+
+def base_motion(
+    turns: ArrayLike, waveform: str | Mapping[str, Any] = SINE_NAME
+) -> tuple[Array, Array]:
+    """Velocity and height of the base at phases of the forcing.
+
+    A scene with the amplitude A and the restitution e moves its base with the velocity V0 w(X) at
+    the height (V0 / f) W(X), where V0 = A / (1 + e), X = f t + phi / (2 pi) and W' = w.
+
+    Parameters
+    ----------
+    turns
+        Phases X in turns, of any shape.
+    waveform
+        ``"sine"``, ``"parabolic"``, or ``{"harmonics": [[number, weight, phase in rad], ...]}``.
+
+    Returns
+    -------
+    velocity, height : numpy.ndarray
+        w(X) and W(X), both without unit and with mean zero, of the shape of `turns`.
+
+    Raises
+    ------
+    ParameterError
+        The waveform is not one of these.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> velocity, height = vs.theory.base_motion([0.0, 0.125, 0.25], "parabolic")
+    >>> velocity
+    array([0. , 0.5, 1. ])
+    >>> height
+    array([-0.125  , -0.09375,  0.     ])
+    """
+    shape = given_shape(waveform)
+    return shape.velocity(turns), shape.height(turns)
 
 
 def _tone(harmonic: Any) -> Tone:

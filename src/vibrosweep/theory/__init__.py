@@ -26,12 +26,14 @@ from vibrosweep.model.orbit_theory import (
     unforced_rest_time,
 )
 from vibrosweep.model.restitution_laws import restitution_at
+from vibrosweep.model.shapes import base_motion
 from vibrosweep.theory import sprung
 
 __all__ = [
     "FIXED",
     "amplitude_max",
     "amplitude_min",
+    "base_motion",
     "exponent_sum",
     "flight_time_bound",
     "liftoff_flight",
