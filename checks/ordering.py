@@ -18,6 +18,7 @@ from PIL import Image
 
 import ordering_pictures as pictures
 from accuracy import provenance, table, write_section
+from one_slot import pair_gaps, pattern, pattern_orbit
 from ordering_scenes import (
     BUNCHED,
     GAMMA,
@@ -29,8 +30,8 @@ from ordering_scenes import (
     scene,
 )
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.coupled_cycles import CoupledBase, find_cycle, spectral_radius, staggered
-from vibrosweep.model.coupled_theory import bunch
+from vibrosweep.model.coupled_cycles import CoupledBase, spectral_radius, staggered
+from vibrosweep.model.coupled_theory import steepness
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "ordering.md"
@@ -54,15 +55,9 @@ def keep(figure, name, options):
     Image.open(path).convert("RGB").quantize(COLOURS).save(path, optimize=True)
 
 
-def steepness(k):
-    """Return s = -Gamma cos(2 pi x) of mode k on a base of infinite mass."""
-    least = np.pi * k * (1.0 - E) / (1.0 + E)
-    return np.sqrt((GAMMA - least) * (GAMMA + least))
-
-
 def turn(k):
     """Angle of the multipliers of mode k on a base of infinite mass, in turns."""
-    cosine = (1.0 + E * E - (1.0 + E) ** 2 * steepness(k)) / (2.0 * E)
+    cosine = (1.0 + E * E - (1.0 + E) ** 2 * steepness(k, E, GAMMA)) / (2.0 * E)
     return np.arccos(cosine) / (2.0 * np.pi)
 
 
@@ -130,15 +125,10 @@ PATTERNS = {"two": [[0, 1], [1, 0]], "three": [[1, 0], [0, 1], [1, 0]]}
 
 def exact_gaps(k, mass_ratio, rank):
     """Gaps of a pattern of two particles to first order and on the exact orbit, and its radius."""
-    times = bunch(k, E, GAMMA, mass_ratio, rank)
-    first = np.abs(np.diff(times, axis=1))[:, 0]
     base = CoupledBase(E, GAMMA, mass_ratio, 0.37, 0.05)
-    landings = len(rank)
-    times = phase_of(k, mass_ratio) + k * np.arange(landings)[:, np.newaxis] + times
-    places = np.argsort(times.ravel())
-    particles = np.tile([0, 1], landings)[places]
-    cycle = find_cycle(base, k, times.ravel()[places], particles, k * landings)
-    return np.sort(first), np.sort(np.diff(cycle.time)[::2]), spectral_radius(cycle)
+    first = np.abs(np.diff(pattern(base, k, rank), axis=1))[:, 0]
+    cycle = pattern_orbit(base, k, rank)
+    return np.sort(first), pair_gaps(cycle), spectral_radius(cycle)
 
 
 def separations(options):

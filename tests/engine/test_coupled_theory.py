@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 
+from one_slot import is_clear, pair_gaps, pattern_orbit
 from vibrosweep import simulate
 from vibrosweep.model import coupled_theory
-from vibrosweep.model.coupled_cycles import (
-    CoupledBase,
-    find_cycle,
-    is_clear,
-    spectral_radius,
-    staggered,
-)
+from vibrosweep.model.coupled_cycles import CoupledBase, spectral_radius, staggered
 
 E, GAMMA, NATURAL, DAMPING = 0.9, 0.6, 0.37, 0.05
 UNIT = 9.81 / 2.0  # of speed, at 1 Hz: flights of one period
@@ -128,12 +123,8 @@ def test_a_particle_locks_where_and_when_the_closed_form_says(
 
 def exact_gaps(k, mass_ratio, rank):
     """Gaps of the two particles of a pattern on its exact orbit, sorted."""
-    base, n = CoupledBase(E, GAMMA, mass_ratio, NATURAL, DAMPING), len(rank)
-    times = coupled_theory.bunch(k, E, GAMMA, mass_ratio, rank)
-    times = (phase_of(k, mass_ratio) + k * np.arange(n)[:, np.newaxis] + times).ravel()
-    places = np.argsort(times)
-    cycle = find_cycle(base, k, times[places], np.tile([0, 1], n)[places], k * n)
-    return np.sort(np.diff(cycle.time)[::2])
+    base = CoupledBase(E, GAMMA, mass_ratio, NATURAL, DAMPING)
+    return pair_gaps(pattern_orbit(base, k, rank))
 
 
 @pytest.mark.parametrize("k", [1, 2])

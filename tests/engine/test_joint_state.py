@@ -8,17 +8,20 @@ import pytest
 from vibrosweep.engine.coupled import measure_coupled, standard_error
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels._jit import uncounted
+from vibrosweep.kernels.bases.drives import side_at
+from vibrosweep.kernels.bases.sprung import bounds, loaded, mount, velocity
+from vibrosweep.kernels.coupled.deviations import follow_event, propagate
 from vibrosweep.kernels.coupled.follow import Coupled
 from vibrosweep.kernels.coupled.settling import (
     BLOCKS,
     WAVES,
     _add_waves,
-    carry,
     empty_joint,
     notes,
     settle_jointly,
 )
-from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
+from vibrosweep.kernels.coupled.state import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
@@ -43,6 +46,40 @@ class Neighbours:
     landings: int  # during the motion
 
 
+@uncounted
+def carry(state, problem, mounts, i, periods, rode, deviations):
+    """Advance a state, and deviations from it, by some forcing periods.
+
+    Returns the number of landings, or -1 if the search for one was abandoned.  All particles of the
+    state fly.  Before and after, the state holds heights and speeds relative to the base, the
+    phase, the deviation of the base from its forced oscillation and, at `NOW.B`, the velocity of
+    that deviation.  `rode` is scratch memory, a number for each particle.  Deviations have shape
+    (2 * particle + 2, column): heights and velocities of the particles, height and velocity of the
+    base.
+    """
+    fixed, now = mount(problem, mounts, i), state.now
+    load = loaded(fixed, 0, side_at(fixed.waveform, now[NOW.X]))
+    now[NOW.B] += load.slow * now[NOW.D]
+    locate(state, load)
+    now[NOW.HIGHEST], now[NOW.LIFT] = bounds(load, now[NOW.D], now[NOW.B]).height, np.inf
+    begun, landings = now[NOW.X], 0
+    while True:
+        left = periods - now[NOW.N] - (now[NOW.X] - begun)
+        event, load = follow_event(state, fixed, load, 0.0, left, rode, deviations)
+        if event.kind == EVENT.LOST:
+            return -1
+        if event.kind <= EVENT.LOST:
+            break
+        landings += 0 if event.kind == EVENT.LIFT or event.kind == EVENT.CORNER else 1
+    let_pass(state, load, left)
+    now[NOW.B] = velocity(load, now[NOW.D], now[NOW.B])
+    propagate(load, left, state.mode, deviations)
+    for j in range(state.mode.size):
+        if state.mode[j] == MODE.RIDING:
+            state.particle[PARTICLE.HEIGHT, j] = state.particle[PARTICLE.SPEED, j] = 0.0
+    return landings
+
+
 def carry_on(parameters, begin, periods):
     """Carry a state on for some forcing periods; its matrix becomes that of the Floquet map."""
     problem = dimensionless(parameters, Periods(periods))
@@ -53,8 +90,8 @@ def carry_on(parameters, begin, periods):
     state.now[NOW.X] = begin.phase
     state.now[NOW.D], state.now[NOW.B] = begin.deviation
     rode = np.zeros_like(state.mode)
-    mount = mounts(parameters, Constant(), Sine())
-    landings = carry(state, problem, mount, 0, periods, rode, matrix)
+    held = mounts(parameters, Constant(), Sine())
+    landings = carry(state, problem, held, 0, periods, rode, matrix)
     assert landings >= 0
     return Neighbours(
         state.particle[PARTICLE.HEIGHT].copy(),

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from one_slot import is_clear, pattern_orbit
 from vibrosweep.errors import ParameterError
 from vibrosweep.model import coupled_theory
 from vibrosweep.model.coupled_cycles import (
     CoupledBase,
     find_cycle,
-    is_clear,
     monodromy,
     spectral_radius,
     staggered,
@@ -21,11 +21,7 @@ SOFT = CoupledBase(0.9, 0.6, 0.01, 0.37, 0.05)
 def reversing(base, k, particles=2):
     """Guess and find the orbit of particles in one slot whose order reverses."""
     ranks = np.arange(particles)
-    rank = np.array([ranks, ranks[::-1]])
-    e, gamma, mu = base[:3]
-    phase = coupled_theory.landing_phase(gamma, k, e, mu, *base[3:])
-    time = phase + np.array([[0], [k]]) + coupled_theory.bunch(k, e, gamma, mu, rank)
-    return find_cycle(base, k, np.sort(time, axis=1).ravel(), rank.ravel(), 2 * k)
+    return pattern_orbit(base, k, [ranks, ranks[::-1]])
 
 
 def state_at_the_end(cycle):

@@ -6,9 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from one_slot import pattern
 from vibrosweep import theory
-from vibrosweep.errors import ParameterError
 from vibrosweep.model import coupled_theory
+from vibrosweep.model.coupled_cycles import CoupledBase
 
 TWO_PI = 2.0 * np.pi
 NATURAL = st.floats(0.05, 3.0)
@@ -17,9 +18,13 @@ REVERSING = [[0, 1], [1, 0]]
 OF_THREE = [[1, 0], [0, 1], [1, 0]]
 
 
+def base(e=0.9, gamma=0.6, mass_ratio=0.01):
+    return CoupledBase(e, gamma, mass_ratio, 0.37, 0.05)
+
+
 def gaps(rank, k, mass_ratio=0.001):
     """Separations of two particles in the repeated landings of a pattern, e = 0.9, Gamma = 0.6."""
-    times = coupled_theory.bunch(k, 0.9, 0.6, mass_ratio, rank)
+    times = pattern(base(mass_ratio=mass_ratio), k, rank)
     return times[:, 1] - times[:, 0]
 
 
@@ -77,8 +82,8 @@ def test_a_pattern_of_three_coexists():
 
 def test_an_order_that_never_changes_is_no_pattern():
     for k in (1, 2, 3):
-        assert coupled_theory.bunch(k, 0.9, 0.6, 0.001, [[0, 1]]) is None
-        assert coupled_theory.bunch(k, 0.9, 0.6, 0.001, [[0, 1], [0, 1], [0, 1], [1, 0]]) is None
+        assert pattern(base(), k, [[0, 1]]) is None
+        assert pattern(base(), k, [[0, 1], [0, 1], [0, 1], [1, 0]]) is None
 
 
 @given(particles=st.integers(2, 9), e=st.floats(0.3, 0.98), share=st.floats(0.05, 0.95))
@@ -86,7 +91,7 @@ def test_a_bunch_that_reverses_is_equally_spaced(particles, e, share):
     k, least, most = 2, np.pi * 2 * (1.0 - e) / (1.0 + e), 2.0 * (1.0 + e * e) / (1.0 + e) ** 2
     gamma = np.hypot(least, share * most)
     ranks = np.arange(particles)
-    times = coupled_theory.bunch(k, e, gamma, 0.01, [ranks, ranks[::-1]])
+    times = pattern(base(e, gamma), k, [ranks, ranks[::-1]])
     spacing = coupled_theory.reversing_separation(k, e, gamma, 0.01)
     assert np.diff(times[0]) == pytest.approx(np.full(particles - 1, spacing), rel=1e-9)
     assert times[1] == pytest.approx(-times[0], rel=1e-9, abs=1e-12 * spacing)
@@ -94,7 +99,5 @@ def test_a_bunch_that_reverses_is_equally_spaced(particles, e, share):
 
 def test_where_one_particle_is_not_locked_there_is_no_bunch():
     for gamma in (0.3, 1.2):  # below the window of k = 2, and above it
-        assert coupled_theory.bunch(2, 0.9, gamma, 0.01, REVERSING) is None
+        assert pattern(base(gamma=gamma), 2, REVERSING) is None
         assert np.isnan(coupled_theory.reversing_separation(2, 0.9, gamma, 0.01))
-    with pytest.raises(ParameterError, match="ranks the particles 0 to 1 once"):
-        coupled_theory.bunch(1, 0.9, 0.6, 0.01, [[0, 0]])

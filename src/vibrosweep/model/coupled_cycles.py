@@ -27,8 +27,6 @@ from vibrosweep.model.coupled_theory import landing_phase, mount_propagator, rec
 
 TWO_PI = 2.0 * np.pi
 RESIDUAL = 1e-11  # largest residual of a solution in units of k^2, the size of the terms
-SAMPLES = 500  # per period
-ROUNDING = 1e-12
 
 
 class CoupledBase(NamedTuple):
@@ -135,11 +133,11 @@ def _follow(unknown: Array, base: CoupledBase, particle: NDArray[np.int64], peri
     for j in range(particle.size):
         deviation[j] = free[j] @ end
         approach[j] = velocity[j] + deviation[j, 1] - arrival[j]
-        end = _after(base, deviation[j], approach[j])
+        end = after(base, deviation[j], approach[j])
     return Cycle(base, periods, particle, time, speed, approach, deviation)
 
 
-def _after(base: CoupledBase, deviation: Array, approach: float) -> Array:
+def after(base: CoupledBase, deviation: Array, approach: float) -> Array:
     """Return the deviation of the base just after an impact."""
     recoil = np.array([0.0, base.mass_ratio * base.exchange * approach])
     return np.asarray(deviation - recoil)
@@ -156,7 +154,7 @@ def _residual(
     v = found.speed[index]
     miss = height[index] + (v - flight) * flight - height
     change = (v - 2.0 * flight) + base.exchange * found.approach - found.speed
-    end = _after(base, found.deviation[-1], float(found.approach[-1]))
+    end = after(base, found.deviation[-1], float(found.approach[-1]))
     return np.concatenate([miss, change, end - unknown[-2:]])
 
 
@@ -167,9 +165,8 @@ def find_cycle(
 
     The guess consists of the increasing times of the impacts in periods, and the number of the
     particle that lands, from 0; both have shape (impact,).  The orbit repeats after `periods`, a
-    multiple of k.  It solves the equations of motion at these impacts only; `is_clear` tells
-    whether a particle would meet the base in between.  Raises a ParameterError if there is no
-    solution near the guess.
+    multiple of k.  It solves the equations of motion at these impacts only: a particle might
+    meet the base in between.  Raises a ParameterError if there is no solution near the guess.
     """
     from scipy.optimize import root
 
@@ -235,35 +232,6 @@ def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     speed, approach = np.full(time.shape, float(k)), np.full(time.shape, 2.0 * k / base.exchange)
     deviation = 2.0 * k * mu * recoil_deviation(natural, damping, spacing)
     return Cycle(base, k, particle, time, speed, approach, np.tile(deviation, (taken.size, 1)))
-
-
-def _since(time: Array, at: Array, periods: int) -> tuple[NDArray[np.intp], Array]:
-    """Return the index of the last of recurring times before each instant, and the time since."""
-    last = np.searchsorted(time, at) - 1
-    return last, at - time[last] + np.where(last < 0, periods, 0)
-
-
-def is_clear(cycle: Cycle) -> bool:
-    """Return whether every particle stays above the base between its impacts.
-
-    Only 500 instants of each period are compared, so that a graze may be missed.
-    """
-    base, periods = cycle.base, cycle.periods
-    at = cycle.time[-1] - periods + (np.arange(SAMPLES * periods) + 0.5) / SAMPLES
-    last, since = _since(cycle.time, at, periods)
-    after = np.array(
-        [_after(base, d, c) for d, c in zip(cycle.deviation, cycle.approach, strict=True)]
-    )
-    free = mount_propagator(base.natural, base.damping, since)
-    surface = base.drive(at)[0] + (free @ after[last, :, np.newaxis])[:, 0, 0]
-    height = base.drive(cycle.time)[0] + cycle.deviation[:, 0]
-    for i in np.unique(cycle.particle):
-        impacts = np.flatnonzero(cycle.particle == i)
-        last, s = _since(cycle.time[impacts], at, periods)
-        j = impacts[last]
-        if (height[j] + (cycle.speed[j] - s) * s < surface - ROUNDING).any():
-            return False
-    return True
 
 
 def _flight(base: CoupledBase, particles: int, interval: float) -> Array:

@@ -37,7 +37,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import ParameterError
 from vibrosweep.model.physical import physical
 
 TWO_PI = 2.0 * np.pi
@@ -203,7 +202,7 @@ def landing_phase(
     return np.asarray(0.5 - np.arcsin(sine) / TWO_PI)
 
 
-def _steepness(k: ArrayLike, restitution: ArrayLike, acceleration: ArrayLike) -> Array:
+def steepness(k: ArrayLike, restitution: ArrayLike, acceleration: ArrayLike) -> Array:
     """Return s = -Gamma cos(2 pi x) of the orbit on a base of infinite mass."""
     e = np.asarray(restitution)
     least = np.pi * np.asarray(k) * (1.0 - e) / (1.0 + e)
@@ -245,35 +244,8 @@ def reversing_separation(
     0.007042
     """
     e = np.asarray(restitution)
-    below = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2 - _steepness(k, restitution, acceleration)
+    below = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2 - steepness(k, restitution, acceleration)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(
             np.where(below > 0.0, np.asarray(k) * np.asarray(mass_ratio) / below, np.nan)
         )
-
-
-def bunch(
-    k: int, restitution: float, acceleration: float, mass_ratio: float, rank: ArrayLike
-) -> Array | None:
-    """Return the landing times of particles in one slot that repeat a given sequence of orders.
-
-    The times, in periods from the mean of each landing, are those to first order in the mass ratio;
-    see the module's text.  `rank`, of the same shape (landing, particle), is the number of
-    particles that land before each particle.  Returns None if there is no such pattern: the times
-    do not have the assumed order, or mode k is not stable at mu = 0.  Raises a ParameterError if a
-    row of `rank` is not a permutation of the particles.
-    """
-    order = np.asarray(rank)
-    particles = np.arange(order.shape[1])
-    if not (np.sort(order, axis=1) == particles).all():
-        raise ParameterError(f"rank: each landing ranks the particles 0 to {particles[-1]} once")
-    if np.isnan(reversing_separation(k, restitution, acceleration, mass_ratio)):
-        return None
-    e, s = restitution, float(_steepness(k, restitution, acceleration))
-    z = np.exp(2j * np.pi * np.fft.fftfreq(order.shape[0]))
-    polynomial = z * z - (1.0 + e * e - (1.0 + e) ** 2 * s) * z + e * e
-    response = -z * k * mass_ratio * (1.0 + e) ** 2 / polynomial
-    spectrum = np.fft.fft(order - particles.mean(), axis=0)
-    times = np.fft.ifft(response[:, np.newaxis] * spectrum, axis=0).real
-    reproduced = np.argsort(np.argsort(times, axis=1), axis=1)
-    return times if np.array_equal(reproduced, order) else None

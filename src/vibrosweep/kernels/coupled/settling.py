@@ -17,9 +17,8 @@ import numpy as np
 
 from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
-from vibrosweep.kernels.bases.drives import side_at
-from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount, velocity
-from vibrosweep.kernels.coupled.deviations import follow_event, propagate
+from vibrosweep.kernels.bases.sprung import Mount, mount
+from vibrosweep.kernels.coupled.deviations import follow_event
 from vibrosweep.kernels.coupled.follow import Coupled
 from vibrosweep.kernels.coupled.state import (
     EVENT,
@@ -28,13 +27,10 @@ from vibrosweep.kernels.coupled.state import (
     PARTICLE,
     System,
     begin,
-    let_pass,
-    locate,
     system,
 )
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.unwritten import unwritten
-from vibrosweep.model.parameters import Dimensionless, Mounts
 
 # Largest difference of states by rounding, which grows along a cycle before it decays.  An orbit of
 # doubled period whose states are that close takes some 10**17 impacts to recur.
@@ -273,45 +269,3 @@ def settle_jointly(
         fixed = mount(batch.problem, batch.mounts, i)
         if np.isfinite(fixed.alpha):
             _one(fixed, batch, i, budget, work, out)
-
-
-@uncounted
-def carry(
-    state: System,
-    problem: Dimensionless,
-    mounts: Mounts,
-    i: int,
-    periods: float,
-    rode: Integers,
-    deviations: Floats,
-) -> int:
-    """Advance a state, and deviations from it, by some forcing periods.
-
-    Returns the number of landings, or -1 if the search for one was abandoned.  All particles of the
-    state fly.  Before and after, the state holds heights and speeds relative to the base, the
-    phase, the deviation of the base from its forced oscillation and, at `NOW.B`, the velocity of
-    that deviation.  `rode` is scratch memory, a number for each particle.  Deviations have shape
-    (2 * particle + 2, column): heights and velocities of the particles, height and velocity of the
-    base.
-    """
-    fixed, now = mount(problem, mounts, i), state.now
-    load = loaded(fixed, 0, side_at(fixed.waveform, now[NOW.X]))
-    now[NOW.B] += load.slow * now[NOW.D]
-    locate(state, load)
-    now[NOW.HIGHEST], now[NOW.LIFT] = bounds(load, now[NOW.D], now[NOW.B]).height, np.inf
-    begun, landings = now[NOW.X], 0
-    while True:
-        left = periods - now[NOW.N] - (now[NOW.X] - begun)
-        event, load = follow_event(state, fixed, load, 0.0, left, rode, deviations)
-        if event.kind == EVENT.LOST:
-            return -1
-        if event.kind <= EVENT.LOST:
-            break
-        landings += 0 if event.kind == EVENT.LIFT or event.kind == EVENT.CORNER else 1
-    let_pass(state, load, left)
-    now[NOW.B] = velocity(load, now[NOW.D], now[NOW.B])
-    propagate(load, left, state.mode, deviations)
-    for j in range(state.mode.size):
-        if state.mode[j] == MODE.RIDING:
-            state.particle[PARTICLE.HEIGHT, j] = state.particle[PARTICLE.SPEED, j] = 0.0
-    return landings
