@@ -25,7 +25,6 @@ from vibrosweep.kernels.waveforms import (
     LiftOffs,
     Shape,
     depth_of,
-    first_lift_off,
     kick_bend,
     kick_rounding,
     kick_slope,
@@ -248,19 +247,20 @@ def lifts_once_harmonics(shape: Harmonics) -> bool:
 
 @implements(next_lift_off, Harmonics)
 def next_lift_off_harmonics(shape: Harmonics, phases: LiftOffs, x: float) -> tuple[float, float]:
-    found, ahead, later = np.nan, np.inf, 0.0
+    return next_phase(phases, x)
+
+
+@jit
+def next_phase(phases: LiftOffs, x: float) -> tuple[float, float]:
+    """Return the next of some phases from phase x on, NaN if there is none, and periods passed."""
+    found, ahead, passed = np.nan, np.inf, 0.0
     for k in range(len(phases)):
         over = 1.0 if x > phases[k] else 0.0
         nearer = (phases[k] - x) + over < ahead
         found = phases[k] if nearer else found
-        later = over if nearer else later
+        passed = over if nearer else passed
         ahead = (phases[k] - x) + over if nearer else ahead
-    return found, later
-
-
-@implements(first_lift_off, Harmonics)
-def first_lift_off_harmonics(shape: Harmonics, phases: LiftOffs) -> float:
-    return next_lift_off(shape, phases, -0.5)[0]
+    return found, passed
 
 
 @implements(lift_off_error, Harmonics)

@@ -100,11 +100,6 @@ def next_lift_off(shape: Shape, phases: LiftOffs, x: float) -> tuple[float, floa
 
 
 @generic
-def first_lift_off(shape: Shape, phases: LiftOffs) -> float:
-    """Return the phase of the first lift-off in a period, or of the only one."""
-
-
-@generic
 def lift_off_error(shape: Shape, a: float, r: float, phases: LiftOffs) -> float:
     """Bound of the errors of the phases of lift-offs, infinite where one may be missed.
 
@@ -189,11 +184,6 @@ def lifts_once_always(shape: Shape) -> bool:
 @implements(next_lift_off, Sine, Parabolic)
 def next_lift_off_single(shape: Shape, phases: float, x: float) -> tuple[float, float]:
     return phases, 1.0 if x > phases else 0.0
-
-
-@implements(first_lift_off, Sine, Parabolic)
-def first_lift_off_single(shape: Shape, phases: float) -> float:
-    return phases
 
 
 @implements(lift_off_error, Sine)

@@ -43,7 +43,6 @@ from vibrosweep.kernels.waveforms import (
     Shape,
     Sine,
     depth_of,
-    first_lift_off,
     kick_slope,
     lift_offs,
     lifts_once,
@@ -221,7 +220,7 @@ def lift_off_high_bounce(fixed: Constants, n: float, x: float, w: float) -> Lift
 
 @implements(bases.after_rest, Constants)
 def after_rest_high_bounce(fixed: Constants) -> tuple[float, float]:
-    return first_lift_off(fixed.base.waveform, fixed.x_lift), fixed.u_lift
+    return next_lift_off(fixed.base.waveform, fixed.x_lift, -0.5)[0], fixed.u_lift
 
 
 @implements(bases.lifts_alike, HighBounce)

@@ -38,7 +38,7 @@ from vibrosweep.kernels.bases.shaped_search import (
     try_landing,
     turn,
 )
-from vibrosweep.kernels.harmonics import Harmonics, for_each
+from vibrosweep.kernels.harmonics import Harmonics, for_each, next_phase
 from vibrosweep.kernels.laws import Law
 from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
 from vibrosweep.kernels.restitution import Constant, Restitution, scale_of
@@ -127,13 +127,8 @@ def fly_shaped(fixed: ShapedConstants, x: float, u: float) -> tuple[float, float
 def lift_off_shaped(fixed: ShapedConstants, n: float, x: float, w: float) -> LiftOff:
     presses, _, _ = stretch(search(fixed), x)
     leaves = (w > fixed.r) | (not presses)
-    lift, ahead, later = np.nan, np.inf, np.inf
-    for k in range(len(fixed.falls)):
-        over = 1.0 if x > fixed.falls[k] else 0.0
-        nearer = (fixed.falls[k] - x) + over < ahead
-        lift = fixed.falls[k] if nearer else lift
-        later = n + over if nearer else later
-        ahead = (fixed.falls[k] - x) + over if nearer else ahead
+    lift, passed = next_phase(fixed.falls, x)
+    later = n + passed if lift == lift else np.inf
     return LiftOff(n if leaves else later, x if leaves else lift, w if leaves else 0.0, leaves)
 
 
