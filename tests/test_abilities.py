@@ -19,7 +19,7 @@ from vibrosweep.abilities import (
 from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
 from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.explore.points import open_points
-from vibrosweep.kernels.impact import BASE_OF, base_of
+from vibrosweep.kernels.impact import KIND_OF, base_of
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import LAWS, LAWS_OF
@@ -171,7 +171,7 @@ def test_a_law_that_somebody_adds_is_refused_where_no_base_implements_it(base, m
     monkeypatch.setitem(LAW_OF, "softening", LAW_OF["rest"])
     assert "softening" not in LAWS_OF[base]
     assert 'rebound = "softening" is not implemented' in refusal(base, law="softening")
-    if base in BASE_OF:
+    if base in KIND_OF:
         with pytest.raises(vs.errors.ParameterError, match="softening"):
             base_of(base, "softening")
 

@@ -29,7 +29,7 @@ SWEEPS = [
 
 
 def signatures():
-    return [len(kernel.signatures) for kernel in KERNELS]
+    return [len(kernel.dispatcher.signatures) for kernel in KERNELS]
 
 
 def test_no_command_compiles_after_warming_up(compute, tmp_path, capsys):

@@ -11,7 +11,7 @@ from llvmlite import binding
 
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.kernels import vectors
-from vibrosweep.kernels.impact import BASE_OF
+from vibrosweep.kernels.impact import KIND_OF
 
 compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -132,7 +132,7 @@ print(arm.emit_assembly(module))
 
 
 @compiles
-@pytest.mark.parametrize("base", BASE_OF)
+@pytest.mark.parametrize("base", KIND_OF)
 def test_the_hot_loop_becomes_vector_code_on_arm(base):
     plain = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     try:

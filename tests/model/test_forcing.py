@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.impact import BASE_OF
+from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.forcing import (
     FORCINGS,
@@ -105,5 +105,5 @@ def test_no_extreme_overflows_and_what_is_too_large_is_refused(forcing):
 
 
 def test_what_a_base_implements_is_a_law_of_the_kernels():
-    assert set(BASE_OF) < set(BASES) == set(LAWS_OF)
+    assert set(KIND_OF) < set(BASES) == set(LAWS_OF)
     assert set(LAWS) == set(LAW_OF)

@@ -30,7 +30,7 @@ from vibrosweep.kernels.coupled.settling import settle_jointly
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.extended import FIX_E, correct_point, directions, splitting
 from vibrosweep.kernels.fixed import find_fixed
-from vibrosweep.kernels.impact import BASE_OF
+from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.kernels.orbit_search import find_closed
 from vibrosweep.kernels.recorder import leave_rest_empty
 from vibrosweep.kernels.separation import separate
@@ -85,7 +85,7 @@ def warm_up() -> Compiled:
             "machine code cannot be kept beside the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
-    ways = [(base, law) for base, law in product(BASE_OF, LAWS) if not refusal(base, law=law)]
+    ways = [(base, law) for base, law in product(KIND_OF, LAWS) if not refusal(base, law=law)]
     # each problem twice, so that duplicates are found; a moving base below and above 1 g
     batches = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:

@@ -12,17 +12,19 @@ import functools
 import hashlib
 import inspect
 import shutil
+import threading
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from types import CellType, FunctionType
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numba
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
-from numba.extending import intrinsic, overload
+from numba.core.typing.templates import make_overload_template
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._cache import KernelCache
@@ -133,23 +135,50 @@ def part(function: F) -> F:
     return _piece(function, OF_A_PART)
 
 
+ALONE: Final = njit(**OPTIONS)
+_one_thread = threading.Lock()
+
+
+class Deferred:
+    """A function that is declared to numba when it is first called; a run needs few of them."""
+
+    def __init__(self, function: Any, compiler: Callable[[Any], Any] = ALONE) -> None:
+        self.py_func, self._compiler, self._dispatcher = function, compiler, None
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.dispatcher(*arguments)
+
+    @property
+    def dispatcher(self) -> Any:
+        """Return numba's function; one for all threads, which else would compile it twice."""
+        with _one_thread:
+            self._dispatcher = self._dispatcher or self._compiler(self.py_func)
+        return self._dispatcher
+
+
+class Piece(Deferred):
+    """A function that compiled callers take over.
+
+    Numba asks for its type when it compiles a caller.
+    """
+
+    def __init__(self, function: Any, code: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function)
+        self._code, self._options = code, options
+
+    @functools.cached_property
+    def _numba_type_(self) -> types.Function:
+        """Declare the function, as numba's `overload` does, whose code `self._code` returns."""
+        return types.Function(
+            make_overload_template(self, self._code, self._options, False, "never")
+        )
+
+
 def _piece(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
         return _as_python(function)
-
-    @functools.cache
-    def alone() -> Any:  # compiled on demand: pieces are hardly ever called from Python
-        return njit(**OPTIONS)(function)
-
-    @functools.wraps(function)
-    def piece(*arguments: Any) -> Any:
-        return alone()(*arguments)
-
-    @overload(piece, jit_options=options, strict=False)
-    def inlined(*arguments: Any) -> Any:
-        return function
-
-    return piece  # type: ignore[return-value]
+    return Piece(function, lambda *arguments: function, options)  # type: ignore[return-value]
 
 
 def compiled_anew(
@@ -194,20 +223,45 @@ def uncounted(function: F) -> F:
 def _cached(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
         return _as_python(function)
-    compiled = njit(**options)(function)
-    if cache_directory is None:
-        return compiled  # type: ignore[no-any-return]
-    with _caching_in(cache_directory):
-        compiled._cache = KernelCache(function)  # as njit(cache=True) sets numba's own
-    return compiled  # type: ignore[no-any-return]
+
+    def compiler(function: F) -> Any:
+        dispatcher = njit(**options)(function)
+        if cache_directory is not None:
+            with _caching_in(cache_directory):
+                dispatcher._cache = KernelCache(function)  # as njit(cache=True) sets numba's own
+        return dispatcher
+
+    return Deferred(function, compiler)  # type: ignore[return-value]
 
 
 def uncached(function: F) -> F:
     """Return the same entry point for arguments that no other process has, such as functions."""
-    return njit(**OPTIONS)(getattr(function, "py_func", function))  # type: ignore[no-any-return]
+    if numba.config.DISABLE_JIT:
+        return function
+    return Deferred(function.py_func)  # type: ignore[attr-defined,return-value]
 
 
-_implementations: dict[Any, dict[type, Any]] = {}
+class Generic(Piece):
+    """A function that is chosen by the type of its first argument."""
+
+    def __init__(self, declared: Any) -> None:
+        super().__init__(declared, self._chosen, OF_A_PIECE)
+        self.implementations: dict[type, Any] = {}
+
+    def __call__(self, first: Any, *others: Any) -> Any:
+        return self.implementation(type(first))(first, *others)
+
+    def implementation(self, kind: type) -> Any:
+        """Return the function for a kind of named tuple; a TypeError if there is none."""
+        try:
+            return self.implementations[kind]
+        except KeyError:
+            raise TypeError(
+                f"{self.py_func.__name__} has no implementation for {kind.__name__}"
+            ) from None
+
+    def _chosen(self, first: Any, *others: Any) -> Any:
+        return inspect.unwrap(self.implementation(getattr(first, "instance_class", type(first))))
 
 
 def generic(declared: F) -> F:
@@ -216,32 +270,14 @@ def generic(declared: F) -> F:
     `implements` gives the code for a kind of named tuple; compiled callers choose when they are
     compiled, others when they call.
     """
-
-    def implementation(kind: type) -> Any:
-        try:
-            return _implementations[call][kind]
-        except KeyError:
-            raise TypeError(
-                f"{declared.__name__} has no implementation for {kind.__name__}"
-            ) from None
-
-    @functools.wraps(declared)
-    def call(first: Any, *others: Any) -> Any:
-        return implementation(type(first))(first, *others)
-
-    @overload(call, jit_options=OF_A_PIECE, strict=False)
-    def choose(first: Any, *others: Any) -> Any:
-        return inspect.unwrap(implementation(getattr(first, "instance_class", type(first))))
-
-    _implementations[call] = {}
-    return call  # type: ignore[return-value]
+    return Generic(declared)  # type: ignore[return-value]
 
 
-def implements(function: F, *kinds: type) -> Callable[[F], F]:
+def implements(function: Any, *kinds: type) -> Callable[[F], F]:
     """Compile the code of a generic function for kinds of named tuples."""
 
     def keep(implementation: F) -> F:
-        _implementations[function].update(dict.fromkeys(kinds, jit(implementation)))
+        function.implementations.update(dict.fromkeys(kinds, jit(implementation)))
         return implementation
 
     return keep
@@ -252,7 +288,7 @@ def uncompiled(function: F) -> F:
 
     @functools.wraps(function)
     def call(first: Any, *others: Any) -> Any:
-        return inspect.unwrap(_implementations[function][type(first)])(first, *others)
+        return inspect.unwrap(function.implementation(type(first)))(first, *others)  # type: ignore[attr-defined]
 
     return call  # type: ignore[return-value]
 

@@ -18,36 +18,37 @@ from vibrosweep.kernels.bases import (
     Constants,
     Flight,
     Instant,
-    chained_errors,  # noqa: F401 -- implementations for the base of parabolas
-    chained_lanes,  # noqa: F401
     fly,
     high_bounce_errors,  # noqa: F401 -- implementations for this base
     high_bounce_noise,  # noqa: F401
     leave,
     lift_off,
-    moving_errors,  # noqa: F401 -- implementations for the moving base
-    moving_fixed,  # noqa: F401
-    moving_lanes,  # noqa: F401
     random,
     rebound,
-    shaped_errors,  # noqa: F401
-    shaped_lanes,  # noqa: F401
     wake,
 )
-from vibrosweep.kernels.bases.chained import Chained
 from vibrosweep.kernels.bases.high_bounce import HighBounce
-from vibrosweep.kernels.bases.moving import Moving
-from vibrosweep.kernels.bases.shaped import Shaped
 from vibrosweep.kernels.falling import restitution_of
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.kernels.noise import Noise
 from vibrosweep.kernels.shape_types import shape_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform
+from vibrosweep.model.shapes import SINE, Waveform
 
-BASE_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Moving}
-SHAPED_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Shaped}  # with another waveform than the sine
+
+def _high_bounce(waveform: Waveform) -> type:
+    return HighBounce
+
+
+def _moving(waveform: Waveform) -> type:
+    from vibrosweep.kernels.bases.moving_kinds import kind_of  # slow to import: many declarations
+
+    return kind_of(waveform)
+
+
+# Named tuple of each base, for a waveform
+KIND_OF: Final = {HIGH_BOUNCE: _high_bounce, MOVING: _moving}
 
 
 class Batch(NamedTuple):
@@ -98,20 +99,15 @@ def base_of(
     Raises a ParameterError unless particles over the base are independent of each other and the
     base implements the laws and the waveform.
     """
-    if base not in BASE_OF:
+    if base not in KIND_OF:
         raise ParameterError(
             f'base = "{base}": couples particles, which cannot be followed one by one; take '
-            f"one of {', '.join(BASE_OF)}"
+            f"one of {', '.join(KIND_OF)}"
         )
     if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
-    made: Base
-    if waveform == SINE:
-        made = BASE_OF[base](law=LAW_OF[rebound], noise=noise)
-    else:
-        shape, parabolas = shape_of(waveform), waveform.name == PARABOLIC_NAME
-        kind = Chained if parabolas and base == MOVING else SHAPED_OF[base]
-        made = kind(law=LAW_OF[rebound], waveform=shape, noise=noise)
+    shape = {} if waveform == SINE else {"waveform": shape_of(waveform)}
+    made: Base = KIND_OF[base](waveform)(law=LAW_OF[rebound], noise=noise, **shape)
     chosen = restitution_of(restitution)
     return made if restitution == CONSTANT else made._replace(restitution=chosen)
 
