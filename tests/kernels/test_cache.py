@@ -33,7 +33,7 @@ def kernel(tmp_path, monkeypatch):
 
 
 def hits(kernel):
-    return sum(kernel.stats.cache_hits.values())
+    return sum(kernel.dispatcher.stats.cache_hits.values())
 
 
 def test_variants_are_kept_and_counted(kernel, tmp_path):

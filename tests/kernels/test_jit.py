@@ -155,7 +155,7 @@ from vibrosweep.model.parameters import Dimensionless
 value = probe.probe(0.25)
 field = probe.field(Dimensionless(**{n: np.array([1.0 if n == "kick" else 0.0])
                                      for n in Dimensionless._fields}))
-hits = [sum(k.stats.cache_hits.values()) for k in (probe.probe, probe.field)]
+hits = [sum(k.dispatcher.stats.cache_hits.values()) for k in (probe.probe, probe.field)]
 print(json.dumps([value, field, hits, str(_jit.cache_directory)]))
 """
 
@@ -203,7 +203,7 @@ def test_machine_code_is_kept_on_disk_and_never_stale(package):
 def test_a_package_that_cannot_be_written_still_computes(package, tmp_path):
     environment = {"HOME": str(tmp_path / "nowhere"), "NUMBA_CACHE_DIR": "/dev/null/none"}
     script = USE.replace("print(", "assert _jit.cache_directory is None\nprint(")
-    script = script.replace("sum(k.stats.cache_hits.values())", "0")
+    script = script.replace("sum(k.dispatcher.stats.cache_hits.values())", "0")
     value, *_ = json.loads(python(script, source=package.parent, **environment))
     assert value == 2.0
 
@@ -226,8 +226,8 @@ observation = observation.with_measures(transient=0.0, separation=True)
 with Workers(1) as workers:
     measure(all_parameters({}), observation, workers)
 for kernel in (advance, combine, separate):
-    assert sum(kernel.stats.cache_hits.values()) == 1, kernel
-    assert not kernel.stats.cache_misses, kernel
+    assert sum(kernel.dispatcher.stats.cache_hits.values()) == 1, kernel
+    assert not kernel.dispatcher.stats.cache_misses, kernel
 # what only a compiler needs takes longer to import than all else
 assert not {"scipy.linalg", "numba.np.arrayobj", "numba.np.linalg"} & sys.modules.keys()
 """

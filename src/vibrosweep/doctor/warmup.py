@@ -113,6 +113,6 @@ def warm_up() -> Compiled:
         coupled = Scene(2, "staggered", 2.0, base=SPRUNG).recorded(1000)
         measure(parameters, replace(coupled, measures=Measures(joint=True)), workers)
         base_track(parameters, coupled, workers).at(np.array([1.0]))
-    made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)
-    kept = sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS)
+    made = sum(sum(kernel.dispatcher.stats.cache_misses.values()) for kernel in KERNELS)
+    kept = sum(sum(kernel.dispatcher.stats.cache_hits.values()) for kernel in KERNELS)
     return Compiled(made, kept, _jit.cache_directory)

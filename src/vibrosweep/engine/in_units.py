@@ -70,6 +70,8 @@ def of_launches(
     `heights` are those of launches, shape (realization, particle or 1), `highest` those of flights.
     """
     launched = launched_in_window(scene, parameters["frequency"])
+    if heights.shape[1] == 1:  # they all reach the same
+        launched = np.any(launched, axis=1)[:, np.newaxis]
     reached = np.where(launched, heights, -np.inf).max(axis=1)
     return np.asarray(np.fmax(highest, np.where(reached > -np.inf, reached, np.nan)))
 

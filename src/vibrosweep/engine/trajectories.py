@@ -268,18 +268,22 @@ def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
 def _repeated(found: Followed, source: NDArray[np.intp], scene: Scene) -> Followed:
     """Copy the results of distinct realizations to all their duplicates."""
 
-    def repeated(values: Any, places: NDArray[np.intp]) -> Any:
+    def of_realizations(values: Any, places: NDArray[np.intp] = source) -> Any:
         if values is None:
             return None
-        arrays = (v[..., places] if isinstance(v, np.ndarray) else v for v in values)
+        arrays = (v.take(places, -1) if isinstance(v, np.ndarray) else v for v in values)
         return type(values)(*arrays)
 
-    first = source[:, np.newaxis] * scene.particles
-    trajectories = (first + np.arange(scene.particles)).ravel()
+    def of_trajectories(values: Any) -> Any:
+        if values is None:
+            return None
+        first = source[:, np.newaxis] * scene.particles
+        return of_realizations(values, (first + np.arange(scene.particles)).ravel())
+
     return Followed(
-        repeated(found.trajectories, trajectories),
-        repeated(found.realizations, source),
-        repeated(found.orbits, trajectories),
-        repeated(found.separations, source),
-        repeated(found.bounds, trajectories),
+        of_trajectories(found.trajectories),
+        of_realizations(found.realizations),
+        of_trajectories(found.orbits),
+        of_realizations(found.separations),
+        of_trajectories(found.bounds),
     )

@@ -16,7 +16,6 @@ import threading
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from types import CellType, FunctionType
 from typing import Any, Final, TypeVar
 
 import numba
@@ -30,7 +29,6 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._cache import KernelCache
 from vibrosweep.kernels._pieces import PieceCompiler
 from vibrosweep.kernels.vectors import vector_bits
-from vibrosweep.model.functions import is_function, outside, plain
 
 F = TypeVar("F", bound=Callable[..., Any])
 Floats = NDArray[np.float64]
@@ -157,53 +155,37 @@ class Deferred:
         return self._dispatcher
 
 
-class Piece(Deferred):
-    """A function that compiled callers take over.
+class Piece:
+    """A function whose code compiled callers take over.
 
-    Numba asks for its type when it compiles a caller.
+    As with numba's `overload`, `code` returns that code for the types of arguments.  But the
+    function is declared when numba compiles a caller and asks for its type: most runs compile none.
     """
 
-    def __init__(self, function: Any, code: Callable[..., Any], options: dict[str, Any]) -> None:
-        super().__init__(function)
-        self._code, self._options = code, options
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        call: Callable[..., Any],
+        code: Callable[..., Any],
+        options: dict[str, Any] = OF_A_PIECE,
+    ) -> None:
+        self.py_func, self._call, self._code, self._options = function, call, code, options
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._call(*arguments)
 
     @functools.cached_property
     def _numba_type_(self) -> types.Function:
-        """Declare the function, as numba's `overload` does, whose code `self._code` returns."""
-        return types.Function(
-            make_overload_template(self, self._code, self._options, False, "never")
-        )
+        strict, inline = False, "never"
+        made = make_overload_template(self, self._code, self._options, strict, inline)
+        return types.Function(made)
 
 
 def _piece(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
         return _as_python(function)
-    return Piece(function, lambda *arguments: function, options)  # type: ignore[return-value]
-
-
-def compiled_anew(
-    function: Any, compiler: Callable[[Any], Any], done: dict[Any, Any] | None = None
-) -> Any:
-    """Compile a function from outside the package together with those that it calls.
-
-    Earlier machine code of them may hold old values of the numbers that they use, and other options
-    of the compiler.  `done` holds the functions that have been compiled.
-    """
-    function, done = plain(function), {} if done is None else done
-    if function not in done:
-        names, code = dict(function.__globals__), function.__code__
-        cells = {name: CellType() for name in code.co_freevars}
-        enclosed, given = tuple(cells.values()), function.__defaults__
-        fresh = FunctionType(code, names, function.__name__, given, enclosed)
-        fresh.__kwdefaults__ = function.__kwdefaults__
-        done[function] = compiler(fresh)
-        for name, value in outside(function).items():
-            anew = compiled_anew(value, compiler, done) if is_function(value) else value
-            if name in cells:
-                cells[name].cell_contents = anew
-            else:
-                names[name] = anew
-    return done[function]
+    return Piece(function, Deferred(function), lambda *_: function, options)  # type: ignore[return-value]
 
 
 def kernel(function: F) -> F:
@@ -241,27 +223,7 @@ def uncached(function: F) -> F:
     return Deferred(function.py_func)  # type: ignore[attr-defined,return-value]
 
 
-class Generic(Piece):
-    """A function that is chosen by the type of its first argument."""
-
-    def __init__(self, declared: Any) -> None:
-        super().__init__(declared, self._chosen, OF_A_PIECE)
-        self.implementations: dict[type, Any] = {}
-
-    def __call__(self, first: Any, *others: Any) -> Any:
-        return self.implementation(type(first))(first, *others)
-
-    def implementation(self, kind: type) -> Any:
-        """Return the function for a kind of named tuple; a TypeError if there is none."""
-        try:
-            return self.implementations[kind]
-        except KeyError:
-            raise TypeError(
-                f"{self.py_func.__name__} has no implementation for {kind.__name__}"
-            ) from None
-
-    def _chosen(self, first: Any, *others: Any) -> Any:
-        return inspect.unwrap(self.implementation(getattr(first, "instance_class", type(first))))
+_implementations: dict[Any, dict[type, Any]] = {}
 
 
 def generic(declared: F) -> F:
@@ -270,14 +232,31 @@ def generic(declared: F) -> F:
     `implements` gives the code for a kind of named tuple; compiled callers choose when they are
     compiled, others when they call.
     """
-    return Generic(declared)  # type: ignore[return-value]
+
+    def implementation(kind: type) -> Any:
+        try:
+            return _implementations[piece][kind]
+        except KeyError:
+            raise TypeError(
+                f"{declared.__name__} has no implementation for {kind.__name__}"
+            ) from None
+
+    def call(first: Any, *others: Any) -> Any:
+        return implementation(type(first))(first, *others)
+
+    def code(first: Any, *others: Any) -> Any:
+        return inspect.unwrap(implementation(getattr(first, "instance_class", type(first))))
+
+    piece = Piece(declared, call, code)
+    _implementations[piece] = {}
+    return piece  # type: ignore[return-value]
 
 
-def implements(function: Any, *kinds: type) -> Callable[[F], F]:
+def implements(function: F, *kinds: type) -> Callable[[F], F]:
     """Compile the code of a generic function for kinds of named tuples."""
 
     def keep(implementation: F) -> F:
-        function.implementations.update(dict.fromkeys(kinds, jit(implementation)))
+        _implementations[function].update(dict.fromkeys(kinds, jit(implementation)))
         return implementation
 
     return keep
@@ -288,7 +267,7 @@ def uncompiled(function: F) -> F:
 
     @functools.wraps(function)
     def call(first: Any, *others: Any) -> Any:
-        return inspect.unwrap(function.implementation(type(first)))(first, *others)  # type: ignore[attr-defined]
+        return inspect.unwrap(_implementations[function][type(first)])(first, *others)
 
     return call  # type: ignore[return-value]
 

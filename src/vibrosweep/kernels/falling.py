@@ -18,7 +18,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels import elementary
-from vibrosweep.kernels._jit import compiled_anew, fma, implements, jit
+from vibrosweep.kernels._jit import fma, implements, jit
+from vibrosweep.kernels.anew import compiled_anew
 from vibrosweep.kernels.markers import kind
 from vibrosweep.kernels.restitution import (
     Constant,

@@ -15,9 +15,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from vibrosweep.kernels._jit import OF_A_PIECE, Floats, fma, implements, jit
+from vibrosweep.kernels._jit import Floats, Piece, fma, implements, jit
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
 from vibrosweep.kernels.sine import cos_turns, sin_turns
@@ -224,11 +223,10 @@ def for_each(field: str, term: str, given: str = "a, r, s, j", **names: Any) -> 
     def call(shape: Harmonics, *arguments: Any) -> Any:
         return written(len(getattr(shape, field)))(shape, *arguments)
 
-    @overload(call, jit_options=OF_A_PIECE, strict=False)
-    def chosen(shape: Any, *arguments: Any) -> Any:
+    def code(shape: Any, *arguments: Any) -> Any:
         return written(len(shape.types[Harmonics._fields.index(field)]))
 
-    return call
+    return Piece(call, call, code)
 
 
 _rises = for_each("peak", "rise(shape, a, r, {k})")

@@ -13,7 +13,8 @@ import numba
 from numba import njit, types
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels._jit import OPTIONS, Floats, compiled_anew, generic, implements, jit
+from vibrosweep.kernels._jit import OPTIONS, Floats, generic, implements, jit
+from vibrosweep.kernels.anew import compiled_anew
 from vibrosweep.kernels.bases import Base
 from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE
 from vibrosweep.kernels.statistics import KINDS, declare

@@ -17,9 +17,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from numba.extending import overload
-
-from vibrosweep.kernels._jit import OF_A_PIECE, Floats, fma, prefetch, uncounted
+from vibrosweep.kernels._jit import Floats, Piece, fma, prefetch, uncounted
 from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.lanes import ROWS, STRIDE, aligned
 from vibrosweep.kernels.statistics import (
@@ -67,15 +65,13 @@ def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
         exec(f"def {write.__name__}({parameters}):\n{body}\n", names)
         return names[write.__name__]
 
-    @functools.wraps(write)
     def call(kinds: Kinds, *arguments: Any) -> Any:
         return composed(tuple(map(type, kinds)))(kinds, *arguments)
 
-    @overload(call, jit_options=OF_A_PIECE, strict=False)
-    def chosen(kinds: Any, *arguments: Any) -> Any:
+    def code(kinds: Any, *arguments: Any) -> Any:
         return composed(tuple(kind.instance_class for kind in kinds))
 
-    return call
+    return Piece(write, call, code)
 
 
 def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]:
