@@ -27,16 +27,16 @@ from vibrosweep.lab.compare import compare
 from vibrosweep.lab.comparison import QUANTITIES
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
-from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flight_search import find_flights
-from vibrosweep.lab.flights import fit
+from vibrosweep.lab.flights import fit_parabolas
 from vibrosweep.lab.impacts import BOUNCED, impacts_of
 from vibrosweep.lab.lines import flights_of, table_lines
-from vibrosweep.lab.prediction import Comparison
+from vibrosweep.lab.prediction import ComparisonOptions
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import samples_of
 from vibrosweep.lab.spec import read_experiments
-from vibrosweep.lab.surfaces import oscillating
+from vibrosweep.lab.surfaces import oscillating_surface
 from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.locked_theory import amplitude_max
@@ -46,7 +46,7 @@ sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
 from study.figures.imperfections import imperfections
 from study.table4 import CASES, STUDY, study_imperfections, verdict
 
-LEVEL = View(motion="level")
+LEVEL = Setup(motion="level")
 ROOT = Path(__file__).parents[1]
 SWEEPS = ROOT / "sweeps" / "laboratory"
 G = LABORATORY["gravity"]
@@ -222,7 +222,7 @@ def bases(films, first):
                 tracks, scene = irregular_film(base, seed)
                 rate = scene["frequency"] if known else None
                 try:
-                    fitted = fit_tracks(tracks, G, View(frequency=rate))
+                    fitted = fit_tracks(tracks, G, Setup(frequency=rate))
                 except TrackError:
                     said["refused"] += 1
                     continue
@@ -270,7 +270,7 @@ def timing():
     flights = step("flights: found, fitted, cut anew", lambda: find_flights(samples, G, None))
     step(
         "one fit of all parabolas, of eight",
-        lambda: fit(samples, flights.member, flights.piece.size, G),
+        lambda: fit_parabolas(samples, flights.member, flights.piece.size, G),
     )
     step("exchanged names", lambda: find_swaps(when, height, flights.noise, flights.base, G))
     fitted = fit_tracks(tracks, G, LEVEL)
@@ -323,7 +323,7 @@ def cases(figures, duration):
         recordings += [trial.tracks for trial in perform_trials(one)]
     with Workers(2) as workers:
         for method in ("fit", "sign_change"):
-            how = Comparison(known, method=method, view=View(None, 1e-3, "level"))
+            how = ComparisonOptions(known, method=method, setup=Setup(None, 1e-3, "level"))
             table = compare(recordings, how, workers)
             table.attrs |= {f"study_{q}": STUDY[q] for q in QUANTITIES}
             print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
@@ -345,11 +345,11 @@ def drawn(figures):
     (plan,) = read_experiments(SWEEPS / "two_tones.toml").experiments
     plan = replace(plan, repeats=1, scene=replace(plan.scene, duration=26.0))
     time = np.arange(20.0, 26.0, 1e-3)
-    height = oscillating(plan.parameters, plan.scene.waveform).height(time)
+    height = oscillating_surface(plan.parameters, plan.scene.waveform).height(time)
     height += 1e-5 * np.random.default_rng(1).standard_normal(time.size)
-    view = View(trace=make_trace(time, height, "height"))
+    setup = Setup(trace=make_trace(time, height, "height"))
     tracks = perform_trials(plan)[0].tracks
-    figure = for_file(fitted_track, flights_of(tracks, fit_tracks(tracks, G, view)))
+    figure = for_file(fitted_track, flights_of(tracks, fit_tracks(tracks, G, setup)))
     save_formats(figure, figures, "laboratory_two_tones")
     return True
 

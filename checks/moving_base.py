@@ -18,7 +18,7 @@ from laboratory import differences
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
-from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.trials import perform_trials
 
@@ -73,12 +73,12 @@ def over_a_moving_base(case, seeds):
     for seed in seeds:
         trial, truth = filmed("moving", case, seed)
         try:
-            fitted = fit_tracks(trial.tracks, G, View(frequency=FREQUENCY))
+            fitted = fit_tracks(trial.tracks, G, Setup(frequency=FREQUENCY))
         except TrackError:  # all particles soon ride on the base
             said.append("nothing flies")
             continue
         said.append(fitted.favoured_base)
-        if fitted.flights.shaken is None:
+        if fitted.flights.base_fit is None:
             continue
         found = impacts_of(trial.tracks, fitted, G, "fit")
         one = estimate(found, frequency=FREQUENCY)
@@ -116,7 +116,7 @@ def over_a_level_base(seeds):
         for seed in seeds:
             trial, _ = filmed("high-bounce", case, seed)
             try:
-                said.append(fit_tracks(trial.tracks, G, View(frequency=FREQUENCY)).favoured_base)
+                said.append(fit_tracks(trial.tracks, G, Setup(frequency=FREQUENCY)).favoured_base)
             except TrackError:
                 refused += 1
     moving, level = said.count("moving"), said.count("level")

@@ -22,7 +22,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.speed_laws import FITTED
-from vibrosweep.lab.surfaces import oscillating
+from vibrosweep.lab.surfaces import oscillating_surface
 from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.trials import perform_trials
 
@@ -63,7 +63,7 @@ def over_harmonics(seeds):
         plan = Experiment(**scene, particles=3, repeats=1, transient=1.0, duration=7.0, seed=seed)
         truth["amplitude"] = plan.parameters["amplitude"]
         time = np.arange(1.0, 7.0, 1.0 / RATE)
-        base = oscillating(plan.parameters, plan.scene.waveform)
+        base = oscillating_surface(plan.parameters, plan.scene.waveform)
         noise = NOISE * np.random.default_rng(seed).standard_normal(time.size)
         trace = make_trace(time, base.height(time) + noise, "height")
         numbers = tuple(h for h, *_ in plan.scene.waveform.tones)

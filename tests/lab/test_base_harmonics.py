@@ -15,7 +15,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.lines import impact_lines
-from vibrosweep.lab.surfaces import oscillating
+from vibrosweep.lab.surfaces import oscillating_surface
 from vibrosweep.lab.traces import make_trace, trace_of_mark
 from vibrosweep.lab.track_files import read_tracks
 from vibrosweep.lab.tracks import with_mark
@@ -50,7 +50,7 @@ def trace(shape=TWO_TONES, noise=1e-5, quantity="height", seed=1):
 
 def test_flights_of_a_film_begin_and_end_on_the_base_as_it_moves(film):
     plan, trial = film
-    record, base = trial.record, oscillating(plan.parameters, TWO_TONES)
+    record, base = trial.record, oscillating_surface(plan.parameters, TWO_TONES)
     up, down = record.liftoff_time[:, :-1], record.landing_time[:, 1:]
     flown = np.isfinite(up) & np.isfinite(down)
     up, down, speed = up[flown], down[flown], record.rebound_velocity[:, :-1][flown]
@@ -84,7 +84,7 @@ def test_weights_phases_and_restitution_of_a_film_within_their_errors(film):
 
 def film_height(film):
     noise = 1e-5 * np.random.default_rng(1).standard_normal(TIME.size)
-    return oscillating(film[0].parameters, TWO_TONES).height(TIME) + noise
+    return oscillating_surface(film[0].parameters, TWO_TONES).height(TIME) + noise
 
 
 def test_a_recording_is_compared_with_the_base_of_its_trace(film):
@@ -100,7 +100,7 @@ def marked(film, tmp_path_factory):
     """The tracks of the film with that of a mark on the base, as a file."""
     tracks, path = film[1].tracks, tmp_path_factory.mktemp("marked") / "film.csv"
     time, rng = tracks["time"].values, np.random.default_rng(3)
-    mark = oscillating(film[0].parameters, TWO_TONES).height(time) - 0.02
+    mark = oscillating_surface(film[0].parameters, TWO_TONES).height(time) - 0.02
     columns = [*tracks["height"].values.T, mark + 1e-4 * rng.standard_normal(time.size)]
     names = ["a", "b", "c", "table"]
     rows = [

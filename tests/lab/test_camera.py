@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.lab.camera import Camera, Motion, film
-from vibrosweep.lab.surfaces import LEVEL, oscillating
+from vibrosweep.lab.surfaces import LEVEL, oscillating_surface
 
 G = 9.81
 
@@ -22,7 +22,7 @@ def motion():
 @pytest.fixture
 def on_a_moving_base():
     """A flight, a stay, and a flight that does not end."""
-    surface, start, end = oscillating(SCENE), np.array([0.0, 0.35]), np.array([0.2, np.inf])
+    surface, start, end = oscillating_surface(SCENE), np.array([0.0, 0.35]), np.array([0.2, np.inf])
     rise = surface.height(start)
     fallen = surface.height(end[:1])[0] - rise[0]
     velocity = np.array([fallen / 0.2 + 0.1 * G, 0.7])

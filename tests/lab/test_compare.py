@@ -9,9 +9,15 @@ from vibrosweep.lab.compare import compare
 from vibrosweep.lab.comparison import READINGS, comparable, measured_means, prediction_errors
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
-from vibrosweep.lab.fitting import View
+from vibrosweep.lab.fitting import Setup
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
-from vibrosweep.lab.prediction import Comparison, draw, first_flights, predict, scene_of
+from vibrosweep.lab.prediction import (
+    ComparisonOptions,
+    draw_parameters,
+    first_flights,
+    predict,
+    scene_of,
+)
 from vibrosweep.lab.repeats import agreement, phases, quantities
 from vibrosweep.model.shapes import SINE
 from vibrosweep.theory import locked_height
@@ -22,7 +28,7 @@ KNOWN = {"frequency": 20.0, "restitution": 0.9, "amplitude": 0.06, "contact_time
 
 def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, workers):
     """H_1 = g / (8 f^2) and the forcing period, whatever restitution and amplitude are."""
-    table = compare([locked.tracks], Comparison(KNOWN), workers)
+    table = compare([locked.tracks], ComparisonOptions(KNOWN), workers)
     assert table["case"].values.tolist() == ["N=1"]
     assert all(variable.attrs for variable in table.data_vars.values())  # units, meanings
     height = float(locked_height(1, 20.0))
@@ -35,14 +41,16 @@ def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, wor
 def test_the_camera_explains_the_errors_it_makes(locked, workers):
     """Of single flights, for which a mean over many draws of the noise is compared with another."""
     for method in ("fit", "sign_change"):
-        row = compare([locked.tracks], Comparison(KNOWN, method=method), workers).isel(case=0)
+        row = compare([locked.tracks], ComparisonOptions(KNOWN, method=method), workers).isel(
+            case=0
+        )
         error = row["error"].sel(reading="flight", quantity="height")
         explained = np.hypot(row["frames"], row["pixels"]).sel(reading="flight", quantity="height")
         assert float(explained) == pytest.approx(float(error), rel=0.2)
 
 
 def test_estimated_parameters_predict_what_was_measured(irregular, workers):
-    table = compare([irregular.tracks], Comparison({"frequency": 20.0}, draws=8), workers)
+    table = compare([irregular.tracks], ComparisonOptions({"frequency": 20.0}, draws=8), workers)
     assert float(table["restitution"][0]) == pytest.approx(0.85, abs=0.005)
     assert (table["error"].sel(reading="ensemble") < 1.0).all()
     assert (table["parameters"] > 0.0).all()
@@ -51,7 +59,7 @@ def test_estimated_parameters_predict_what_was_measured(irregular, workers):
 def test_a_copy_that_cannot_be_measured_leaves_the_errors_of_the_camera_open(irregular, workers):
     """The particles of this prediction come to rest after a few flights."""
     known = {**KNOWN, "restitution": 0.2, "amplitude": 0.03}
-    table = compare([irregular.tracks], Comparison(known), workers)
+    table = compare([irregular.tracks], ComparisonOptions(known), workers)
     assert "the errors of the camera are not known: the predicted motion" in table.attrs["warning"]
     assert np.isnan(table[["frames", "pixels"]].to_array()).all()
     assert (table["error"] > 50.0).all()
@@ -60,7 +68,7 @@ def test_a_copy_that_cannot_be_measured_leaves_the_errors_of_the_camera_open(irr
 def test_a_prediction_without_a_flight_is_refused(irregular, workers):
     known = {**KNOWN, "restitution": 0.0, "amplitude": 0.0}
     with pytest.raises(ParameterError, match="none of the particles makes a whole flight"):
-        compare([irregular.tracks], Comparison(known), workers)
+        compare([irregular.tracks], ComparisonOptions(known), workers)
 
 
 def test_errors_by_hand(found):
@@ -78,7 +86,7 @@ def test_errors_by_hand(found):
 def test_prediction_follows_each_particle_from_its_first_flight(irregular, found, workers):
     """At the true parameters the means are those of the true record."""
     scene = scene_of(found, "rest", SINE, "constant")
-    sets, shapes, refused = draw(IRREGULAR, scene, None, 0)
+    sets, shapes, refused = draw_parameters(IRREGULAR, scene, None, 0)
     foretold = predict(found, sets, shapes, scene, workers)
     among = comparable(found)
     assert refused == 0
@@ -92,7 +100,7 @@ def test_a_particle_that_never_flew_is_not_launched(found, workers):
     still = found.copy(deep=True)
     still["flight_time"][1] = np.nan
     scene = scene_of(found, "rest", SINE, "constant")
-    sets, shapes, _ = draw(IRREGULAR, scene, None, 0)
+    sets, shapes, _ = draw_parameters(IRREGULAR, scene, None, 0)
     flights = first_flights(still, sets)
     assert flights.particle.tolist() == [0, 2]
     assert flights.sets["phase"].size == 2
@@ -103,32 +111,34 @@ def test_a_particle_that_never_flew_is_not_launched(found, workers):
 def test_draws_stay_physical_or_are_refused(found):
     scene = scene_of(found, "rest", SINE, "constant")
     estimated = estimate(found, frequency=20.0)
-    sets, _, refused = draw(LABORATORY, scene, estimated, 50)
+    sets, _, refused = draw_parameters(LABORATORY, scene, estimated, 50)
     assert sets["restitution"].size == 51
     assert refused == 0
     assert np.std(sets["restitution"][1:]) == pytest.approx(float(estimated["error"][0]), rel=0.3)
     edge = estimated.copy(deep=True)
     edge["estimate"][0] = 1.0 - float(estimated["error"][0])  # 16 % of the draws exceed 1
-    sets, _, refused = draw(LABORATORY, scene, edge, 50)
+    sets, _, refused = draw_parameters(LABORATORY, scene, edge, 50)
     assert 1 <= refused <= 25
     assert (sets["restitution"] <= 1.0).all()
     edge["estimate"][0] = 1.01
     with pytest.raises(
         ParameterError, match=r"restitution is estimated as 1\.01: must be at least"
     ):
-        draw(LABORATORY, scene, edge, 50)
+        draw_parameters(LABORATORY, scene, edge, 50)
 
 
 def test_what_cannot_be_compared_is_said(locked, irregular, trial, workers):
     with pytest.raises(ParameterError, match="does not determine restitution and amplitude"):
-        compare([locked.tracks], Comparison({"frequency": 20.0}), workers)
+        compare([locked.tracks], ComparisonOptions({"frequency": 20.0}), workers)
     with pytest.raises(ParameterError, match="restitution is given alone"):
-        compare([locked.tracks], Comparison({"restitution": 0.9}), workers)
+        compare([locked.tracks], ComparisonOptions({"restitution": 0.9}), workers)
     with pytest.raises(ParameterError, match="the frequency is missing"):
-        compare([locked.tracks], Comparison({"restitution": 0.9, "amplitude": 0.06}), workers)
+        compare(
+            [locked.tracks], ComparisonOptions({"restitution": 0.9, "amplitude": 0.06}), workers
+        )
     resting = trial(particles=1, scene={**LABORATORY, "amplitude": 0.12, "restitution": 0.8})
     with pytest.raises(TrackError, match="nothing can be compared"):
-        compare([resting.tracks], Comparison({**KNOWN, "restitution": 0.8}), workers)
+        compare([resting.tracks], ComparisonOptions({**KNOWN, "restitution": 0.8}), workers)
 
 
 @pytest.mark.parametrize(
@@ -137,20 +147,20 @@ def test_what_cannot_be_compared_is_said(locked, irregular, trial, workers):
         ({"draws": 1}, ParameterError, "draws = 1:"),
         ({"method": "parabola"}, TrackError, "method = 'parabola':"),
         ({"rebound": "stick"}, ParameterError, "rebound = 'stick':"),
-        ({"view": View(motion="up")}, TrackError, "motion = 'up':"),
-        ({"view": View(exposure=2.0)}, TrackError, r"exposure = 2\.0:"),
-        ({"view": View(frequency=-1.0)}, ParameterError, r"frequency = -1\.0:"),
+        ({"setup": Setup(motion="up")}, TrackError, "motion = 'up':"),
+        ({"setup": Setup(exposure=2.0)}, TrackError, r"exposure = 2\.0:"),
+        ({"setup": Setup(frequency=-1.0)}, ParameterError, r"frequency = -1\.0:"),
         ({"known": {"gravity": 0.0}}, ParameterError, r"gravity = 0\.0:"),
     ],
 )
 def test_what_cannot_be_asked_is_refused(locked, workers, change, error, message):
     with pytest.raises(error, match=message):
-        compare([locked.tracks], Comparison(**({"known": KNOWN} | change)), workers)
+        compare([locked.tracks], ComparisonOptions(**({"known": KNOWN} | change)), workers)
 
 
 def test_nothing_to_compare(workers):
     with pytest.raises(TrackError, match="there is no recording to compare"):
-        compare([], Comparison(KNOWN), workers)
+        compare([], ComparisonOptions(KNOWN), workers)
 
 
 def test_quantities_of_a_locked_orbit(locked):

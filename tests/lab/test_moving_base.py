@@ -13,10 +13,10 @@ from vibrosweep.lab.compare import compare_tracks
 from vibrosweep.lab.contacts import find_contacts
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
-from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.lines import impact_lines
-from vibrosweep.lab.oscillation import fit_shaken
+from vibrosweep.lab.oscillation import fit_base
 from vibrosweep.lab.traces import make_trace, read_trace
 from vibrosweep.lab.trials import perform_trials
 
@@ -59,17 +59,17 @@ def found(chattering):
     ],
 )
 def test_the_landings_tell_which_base_they_happened_on(gamma, restitution, base):
-    fitted = fit_tracks(film(gamma, restitution, base).tracks, G, View(frequency=FREQUENCY))
+    fitted = fit_tracks(film(gamma, restitution, base).tracks, G, Setup(frequency=FREQUENCY))
     assert fitted.favoured_base == {"moving": "moving", "high-bounce": "level"}[base]
-    assert (fitted.flights.shaken is None) == (base == "high-bounce")
+    assert (fitted.flights.base_fit is None) == (base == "high-bounce")
 
 
 def test_a_locked_orbit_tells_neither():
     tracks = film(0.4, 0.9, transient=20.0).tracks
-    fitted = fit_tracks(tracks, G, View(frequency=FREQUENCY))
+    fitted = fit_tracks(tracks, G, Setup(frequency=FREQUENCY))
     assert fitted.favoured_base == "undetermined"
     with pytest.raises(TrackError, match="do not determine how the base moves"):
-        fit_tracks(tracks, G, View(frequency=FREQUENCY, motion="moving"))
+        fit_tracks(tracks, G, Setup(frequency=FREQUENCY, motion="moving"))
 
 
 def test_restitution_and_motion_of_the_base_within_their_errors(chattering, found):
@@ -134,7 +134,7 @@ def test_a_wrong_scale_is_corrected_by_gravity(error):
 def test_contacts_too_few_for_a_fit_are_refused(chattering):
     contacts = find_contacts(fit_tracks(chattering.tracks, G).samples, G).contacts
     with pytest.raises(TrackError, match="do not determine how the base moves"):
-        fit_shaken(contacts.first(2), FREQUENCY, free=False, moves=True)
+        fit_base(contacts.earliest(2), FREQUENCY, free=False, moves=True)
 
 
 @pytest.mark.parametrize("transient", [0.0, 2.0])

@@ -11,7 +11,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.lines import impact_lines, table_lines
-from vibrosweep.lab.speed_laws import FAR, FittedLaw, Law, law_text, possible, unfitted
+from vibrosweep.lab.speed_laws import FAR, FittedLaw, Law, failed_fit, law_text, laws_left
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.restitution_laws import PLASTIC, VISCOELASTIC, restitution_at
 
@@ -117,28 +117,28 @@ def test_laws_are_left_open_unless_most_bounces_speak_against_them():
     same = rng.chisquare(2.0, 200)
     fits = [fit("constant", same), fit(PLASTIC, same), fit(VISCOELASTIC, same + 1e-3)]
     # a parameter that gains nothing is ruled out, and what is as good is not
-    assert possible(fits) == ["constant"]
+    assert laws_left(fits) == ["constant"]
     noisy = [fit("constant", same), fit(VISCOELASTIC, rng.chisquare(2.0, 200))]
-    assert len(possible(noisy)) == 2
+    assert len(laws_left(noisy)) == 2
     few = same.copy()
     few[:3] += FAR
-    assert len(possible([fit("constant", few), fit(VISCOELASTIC, same)])) == 2
-    lost = [fit("constant", same), unfitted(Law(PLASTIC, 1.0), 200)]
-    assert possible(lost) == ["constant", PLASTIC]
+    assert len(laws_left([fit("constant", few), fit(VISCOELASTIC, same)])) == 2
+    lost = [fit("constant", same), failed_fit(Law(PLASTIC, 1.0), 200)]
+    assert laws_left(lost) == ["constant", PLASTIC]
 
 
 @pytest.mark.parametrize("law", [PLASTIC, VISCOELASTIC])
 def test_derivatives_of_laws(law):
     """By speed, restitution and the logarithm of the speed of yielding, off the kink."""
     v, one, y = np.array([0.05, 0.15, 0.9, 4.0]), Law(law, 0.4), math.log(0.4)
-    after, slope = one.after(v, 0.8, y)
+    after, slope = one.rebound_speed(v, 0.8, y)
     np.testing.assert_allclose(after, v * restitution_at(v, 0.8, law, 0.4), rtol=1e-14)
     if law == PLASTIC:
         np.testing.assert_allclose(slope, after / v * np.where(v < 0.4, 1.0, 0.75), rtol=1e-8)
-        by_e, by_y = one.by_parameters(v, 0.8, y)
+        by_e, by_y = one.derivatives(v, 0.8, y)
         np.testing.assert_allclose(by_e, after / 0.8, rtol=1e-8)
         np.testing.assert_allclose(by_y, np.where(v < 0.4, 0.0, after / 4.0), atol=1e-8)
     else:
-        (by_e,) = one.by_parameters(v, 0.8, y)
+        (by_e,) = one.derivatives(v, 0.8, y)
         rise = v * restitution_at(v, 0.801, law, 0.4) - after
         np.testing.assert_allclose(by_e, rise / 1e-3, rtol=1e-2)

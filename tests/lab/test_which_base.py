@@ -10,11 +10,11 @@ from vibrosweep.errors import TrackError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
-from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import contradicts
 from vibrosweep.lab.impacts import find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
-from vibrosweep.lab.oscillation import Oscillation, Shaken
+from vibrosweep.lab.oscillation import BaseFit, Oscillation
 from vibrosweep.lab.regression import is_improbable, spread_of_influences
 from vibrosweep.lab.speed_laws import FAR
 from vibrosweep.lab.trials import perform_trials
@@ -67,7 +67,7 @@ def film(base, values, rest, **changes):
 def fitted_base(distance, restitution=0.8, error=0.01):
     """A base fitted to contacts at these squared distances from it."""
     one = np.ones(1)
-    return Shaken(
+    return BaseFit(
         values=np.array([restitution, 0.1, 0.0, 0.0]),
         covariance=np.diag([error**2, 1e-6, 1e-6, 1e-12]),
         oscillation=Oscillation(np.array([0.1, 0.0, 20.0])),
@@ -84,7 +84,7 @@ def fitted_base(distance, restitution=0.8, error=0.01):
 @pytest.mark.parametrize("name", HARD)
 def test_bounces_too_low_to_be_seen_do_not_make_another_base_nor_another_scale(name):
     base, values, rest = HARD[name]
-    fitted = fit_tracks(film(base, values, rest), G, View(frequency=values[2]))
+    fitted = fit_tracks(film(base, values, rest), G, Setup(frequency=values[2]))
     assert fitted.favoured_base in ("undetermined", "moving" if base == "moving" else "level")
     assert fitted.flights.curvature == G
     found = estimate(impacts_of(film(base, values, rest), fitted, G, "fit"), frequency=values[2])
@@ -162,9 +162,9 @@ def test_a_scale_is_held_to_gravity_in_all(base, error):
     tracks = film(base, *plan, scale_error=error)
     if abs(error) > 0.2:
         with pytest.raises(TrackError, match="multiply the scale by about"):
-            fit_tracks(tracks, G, View(frequency=20.0))
+            fit_tracks(tracks, G, Setup(frequency=20.0))
         return
-    flights = fit_tracks(tracks, G, View(frequency=20.0)).flights
+    flights = fit_tracks(tracks, G, Setup(frequency=20.0)).flights
     assert flights.curvature == pytest.approx((1.0 + error) * G, rel=0.02)
     assert not contradicts(flights.gravity, flights.gravity_error, flights.curvature)
 

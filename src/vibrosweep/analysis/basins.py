@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.basin_shape import basin_measures, share_interval
 from vibrosweep.analysis.common import (
     attributes,
-    described,
     grid_axes,
+    meaning,
     note_of,
     require_ability,
     require_memory,
@@ -98,7 +98,7 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     attrs |= dict(zip(("along",), axes, strict=False))
     return (
         found.drop_vars("launches")
-        .assign({n: (counted.dims, v, described(w)) for n, (w, v) in shares.items()})
+        .assign({n: (counted.dims, v, meaning(w)) for n, (w, v) in shares.items()})
         .assign(shared(scene, ["launch_velocity", *axes]))
         .assign_attrs(attrs)
     )
@@ -121,7 +121,7 @@ def _basins_at(
     landed, speed = _shortest(scene, problem, orbits, first, workers)
     plane = index.reshape(shape)
     attrs = {
-        **described("index of the attractor that the launch leads to"),
+        **meaning("index of the attractor that the launch leads to"),
         "comment": f"{UNSETTLED} for an unsettled launch",
     }
     data: dict[str, Any] = {
@@ -314,11 +314,11 @@ def _attractors(
         ),
         "impact_phase": (
             landed,
-            described("phase in turns of the impact before the shortest flight"),
+            meaning("phase in turns of the impact before the shortest flight"),
         ),
         "rebound_velocity": (
             speed,
-            described("speed at the lift-off to the shortest flight", "m s-1"),
+            meaning("speed at the lift-off to the shortest flight", "m s-1"),
         ),
     }
     return {name: ("attractor", *value) for name, value in values.items()}
@@ -327,6 +327,6 @@ def _attractors(
 def _coordinates(times: Array, speeds: Array) -> dict[str, Any]:
     words = coordinate_attributes(PARAMETERS["launch_velocity"])
     return {
-        "launch_time": ("launch_time", times, described("time of launch", "s")),
+        "launch_time": ("launch_time", times, meaning("time of launch", "s")),
         "launch_velocity": ("launch_velocity", speeds, words),
     }

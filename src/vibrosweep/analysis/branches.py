@@ -12,8 +12,8 @@ from vibrosweep.analysis.closed_orbits import MOST_IMPACTS, MOST_PERIODS, cycle_
 from vibrosweep.analysis.common import (
     KEPT,
     attributes,
-    described,
     grid_axes,
+    meaning,
     require_ability,
     shared,
 )
@@ -72,7 +72,7 @@ def branches(
     dims = ("branch",)
     parents = np.array([line.parent for line in lines], np.int64)
     words = "branch whose orbit doubles where this one is born, -1 without any"
-    data["parent"] = (dims, parents, described(words))
+    data["parent"] = (dims, parents, meaning(words))
     data |= shared(spec.scene, [along])
     attrs = attributes(spec.scene, "Periodic orbits along a parameter") | {"along": along}
     return xr.Dataset(data, attrs=attrs | _source(spec))
@@ -201,14 +201,14 @@ def _lines(
     codes = np.array([line.ends for line in lines], np.int8).reshape(len(lines), 2)
     return data | {
         "ends": (ends.dims, codes, ends.attributes),
-        "multiplier_real": ((*dims, "multiplier"), real, described("multiplier, real part")),
+        "multiplier_real": ((*dims, "multiplier"), real, meaning("multiplier, real part")),
         "multiplier_imaginary": (
             (*dims, "multiplier"),
             imaginary,
-            described("multiplier, imaginary part"),
+            meaning("multiplier, imaginary part"),
         ),
-        "impact_phase": (landing, phase, described("phase of the impact, turns")),
-        "rebound_velocity": (landing, speed * unit, described("velocity at lift-off", "m s-1")),
+        "impact_phase": (landing, phase, meaning("phase of the impact, turns")),
+        "rebound_velocity": (landing, speed * unit, meaning("velocity at lift-off", "m s-1")),
     }
 
 
@@ -247,7 +247,7 @@ def _events(lines: Sequence[Line], plane: Plane, along: str, spec: Sweep) -> dic
         "bifurcation_phase": (
             (*dims, "impact"),
             phase,
-            described("phase of the impact, turns"),
+            meaning("phase of the impact, turns"),
         ),
     }
 

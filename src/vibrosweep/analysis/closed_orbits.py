@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.common import (
     attributes,
-    described,
+    meaning,
     require_ability,
     require_memory,
     shared,
@@ -215,27 +215,27 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
         "multiplier_real": (
             (*dims, "multiplier"),
             real,
-            described("multiplier of the orbit, real part, the larger first"),
+            meaning("multiplier of the orbit, real part, the larger first"),
         ),
         "multiplier_imaginary": (
             (*dims, "multiplier"),
             imaginary,
-            described("multiplier of the orbit, imaginary part"),
+            meaning("multiplier of the orbit, imaginary part"),
         ),
         "impact_phase": (
             landing,
             times - np.rint(times),
-            described("phase of the impact, turns"),
+            meaning("phase of the impact, turns"),
         ),
         "flight_time": (
             landing,
             (ends - times) * period,
-            described("duration of the flight after the impact", "s"),
+            meaning("duration of the flight after the impact", "s"),
         ),
         "rebound_velocity": (
             landing,
             found.speed * speed,
-            described("velocity at lift-off", "m s-1"),
+            meaning("velocity at lift-off", "m s-1"),
         ),
         "arrival_velocity": (
             landing,
@@ -276,13 +276,13 @@ def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> di
     }
     comment = "of all solutions of p impacts in q periods, including shorter orbits run d times"
     data: dict[str, Any] = {
-        name: (dims, values, described(words)) for name, (values, words) in numbers.items()
+        name: (dims, values, meaning(words)) for name, (values, words) in numbers.items()
     }
     for name in ("saddle_points", "other_points"):
         data[name][2]["comment"] = comment
     balanced = np.where(balances, found.saddles == found.others, ABSENT)
     data["balanced"] = _flagged("balanced", balanced)
-    count = described("number of orbits")
+    count = meaning("number of orbits")
     return {"orbit_count": (("realization",), found.orbits, count), **data}
 
 

@@ -69,8 +69,8 @@ def attributes(scene: Scene, title: str) -> dict[str, Any]:
     }
 
 
-def described(long_name: str, units: str = "1") -> dict[str, str]:
-    """Attributes of a variable."""
+def meaning(long_name: str, units: str = "1") -> dict[str, str]:
+    """Attributes of a variable: its meaning and its units."""
     return {"units": units, "long_name": long_name}
 
 

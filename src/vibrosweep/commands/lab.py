@@ -15,7 +15,7 @@ from vibrosweep.errors import ParameterError, TrackError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibrosweep.lab.fitting import View
+    from vibrosweep.lab.fitting import Setup
 
 NAME: Final = "lab"
 HELP: Final = "measure camera tracks and compare them with prediction"
@@ -141,12 +141,12 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     ]
 
 
-def _view(options: argparse.Namespace) -> View:
+def _setup(options: argparse.Namespace) -> Setup:
     """Facts known beside the tracks."""
-    from vibrosweep.lab.fitting import View
+    from vibrosweep.lab.fitting import Setup
     from vibrosweep.lab.traces import read_trace
 
-    return View(
+    return Setup(
         None if options.base is None else 0.0,
         options.exposure,
         options.base_motion,
@@ -169,9 +169,9 @@ def _impacts(options: argparse.Namespace) -> None:
             f"{options.output}: holds the landings of one recording, but there are "
             f"{len(recordings)}; write them one by one, or add --together"
         )
-    view, each = _view(options), []
+    setup, each = _setup(options), []
     for tracks in recordings:
-        fitted = fit_tracks(tracks, options.gravity, view)
+        fitted = fit_tracks(tracks, options.gravity, setup)
         found = impacts_of(tracks, fitted, options.gravity, options.method)
         print("\n".join(impact_lines(found)))
         each.append(quantities(found, frequency=options.frequency, phase=options.phase))
@@ -195,16 +195,16 @@ def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.engine.workers import Workers
     from vibrosweep.lab.compare import compare
     from vibrosweep.lab.lines import table_lines
-    from vibrosweep.lab.prediction import Comparison
+    from vibrosweep.lab.prediction import ComparisonOptions
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.store.saving import save_result
 
     recordings = _recordings(options)
     known = {n: getattr(options, n) for n in PHYSICAL if getattr(options, n) is not None}
-    how = Comparison(
+    how = ComparisonOptions(
         known=known,
         method=options.method,
-        view=_view(options),
+        setup=_setup(options),
         draws=options.draws,
         seed=options.seed,
         restitution_law=options.restitution_law,

@@ -12,16 +12,16 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.lab.bounces import Bounces, solve, whiten
-from vibrosweep.lab.regression import TURN, spread_of_influences, widened
+from vibrosweep.lab.regression import TWO_PI, spread_of_influences, widen
 from vibrosweep.lab.speed_laws import (
     FAR,
     FITTED,
     FittedLaw,
     Law,
-    best,
-    speeds_of,
-    trials,
-    unfitted,
+    failed_fit,
+    nearest_fit,
+    starting_laws,
+    with_speed,
 )
 from vibrosweep.model.restitution_laws import CONSTANT, PLASTIC
 
@@ -33,7 +33,7 @@ BETWEEN: Final = (0.05, 0.999)  # restitutions of a law that depends on speed
 LONGEST: Final = 0.3  # step of the logarithm of a speed
 
 
-class Adjusted(NamedTuple):
+class Adjustment(NamedTuple):
     """Result of the adjustment: (e, S, C), f if it is free, a speed of yielding; chi-square."""
 
     values: Array
@@ -50,7 +50,7 @@ def adjust(
     rate: float,
     free: bool,
     law: Law = Law(),  # noqa: B008
-) -> Adjusted:
+) -> Adjustment:
     """Adjust instants and parameters together, from the `first` e, S and C.
 
     The logarithm of a speed of yielding is the last parameter.
@@ -64,13 +64,13 @@ def adjust(
         e, s, c = values[:3]
         f = values[3] if free else rate
         arrive, leave, time = bounces.speeds(instant)
-        sine, cosine = np.sin(TURN * f * time), np.cos(TURN * f * time)
-        turning = TURN * (s * cosine - c * sine)
-        by_e, *others = law.by_parameters(arrive, e, values[-1])
+        sine, cosine = np.sin(TWO_PI * f * time), np.cos(TWO_PI * f * time)
+        turning = TWO_PI * (s * cosine - c * sine)
+        by_e, *others = law.derivatives(arrive, e, values[-1])
         columns = [by_e, sine, cosine] + ([time * turning] if free else []) + others
         design = -np.stack(columns, axis=1)
         ends = np.full(time.size, half)
-        after, q = law.after(arrive, e, values[-1])
+        after, q = law.rebound_speed(arrive, e, values[-1])
         slopes = bounces.errors_of(q * ends, -(1.0 + q) * ends - f * turning, ends)
         closure = leave - after - s * sine - c * cosine
         closure = closure + slopes @ (bounces.instant - instant)
@@ -96,7 +96,7 @@ def adjust(
     white = whiten(spread, np.column_stack([design, spread @ forces]))
     influences = spread_of_influences(white[:, -1], white[:, :-1], inverse)
     chi_square = float(forces @ (spread @ forces))
-    return Adjusted(values, inverse, chi_square, white[:, -1] ** 2, influences)
+    return Adjustment(values, inverse, chi_square, white[:, -1] ** 2, influences)
 
 
 def fit_laws(bounces: Bounces, first: Array, rate: float, *, free: bool) -> list[FittedLaw]:
@@ -104,10 +104,12 @@ def fit_laws(bounces: Bounces, first: Array, rate: float, *, free: bool) -> list
     speeds = np.maximum(bounces.speeds()[0], 1e-6)
 
     def fitted(name: str, values: Array) -> FittedLaw:
-        return best([_fit(bounces, values, rate, free, law) for law in trials(name, speeds)])
+        return nearest_fit(
+            [_fit(bounces, values, rate, free, law) for law in starting_laws(name, speeds)]
+        )
 
     found = [fitted(name, first) for name in FITTED]
-    near = best(found)  # from which another law may converge
+    near = nearest_fit(found)  # from which another law may converge
     if np.isnan(near.misfit):
         return found
     return [fitted(one.law.name, near.values) if np.isnan(one.misfit) else one for one in found]
@@ -121,10 +123,10 @@ def _fit(bounces: Bounces, values: Array, rate: float, free: bool, law: Law) -> 
             one = adjust(bounces, values[:3], at, free, one_law)
             values = one.values
     except np.linalg.LinAlgError:
-        return unfitted(law, bounces.middle.size)
+        return failed_fit(law, bounces.middle.size)
     number = bounces.middle.size
     misfit, freedom = one.chi_square / (number - one.values.size), number - one.values.size
-    spread = widened(one.covariance, misfit, freedom, one.influences)
-    values, spread = speeds_of(law, one.values, spread)
+    spread = widen(one.covariance, misfit, freedom, one.influences)
+    values, spread = with_speed(law, one.values, spread)
     far = np.minimum(one.distance, FAR)
     return FittedLaw(law, values, spread, misfit, freedom, number, far)

@@ -18,21 +18,21 @@ from vibrosweep.lab.comparison import (
     errors_of,
     measured_means,
 )
-from vibrosweep.lab.described import described
-from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import check_method, impacts_of
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import (
     DRAWS,
     USED,
-    Comparison,
+    ComparisonOptions,
     Prediction,
-    draw,
+    draw_parameters,
     parameters_of,
     predict,
 )
 from vibrosweep.lab.speed_laws import law_text
 from vibrosweep.lab.twin import camera_shares
+from vibrosweep.lab.variables import with_units
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import LAWS, OF_RESTITUTION, PARAMETERS
 from vibrosweep.model.restitution_laws import (
@@ -129,19 +129,21 @@ def compare_tracks(
         if not KNOWN[name].accepts(value):
             raise ParameterError(f"{name} = {value!r}: must be {KNOWN[name].allowed}")
     several = [recordings] if isinstance(recordings, xr.Dataset) else recordings
-    view = View(base, exposure, motion, known.get("frequency"), trace)
-    how = Comparison(known, method, view, draws, rebound, seed, restitution_law)
+    setup = Setup(base, exposure, motion, known.get("frequency"), trace)
+    options = ComparisonOptions(known, method, setup, draws, rebound, seed, restitution_law)
     with Workers(thread_count(threads)) as workers:
-        return compare(several, how, workers)
+        return compare(several, options, workers)
 
 
-def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers) -> xr.Dataset:
+def compare(
+    recordings: Sequence[xr.Dataset], options: ComparisonOptions, workers: Workers
+) -> xr.Dataset:
     """Compare recordings with prediction, case by case; a case is a number of particles.
 
     Recordings are tracks as of `read_tracks`; result and errors are those of `compare_tracks`.
     """
-    _check(recordings, how)
-    found = [_one(tracks, how, workers) for tracks in recordings]
+    _check(recordings, options)
+    found = [_compare_recording(tracks, options, workers) for tracks in recordings]
     counts = sorted({int(one["particles"]) for one in found})
     repeats = ([one for one in found if one["particles"] == count] for count in counts)
     table = xr.concat(map(_case, repeats), "case")
@@ -167,43 +169,45 @@ def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
     ).assign_coords(particles=repeats[0]["particles"])
 
 
-def _check(recordings: Sequence[xr.Dataset], how: Comparison) -> None:
+def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None:
     """Refuse wrong arguments before recordings are measured."""
-    check_method(how.method)
+    check_method(options.method)
     if not recordings:
         raise TrackError("there is no recording to compare: give at least one")
-    if how.rebound not in LAWS:
-        raise ParameterError(f"rebound = {how.rebound!r}: must be one of {', '.join(LAWS)}")
-    if how.draws < 2:
-        raise ParameterError(f"draws = {how.draws}: must be at least 2, as one has no spread")
-    law = how.restitution_law
+    if options.rebound not in LAWS:
+        raise ParameterError(f"rebound = {options.rebound!r}: must be one of {', '.join(LAWS)}")
+    if options.draws < 2:
+        raise ParameterError(f"draws = {options.draws}: must be at least 2, as one has no spread")
+    law = options.restitution_law
     if law not in RESTITUTION_LAWS:
         allowed = ", ".join(RESTITUTION_LAWS)
         raise ParameterError(f"restitution_law = {law!r}: must be one of {allowed}")
-    for name, text in speed_mistakes(law, how.known).items():
+    for name, text in speed_mistakes(law, options.known).items():
         raise ParameterError(f"{name}: {text}")
-    if law != CONSTANT and "restitution" not in how.known:
+    if law != CONSTANT and "restitution" not in options.known:
         raise ParameterError(
             f"restitution_law = {law!r}: needs the restitution; give restitution and amplitude, or "
             f"leave out the law and its speed, which are estimated then"
         )
-    if wrong := range_mistake(law, np.array(how.known.get("restitution", 1.0))):
+    if wrong := range_mistake(law, np.array(options.known.get("restitution", 1.0))):
         raise ParameterError(wrong)
 
 
-def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> xr.Dataset:
+def _compare_recording(
+    tracks: xr.Dataset, options: ComparisonOptions, workers: Workers
+) -> xr.Dataset:
     """Measure and predict one recording, and split its errors into contributions."""
-    fitted = fit_tracks(tracks, how.gravity, how.view)
-    by_fit = impacts_of(tracks, fitted, how.gravity, "fit")
-    impacts = impacts_of(tracks, fitted, how.gravity, how.method)
+    fitted = fit_tracks(tracks, options.gravity, options.setup)
+    by_fit = impacts_of(tracks, fitted, options.gravity, "fit")
+    impacts = impacts_of(tracks, fitted, options.gravity, options.method)
     among = comparable(by_fit)
     if not among.any():
         raise TrackError(
             f"{tracks.attrs['source']}: no particle's flights are nearly all seen, so nothing can "
             f"be compared; film faster or closer"
         )
-    numbers, scene, estimated = parameters_of(by_fit, how)
-    sets, shapes, refused = draw(numbers, scene, estimated, how.draws, how.seed)
+    numbers, scene, estimated = parameters_of(by_fit, options)
+    sets, shapes, refused = draw_parameters(numbers, scene, estimated, options.draws, options.seed)
     found = predict(by_fit, sets, shapes, scene, workers)
     best = {"height": found.height[0], "period": found.period[0]}
     if not np.isfinite(best["period"][among]).any():
@@ -215,16 +219,16 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> xr.Dataset:
     used = {name: float(values[0]) for name, values in sets.items()}
     warnings = [f"{refused} drawn sets were not physical and were drawn anew"] if refused else []
     try:
-        shares = camera_shares(tracks, by_fit, used, scene, how)
+        shares = camera_shares(tracks, by_fit, used, scene, options)
     except TrackError as error:
         shares = np.full((2, len(QUANTITIES), len(READINGS)), np.nan)
         warnings.append(f"the errors of the camera are not known: {error}")
     errors = [errors_of(impacts, best, among), *shares, _spreads(found, means, among)]
     both = [[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]
-    told = _used(estimated, used, scene.waveform)
+    told = _parameter_columns(estimated, used, scene.waveform)
     told["compared"] = among.mean(), "1", "share of the particles that could be compared"
     texts = {
-        "method": how.method,
+        "method": options.method,
         "warning": "; ".join(warnings),
         "base_motion": impacts.attrs["base_motion"],
         "favoured_base": fitted.favoured_base,
@@ -250,7 +254,11 @@ def _table(
         for name, values in zip(("measured", "predicted"), means, strict=True)
     }
     return xr.Dataset(
-        {**described(("quantity", "reading"), percent), **of_means, **described((), numbers)},
+        {
+            **with_units(("quantity", "reading"), percent),
+            **of_means,
+            **with_units((), numbers),
+        },
         coords={
             "quantity": list(QUANTITIES),
             "units": ("quantity", ["m", "s"]),
@@ -272,7 +280,7 @@ def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> Array:
     return np.asarray(np.where(worst, spread.max(1, keepdims=True), spread.mean(1, keepdims=True)))
 
 
-def _used(
+def _parameter_columns(
     estimated: xr.Dataset | None, used: dict[str, float], shape: Waveform
 ) -> dict[str, tuple[Any, str, str]]:
     """Parameters of a prediction, Gamma among them, and their standard errors, NaN if known."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.arrays import Array, Flags, Indices
-from vibrosweep.lab.flights import Fits, fit, gravity_of_high_flights, meet
+from vibrosweep.lab.flights import Fits, fit_parabolas, gravity_of_high_flights, meet
 from vibrosweep.lab.segments import Samples
 from vibrosweep.lab.stretches import clear_flights, stretches
 
@@ -29,7 +29,7 @@ class Contacts(NamedTuple):
     noise: float  # standard deviation of a sample, m
     gravity: float  # curvature of the parabolas, m s-2
 
-    def first(self, number: int) -> Contacts:
+    def earliest(self, number: int) -> Contacts:
         """Return the earliest contacts of all particles, `number` of them if there are more."""
         if self.time.size <= number:
             return self
@@ -65,7 +65,7 @@ def find_contacts(samples: Samples, gravity: float) -> Cut:
     extent = np.maximum.reduceat(samples.height, start)
     extent -= np.minimum.reduceat(samples.height, start)
     found = gravity_of_high_flights(samples, member, extent, noise)  # high stretches are no stays
-    fits = fit(samples, member, start.size, gravity)
+    fits = fit_parabolas(samples, member, start.size, gravity)
     every = np.flatnonzero(np.diff(samples.piece[start]) == 0)
     return Cut(contacts_between(samples, member, fits, every, (noise, gravity)), member, *found)
 

@@ -18,21 +18,21 @@ import xarray as xr
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.adjustment import Adjusted, adjust, fit_laws
+from vibrosweep.lab.adjustment import Adjustment, adjust, fit_laws
 from vibrosweep.lab.base_harmonics import names_of, polar, slopes_of_sizes
 from vibrosweep.lab.bounces import Bounces, bounces_of
-from vibrosweep.lab.described import described
-from vibrosweep.lab.impacts import numbers_in
+from vibrosweep.lab.impacts import harmonic_numbers
 from vibrosweep.lab.regression import (
     FEWEST,
-    TURN,
-    outside,
+    TWO_PI,
+    is_unphysical,
     weakest_signal,
-    widened,
+    widen,
     with_subharmonics,
 )
-from vibrosweep.lab.remarks import SIGNAL, bad_fit, undetermined
-from vibrosweep.lab.speed_laws import FittedLaw, possible, preferred, speed_laws
+from vibrosweep.lab.remarks import SIGNAL, misfit_warning, why_undetermined
+from vibrosweep.lab.speed_laws import FittedLaw, law_variables, laws_left, preferred_law
+from vibrosweep.lab.variables import with_units
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.restitution_laws import SPEED, restitution_at
 from vibrosweep.model.shapes import Waveform
@@ -121,7 +121,7 @@ def estimate(
     if not low < high < np.inf:
         raise ParameterError(f"frequency_range = {frequency_range!r}: must rise, in Hz")
     if impacts.attrs["base_motion"] == "moving":
-        return _of_moving_base(impacts)
+        return _estimate_moving_base(impacts)
     bounces = bounces_of(impacts)
     if bounces.middle.size < FEWEST:
         raise TrackError(
@@ -132,7 +132,7 @@ def estimate(
     rates = (
         with_subharmonics(bounces.speeds(), frequency_range) if frequency is None else [frequency]
     )
-    tried = [_at(bounces, rate, free) for rate in rates]
+    tried = [_adjust_at(bounces, rate, free) for rate in rates]
     found, signal = min(tried, key=_rank)
     rate = float(found.values[3]) if free else rates[0]
     names = ["restitution", "amplitude", "phase"] + ["frequency"] * free
@@ -141,21 +141,27 @@ def estimate(
         laws = fit_laws(bounces, found.values, rate, free=free)
         # without a fit of a constant restitution it is ruled out by any other
         laws = laws[1:] if np.isnan(laws[0].misfit) else laws
-        law: FittedLaw | None = preferred(laws) or laws[0]
+        law: FittedLaw | None = preferred_law(laws) or laws[0]
     else:
         freedom = bounces.middle.size - found.values.size
         misfit = found.chi_square / freedom
-        covariance = widened(found.covariance, misfit, freedom, found.influences)
+        covariance = widen(found.covariance, misfit, freedom, found.influences)
         values, covariance, shape = polar(found.values, covariance)
-        warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
+        warnings = (
+            why_undetermined(signal, values, covariance, misfit),
+            misfit_warning(misfit, freedom),
+        )
         laws = [] if warnings[0] else fit_laws(bounces, found.values, rate, free=free)
-        law = preferred(laws)
+        law = preferred_law(laws)
     if law is not None and np.isfinite(law.misfit):
         values, covariance, shape = polar(law.values, law.covariance)
         rate = float(law.values[3]) if free else rates[0]
         names += [SPEED] * law.law.parameters
         misfit, freedom = law.misfit, law.freedom
-        warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
+        warnings = (
+            why_undetermined(signal, values, covariance, misfit),
+            misfit_warning(misfit, freedom),
+        )
     if lost and (law is None or np.isnan(law.misfit) or warnings[0]):
         raise TrackError(
             f"{impacts.attrs['source']}: no restitution and forcing describe the bounces: look for "
@@ -167,16 +173,18 @@ def estimate(
         "signal": (signal, "1", "signal of the weakest direction"),
         "frequency_used": (rate, "Hz", "forcing frequency"),
     }
-    one = _estimated(names, values, covariance, about, warnings, shape).assign(speed_laws(laws))
-    return one.assign_attrs(restitution_law=" or ".join(possible(laws)))
+    one = _estimate_dataset(names, values, covariance, about, warnings, shape).assign(
+        law_variables(laws)
+    )
+    return one.assign_attrs(restitution_law=" or ".join(laws_left(laws)))
 
 
-def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
+def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     """Parameters from the fit of a moving base."""
     values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
     of_base = impacts["of_base"].values.astype(str).tolist()
     rate, gravity = float(impacts["shaken_frequency"]), impacts.attrs["gravity"]
-    numbers = numbers_in(impacts)
+    numbers = harmonic_numbers(impacts)
     plain, spread, shape = polar(values, covariance, numbers)  # e, V0, phi and perhaps f
     e, velocity = plain[:2]
     change = np.eye(values.size)
@@ -207,14 +215,14 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
         "base_acceleration": (size[1], "1", "peak acceleration in units of gravity"),
         "base_acceleration_error": (error[1], "1", "its standard error"),
     }
-    warnings = undetermined(SIGNAL, kicks, covariance, misfit), bad_fit(misfit, freedom)
+    warnings = why_undetermined(SIGNAL, kicks, covariance, misfit), misfit_warning(misfit, freedom)
     of_laws = impacts[[name for name in impacts.data_vars if impacts[name].dims == ("law",)]]
-    one = _estimated(names, kicks, covariance, about, warnings, shape)
+    one = _estimate_dataset(names, kicks, covariance, about, warnings, shape)
     law = impacts.attrs["restitution_law"]
     return one.merge(of_laws).assign_attrs({**one.attrs, "restitution_law": law})
 
 
-def _estimated(
+def _estimate_dataset(
     names: list[str],
     values: Array,
     covariance: Array,
@@ -235,7 +243,7 @@ def _estimated(
                 np.int8(not warnings[0]),
                 {"long_name": "the orbit determines them"},
             ),
-            **described((), about),
+            **with_units((), about),
         },
         coords={
             "parameter": names,
@@ -259,7 +267,7 @@ def fit_phase(
     if not time.size:
         raise TrackError(f"{impacts.attrs['source']}: no bounce has a whole flight on either side")
     kick = leave - restitution_at(arrive, **of_restitution) * arrive
-    angle = TURN * frequency * time
+    angle = TWO_PI * frequency * time
     trial = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
     wave = amplitude * np.sin(angle + trial[:, np.newaxis])
     misfit = np.sum((kick - wave) ** 2, axis=1)
@@ -269,7 +277,7 @@ def fit_phase(
     return float(trial[chosen[np.argmin(misfit[chosen])]])
 
 
-def _at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjusted, float]:
+def _adjust_at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjustment, float]:
     """Parameters at a frequency, or near it if that is free, and their signal.
 
     They are NaN if the signal is below the noise.  If no fit converges, they are those of the
@@ -279,7 +287,7 @@ def _at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjusted, float]:
     signal = _signal(bounces, first, rate)
     unknown = np.full(3 + free, np.nan)
     every = np.outer(unknown, unknown)
-    none = Adjusted(unknown, every, np.nan, np.full(bounces.middle.size, np.nan), every)
+    none = Adjustment(unknown, every, np.nan, np.full(bounces.middle.size, np.nan), every)
     if signal < SIGNAL:
         return none, signal
     try:
@@ -292,7 +300,7 @@ def _at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjusted, float]:
 def _regression(bounces: Bounces, rate: float) -> Array:
     """Restitution, S and C by ordinary least squares."""
     arrive, leave, time = bounces.speeds()
-    wave = np.stack([arrive, np.sin(TURN * rate * time), np.cos(TURN * rate * time)], axis=1)
+    wave = np.stack([arrive, np.sin(TWO_PI * rate * time), np.cos(TWO_PI * rate * time)], axis=1)
     return np.asarray(np.linalg.lstsq(wave, leave, rcond=1e-9)[0])
 
 
@@ -301,15 +309,15 @@ def _signal(bounces: Bounces, values: Array, rate: float) -> float:
     arrive, _, time = bounces.speeds()
     here = bounces.variance[bounces.middle]
     speed = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
-    turned = (TURN * rate) ** 2 * here
+    turned = (TWO_PI * rate) ** 2 * here
     amplitude = float(np.hypot(*values[1:3]))
     blurs = float(speed.mean()), float(turned.mean())
-    return weakest_signal(arrive, TURN * rate * time, amplitude, blurs)
+    return weakest_signal(arrive, TWO_PI * rate * time, amplitude, blurs)
 
 
-def _rank(tried: tuple[Adjusted, float]) -> tuple[bool, float]:
+def _rank(tried: tuple[Adjustment, float]) -> tuple[bool, float]:
     """Sort key whose minimum is the best adjustment: physical ones come first."""
     found, _ = tried
     chi_square = float(np.nan_to_num(found.chi_square, nan=np.inf))
-    unphysical = not np.isfinite(chi_square) or outside(found.values, found.covariance)
+    unphysical = not np.isfinite(chi_square) or is_unphysical(found.values, found.covariance)
     return unphysical, chi_square

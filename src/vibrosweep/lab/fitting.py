@@ -10,10 +10,10 @@ import xarray as xr
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.contacts import Cut, find_contacts
 from vibrosweep.lab.flight_search import SCALES, Flights, check_gravity, find_flights
-from vibrosweep.lab.flights import contradicts, correctable
+from vibrosweep.lab.flights import contradicts, near_gravity
 from vibrosweep.lab.levels import flights_on_levels
 from vibrosweep.lab.moving_flights import flights_over
-from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_shaken
+from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_base
 from vibrosweep.lab.quality import Swap, find_swaps
 from vibrosweep.lab.segments import Samples, samples_of
 from vibrosweep.lab.traces import trace_of_mark
@@ -27,7 +27,7 @@ TURNED_ABOVE: Final = 0.05
 FREQUENCIES_APART: Final = 0.01  # largest relative difference of a given and a traced frequency
 
 
-class View(NamedTuple):
+class Setup(NamedTuple):
     """Knowledge beside the tracks, and quantities to be found."""
 
     # Height in m at which particles land; None to find it from the flights
@@ -39,7 +39,7 @@ class View(NamedTuple):
     trace: Trace | None = None  # measured motion of a moving base
 
 
-class Fitted(NamedTuple):
+class FittedTracks(NamedTuple):
     """Tracks with the flights found in them."""
 
     # samples, flights: measured positions, and the parabolas through them
@@ -51,47 +51,47 @@ class Fitted(NamedTuple):
     favoured_base: str
 
 
-def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitted:  # noqa: B008
+def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> FittedTracks:  # noqa: B008
     """Find and fit the flights of tracks; raises the errors of `find_impacts`."""
     if "base_height" in tracks:
-        if view.trace is not None:
+        if setup.trace is not None:
             raise TrackError("a trace and a mark on the base are given: leave one of them out")
-        view = view._replace(trace=trace_of_mark(tracks, view.exposure))
-    _check_view(gravity, view)
-    _check_base(tracks, view.base)
+        setup = setup._replace(trace=trace_of_mark(tracks, setup.exposure))
+    _check_setup(gravity, setup)
+    _check_base(tracks, setup.base)
     time, height = tracks["time"].values, tracks["height"].values
     cuts = np.zeros(height.shape, bool)
     try:
         samples = samples_of(time, height, cuts)
-        check_gravity(samples, gravity, view.base)
-        flights, favoured = _flights(samples, gravity, view)
+        check_gravity(samples, gravity, setup.base)
+        flights, favoured = _flights(samples, gravity, setup)
         highest = float(flights.levels.max())
-        if flights.shaken is not None:
-            highest += flights.shaken.oscillation.reach
+        if flights.base_fit is not None:
+            highest += flights.base_fit.oscillation.reach
         swaps = find_swaps(time, height, flights.noise, highest, gravity)
         if swaps:
             for frame, one, other in swaps:
                 cuts[frame, [one, other]] = True
             samples = samples_of(time, height, cuts)
-            flights, favoured = _flights(samples, gravity, view)
+            flights, favoured = _flights(samples, gravity, setup)
     except TrackError as error:
         raise TrackError(f"{tracks.attrs['source']}: {error}") from error
-    return Fitted(samples, flights, swaps, favoured)
+    return FittedTracks(samples, flights, swaps, favoured)
 
 
-def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str]:
+def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, str]:
     """Flights over the base that is given or that contacts favour, and its name."""
-    level = view.motion == "level" or (view.motion == "detect" and view.base is not None)
-    level = level and view.trace is None
-    if level and view.base is not None:
-        return find_flights(samples, gravity, view.base, view.exposure), "level"
+    level = setup.motion == "level" or (setup.motion == "detect" and setup.base is not None)
+    level = level and setup.trace is None
+    if level and setup.base is not None:
+        return find_flights(samples, gravity, setup.base, setup.exposure), "level"
     fall, favoured, problem = gravity, "level", TrackError(UNDETERMINED)
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
         found, error, over = cut.fall, cut.error, None
         if not level:
             try:
-                favoured, over = _over_moving(samples, cut, view)
+                favoured, over = _over_moving(samples, cut, setup)
             except TrackError as reason:
                 favoured, problem = "undetermined", reason
         if over is not None:
@@ -101,7 +101,7 @@ def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str
                 return over, favoured
             break
         # the scale is judged by gravity, not by the acceleration of the round before
-        if not correctable(found, gravity):
+        if not near_gravity(found, gravity):
             break
         fall = found
     if over is not None:  # its flights contradict it
@@ -110,31 +110,31 @@ def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str
             f"over a base that moves, flights fall with {found:.4g} ± {error:.2g} m s-2 where "
             f"{fall:.4g} m s-2 was taken: check the scale, the frame rate and the frequency"
         )
-    if not level and (view.motion == "moving" or view.trace is not None):
+    if not level and (setup.motion == "moving" or setup.trace is not None):
         raise problem
-    return flights_on_levels(samples, cut.contacts, gravity, view.exposure), favoured
+    return flights_on_levels(samples, cut.contacts, gravity, setup.exposure), favoured
 
 
-def _over_moving(samples: Samples, cut: Cut, view: View) -> tuple[str, Flights | None]:
+def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights | None]:
     """Base that contacts favour, and the flights over a moving one; None if it does not move."""
-    rate, free = view.frequency, view.frequency is None
-    favoured, shaken = "moving", None
-    if view.trace is None:
-        favoured, shaken = which_base(cut.contacts, rate)
+    rate, free = setup.frequency, setup.frequency is None
+    favoured, base_fit = "moving", None
+    if setup.trace is None:
+        favoured, base_fit = which_base(cut.contacts, rate)
     else:
-        rate = float(view.trace.values[2])
-        shaken = fit_shaken(cut.contacts, rate, free=True, moves=True, trace=view.trace)
-    detected = view.motion == "detect" and view.trace is None
-    if shaken is None or (detected and favoured != "moving"):
+        rate = float(setup.trace.values[2])
+        base_fit = fit_base(cut.contacts, rate, free=True, moves=True, trace=setup.trace)
+    detected = setup.motion == "detect" and setup.trace is None
+    if base_fit is None or (detected and favoured != "moving"):
         return favoured, None
     over, contacts = flights_over(
         samples,
         cut.member,
-        shaken,
+        base_fit,
         cut.contacts.gravity,
-        exposure=view.exposure,
+        exposure=setup.exposure,
         free=free,
-        trace=view.trace,
+        trace=setup.trace,
     )
     above = float(over.junctions.overlapping.mean()) if over.junctions.before.size else 0.0
     if above > TURNED_ABOVE:
@@ -144,35 +144,35 @@ def _over_moving(samples: Samples, cut: Cut, view: View) -> tuple[str, Flights |
             f"faster or closer, or give the frequency or a trace of the base"
         )
     # the first contacts are rough: those of the fitted flights must favour it too
-    if detected and over.shaken is not None and not moves(contacts, over.shaken, free=free):
+    if detected and over.base_fit is not None and not moves(contacts, over.base_fit, free=free):
         return "undetermined", None
     return favoured, over
 
 
-def _check_view(gravity: float, view: View) -> None:
-    for name, value in (("gravity", gravity), ("frequency", view.frequency)):
+def _check_setup(gravity: float, setup: Setup) -> None:
+    for name, value in (("gravity", gravity), ("frequency", setup.frequency)):
         if value is not None and not PARAMETERS[name].accepts(value):
             raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
-    if not 0.0 <= view.exposure <= 1.0:
-        raise TrackError(f"exposure = {view.exposure!r}: must be at least 0 and at most 1 s")
-    if view.motion not in MOTIONS:
-        raise TrackError(f"motion = {view.motion!r}: must be one of {', '.join(MOTIONS)}")
-    if view.base is not None and (view.motion == "moving" or view.trace is not None):
+    if not 0.0 <= setup.exposure <= 1.0:
+        raise TrackError(f"exposure = {setup.exposure!r}: must be at least 0 and at most 1 s")
+    if setup.motion not in MOTIONS:
+        raise TrackError(f"motion = {setup.motion!r}: must be one of {', '.join(MOTIONS)}")
+    if setup.base is not None and (setup.motion == "moving" or setup.trace is not None):
         raise TrackError(
             "a height of the base is that of one at a constant level, whereas a trace or the "
             "motion 'moving' says that it moves: leave the height out"
         )
-    if view.trace is None:
+    if setup.trace is None:
         return
-    if view.motion == "level":
+    if setup.motion == "level":
         raise TrackError(
             "a trace is that of a base that moves, whereas the motion 'level' says that it does "
             "not: leave one of them out"
         )
-    own = float(view.trace.values[2])
-    if view.frequency is not None and abs(view.frequency - own) > FREQUENCIES_APART * own:
+    own = float(setup.trace.values[2])
+    if setup.frequency is not None and abs(setup.frequency - own) > FREQUENCIES_APART * own:
         raise TrackError(
-            f"the frequency is given as {view.frequency:g} Hz, but the trace of the base repeats "
+            f"the frequency is given as {setup.frequency:g} Hz, but the trace of the base repeats "
             f"at {own:.6g} Hz: leave the frequency out, or give the trace of this recording"
         )
 

@@ -19,15 +19,15 @@ from vibrosweep.lab.flights import (
     Fits,
     apparent_gravity,
     contradicts,
-    correctable,
     crossings,
-    fit,
+    fit_parabolas,
     high_flights,
     measured_gravity,
+    near_gravity,
 )
 from vibrosweep.lab.junctions import Junctions, base_level, join
-from vibrosweep.lab.oscillation import Shaken
-from vibrosweep.lab.segments import Samples, first_noise, low_points
+from vibrosweep.lab.oscillation import BaseFit
+from vibrosweep.lab.segments import Samples, low_points, rough_noise
 from vibrosweep.lab.speed_laws import FittedLaw
 
 # Samples above this share of the height of a flight belong to it, wherever its ends are.
@@ -69,7 +69,7 @@ class Flights(NamedTuple):
     # Acceleration of the parabolas: gravity, or that of the tracks if they contradict it
     curvature: float
     # Motion of the base, fitted to the contacts; None if its level is constant
-    shaken: Shaken | None
+    base_fit: BaseFit | None
     laws: Sequence[FittedLaw] = ()  # laws of restitution, fitted over a base that moves
 
 
@@ -84,7 +84,7 @@ def find_flights(
     """
     fall = gravity
     for _ in range(SCALES):
-        flights = _searched(samples, fall, base, exposure)
+        flights = _search(samples, fall, base, exposure)
         found, error = flights.gravity, flights.gravity_error
         if not contradicts(found, error, fall):
             return flights
@@ -97,34 +97,34 @@ def find_flights(
     )
 
 
-def _searched(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
-    noise = first_noise(samples)
+def _search(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
+    noise = rough_noise(samples)
     # the first guess of the noise may be too large, which would hide low flights
-    rough = _settle(samples, FIRST_SHARE * noise, gravity, base, exposure)
+    rough = _iterate(samples, FIRST_SHARE * noise, gravity, base, exposure)
     noise = min(noise, rough.noise)
-    flights = _settle(samples, noise, gravity, base, exposure)
+    flights = _iterate(samples, noise, gravity, base, exposure)
     if base is not None or flights.poor.mean() < MOSTLY:
         return flights
     # where every flight is followed by a stay the parabolas meet below the base, at which the
     # lowest samples lie
-    parted = _settle(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
+    parted = _iterate(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
     rests = samples.height[parted.member < 0]
     if not rests.size or parted.poor.mean() >= MOSTLY:
         return flights
     # without samples of bounces too low to be resolved
     rests = rests[np.abs(rests - np.median(rests)) <= OFF_BASE * parted.noise]
-    found = _settle(samples, noise, gravity, float(rests.mean()), exposure)
+    found = _iterate(samples, noise, gravity, float(rests.mean()), exposure)
     return found._replace(base_error=parted.noise / float(np.sqrt(rests.size)))
 
 
-def _settle(
+def _iterate(
     samples: Samples, noise: float, gravity: float, given: float | None, exposure: float
 ) -> Flights:
     """Fit flights, join them, and assign samples to flights by the landings found; repeat."""
-    member, piece, base, _ = _first_members(samples, noise, given)
+    member, piece, base, _ = _upper_samples(samples, noise, given)
     error, noise = 0.0, np.inf
     for turn in range(ROUNDS):
-        fits, piece, member, found = _resolved(samples, member, piece, base, gravity)
+        fits, piece, member, found = _keep_resolved(samples, member, piece, base, gravity)
         # a stay taken for part of a flight would raise the noise, and so hide itself
         noise = min(noise, found)
         ends = crossings(fits, base, gravity)
@@ -157,7 +157,7 @@ def _settle(
     )
 
 
-def _first_members(
+def _upper_samples(
     samples: Samples, noise: float, given: float | None
 ) -> tuple[Indices, Indices, float, Array]:
     """Samples in the upper part of each flight, pieces of the flights, base, and tops."""
@@ -177,11 +177,11 @@ def _first_members(
 
 def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
     """Raise a TrackError if the highest flights fall upwards, or far from gravity."""
-    found, error = _first_gravity(samples, base)
-    if not _shows(found, error, gravity):
+    found, error = _rough_gravity(samples, base)
+    if not _shows_gravity(found, error, gravity):
         turned = replace(samples, height=-samples.height)
-        falls, scatter = _first_gravity(turned, None if base is None else -base)
-        if _shows(falls, scatter, gravity):
+        falls, scatter = _rough_gravity(turned, None if base is None else -base)
+        if _shows_gravity(falls, scatter, gravity):
             raise TrackError(
                 f"heights grow downwards: with the axis turned, what is tracked falls with "
                 f"{falls:.3g} m s-2, as gravity, {gravity:g} m s-2, demands; turn the axis"
@@ -189,15 +189,15 @@ def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
     refuse_gravity(found, error, gravity)
 
 
-def _shows(acceleration: float, error: float, gravity: float) -> bool:
+def _shows_gravity(acceleration: float, error: float, gravity: float) -> bool:
     """Return whether flights show gravity: near it, and with too small an error for chance."""
-    return correctable(acceleration, gravity) and SCALE_OFF * error < WRONG_SCALE * gravity
+    return near_gravity(acceleration, gravity) and SCALE_OFF * error < WRONG_SCALE * gravity
 
 
-def _first_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
+def _rough_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
     """Acceleration that the highest flights show, and its standard error, m s-2."""
-    noise = first_noise(samples)
-    member, _, base, tops = _first_members(samples, FIRST_SHARE * noise, base)
+    noise = rough_noise(samples)
+    member, _, base, tops = _upper_samples(samples, FIRST_SHARE * noise, base)
     high = high_flights(tops - base, noise)
     return apparent_gravity(samples, np.where(high[member], member, -1), tops.size)
 
@@ -215,19 +215,21 @@ def refuse_gravity(found: float, error: float, gravity: float) -> None:
     )
 
 
-def _resolved(
+def _keep_resolved(
     samples: Samples, member: Indices, piece: Indices, base: float, gravity: float
 ) -> tuple[Fits, Indices, Indices, float]:
     """Fit the flights, and keep those that frames and noise resolve."""
-    fits = fit(samples, member, piece.size, gravity)
+    fits = fit_parabolas(samples, member, piece.size, gravity)
     noise = flight_noise(fits, float(np.ptp(samples.height)))
     with np.errstate(invalid="ignore"):
         high = fits.top(gravity) - base > LEAST_HEIGHT * noise
-    kept, fits, member = keep(fits, high, member)
+    kept, fits, member = keep_resolved(fits, high, member)
     return fits, piece[kept], member, noise
 
 
-def keep(fits: Fits, high: NDArray[np.bool_], member: Indices) -> tuple[Indices, Fits, Indices]:
+def keep_resolved(
+    fits: Fits, high: NDArray[np.bool_], member: Indices
+) -> tuple[Indices, Fits, Indices]:
     """Keep the flights that are high and long enough, and renumber those of the samples."""
     kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
     if not kept.size:

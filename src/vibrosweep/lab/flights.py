@@ -55,7 +55,7 @@ class Fits(NamedTuple):
         return Fits._make(values[chosen] for values in self)
 
 
-def fit(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits:
+def fit_parabolas(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits:
     """Fit a parabola of known curvature (m s-2) to each flight.
 
     `flight` is the number of the flight of each sample; -1 for none.
@@ -127,7 +127,7 @@ def contradicts(acceleration: float, error: float, gravity: float) -> bool:
     return abs(acceleration - gravity) > SCALE_OFF * error
 
 
-def correctable(acceleration: float, gravity: float) -> bool:
+def near_gravity(acceleration: float, gravity: float) -> bool:
     """Return whether the acceleration of flights may be gravity in tracks of a wrong scale."""
     return abs(acceleration - gravity) < WRONG_SCALE * gravity
 
@@ -146,7 +146,9 @@ def measured_gravity(
         return acceleration
     high = gravity_of_high_flights(samples, member, rise, noise)
     # too few: low flights give no scale, but tracks that hardly fall are refused
-    return acceleration if np.isnan(high[0]) and not correctable(acceleration[0], gravity) else high
+    return (
+        acceleration if np.isnan(high[0]) and not near_gravity(acceleration[0], gravity) else high
+    )
 
 
 def gravity_of_high_flights(

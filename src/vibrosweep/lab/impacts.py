@@ -10,14 +10,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.described import described
-from vibrosweep.lab.fitting import Fitted, View, fit_tracks
+from vibrosweep.lab.fitting import FittedTracks, Setup, fit_tracks
 from vibrosweep.lab.flight_search import Flights
 from vibrosweep.lab.flights import line_variance
-from vibrosweep.lab.oscillation import Shaken, Trace
+from vibrosweep.lab.oscillation import BaseFit, Trace
 from vibrosweep.lab.quality import coverage
 from vibrosweep.lab.segments import Samples, low_points
-from vibrosweep.lab.speed_laws import FittedLaw, possible, preferred, speed_laws
+from vibrosweep.lab.speed_laws import FittedLaw, law_variables, laws_left, preferred_law
+from vibrosweep.lab.variables import with_units
 
 __all__ = ["BOUNCED", "DOUBTFUL", "METHODS", "STAYED", "find_impacts", "impacts_of"]
 
@@ -108,8 +108,8 @@ def find_impacts(
     ('particle', 'impact')
     """
     check_method(method)
-    view = View(base, exposure, motion, frequency, trace)
-    return impacts_of(tracks, fit_tracks(tracks, gravity, view), gravity, method)
+    setup = Setup(base, exposure, motion, frequency, trace)
+    return impacts_of(tracks, fit_tracks(tracks, gravity, setup), gravity, method)
 
 
 def check_method(method: str) -> None:
@@ -118,14 +118,16 @@ def check_method(method: str) -> None:
         raise TrackError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
 
 
-def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) -> xr.Dataset:
+def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method: str) -> xr.Dataset:
     """Landings from fitted tracks, by one of the `METHODS`, as `find_impacts` returns them."""
     samples, flights, swaps, _ = fitted
     particles = tracks.sizes["particle"]
     if method == "fit":
-        owner, columns = _fitted(flights, gravity)
+        owner, columns = _landings_by_fit(flights, gravity)
     else:
-        owner, columns = _turned(samples, flights, 1.0 / tracks.attrs["frame_rate"], gravity)
+        owner, columns = _landings_by_sign(
+            samples, flights, 1.0 / tracks.attrs["frame_rate"], gravity
+        )
     found = _table(owner, columns, particles).merge(coverage(tracks))
     poor = np.bincount(flights.particle[flights.poor], minlength=particles)
     exchanged = np.bincount(np.array([p for _, *pair in swaps for p in pair], int), None, particles)
@@ -134,12 +136,12 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         "swaps": (exchanged, "1", "exchanges of names with another particle"),
         "level": (flights.levels, "m", "(mean) level of the base below the particle"),
     }
-    found = found.assign(described("particle", of_particles))
+    found = found.assign(with_units("particle", of_particles))
     found = found.assign_coords(particle=tracks["particle"])
-    if flights.shaken is not None:
-        law, scale = preferred(flights.laws), gravity / flights.curvature
-        found = found.merge(_shaken(flights.shaken, law, scale))
-        found = found.assign(speed_laws(flights.laws, scale))
+    if flights.base_fit is not None:
+        law, scale = preferred_law(flights.laws), gravity / flights.curvature
+        found = found.merge(_base_variables(flights.base_fit, law, scale))
+        found = found.assign(law_variables(flights.laws, scale))
     found.attrs = {
         "method": method,
         "source": tracks.attrs["source"],
@@ -153,8 +155,8 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         "apparent_gravity": flights.gravity,
         "apparent_gravity_error": flights.gravity_error,
         "scale_off": int(flights.curvature != gravity),
-        "base_motion": "level" if flights.shaken is None else "moving",
-        "restitution_law": " or ".join(possible(flights.laws)),
+        "base_motion": "level" if flights.base_fit is None else "moving",
+        "restitution_law": " or ".join(laws_left(flights.laws)),
         "favoured_base": fitted.favoured_base,
     }
     return found
@@ -163,26 +165,26 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
 _UNITS: Final = {"restitution": "1", "frequency": "Hz"}
 
 
-def numbers_in(impacts: xr.Dataset) -> tuple[int, ...]:
+def harmonic_numbers(impacts: xr.Dataset) -> tuple[int, ...]:
     """Numbers of the harmonics of a base that moves, that of the strongest first."""
     return tuple(int(n[1:] or 1) for n in impacts["of_base"].values.astype(str) if n[0] == "S")
 
 
-def _shaken(shaken: Shaken, law: FittedLaw | None, scale: float) -> xr.Dataset:
+def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> xr.Dataset:
     """Restitution and motion of the base, with covariance, without the levels.
 
     They are those of a law of restitution, unless that is None.  `scale` multiplies lengths, which
     corrects those of tracks of a wrong scale.
     """
-    number = shaken.values.size - shaken.levels.size
+    number = base_fit.values.size - base_fit.levels.size
     names = ["restitution", "S", "C", "frequency"][:number]
     words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
-    numbers = shaken.oscillation.numbers
+    numbers = base_fit.oscillation.numbers
     if len(numbers) > 1:
         pairs = [f"{letter}{h}" for h in numbers for letter in "SC"]
         names = ["restitution", *pairs[:2], "frequency", *pairs[2:]]
         words = "of the base that moves with the sum of Sh sin 2 pi h f t + Ch cos 2 pi h f t"
-    fit, used = law or shaken, law.bounces if law else int(shaken.kept.sum())
+    fit, used = law or base_fit, law.bounces if law else int(base_fit.kept.sum())
     names += ["restitution_speed"] if law and law.law.parameters else []
     of_base = slice(None, len(names))
     scales = np.where(np.isin(names, ["restitution", "frequency"]), 1.0, scale)
@@ -194,7 +196,7 @@ def _shaken(shaken: Shaken, law: FittedLaw | None, scale: float) -> xr.Dataset:
                 np.outer(scales, scales) * fit.covariance[of_base, of_base],
                 {"long_name": "covariance"},
             ),
-            "shaken_frequency": ((), shaken.oscillation.frequency, {"units": "Hz"}),
+            "shaken_frequency": ((), base_fit.oscillation.frequency, {"units": "Hz"}),
             "shaken_misfit": ((), fit.misfit, {"long_name": "chi-square per degree of freedom"}),
             "shaken_freedom": ((), fit.freedom, {"long_name": "degrees of freedom"}),
             "shaken_bounces": ((), used, {"long_name": "bounces used"}),
@@ -207,7 +209,9 @@ def _shaken(shaken: Shaken, law: FittedLaw | None, scale: float) -> xr.Dataset:
     )
 
 
-def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
+def _landings_by_fit(
+    flights: Flights, gravity: float
+) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
     """Particle of each junction, and columns of `_VARIABLES` and the quality."""
     joint, fits = flights.junctions, flights.fits
     after = joint.before + 1
@@ -221,7 +225,7 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
     height = fits.top(flights.curvature) - flights.levels[flights.particle]
     error = np.hypot(flights.noise * np.sqrt(line_variance(fits, apex)), flights.base_error)
     speed = 0.5 * gravity * duration
-    if flights.shaken is not None:
+    if flights.base_fit is not None:
         leaves = fits.slope[after] - flights.curvature * (joint.liftoff - fits.centre[after])
         speed = np.where(whole, leaves * gravity / flights.curvature, np.nan)
     columns = {
@@ -239,7 +243,7 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
     return flights.particle[joint.before], columns
 
 
-def _turned(
+def _landings_by_sign(
     samples: Samples, flights: Flights, interval: float, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
     """The same by frames: landings are the lowest frames, apexes the highest."""
@@ -277,7 +281,7 @@ def _table(owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles:
         values = np.full(shape, np.nan)
         values[owner, place] = columns[name]
         tables[name] = values, *about
-    variables = described(("particle", "impact"), tables)
+    variables = with_units(("particle", "impact"), tables)
     quality = np.full(shape, -1, np.int8)
     quality[owner, place] = columns["quality"]
     flags = {
@@ -286,5 +290,5 @@ def _table(owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles:
         "flag_meanings": "none bounced stayed_or_bounced_unseen doubtful",
     }
     variables["quality"] = (("particle", "impact"), quality, flags)
-    variables |= described("particle", {"impact_count": (count, "1", "landings that were seen")})
+    variables |= with_units("particle", {"impact_count": (count, "1", "landings that were seen")})
     return xr.Dataset(variables)

@@ -10,7 +10,7 @@ import xarray as xr
 from vibrosweep.errors import DataError
 from vibrosweep.lab.comparison import READINGS
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.fitting import Fitted
+from vibrosweep.lab.fitting import FittedTracks
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
@@ -171,7 +171,7 @@ def _with_error(table: xr.Dataset, name: str) -> str:
     return f"{name} {value:.5g}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
 
 
-def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
+def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
     """Samples, fitted flights and landings of a recording, for its figure.
 
     Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN between
@@ -214,8 +214,8 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
         "landing_height": ("landing", landed, "m", "its height"),
         "level": ("track", flights.levels, "m", "(mean) level of the base"),
     }
-    if flights.shaken is not None:
-        base = flights.shaken.oscillation
+    if flights.base_fit is not None:
+        base = flights.base_fit.oscillation
         begin, end = samples.time.min(), samples.time.max()
         number = int((end - begin) * base.frequency * max(base.numbers) * INSTANTS) + 2
         when = np.linspace(begin, end, number)

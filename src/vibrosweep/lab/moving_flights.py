@@ -13,13 +13,13 @@ from vibrosweep.lab.flight_search import (
     Flights,
     assign_samples,
     flight_noise,
-    keep,
+    keep_resolved,
     poor_flights,
 )
-from vibrosweep.lab.flights import Ends, Fits, fit, measured_gravity
+from vibrosweep.lab.flights import Ends, Fits, fit_parabolas, measured_gravity
 from vibrosweep.lab.junctions import join
 from vibrosweep.lab.moving_laws import fit_laws
-from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
+from vibrosweep.lab.oscillation import BaseFit, Trace, fit_base
 from vibrosweep.lab.segments import Samples
 
 ROUNDS: Final = 3
@@ -33,7 +33,7 @@ LOW: Final = 0.25
 def flights_over(
     samples: Samples,
     member: Indices,
-    shaken: Shaken,
+    base_fit: BaseFit,
     fall: float,
     *,
     exposure: float = 0.0,
@@ -46,18 +46,18 @@ def flights_over(
 
     `member` is the number of the stretch of each sample, `fall` the curvature of flights (m s-2),
     `exposure` the time for which the shutter was open (s); `free` and `trace` are those of
-    `fit_shaken`.  Raises a TrackError where nothing flies, or too few contacts are left.
+    `fit_base`.  Raises a TrackError where nothing flies, or too few contacts are left.
     """
     noise = np.inf
     for turn in range(ROUNDS):
-        levels = _levels(shaken, samples)
-        below = levels[samples.particle] + shaken.oscillation.height(samples.time)
-        fits = fit(samples, member, int(member.max()) + 1, fall)
+        levels = _levels(base_fit, samples)
+        below = levels[samples.particle] + base_fit.oscillation.height(samples.time)
+        fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
         noise = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
-        member, fits = _flying(samples, member, fits, below, (noise, fall))
+        member, fits = _keep_flights(samples, member, fits, below, (noise, fall))
         start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
         piece, owner = samples.piece[start], samples.particle[start]
-        ends = _ends(samples, member, fits, levels[owner], shaken, fall)
+        ends = _ends(samples, member, fits, levels[owner], base_fit, fall)
         junctions = join(fits, piece, ends, noise, fall)
         if turn < ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
@@ -69,14 +69,14 @@ def flights_over(
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
         contacts = contacts_between(samples, member, fits, junctions.before[sound], (noise, fall))
-        shaken = fit_shaken(
-            contacts, shaken.oscillation.frequency, free=free, moves=True, trace=trace
+        base_fit = fit_base(
+            contacts, base_fit.oscillation.frequency, free=free, moves=True, trace=trace
         )
     acceleration, acceleration_error = measured_gravity(
         samples, member, fits.top(fall) - levels[owner], noise, fall
     )
-    of_levels = slice(shaken.values.size - shaken.levels.size, None)
-    spread = shaken.covariance[of_levels, of_levels]
+    of_levels = slice(base_fit.values.size - base_fit.levels.size, None)
+    spread = base_fit.covariance[of_levels, of_levels]
     flights = Flights(
         fits,
         piece,
@@ -86,29 +86,29 @@ def flights_over(
         ends,
         junctions,
         levels,
-        float(np.mean(shaken.levels)),
-        float(np.sqrt(spread.sum())) / shaken.levels.size,
+        float(np.mean(base_fit.levels)),
+        float(np.sqrt(spread.sum())) / base_fit.levels.size,
         noise,
         acceleration,
         acceleration_error,
         fall,
-        shaken,
-        fit_laws(contacts, shaken, free=free, trace=trace),
+        base_fit,
+        fit_laws(contacts, base_fit, free=free, trace=trace),
     )
     return flights, contacts
 
 
-def _levels(shaken: Shaken, samples: Samples) -> Array:
+def _levels(base_fit: BaseFit, samples: Samples) -> Array:
     """Level below each particle; one without contacts is taken to lie mostly on the base."""
-    above = samples.height - shaken.oscillation.height(samples.time)
+    above = samples.height - base_fit.oscillation.height(samples.time)
     levels = np.array(
         [np.quantile(above[samples.particle == p], LOW) for p in range(samples.particle[-1] + 1)]
     )
-    levels[shaken.particles] = shaken.levels
+    levels[base_fit.particles] = base_fit.levels
     return levels
 
 
-def _flying(
+def _keep_flights(
     samples: Samples, member: Indices, fits: Fits, below: Array, scale: tuple[float, float]
 ) -> tuple[Indices, Fits]:
     """Keep the stretches that rise clearly above the base: these are flights."""
@@ -117,15 +117,15 @@ def _flying(
     clear = np.full(fits.number.size, -np.inf)
     used = (member >= 0) & np.isfinite(path)
     np.maximum.at(clear, member[used], (path - below)[used])
-    _, fits, member = keep(fits, clear > LEAST_HEIGHT * noise, member)
+    _, fits, member = keep_resolved(fits, clear > LEAST_HEIGHT * noise, member)
     return member, fits
 
 
 def _ends(
-    samples: Samples, member: Indices, fits: Fits, level: Array, shaken: Shaken, fall: float
+    samples: Samples, member: Indices, fits: Fits, level: Array, base_fit: BaseFit, fall: float
 ) -> Ends:
     """Ends of each flight at the base, outwards from its sample farthest above it."""
-    base = shaken.oscillation
+    base = base_fit.oscillation
     used = member >= 0
     flight, when = member[used], samples.time[used]
     clear = samples.height[used] - level[flight] - base.height(when)

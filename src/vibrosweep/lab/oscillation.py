@@ -25,7 +25,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import Contacts
-from vibrosweep.lab.regression import TURN, spread_of_influences, widened
+from vibrosweep.lab.regression import TWO_PI, spread_of_influences, widen
 from vibrosweep.lab.speed_laws import FAR, STEP, Law
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
@@ -66,11 +66,11 @@ class Oscillation(NamedTuple):
     @property
     def reach(self) -> float:
         """Largest height in m above the level, or more."""
-        return sum(float(np.hypot(s, c)) / (TURN * h * self.frequency) for h, s, c in self.tones)
+        return sum(float(np.hypot(s, c)) / (TWO_PI * h * self.frequency) for h, s, c in self.tones)
 
     def velocity(self, time: Array) -> Array:
         """Velocity in m s-1 at instants in s."""
-        angle = TURN * self.frequency * time
+        angle = TWO_PI * self.frequency * time
         return np.asarray(
             sum(s * np.sin(h * angle) + c * np.cos(h * angle) for h, s, c in self.tones)
         )
@@ -85,9 +85,9 @@ class Oscillation(NamedTuple):
 
     def _heights(self, time: Array, order: int) -> Array:
         """Height, or its derivative of an even order."""
-        angle, found = TURN * self.frequency * time, np.zeros_like(time)
+        angle, found = TWO_PI * self.frequency * time, np.zeros_like(time)
         for h, s, c in self.tones:
-            omega = TURN * self.frequency * h
+            omega = TWO_PI * self.frequency * h
             rise = (c * np.sin(h * angle) - s * np.cos(h * angle)) / omega
             found = found + (-(omega**2) * rise if order else rise)
         return found
@@ -101,7 +101,7 @@ class Trace(NamedTuple):
     numbers: tuple[int, ...] = (1,)
 
 
-class Shaken(NamedTuple):
+class BaseFit(NamedTuple):
     """Motion of a base, fitted to contacts."""
 
     # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics; then the
@@ -155,7 +155,7 @@ class Problem(NamedTuple):
         c, e, base = self.contacts, values[0], self.base(values)
         velocity, moves = base.velocity(c.time), self.moves
         left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
-        after, q = self.law.after(velocity - c.arrival, e, values[-1])
+        after, q = self.law.rebound_speed(velocity - c.arrival, e, values[-1])
         bounce = c.departure - velocity - after
         closing = c.departure - c.arrival
         turn = (1.0 + q) * (c.gravity + base.acceleration(c.time)) / closing
@@ -173,25 +173,25 @@ class Problem(NamedTuple):
             parts.append(np.moveaxis(np.array(rows), -1, 0))
         return np.stack([left, bounce], axis=1), parts[0], parts[1]
 
-    def apart(self, values: Array) -> Array:
+    def residuals(self, values: Array) -> Array:
         """Residuals in standard errors, without correlations; shape (contact, 2)."""
         left, before, after = self.equations(values)
         return np.asarray(left / np.sqrt((before**2).sum(axis=2) + (after**2).sum(axis=2)))
 
-    def near(self, values: Array) -> Flags:
+    def inliers(self, values: Array) -> Flags:
         """Contacts that are no outliers; shape (contact,)."""
-        apart = np.abs(self.apart(values))
+        apart = np.abs(self.residuals(values))
         # a deviation of all contacts, as by a restitution that depends on speed, is no outlier
         width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
         return np.asarray((apart < OUTLIER * width).all(axis=1))
 
     def distance(self, values: Array) -> Array:
         """Squared distance of each contact in standard errors, at most `FAR`."""
-        return np.asarray(np.minimum((self.apart(values) ** 2).sum(axis=1), FAR))
+        return np.asarray(np.minimum((self.residuals(values) ** 2).sum(axis=1), FAR))
 
-    def spread(self, values: Array) -> Array:
+    def flat_residuals(self, values: Array) -> Array:
         """Residuals in standard errors, flattened."""
-        return self.apart(values).ravel()
+        return self.residuals(values).ravel()
 
     def whitened(self, values: Array, kept: Flags, *, slopes: bool = False) -> Array:
         """Residuals whitened to unit covariance; with `slopes`, their derivatives by the levels."""
@@ -235,9 +235,9 @@ class Problem(NamedTuple):
         return np.column_stack([*columns[: self.parameters], levels, *columns[self.parameters :]])
 
 
-def fit_shaken(
+def fit_base(
     contacts: Contacts, frequency: float, *, free: bool, moves: bool, trace: Trace | None = None
-) -> Shaken:
+) -> BaseFit:
     """Fit the motion of a base to contacts.
 
     The frequency (Hz) is a parameter if `free`, or with a `trace`, a measured motion of the base.
@@ -253,17 +253,17 @@ def fit_shaken(
     values, scale = _start(problem, frequency, particles.size)
     for bend in BENDS:
         values = least_squares(
-            problem.spread,
+            problem.flat_residuals,
             values,
             loss="cauchy",
             f_scale=bend,
             x_scale=scale,
             max_nfev=MOST_STEPS,
         ).x
-    found, kept = without_outliers(problem, values, scale, problem.near(values))
+    found, kept = without_outliers(problem, values, scale, problem.inliers(values))
     values = found.x
-    covariance, misfit, freedom = spread_of(found)
-    return Shaken(
+    covariance, misfit, freedom = covariance_of_fit(found)
+    return BaseFit(
         values,
         covariance,
         problem.base(values),
@@ -294,11 +294,11 @@ def without_outliers(
             args=(kept,),
             max_nfev=MOST_STEPS,
         )
-        used, values, kept = kept, found.x, problem.near(found.x)
+        used, values, kept = kept, found.x, problem.inliers(found.x)
     return found, used
 
 
-def spread_of(found: OptimizeResult) -> tuple[Array, float, int]:
+def covariance_of_fit(found: OptimizeResult) -> tuple[Array, float, int]:
     """Covariance of fitted parameters, chi-square per degree of freedom, and number of these."""
     freedom = found.fun.size - found.x.size
     misfit = float(2.0 * found.cost / max(freedom, 1))
@@ -309,7 +309,7 @@ def spread_of(found: OptimizeResult) -> tuple[Array, float, int]:
     slopes = slopes / size
     inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
     scale, influences = np.outer(size, size), spread_of_influences(found.fun, slopes, inverse)
-    return widened(inverse / scale, misfit, freedom, influences / scale), misfit, freedom
+    return widen(inverse / scale, misfit, freedom, influences / scale), misfit, freedom
 
 
 def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Array]:
@@ -334,7 +334,7 @@ def _restitution(contacts: Contacts, base: Oscillation) -> float:
 
 def first_guess(contacts: Contacts, frequency: float) -> Array:
     """Restitution, S and C by ordinary least squares of v' = -e v + (1 + e) V."""
-    angle = TURN * frequency * contacts.time
+    angle = TWO_PI * frequency * contacts.time
     design = np.stack([-contacts.arrival, np.sin(angle), np.cos(angle)], axis=1)
     e, sine, cosine = np.linalg.lstsq(design, contacts.departure, rcond=1e-9)[0]
     return np.array([e, sine / (1.0 + e), cosine / (1.0 + e)])

@@ -16,8 +16,8 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.lab.base_harmonics import polar, with_values
 from vibrosweep.lab.estimation import estimate, fit_phase
-from vibrosweep.lab.fitting import View
-from vibrosweep.lab.impacts import numbers_in
+from vibrosweep.lab.fitting import Setup
+from vibrosweep.lab.impacts import harmonic_numbers
 from vibrosweep.lab.speed_laws import law_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, OF_RESTITUTION, PARAMETERS
 from vibrosweep.model.restitution_laws import CONSTANT, SPEED, range_mistake
@@ -42,14 +42,14 @@ class Prediction(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ComparisonOptions:
     """Options of the comparison of recordings with prediction."""
 
     # Known parameters, by their names in `PARAMETERS` and `OF_RESTITUTION`; without them
     # restitution, amplitude, phase and frequency are estimated
     known: Mapping[str, float]
     method: str = "fit"  # ``"fit"`` or ``"sign_change"``
-    view: View = field(default_factory=View)  # as `find_impacts` takes it
+    setup: Setup = field(default_factory=Setup)  # as `find_impacts` takes it
     draws: int = DRAWS  # parameter sets drawn within the errors of an estimate
     rebound: str = "rest"  # ``"rest"`` or ``"reflect"``
     seed: int = 0  # of the random numbers
@@ -62,36 +62,36 @@ class Comparison:
 
 
 def parameters_of(
-    impacts: xr.Dataset, how: Comparison
+    impacts: xr.Dataset, options: ComparisonOptions
 ) -> tuple[dict[str, float], Scene, xr.Dataset | None]:
     """Known parameters, the scene of the prediction, and the estimate of other parameters."""
-    known = {name: p.default for name, p in PARAMETERS.items()} | dict(how.known)
-    given = {"restitution", "amplitude"} & how.known.keys()
+    known = {name: p.default for name, p in PARAMETERS.items()} | dict(options.known)
+    given = {"restitution", "amplitude"} & options.known.keys()
     if len(given) == 1:
         raise ParameterError(
             f"{given.pop()} is given alone: give restitution and amplitude, or leave both to be "
             f"estimated"
         )
     if not given:
-        found = estimate(impacts, frequency=how.known.get("frequency"))
+        found = estimate(impacts, frequency=options.known.get("frequency"))
         law, speed = law_of(found)
         known |= {} if law == CONSTANT else {SPEED: speed}
-        return known, scene_of(impacts, how.rebound, stored(found.attrs), law), found
-    if "frequency" not in how.known:
+        return known, scene_of(impacts, options.rebound, stored(found.attrs), law), found
+    if "frequency" not in options.known:
         raise ParameterError("the frequency is missing: give it with restitution and amplitude")
     if impacts.attrs["base_motion"] == "moving":
         values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
-        plain, _, shape = polar(values, covariance, numbers_in(impacts))
-        known |= {"phase": how.known.get("phase", float(plain[2]))}
+        plain, _, shape = polar(values, covariance, harmonic_numbers(impacts))
+        known |= {"phase": options.known.get("phase", float(plain[2]))}
     else:
         shape = SINE
-        if "phase" not in how.known:
+        if "phase" not in options.known:
             named = {name: known[name] for name in USED if name in known}
-            known["phase"] = fit_phase(impacts, law=how.restitution_law, **named)
-    return known, scene_of(impacts, how.rebound, shape, how.restitution_law), None
+            known["phase"] = fit_phase(impacts, law=options.restitution_law, **named)
+    return known, scene_of(impacts, options.rebound, shape, options.restitution_law), None
 
 
-def draw(
+def draw_parameters(
     known: Mapping[str, float],
     scene: Scene,
     estimated: xr.Dataset | None,
@@ -185,7 +185,7 @@ class FirstFlights(NamedTuple):
 def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> FirstFlights:
     """Launch each particle as it first left the base.
 
-    The parameters are those of `draw`, of shape (draw,); the phase is that at
+    The parameters are those of `draw_parameters`, of shape (draw,); the phase is that at
     t = 0 of the recording, and the launch velocity is not used.
     """
     whole = np.isfinite(impacts["flight_time"].values)

@@ -8,13 +8,13 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
-from vibrosweep.lab.described import described
 from vibrosweep.lab.segments import GAP_FRAMES
+from vibrosweep.lab.variables import with_units
 
 # Second differences in standard deviations: above the first number they are not noise, below the
 # second one they may be.
 BROKEN: Final = 6.0
-WHOLE: Final = 3.0
+CONTINUES: Final = 3.0
 
 
 def coverage(tracks: xr.Dataset) -> xr.Dataset:
@@ -29,7 +29,7 @@ def coverage(tracks: xr.Dataset) -> xr.Dataset:
         int((np.diff(time[present[:, p]]) > GAP_FRAMES * interval).sum()) for p in range(len(count))
     ]
     return xr.Dataset(
-        described(
+        with_units(
             "particle",
             {
                 "frames_seen": (count, "1", "frames in which the particle was seen"),
@@ -64,12 +64,12 @@ def find_swaps(time: Array, height: Array, noise: float, base: float, gravity: f
     expected -= 0.5 * gravity * after * (before + after)
     spread = noise * np.sqrt(1.0 + (1.0 + after / before) ** 2 + (after / before) ** 2)
     broken = np.abs(height[2:] - expected) > BROKEN * spread
-    flying = expected > base - WHOLE * noise
+    flying = expected > base - CONTINUES * noise
     suspects = broken & flying
     found = []
     for i in np.flatnonzero(suspects.sum(axis=1) > 1):
         who = np.flatnonzero(suspects[i])
-        fits = np.abs(height[i + 2, who] - expected[i, who, np.newaxis]) < WHOLE * spread[i]
+        fits = np.abs(height[i + 2, who] - expected[i, who, np.newaxis]) < CONTINUES * spread[i]
         for a, b in zip(*np.nonzero(np.triu(fits & fits.T, 1)), strict=True):
             found.append(Swap(int(i + 2), int(who[a]), int(who[b])))
     return found

@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 
 from vibrosweep.arrays import Array
 
-TURN: Final = 2.0 * np.pi
+TWO_PI: Final = 2.0 * np.pi
 FEWEST: Final = 10  # bounces
 # Seconds of the recording on which the frequency is first scanned; the step is a quarter of the
 # width of the minimum there.
@@ -84,7 +84,7 @@ def with_subharmonics(speeds: Speeds, between: tuple[float, float]) -> list[floa
     return [best, *(find_frequency(speeds, (f - NEAR, f + NEAR)) for f in parts)]
 
 
-def outside(values: Array, covariance: Array) -> bool:
+def is_unphysical(values: Array, covariance: Array) -> bool:
     """Return whether a restitution, the first value, is outside 0 to 1 by more than its error."""
     error = float(np.sqrt(covariance[0, 0]))
     return bool(max(-values[0], values[0] - 1.0) > UNPHYSICAL * error)
@@ -106,7 +106,7 @@ def is_improbable(misfit: float, freedom: int) -> bool:
     return freedom > 0 and bool(chdtrc(freedom, misfit * freedom) < IMPROBABLE)
 
 
-def widened(covariance: Array, misfit: float, freedom: int, influences: Array) -> Array:
+def widen(covariance: Array, misfit: float, freedom: int, influences: Array) -> Array:
     """Covariance of parameters by a fit with this chi-square per degree of freedom.
 
     A misfit above 1 multiplies it; if noise is an improbable explanation, the `influences` of
@@ -131,7 +131,7 @@ def spread_of_influences(residual: Array, slopes: Array, inverse: Array) -> Arra
 
 def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:
     """Residual sum of squares of the best e, S and C at each frequency."""
-    angle = TURN * frequency[:, np.newaxis] * time
+    angle = TWO_PI * frequency[:, np.newaxis] * time
     design = np.stack([np.broadcast_to(arrive, angle.shape), np.sin(angle), np.cos(angle)], axis=-1)
     normal = np.einsum("fni,fnj->fij", design, design)
     right = np.einsum("fni,n->fi", design, leave)

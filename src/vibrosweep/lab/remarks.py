@@ -18,7 +18,7 @@ WORST_AMPLITUDE: Final = 0.25
 WORST_MISFIT: Final = 10.0
 
 
-def undetermined(signal: float, values: Array, covariance: Array, misfit: float) -> str:
+def why_undetermined(signal: float, values: Array, covariance: Array, misfit: float) -> str:
     """Return why the parameters are not determined; empty if they are."""
     error = np.sqrt(np.diag(covariance))
     if signal < SIGNAL:
@@ -44,7 +44,7 @@ def undetermined(signal: float, values: Array, covariance: Array, misfit: float)
     return ""
 
 
-def bad_fit(misfit: float, freedom: int) -> str:
+def misfit_warning(misfit: float, freedom: int) -> str:
     """Return a warning about residuals that noise does not explain; empty if it does."""
     if not is_improbable(misfit, freedom):
         return ""

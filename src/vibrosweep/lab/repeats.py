@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
-from vibrosweep.lab.described import described
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
+from vibrosweep.lab.variables import with_units
 
 __all__ = ["CRITERION", "QUANTITY_UNITS", "agreement", "phases", "quantities"]
 
@@ -98,7 +98,9 @@ def quantities(
         found["impact_phase"] = float(np.angle(mean) / (2.0 * np.pi) % 1.0)
         found["phase_difference"] = _neighbours(vector.sum(axis=1))
     found["dt_min"] = _closest(impacts)
-    return xr.Dataset(described((), {n: (found[n], *about) for n, about in QUANTITY_UNITS.items()}))
+    return xr.Dataset(
+        with_units((), {n: (found[n], *about) for n, about in QUANTITY_UNITS.items()})
+    )
 
 
 def _neighbours(vectors: NDArray[np.complex128]) -> float:

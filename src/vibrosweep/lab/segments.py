@@ -60,7 +60,7 @@ def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
     return Samples(when, height[frame, particle], frame, particle, np.cumsum(new) - 1)
 
 
-def first_noise(samples: Samples) -> float:
+def rough_noise(samples: Samples) -> float:
     """Noise of a position in m from third differences, before any flight is known.
 
     They vanish on a parabola, and are large across a landing; hence a low quantile is used.  If

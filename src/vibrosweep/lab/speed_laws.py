@@ -13,8 +13,8 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
-from vibrosweep.lab.described import described
 from vibrosweep.lab.regression import is_nearer
+from vibrosweep.lab.variables import with_units
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
     LEAST_VISCOELASTIC,
@@ -48,7 +48,7 @@ class Law(NamedTuple):
         """Number of parameters beside the restitution: the logarithm of the speed of yielding."""
         return int(self.name == PLASTIC and not self.fixed)
 
-    def after(self, v: Array, e: float, logarithm: float) -> tuple[Array, Array | float]:
+    def rebound_speed(self, v: Array, e: float, logarithm: float) -> tuple[Array, Array | float]:
         """Speed after an impact at the speed v, and its derivative by v."""
         if self.name == CONSTANT:
             return e * v, e
@@ -56,13 +56,14 @@ class Law(NamedTuple):
         up, down = (self._speed(v * (1.0 + s), e, logarithm) for s in (STEP, -STEP))
         return self._speed(v, e, logarithm), (up - down) / (2.0 * STEP * v)
 
-    def by_parameters(self, v: Array, e: float, logarithm: float) -> list[Array]:
+    def derivatives(self, v: Array, e: float, logarithm: float) -> list[Array]:
         """Derivatives of the speed after an impact by the restitution and the other parameter."""
         if self.name == CONSTANT:
             return [v]
         moves = [(STEP, 0.0), (0.0, STEP)][: 1 + self.parameters]
         pairs = [
-            [self.after(v, e + s * x, logarithm + s * y)[0] for s in (1, -1)] for x, y in moves
+            [self.rebound_speed(v, e + s * x, logarithm + s * y)[0] for s in (1, -1)]
+            for x, y in moves
         ]
         return [(up - down) / (2.0 * STEP) for up, down in pairs]
 
@@ -100,24 +101,24 @@ class FittedLaw(NamedTuple):
         return float(error[0]), float(error[-1]) if self.law.parameters else np.nan
 
 
-def trials(name: str, speeds: Array) -> list[Law]:
+def starting_laws(name: str, speeds: Array) -> list[Law]:
     """Laws of a name from which fits to bounces at these speeds begin."""
     places = PLACES if name == PLASTIC else (0.5,)
     return [Law(name, float(np.quantile(speeds, place))) for place in places]
 
 
-def best(fits: Sequence[FittedLaw]) -> FittedLaw:
+def nearest_fit(fits: Sequence[FittedLaw]) -> FittedLaw:
     """Return the fit that is nearest to the bounces."""
     return min(fits, key=lambda one: float(one.distance.sum()))
 
 
-def unfitted(law: Law, bounces: int) -> FittedLaw:
+def failed_fit(law: Law, bounces: int) -> FittedLaw:
     """Return the result for a law that no parameters bring near that many bounces."""
     law, none = law._replace(speed=np.nan), np.full((1, 1), np.nan)
     return FittedLaw(law, none[0], none, np.nan, 0, 0, np.full(bounces, np.inf))
 
 
-def speeds_of(law: Law, values: Array, covariance: Array) -> tuple[Array, Array]:
+def with_speed(law: Law, values: Array, covariance: Array) -> tuple[Array, Array]:
     """Values and covariance with the speed of yielding in place of its logarithm, the last one."""
     if not law.parameters:
         return values, covariance
@@ -126,7 +127,7 @@ def speeds_of(law: Law, values: Array, covariance: Array) -> tuple[Array, Array]
     return np.append(values[:-1], scale[-1]), covariance * np.outer(scale, scale)
 
 
-def possible(fits: Sequence[FittedLaw]) -> list[str]:
+def laws_left(fits: Sequence[FittedLaw]) -> list[str]:
     """Names of the laws that the bounces do not rule out, the best one first."""
 
     def size(one: FittedLaw) -> float:
@@ -146,9 +147,9 @@ def possible(fits: Sequence[FittedLaw]) -> list[str]:
     return kept + [one.law.name for one in fits if not np.isfinite(one.distance).all()]
 
 
-def preferred(fits: Sequence[FittedLaw]) -> FittedLaw | None:
+def preferred_law(fits: Sequence[FittedLaw]) -> FittedLaw | None:
     """Return the best law where bounces rule out a constant restitution, else None."""
-    name = law_among(possible(fits))
+    name = law_among(laws_left(fits))
     return None if name == CONSTANT else next(one for one in fits if one.law.name == name)
 
 
@@ -169,7 +170,7 @@ def law_of(found: xr.Dataset) -> tuple[str, float]:
     return name, np.nan if name == CONSTANT else float(found["law_speed"].sel(law=name))
 
 
-def speed_laws(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
+def law_variables(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
     """Variables of the dim law, for a dataset; `scale` multiplies speeds."""
     speeds = [[scale * v for v in (one.speed, one.errors[1])] for one in fits]
     columns = {
@@ -183,7 +184,7 @@ def speed_laws(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
             "mean squared distance of the bounces in standard errors",
         ),
     }
-    return {"law": [one.law.name for one in fits], **described("law", columns)}
+    return {"law": [one.law.name for one in fits], **with_units("law", columns)}
 
 
 def _laws_left(found: xr.Dataset) -> list[str]:

@@ -16,8 +16,8 @@ from scipy.special import chdtri
 
 from vibrosweep.arrays import Flags, Indices
 from vibrosweep.kernels._jit import Floats, Integers, kernel
-from vibrosweep.lab.flights import Fits, curvatures, fit
-from vibrosweep.lab.segments import Samples, first_noise
+from vibrosweep.lab.flights import Fits, curvatures, fit_parabolas
+from vibrosweep.lab.segments import Samples, rough_noise
 
 # Penalty of a line in units of chi-square, for which noise adds one cut in hundreds of flights.
 PRICE: Final = 25.0
@@ -67,7 +67,7 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
     Returns the number of the stretch of each sample, in order, and the standard deviation of a
     sample in m, from the residuals of all lines.
     """
-    noise = max(first_noise(samples), 1e-9 * float(np.ptp(samples.height)))
+    noise = max(rough_noise(samples), 1e-9 * float(np.ptp(samples.height)))
     member = np.zeros(samples.time.size, np.intp)
     for _ in range(ROUNDS):
         starts = np.zeros(samples.time.size, bool)
@@ -80,7 +80,7 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
                 k = int(begin[k - 1])
                 starts[first + k] = True
         member = np.cumsum(starts) - 1
-        fits = fit(samples, member, int(member[-1]) + 1, gravity)
+        fits = fit_parabolas(samples, member, int(member[-1]) + 1, gravity)
         free = fits.number - 2.0
         long = free > 1.0
         if not long.any():

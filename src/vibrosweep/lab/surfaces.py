@@ -26,7 +26,7 @@ class Surface(NamedTuple):
 LEVEL: Final = Surface(np.zeros_like, np.zeros_like)
 
 
-def oscillating(scene: Mapping[str, float], waveform: Waveform = SINE) -> Surface:
+def oscillating_surface(scene: Mapping[str, float], waveform: Waveform = SINE) -> Surface:
     """Surface of `base = "moving"`: y = (V0 / f) W(f t + phi / 2 pi) with V0 = A / (1 + e).
 
     A sine is -B cos(2 pi f t + phi) with 2 pi f B = V0.
@@ -46,7 +46,7 @@ def oscillating(scene: Mapping[str, float], waveform: Waveform = SINE) -> Surfac
     )
 
 
-def recoiling(track: BaseTrack, frequency: float, end: float) -> Surface:
+def recoiling_surface(track: BaseTrack, frequency: float, end: float) -> Surface:
     """Surface of `base = "sprung"`, exact at a thousand instants of each forcing period.
 
     `track` is the motion of the base in one realization, from the first launch; before that the

@@ -24,7 +24,7 @@ from scipy.signal import periodogram
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.regression import TURN
+from vibrosweep.lab.regression import TWO_PI
 from vibrosweep.lab.tracks import check_size, rate_of
 from vibrosweep.model.shapes import MOST_HARMONICS
 from vibrosweep.scene.traces import waves
@@ -173,7 +173,7 @@ def _fit(since: Array, measured: Array, rate: float, harmonics: int) -> _Fit:
         found = solve_triangular(root.T, parts)
         turned = np.column_stack([numbers * found[2::2], -numbers * found[1::2]]).ravel()
         # of the fitted values by the frequency; einsum, unlike BLAS, starts no threads
-        slope = TURN * since * np.einsum("nk,k->n", design[:, 1:], turned)
+        slope = TWO_PI * since * np.einsum("nk,k->n", design[:, 1:], turned)
         along = solve_triangular(root, _products(design, slope), lower=True)
         change = float((slope @ measured - along @ parts) / (slope @ slope - along @ along))
         if not abs(change) * np.ptp(since) > CLOSE or not rate + change > 0.0:
@@ -237,14 +237,14 @@ def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
     values, change = np.zeros(pairs.size), np.zeros((pairs.size, pairs.size + 2))
     for place, k in enumerate(order):
         h, row = k + 1, slice(2 * place, 2 * place + 2)
-        size = sign * (TURN * rate * h) ** power_of
-        turned = TURN * middle * rate * h
+        size = sign * (TWO_PI * rate * h) ** power_of
+        turned = TWO_PI * middle * rate * h
         cosine, sine = np.cos(turned), np.sin(turned)
         turn = size * np.array([[cosine, -sine], [-sine, -cosine]])  # to S and C
         turning = size * np.array([[-sine, -cosine], [-cosine, sine]])
         values[row] = turn @ pairs[k]
         change[row, 1 + 2 * k : 3 + 2 * k] = turn
-        change[row, -1] = TURN * middle * h * turning @ pairs[k] + values[row] * power_of / rate
+        change[row, -1] = TWO_PI * middle * h * turning @ pairs[k] + values[row] * power_of / rate
     values = np.insert(values, 2, rate)
     change = np.insert(change, 2, np.eye(pairs.size + 2)[-1], axis=0)
     covariance = fit.variance * np.linalg.inv(_products(fit.slopes, fit.slopes))

@@ -20,7 +20,7 @@ from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Launch, Motion, film, heights
 from vibrosweep.lab.experiment import Experiment
-from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating, recoiling
+from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating_surface, recoiling_surface
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
 from vibrosweep.model.parameters import (
@@ -145,7 +145,7 @@ def _landings(
             found = record_landings(alone, scene, workers)
             track = base_track(alone, scene, workers)
         record = Record._make(found[name][0] for name in Record._fields)
-        return record, recoiling(track, frequency, amount(scene.duration))
+        return record, recoiling_surface(track, frequency, amount(scene.duration))
     names = (*PARAMETERS, *(name for name in OF_RESTITUTION if name in numbers))
     given = {name: np.full(restitution.size, numbers[name]) for name in names}
     given["restitution"] = restitution
@@ -156,7 +156,9 @@ def _landings(
     problem = dimensionless(parameters, scene.duration)
     batch = Batch(base_of(*scene.mechanics), problem, begin)
     record = wandering_record(batch, walk, frequency, numbers["gravity"])
-    return record, LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers, scene.waveform)
+    return record, LEVEL if scene.base == HIGH_BOUNCE else oscillating_surface(
+        numbers, scene.waveform
+    )
 
 
 def _motions(

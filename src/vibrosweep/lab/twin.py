@@ -17,11 +17,11 @@ from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
 from vibrosweep.lab.comparison import QUANTITIES, comparable, errors_of
-from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.prediction import Comparison, first_flights
-from vibrosweep.lab.surfaces import LEVEL, oscillating
+from vibrosweep.lab.prediction import ComparisonOptions, first_flights
+from vibrosweep.lab.surfaces import LEVEL, oscillating_surface
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import HIGH_BOUNCE, Launches, dimensionless
@@ -37,7 +37,7 @@ def camera_shares(
     impacts: xr.Dataset,
     numbers: Mapping[str, float],
     scene: Scene,
-    how: Comparison,
+    options: ComparisonOptions,
 ) -> Array:
     """Errors of the predicted motion that are due to frames alone, and to pixels beside them.
 
@@ -46,7 +46,7 @@ def camera_shares(
     """
     motions = _twin(impacts, numbers, scene)
     time = tracks["time"].values
-    true = heights(motions, time, how.view.exposure)
+    true = heights(motions, time, options.setup.exposure)
     means = [motion.means(time[0], time[-1]) for motion in motions]
     predicted = dict(zip(QUANTITIES, np.array(means).T, strict=True))
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
@@ -54,17 +54,17 @@ def camera_shares(
     least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
     sharp = Camera(rate, pixel=noise, noise=least, whole_pixels=False)
     rough = Camera(rate, pixel=noise, noise=1.0, whole_pixels=False)
-    view = how.view
-    if view.base is None:
+    setup = options.setup
+    if setup.base is None:
         motion = impacts.attrs["base_motion"]
-        trace = _known(numbers, scene.waveform) if motion == "moving" else None
-        view = view._replace(motion=motion, trace=trace)
-    by_frames = _measurement_error(true, time, sharp, predicted, how, view)
-    together = _measurement_error(true, time, rough, predicted, how, view)
+        trace = _exact_trace(numbers, scene.waveform) if motion == "moving" else None
+        setup = setup._replace(motion=motion, trace=trace)
+    by_frames = _measurement_error(true, time, sharp, predicted, options, setup)
+    together = _measurement_error(true, time, rough, predicted, options, setup)
     return np.stack([by_frames, np.sqrt(np.maximum(together**2 - by_frames**2, 0.0))])
 
 
-def _known(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
+def _exact_trace(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
     """Motion of the base of the prediction, as if it had been measured to a millionth."""
     velocity = numbers["amplitude"] / (1.0 + numbers["restitution"])
     values = []
@@ -85,7 +85,7 @@ def _twin(impacts: xr.Dataset, numbers: Mapping[str, float], scene: Scene) -> li
     _, start, speed, sets = first_flights(impacts, best)
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
     at_once = np.zeros((1, start.size))
-    surface = LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers, scene.waveform)
+    surface = LEVEL if scene.base == HIGH_BOUNCE else oscillating_surface(numbers, scene.waveform)
     batch = Batch(base_of(*scene.mechanics), problem, Launches(at_once, at_once))
     record = wandering_record(batch, np.zeros(2), numbers["frequency"], numbers["gravity"])
     return [
@@ -105,13 +105,13 @@ def _measurement_error(
     time: Array,
     camera: Camera,
     predicted: dict[str, Array],
-    how: Comparison,
-    view: View,
+    options: ComparisonOptions,
+    setup: Setup,
 ) -> Array:
     """Errors of a measurement of the predicted motion itself."""
-    height = film(true, camera, np.random.default_rng(how.seed))
+    height = film(true, camera, np.random.default_rng(options.seed))
     tracks = make_tracks(time, height, source="the predicted motion, filmed as the recording was")
-    fitted = fit_tracks(tracks, how.gravity, view)
-    by_fit = impacts_of(tracks, fitted, how.gravity, "fit")
-    impacts = impacts_of(tracks, fitted, how.gravity, how.method)
+    fitted = fit_tracks(tracks, options.gravity, setup)
+    by_fit = impacts_of(tracks, fitted, options.gravity, "fit")
+    impacts = impacts_of(tracks, fitted, options.gravity, options.method)
     return errors_of(impacts, predicted, comparable(by_fit))

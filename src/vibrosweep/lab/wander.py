@@ -42,7 +42,7 @@ def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
 
 
 @jit
-def _wandered(n: float, x: float, walk: Floats) -> float:
+def _deviation(n: float, x: float, walk: Floats) -> float:
     """Deviation of the phase in turns at n + x mean periods."""
     whole = np.floor(x)
     j = min(max(int(n + whole) + 1, 0), walk.size - 2)
@@ -52,7 +52,7 @@ def _wandered(n: float, x: float, walk: Floats) -> float:
 @jit
 def _phase(n: float, x: float, walk: Floats) -> tuple[float, float]:
     """Whole turns and reduced phase of the forcing at n + x mean periods."""
-    turned = x + _wandered(n, x, walk)
+    turned = x + _deviation(n, x, walk)
     carry = np.rint(turned)
     return n + carry, turned - carry
 
@@ -62,7 +62,7 @@ def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
     """Time in mean periods, whole and rest, at which the forcing has the phase n + x."""
     count, rest = n, x
     for _ in range(INVERSIONS):
-        back = x - _wandered(count, rest, walk)
+        back = x - _deviation(count, rest, walk)
         carry = np.rint(back)
         count, rest = n + carry, back - carry
     return count, rest

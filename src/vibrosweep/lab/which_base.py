@@ -9,12 +9,12 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flights import line_variance
-from vibrosweep.lab.oscillation import Shaken, first_guess, fit_shaken
+from vibrosweep.lab.oscillation import BaseFit, first_guess, fit_base
 from vibrosweep.lab.regression import (
     FEWEST,
     Speeds,
     is_nearer,
-    outside,
+    is_unphysical,
     weakest_signal,
     with_subharmonics,
 )
@@ -30,7 +30,7 @@ class Judgement(NamedTuple):
     """Outcome of the comparison of both bases."""
 
     favoured: str  # ``"moving"``, ``"level"``, or ``"undetermined"``
-    shaken: Shaken | None  # fit of a moving base; None if there are too few contacts
+    moving: BaseFit | None  # fit of a moving base; None if there are too few contacts
 
 
 def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
@@ -39,54 +39,54 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
     The result is undetermined if the contacts do not determine the motion, as those of a locked
     orbit, which all have one phase.  A frequency (Hz) of None is estimated.
     """
-    few = contacts.first(MOST)
+    few = contacts.earliest(MOST)
     if _too_few(few):
         return Judgement("undetermined", None)
     free = frequency is None
     speeds = Speeds(-few.arrival, few.departure, few.time)
     rates = with_subharmonics(speeds, FREQUENCIES) if frequency is None else [frequency]
-    rates = [r for r in rates if signal_of(few, first_guess(few, r), r) >= LEAST_SIGNAL]
+    rates = [r for r in rates if signal_of_contacts(few, first_guess(few, r), r) >= LEAST_SIGNAL]
     if not rates:
         return Judgement("undetermined", None)
-    shaken, still = (
-        min((fit_shaken(few, r, free=free, moves=moves) for r in rates), key=_distance)
+    moving, level = (
+        min((fit_base(few, r, free=free, moves=moves) for r in rates), key=_distance)
         for moves in (True, False)
     )
-    return Judgement(_preferred(shaken, still), shaken)
+    return Judgement(_preferred(moving, level), moving)
 
 
-def moves(contacts: Contacts, shaken: Shaken, *, free: bool) -> bool:
+def moves(contacts: Contacts, moving: BaseFit, *, free: bool) -> bool:
     """Tell whether contacts favour the moving base fitted to them over one at a constant level.
 
     The frequency of the latter is adjusted if `free`, as it was for the moving base.
     """
     if _too_few(contacts):
         return False
-    still = fit_shaken(contacts, shaken.oscillation.frequency, free=free, moves=False)
-    return _preferred(shaken, still) == "moving"
+    level = fit_base(contacts, moving.oscillation.frequency, free=free, moves=False)
+    return _preferred(moving, level) == "moving"
 
 
 def _too_few(contacts: Contacts) -> bool:
     return bool(contacts.time.size < FEWEST + np.unique(contacts.particle).size)
 
 
-def _preferred(shaken: Shaken, still: Shaken) -> str:
+def _preferred(moving: BaseFit, level: BaseFit) -> str:
     """Return the base that describes the same contacts better, by the test of Vuong.
 
     Both models have the same number of parameters and neither contains the other.  The base is
     never one that implies an unphysical restitution.
     """
-    for favoured, better, worse in (("moving", shaken, still), ("level", still, shaken)):
+    for favoured, better, worse in (("moving", moving, level), ("level", level, moving)):
         if is_nearer(better.distance, worse.distance):
-            return "undetermined" if outside(better.values, better.covariance) else favoured
+            return "undetermined" if is_unphysical(better.values, better.covariance) else favoured
     return "undetermined"
 
 
-def _distance(shaken: Shaken) -> tuple[bool, float]:
-    return outside(shaken.values, shaken.covariance), float(shaken.distance.sum())
+def _distance(moving: BaseFit) -> tuple[bool, float]:
+    return is_unphysical(moving.values, moving.covariance), float(moving.distance.sum())
 
 
-def signal_of(contacts: Contacts, guess: Array, frequency: float) -> float:
+def signal_of_contacts(contacts: Contacts, guess: Array, frequency: float) -> float:
     """Return `weakest_signal` of contacts, with a guess of restitution, S and C (m s-1)."""
     time, before = contacts.time, contacts.before
     closing = contacts.departure - contacts.arrival

@@ -6,7 +6,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
 
-def described(
+def with_units(
     dims: Hashable | Sequence[Hashable], columns: Mapping[str, tuple[Any, str, str]]
 ) -> dict[str, Any]:
     """Variables of these dimensions, from the values, units and meaning of each."""
