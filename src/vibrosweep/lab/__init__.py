@@ -1,6 +1,6 @@
-"""From camera tracks of real particles to landings, estimates, and a comparison with prediction.
+"""Landings, estimated parameters and a comparison with prediction, from camera tracks of particles.
 
-An `Experiment` describes a virtual experiment, whose landings are known: `perform_trials` films it.
+An `Experiment` describes a virtual experiment, whose landings are known; `perform_trials` films it.
 """
 
 from __future__ import annotations

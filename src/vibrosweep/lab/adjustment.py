@@ -1,7 +1,7 @@
 """Adjustment of instants together with the parameters of bounces on a base of constant level.
 
-It is by the smallest weighted change of the instants for which every bounce obeys the map, under
-one of the laws of restitution.
+The adjusted instants are those of the smallest weighted change for which every bounce obeys the
+map, with one of the laws of restitution.
 """
 
 from __future__ import annotations
@@ -25,44 +25,47 @@ from vibrosweep.lab.speed_laws import (
 )
 from vibrosweep.model.restitution_laws import CONSTANT, PLASTIC
 
-# Most rounds of the adjustment, and the step in standard errors at which it has converged.
+# Most iterations of the adjustment, and the step in standard errors at which it has converged
 ROUNDS: Final = 50
 CLOSE: Final = 1e-6
-ROUGH: Final = 1e-2  # the same of a law with a kink, on which a step may never be smaller
-BETWEEN: Final = (0.05, 0.999)  # restitutions of a law that depends on speed
-LONGEST: Final = 0.3  # step of the logarithm of a speed
+# The same for the plastic law, whose kink may keep the steps from becoming smaller
+ROUGH: Final = 1e-2
+BETWEEN: Final = (0.05, 0.999)  # range of the restitution in a law that depends on speed
+LONGEST: Final = 0.3  # longest step of the logarithm of a speed
 
 
 class Adjustment(NamedTuple):
-    """Result of the adjustment: (e, S, C), f if it is free, a speed of yielding; chi-square."""
+    """Result of the adjustment."""
 
+    # values, covariance: e, S, C, f if it is free, and the logarithm of a speed of yielding
     values: Array
     covariance: Array
     chi_square: float
-    # Squared distance of each bounce, in standard errors
-    distance: Array
-    influences: Array  # covariance from the scatter of the residuals, added if they are too large
+    distance: Array  # squared distance of each bounce in standard errors
+    # Covariance from the scatter of the residuals, added where noise does not explain them
+    influences: Array
 
 
 def adjust(
     bounces: Bounces,
-    first: Array,
-    rate: float,
+    start: Array,
+    frequency: float,
     free: bool,
     law: Law = Law(),  # noqa: B008
 ) -> Adjustment:
-    """Adjust instants and parameters together, from the `first` e, S and C.
+    """Adjust instants and parameters together, starting from e, S and C at a frequency in Hz.
 
-    The logarithm of a speed of yielding is the last parameter.
+    The frequency is a parameter if `free`.  Raises a LinAlgError if the iteration does not
+    converge, or if a parameter has no effect.
     """
-    values = np.append(first, rate) if free else first
+    values = np.append(start, frequency) if free else start
     if law.parameters:
         values = np.append(values, np.log(law.speed))
     errors, instant = bounces.errors, bounces.instant.copy()
     half, close = bounces.gravity / 2.0, ROUGH if law.name == PLASTIC else CLOSE
     for _ in range(ROUNDS):
         e, s, c = values[:3]
-        f = values[3] if free else rate
+        f = values[3] if free else frequency
         arrive, leave, time = bounces.speeds(instant)
         sine, cosine = np.sin(TWO_PI * f * time), np.cos(TWO_PI * f * time)
         turning = TWO_PI * (s * cosine - c * sine)
@@ -71,7 +74,7 @@ def adjust(
         design = -np.stack(columns, axis=1)
         ends = np.full(time.size, half)
         after, q = law.rebound_speed(arrive, e, values[-1])
-        slopes = bounces.errors_of(q * ends, -(1.0 + q) * ends - f * turning, ends)
+        slopes = bounces.jacobian(q * ends, -(1.0 + q) * ends - f * turning, ends)
         closure = leave - after - s * sine - c * cosine
         closure = closure + slopes @ (bounces.instant - instant)
         spread = slopes @ errors @ slopes.T
@@ -99,34 +102,35 @@ def adjust(
     return Adjustment(values, inverse, chi_square, white[:, -1] ** 2, influences)
 
 
-def fit_laws(bounces: Bounces, first: Array, rate: float, *, free: bool) -> list[FittedLaw]:
-    """Fit the laws of `FITTED`, from `first` parameters of a constant restitution."""
+def fit_laws(bounces: Bounces, start: Array, frequency: float, *, free: bool) -> list[FittedLaw]:
+    """Fit the laws of `FITTED`, starting from the parameters of a constant restitution."""
     speeds = np.maximum(bounces.speeds()[0], 1e-6)
 
-    def fitted(name: str, values: Array) -> FittedLaw:
-        return nearest_fit(
-            [_fit(bounces, values, rate, free, law) for law in starting_laws(name, speeds)]
-        )
+    def fit_law(name: str, values: Array) -> FittedLaw:
+        laws = starting_laws(name, speeds)
+        return nearest_fit([_fit(bounces, values, frequency, free, law) for law in laws])
 
-    found = [fitted(name, first) for name in FITTED]
-    near = nearest_fit(found)  # from which another law may converge
-    if np.isnan(near.misfit):
-        return found
-    return [fitted(one.law.name, near.values) if np.isnan(one.misfit) else one for one in found]
+    fits = [fit_law(name, start) for name in FITTED]
+    nearest = nearest_fit(fits)
+    if np.isnan(nearest.misfit):
+        return fits
+    # a law whose fit failed may converge from these parameters
+    return [fit_law(fit.law.name, nearest.values) if np.isnan(fit.misfit) else fit for fit in fits]
 
 
-def _fit(bounces: Bounces, values: Array, rate: float, free: bool, law: Law) -> FittedLaw:
-    try:
-        # at a fixed speed first, because a constant restitution may give a bad beginning
-        for one_law in dict.fromkeys((law._replace(fixed=True), law)):
-            at = float(values[3]) if free else rate
-            one = adjust(bounces, values[:3], at, free, one_law)
-            values = one.values
-    except np.linalg.LinAlgError:
-        return failed_fit(law, bounces.middle.size)
+def _fit(bounces: Bounces, values: Array, frequency: float, free: bool, law: Law) -> FittedLaw:
     number = bounces.middle.size
-    misfit, freedom = one.chi_square / (number - one.values.size), number - one.values.size
-    spread = widen(one.covariance, misfit, freedom, one.influences)
-    values, spread = with_speed(law, one.values, spread)
-    far = np.minimum(one.distance, FAR)
-    return FittedLaw(law, values, spread, misfit, freedom, number, far)
+    try:
+        # at a fixed speed first, because the parameters of a constant restitution may be far off
+        for tried in dict.fromkeys((law._replace(fixed=True), law)):
+            rate = float(values[3]) if free else frequency
+            found = adjust(bounces, values[:3], rate, free, tried)
+            values = found.values
+    except np.linalg.LinAlgError:
+        return failed_fit(law, number)
+    freedom = number - found.values.size
+    misfit = found.chi_square / freedom
+    covariance = widen(found.covariance, misfit, freedom, found.influences)
+    values, covariance = with_speed(law, found.values, covariance)
+    distance = np.minimum(found.distance, FAR)
+    return FittedLaw(law, values, covariance, misfit, freedom, number, distance)

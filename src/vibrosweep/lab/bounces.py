@@ -1,7 +1,7 @@
-"""Bounces as equations between landing times: the map in quantities that a camera measures.
+"""Bounces as equations between landing times, which a camera measures.
 
-With a flight of known gravity, the speeds before and after the bounce at t are
-v = g (t - lift-off before) / 2 and v' = g (next landing - t) / 2, so that
+Gravity is known, so that the speeds before and after the bounce at t are
+v = g (t - previous lift-off) / 2 and v' = g (next landing - t) / 2, and the map of a bounce
 
     v' = e v + S sin(2 pi f t) + C cos(2 pi f t),      S = A cos phi,   C = A sin phi
 
@@ -22,32 +22,34 @@ from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 from vibrosweep.lab.regression import Speeds
 
-# Half bandwidth of the covariance of the equations: a bounce shares an instant with the next but
-# one, and the errors of neighbouring instants are correlated.
+# Half bandwidth of the covariance of the equations: a bounce shares an instant with the second
+# bounce after it, and the errors of neighbouring instants are correlated.
 BAND = 3
 
 
 @dataclass(frozen=True)
 class Bounces:
-    """Instants in order, and the bounces between them."""
+    """Instants of landing and lift-off in order, and which of them are bounces."""
 
     # Landings and lift-offs of all particles, s; a bounce is one instant, a stay is two
     instant: Array
-    # variance, covariance: of the instants, s^2, and of each with the next, shape (instant - 1,)
+    # variance, covariance: of each instant, and of each with the next, s^2; shapes (instant,) and
+    # (instant - 1,)
     variance: Array
     covariance: Array
-    # Index in `instant` of each bounce, shape (bounce,); its neighbours there are those in time
+    # Index in `instant` of each bounce, shape (bounce,): the instant before it is the lift-off that
+    # began its flight, the one after it the next landing
     middle: NDArray[np.intp]
     gravity: float  # m s-2
 
     def speeds(self, instant: Array | None = None) -> Speeds:
-        """Return the bounces, at other instants where these are given."""
+        """Return time and speeds of each bounce, at other instants if these are given."""
         t = self.instant if instant is None else instant
         half, i = self.gravity / 2.0, self.middle
         return Speeds(half * (t[i] - t[i - 1]), half * (t[i + 1] - t[i]), t[i])
 
-    def errors_of(self, before: Array, own: Array, after: Array) -> csr_array:
-        """Matrix from errors of instants to errors of the equations, shape (bounce, instant).
+    def jacobian(self, before: Array, at: Array, after: Array) -> csr_array:
+        """Derivatives of the equations by the instants, shape (bounce, instant).
 
         The arguments are the derivatives of each equation by the instant before its bounce, by that
         of the bounce, and by the one after it.
@@ -56,7 +58,7 @@ class Bounces:
         columns = (self.middle[:, np.newaxis] + np.array([-1, 0, 1])).ravel()
         shape = (self.middle.size, self.instant.size)
         return csr_array(
-            (np.stack([before, own, after], axis=1).ravel(), (rows, columns)), shape=shape
+            (np.stack([before, at, after], axis=1).ravel(), (rows, columns)), shape=shape
         )
 
     @property
@@ -71,18 +73,18 @@ class Bounces:
 
 
 def bounces_of(impacts: xr.Dataset) -> Bounces:
-    """Gather the bounces with a whole flight on either side, from a result of `find_impacts`."""
+    """Gather the bounces of a result of `find_impacts` that have a whole flight on either side."""
     instant: list[Array] = []
     variance: list[Array] = []
     covariance: list[Array] = []
     middle: list[NDArray[np.intp]] = []
     passed = 0
     for p in range(impacts.sizes["particle"]):
-        one = impacts.isel(particle=p)
-        quality = one["quality"].values[: int(one["impact_count"])]
+        landings = impacts.isel(particle=p)
+        quality = landings["quality"].values[: int(landings["impact_count"])]
         if not quality.size:
             continue
-        column = {name: one[name].values[: quality.size] for name in one if one[name].ndim}
+        column = {n: v.values[: quality.size] for n, v in landings.items() if v.ndim}
         bounced = quality == BOUNCED
         # landing and lift-off are one instant at a bounce, two at a stay on the base
         single = np.stack([np.ones_like(bounced), ~bounced], axis=1)
@@ -115,12 +117,12 @@ def bounces_of(impacts: xr.Dataset) -> Bounces:
 
 
 def solve(matrix: csr_array, right: Array) -> Array:
-    """Solve a symmetric positive definite system with the band of neighbouring bounces."""
+    """Solve a system whose symmetric positive definite matrix has the half bandwidth `BAND`."""
     return np.asarray(solveh_banded(_band(matrix), right, lower=True))
 
 
 def whiten(matrix: csr_array, right: Array) -> Array:
-    """Whiten columns by such a covariance: independent linear combinations of variance 1."""
+    """Transform columns whose covariance is such a matrix to independent ones of variance 1."""
     factor = cholesky_banded(_band(matrix), lower=True)
     return np.asarray(solve_banded((len(factor) - 1, 0), factor, right))
 

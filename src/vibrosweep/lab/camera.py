@@ -26,7 +26,7 @@ class Camera:
     noise
         Standard deviation of a tracked position, in pixels.
     whole_pixels
-        True if positions are rounded to whole pixels.
+        Whether positions are rounded to whole pixels.
     exposure
         Time for which the shutter is open, s; a position is the mean over it.
     dropped
@@ -59,9 +59,9 @@ class Launch(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion:
-    """Flights of one particle in the order of time; between flights it is on the base."""
+    """Flights of one particle in order of time; between them it is on the base."""
 
-    # start, end: lift-off and landing in s; infinite if a flight ends after the record
+    # start, end: times of lift-off and landing, s; the end is infinite if it is after the record
     start: Array
     end: Array
     # velocity, rise: velocity (m s-1) and height (m) at lift-off
@@ -89,14 +89,14 @@ class Motion:
         return self.rise + self.velocity**2 / (2.0 * self.gravity)
 
     def means(self, begin: float, end: float) -> tuple[float, float]:
-        """Mean height (m) and duration (s) of the whole flights in an interval; NaN if none."""
-        whole = (self.start >= begin) & (self.end <= end)
-        if not whole.any():
+        """Mean apex (m) and duration (s) of the flights within an interval; NaN without any."""
+        inside = (self.start >= begin) & (self.end <= end)
+        if not inside.any():
             return np.nan, np.nan
-        return float(np.mean(self.apex[whole])), float(np.mean((self.end - self.start)[whole]))
+        return float(np.mean(self.apex[inside])), float(np.mean((self.end - self.start)[inside]))
 
     def _flight(self, time: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
-        """Last flight begun at each instant, or the first; time since; whether it is over."""
+        """Latest flight at each instant, or the first; time since its start; whether it is over."""
         flight = np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
         since = time - self.start[flight]
         return flight, since, (since < 0.0) | (time > self.end[flight])
@@ -110,34 +110,34 @@ class Motion:
     def mean_height(self, time: Array, exposure: float) -> Array:
         """Mean height in m over an exposure (s) centred at each instant."""
 
-        def risen(flight: NDArray[np.intp], since: Array) -> Array:
+        def flown_area(flight: NDArray[np.intp], since: Array) -> Array:
             speed = self.velocity[flight] / 2.0 - self.gravity * since / 6.0
             return since * (self.rise[flight] + since * speed)
 
-        begun = self.surface.area(self.start)
+        below = self.surface.area(self.start)
         end = np.where(np.isfinite(self.end), self.end, self.start)
-        flown = risen(np.arange(end.size), end - self.start)
-        # area that each flight adds to that below the base
-        over = np.append(0.0, np.cumsum(flown - (self.surface.area(end) - begun)))
+        flown = flown_area(np.arange(end.size), end - self.start)
+        # area between the flights and the base, up to the start of each flight
+        above = np.append(0.0, np.cumsum(flown - (self.surface.area(end) - below)))
 
         def area(instant: Array) -> Array:
             flight, since, down = self._flight(instant)
-            resting = self.surface.area(instant) + np.where(since < 0.0, 0.0, over[flight + 1])
-            flying = over[flight] + begun[flight] + risen(flight, since)
+            resting = self.surface.area(instant) + np.where(since < 0.0, 0.0, above[flight + 1])
+            flying = above[flight] + below[flight] + flown_area(flight, since)
             return np.where(down, resting, flying)
 
         return (area(time + exposure / 2.0) - area(time - exposure / 2.0)) / exposure
 
 
 def heights(motions: list[Motion], time: Array, exposure: float) -> Array:
-    """True heights in m, averaged over the exposure; shape (frame, particle)."""
+    """Average the true heights (m) over an exposure (s); shape (frame, particle)."""
     return np.stack(
         [m.mean_height(time, exposure) if exposure else m.height(time) for m in motions], axis=1
     )
 
 
 def film(true: Array, camera: Camera, rng: np.random.Generator) -> Array:
-    """Track true heights, of shape (frame, particle) in m; NaN in lost frames."""
+    """Turn true heights (m), shape (frame, particle), into tracked ones; NaN in lost frames."""
     pixels = true * (1.0 + camera.scale_error) / camera.pixel
     pixels = pixels + camera.noise * rng.standard_normal(pixels.shape)
     if camera.whole_pixels:

@@ -1,4 +1,4 @@
-"""Comparison of recordings with prediction, and sources of the errors."""
+"""Comparison of recordings with prediction, and the sources of its errors."""
 
 from __future__ import annotations
 
@@ -83,25 +83,25 @@ def compare_tracks(
     rebound
         Law of rebound, ``"rest"`` or ``"reflect"``.
     restitution_law
-        Law of a restitution that is known.  An estimated restitution has the best law where the
-        bounces rule out a constant one.
+        Law of a known restitution.  An estimated restitution has the best law if the bounces rule
+        out a constant one.
     draws
         Parameter sets drawn within the errors of an estimate, at least 2.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     threads
         Number of threads, by default one per processor; the result does not depend on it.
     **known
-        Parameters that are known: restitution (1), amplitude (m s-1), frequency (Hz), phase (rad),
-        gravity (m s-2), contact_time (s), restitution_speed (m s-1) of a `restitution_law`.  The
-        first four are estimated where they are not given.
+        Known parameters: restitution (1), amplitude (m s-1), frequency (Hz), phase (rad), gravity
+        (m s-2), contact_time (s), restitution_speed (m s-1) of a `restitution_law`.  The first four
+        are estimated if they are not given.
 
     Returns
     -------
     xarray.Dataset
         Dims (case, quantity, reading): ``error`` in per cent, ``|measured - predicted| /
-        measured``, the mean over the repeats, and the contributions of ``frames``, ``pixels``
-        and ``parameters``, each alone (in per cent of the measured value); their squares add.
+        measured``, its mean over the repeats, and the contributions of ``frames``, ``pixels``
+        and ``parameters`` (in per cent of the measured value), which add as squares.
         Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).
         Dim case: ``particles``, ``repeats``, ``compared``, and the parameters used.  Attributes:
         the base, the ``waveform`` and the ``restitution_law`` of the prediction.
@@ -111,7 +111,7 @@ def compare_tracks(
     TrackError
         A recording cannot be measured, or there is none.
     ParameterError
-        A parameter is not known by that name or outside its range, or is not determined.
+        There is no parameter of that name, or one is outside its range or not determined.
 
     Examples
     --------
@@ -128,11 +128,12 @@ def compare_tracks(
             raise ParameterError(f"{name}: is not a parameter; known are {', '.join(KNOWN)}")
         if not KNOWN[name].accepts(value):
             raise ParameterError(f"{name} = {value!r}: must be {KNOWN[name].allowed}")
-    several = [recordings] if isinstance(recordings, xr.Dataset) else recordings
+    if isinstance(recordings, xr.Dataset):
+        recordings = [recordings]
     setup = Setup(base, exposure, motion, known.get("frequency"), trace)
     options = ComparisonOptions(known, method, setup, draws, rebound, seed, restitution_law)
     with Workers(thread_count(threads)) as workers:
-        return compare(several, options, workers)
+        return compare(recordings, options, workers)
 
 
 def compare(
@@ -140,20 +141,20 @@ def compare(
 ) -> xr.Dataset:
     """Compare recordings with prediction, case by case; a case is a number of particles.
 
-    Recordings are tracks as of `read_tracks`; result and errors are those of `compare_tracks`.
+    Recordings are tracks from `read_tracks`; result and errors are those of `compare_tracks`.
     """
     _check(recordings, options)
     found = [_compare_recording(tracks, options, workers) for tracks in recordings]
-    counts = sorted({int(one["particles"]) for one in found})
-    repeats = ([one for one in found if one["particles"] == count] for count in counts)
+    counts = sorted({int(row["particles"]) for row in found})
+    repeats = ([row for row in found if row["particles"] == count] for count in counts)
     table = xr.concat(map(_case, repeats), "case")
     table = table.assign_coords(case=[f"N={count}" for count in counts])
-    texts = {name: {one.attrs[name] for one in found} - {""} for name in found[0].attrs}
-    return table.assign_attrs({name: "; ".join(sorted(said)) for name, said in texts.items()})
+    texts = {name: {row.attrs[name] for row in found} - {""} for name in found[0].attrs}
+    return table.assign_attrs({name: "; ".join(sorted(text)) for name, text in texts.items()})
 
 
 def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Mean over the recordings of one number of particles."""
+    """Average over the recordings with one number of particles."""
     every = xr.concat(repeats, "repeat", combine_attrs="drop_conflicts")
     means = every.mean("repeat", keep_attrs=True)
     # contributions to an error, and standard errors, add as squares
@@ -170,14 +171,16 @@ def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
 
 
 def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None:
-    """Refuse wrong arguments before recordings are measured."""
+    """Refuse wrong arguments before any recording is measured."""
     check_method(options.method)
     if not recordings:
         raise TrackError("there is no recording to compare: give at least one")
     if options.rebound not in LAWS:
         raise ParameterError(f"rebound = {options.rebound!r}: must be one of {', '.join(LAWS)}")
     if options.draws < 2:
-        raise ParameterError(f"draws = {options.draws}: must be at least 2, as one has no spread")
+        raise ParameterError(
+            f"draws = {options.draws}: must be at least 2, because one has no spread"
+        )
     law = options.restitution_law
     if law not in RESTITUTION_LAWS:
         allowed = ", ".join(RESTITUTION_LAWS)
@@ -196,7 +199,7 @@ def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None
 def _compare_recording(
     tracks: xr.Dataset, options: ComparisonOptions, workers: Workers
 ) -> xr.Dataset:
-    """Measure and predict one recording, and split its errors into contributions."""
+    """Compare one recording with its prediction, and split the errors into contributions."""
     fitted = fit_tracks(tracks, options.gravity, options.setup)
     by_fit = impacts_of(tracks, fitted, options.gravity, "fit")
     impacts = impacts_of(tracks, fitted, options.gravity, options.method)
@@ -224,9 +227,9 @@ def _compare_recording(
         shares = np.full((2, len(QUANTITIES), len(READINGS)), np.nan)
         warnings.append(f"the errors of the camera are not known: {error}")
     errors = [errors_of(impacts, best, among), *shares, _spreads(found, means, among)]
-    both = [[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]
-    told = _parameter_columns(estimated, used, scene.waveform)
-    told["compared"] = among.mean(), "1", "share of the particles that could be compared"
+    both = [[np.nanmean(of[q][among]) for q in QUANTITIES] for of in (means, best)]
+    columns = _parameter_columns(estimated, used, scene.waveform)
+    columns["compared"] = among.mean(), "1", "share of the particles that could be compared"
     texts = {
         "method": options.method,
         "warning": "; ".join(warnings),
@@ -236,13 +239,13 @@ def _compare_recording(
         "restitution_law": scene.restitution_law,
         "law": "" if estimated is None else law_text(estimated),
     }
-    return _table(errors, both, told).assign_coords(particles=among.size).assign_attrs(texts)
+    return _table(errors, both, columns).assign_coords(particles=among.size).assign_attrs(texts)
 
 
 def _table(
     errors: Sequence[Array], means: Sequence[Any], numbers: Mapping[str, tuple[Any, str, str]]
 ) -> xr.Dataset:
-    """Dataset of one recording: the error and its shares, measured and predicted means, numbers."""
+    """Dataset of one recording: errors and their contributions, means, and single numbers."""
     words = {"error": "|measured - predicted| / measured"}
     words |= {name: f"error due to {name}" for name in SHARES}
     percent = {
@@ -268,9 +271,9 @@ def _table(
 
 
 def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> Array:
-    """Spread of the predictions over the draws in per cent of the measured means.
+    """Standard deviation over the draws in per cent of the measured means, zero without draws.
 
-    Shape (quantity, reading); zero without draws.
+    Its shape is (quantity, reading).
     """
     drawn = np.stack(found)[:, 1:, among]
     if not drawn.shape[1]:
@@ -283,7 +286,7 @@ def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> Array:
 def _parameter_columns(
     estimated: xr.Dataset | None, used: dict[str, float], shape: Waveform
 ) -> dict[str, tuple[Any, str, str]]:
-    """Parameters of a prediction, Gamma among them, and their standard errors, NaN if known."""
+    """Parameters of a prediction, with Gamma, and their standard errors, NaN for known ones."""
     velocity = used["amplitude"] / (1.0 + used["restitution"])
     gamma = shape.fall * used["frequency"] * velocity / used["gravity"]
     about = {name: (p.units, p.long_name) for name, p in KNOWN.items() if name in USED}
@@ -294,6 +297,6 @@ def _parameter_columns(
         errors |= {name: error for name, error in fitted if name in about}
         errors[ACCELERATION] = float(estimated.get("base_acceleration_error", np.nan))
     words = "typical standard error, in one recording, of the "
-    return {name: (values[name], *of) for name, of in about.items()} | {
+    return {name: (values[name], *meaning) for name, meaning in about.items()} | {
         f"{name}_error": (error, about[name][0], f"{words}{name}") for name, error in errors.items()
     }

@@ -1,8 +1,8 @@
-"""Measured and predicted heights and periods.
+"""Errors of predicted heights and periods.
 
-The error of a quantity is |measured - predicted| / measured.  It depends on which values are
-compared, so every reading is computed: the mean over all particles, the mean of each particle, and
-each flight.
+The error of a quantity is |measured - predicted| / measured.  It can be read as that of the mean
+over all particles, of the mean of each particle, or of each flight: all these readings are
+computed.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ def _columns(impacts: xr.Dataset) -> dict[str, Array]:
 
 
 def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
-    """Mark the particles of which nearly all flights were measured.
+    """Mark the particles whose flights were nearly all measured.
 
-    Particles that rest, or bounce too low for the camera, are left out: a mean over some of their
-    flights would be biased.
+    Particles that rest or bounce too low for the camera are left out, because a mean over the
+    flights that are seen would be biased.
 
     Parameters
     ----------
     impacts
-        Result of `find_impacts`, by the method ``"fit"``.
+        Result of `find_impacts` with the method ``"fit"``.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
 
 
 def measured_means(impacts: xr.Dataset, among: NDArray[np.bool_]) -> dict[str, Array]:
-    """Mean height (m) and period (s) of the flights of each particle `among`; NaN elsewhere."""
+    """Mean height (m) and period (s) of the flights of each particle; NaN unless it is `among`."""
     means = {}
     for name, values in _columns(impacts).items():
         chosen = np.where(among[:, np.newaxis], values, np.nan)
@@ -74,7 +74,7 @@ def measured_means(impacts: xr.Dataset, among: NDArray[np.bool_]) -> dict[str, A
 def prediction_errors(
     impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[np.bool_]
 ) -> dict[str, dict[str, float]]:
-    """Errors of a prediction, ``|measured - predicted| / measured``, by quantity and reading.
+    """Return the errors ``|measured - predicted| / measured`` by quantity and reading.
 
     Parameters
     ----------
@@ -88,10 +88,11 @@ def prediction_errors(
     Returns
     -------
     dict
-        Per cent, by quantity (``height``, ``period``) and reading.  Readings are ``ensemble``: of
-        the means over all particles; ``particle``: mean of the errors of each particle's mean;
-        ``worst``: the largest of them; ``flight``: mean of the errors of each flight against its
-        particle's prediction.  NaN where no particle can be compared.
+        Errors in per cent, by quantity (``height``, ``period``) and reading: ``ensemble``, the
+        error of the mean over all particles; ``particle``, the mean of the errors of each
+        particle's mean; ``worst``, the largest of these; ``flight``, the mean error of single
+        flights against the mean predicted for their particle.  NaN where no particle can be
+        compared.
 
     Examples
     --------
@@ -118,7 +119,7 @@ def errors_of(impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[n
         if both.any():
             measured, foretold, flights = measured[both], foretold[both], columns[name][both]
             single = 100.0 * np.abs(measured - foretold) / measured
-            whole = 100.0 * abs(measured.mean() - foretold.mean()) / measured.mean()
+            ensemble = 100.0 * abs(measured.mean() - foretold.mean()) / measured.mean()
             of_flights = 100.0 * np.abs(flights - foretold[:, np.newaxis]) / flights
-            row[:] = whole, single.mean(), single.max(), np.nanmean(of_flights)
+            row[:] = ensemble, single.mean(), single.max(), np.nanmean(of_flights)
     return found

@@ -1,4 +1,4 @@
-"""Contacts with the base: intersections of neighbouring flights, at any height of the base."""
+"""Contacts with the base: intersections of neighbouring flights, wherever the base is."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from vibrosweep.lab.stretches import clear_flights, stretches
 
 
 class Contacts(NamedTuple):
-    """Bounces between two clearly resolved flights; arrays of shape (contact,)."""
+    """Bounces between flights that are clearly resolved; arrays of shape (contact,)."""
 
-    # before, after: the two flights
+    # before, after: the flights on both sides
     before: Fits
     after: Fits
-    particle: Indices  # its number
-    linked: Flags  # True if the next contact ends the flight that begins here
+    particle: Indices  # number of the particle
+    linked: Flags  # True if the next contact ends the flight that begins at this one
     # time, height: where the parabolas meet, s and m
     time: Array
     height: Array
@@ -30,7 +30,7 @@ class Contacts(NamedTuple):
     gravity: float  # curvature of the parabolas, m s-2
 
     def earliest(self, number: int) -> Contacts:
-        """Return the earliest contacts of all particles, `number` of them if there are more."""
+        """Return the earliest `number` of contacts, or all if there are no more."""
         if self.time.size <= number:
             return self
         chosen = self.time <= np.partition(self.time, number - 1)[number - 1]
@@ -59,7 +59,7 @@ class Cut(NamedTuple):
 
 
 def find_contacts(samples: Samples, gravity: float) -> Cut:
-    """Find contacts with the base between flights that fall with an acceleration (m s-2)."""
+    """Find contacts with the base; flights fall with the acceleration `gravity` (m s-2)."""
     member, noise = stretches(samples, gravity)
     start = np.flatnonzero(np.diff(member, prepend=-1))
     extent = np.maximum.reduceat(samples.height, start)
@@ -67,37 +67,37 @@ def find_contacts(samples: Samples, gravity: float) -> Cut:
     found = gravity_of_high_flights(samples, member, extent, noise)  # high stretches are no stays
     fits = fit_parabolas(samples, member, start.size, gravity)
     every = np.flatnonzero(np.diff(samples.piece[start]) == 0)
-    return Cut(contacts_between(samples, member, fits, every, (noise, gravity)), member, *found)
+    return Cut(contacts_between(samples, member, fits, every, noise, gravity), member, *found)
 
 
 def contacts_between(
-    samples: Samples, member: Indices, fits: Fits, place: Indices, scale: tuple[float, float]
+    samples: Samples, member: Indices, fits: Fits, landing: Indices, noise: float, fall: float
 ) -> Contacts:
-    """Contacts between flights `place` and the next ones, where both are clearly resolved.
+    """Contacts between the flights numbered `landing` and those that follow them.
 
-    `member` is the number of the flight of each sample, -1 for none; `scale` holds the standard
-    deviation of a sample (m) and the curvature of flights (m s-2).
+    Contacts beside a flight that is not clearly resolved are left out.  `member` is the number of
+    the flight of each sample, -1 for none; `noise` the standard deviation of a sample (m), `fall`
+    the acceleration of flights (m s-2).
     """
-    noise, fall = scale
     clear = clear_flights(samples, member, fits, noise, fall)
-    # pooled over flights alone: residuals of a stay would enlarge it
+    # from flights alone, because residuals of a stay would enlarge it
     free = fits.number[clear] - 2.0
     noise = float(np.sqrt(fits.residue[clear].sum() / free.sum())) if free.size else noise
-    place = place[clear[place] & clear[place + 1]]
-    before, after = fits.take(place), fits.take(place + 1)
+    landing = landing[clear[landing] & clear[landing + 1]]
+    before, after = fits.take(landing), fits.take(landing + 1)
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
     arrival = before.slope - fall * (met.time - before.centre)
     departure = arrival + met.closing
-    # between the halves of one flight there is no contact: the difference is rounding
+    # between two parts of one flight there is no contact: their slopes differ by rounding
     opening = departure > arrival
-    place, before, after = place[opening], before.take(opening), after.take(opening)
+    landing, before, after = landing[opening], before.take(opening), after.take(opening)
     owner = np.zeros(fits.number.size, np.intp)
     owner[member[member >= 0]] = samples.particle[member >= 0]
-    linked = np.append(np.diff(place) == 1, False)[: place.size]
+    linked = np.append(np.diff(landing) == 1, False)[: landing.size]
     return Contacts(
         before=before,
         after=after,
-        particle=owner[place],
+        particle=owner[landing],
         linked=linked,
         time=met.time[opening],
         height=met.height[opening],

@@ -1,10 +1,10 @@
 """Restitution, amplitude, phase and frequency from landings, with standard errors.
 
-Every instant carries an error and enters a speed of arrival, a speed of departure and a phase.
-Ordinary least squares, which assumes errors in the departure alone, is therefore biased.  The
-instants are adjusted together with the parameters instead (the Gauss-Helmert model, which is total
-least squares for errors of any covariance): by the smallest weighted change of the instants for
-which every bounce obeys the map.
+Every instant has an error, and enters a speed of arrival, a speed of departure and a phase.
+Ordinary least squares assumes errors in the departure alone and is therefore biased.  Instants and
+parameters are adjusted together instead: the smallest weighted change of the instants is sought for
+which every bounce obeys the map (the Gauss-Helmert model, which is total least squares with any
+covariance).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from vibrosweep.lab.regression import (
     with_subharmonics,
 )
 from vibrosweep.lab.remarks import SIGNAL, misfit_warning, why_undetermined
-from vibrosweep.lab.speed_laws import FittedLaw, law_variables, laws_left, preferred_law
+from vibrosweep.lab.speed_laws import FittedLaw, Law, law_variables, laws_left, preferred_law
 from vibrosweep.lab.variables import with_units
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.restitution_laws import SPEED, restitution_at
@@ -47,9 +47,8 @@ PARAMETER_UNITS: Final = {
     "frequency": "Hz",
     SPEED: "m s-1",
 }
-# Number of phases that are tried, a third of a degree apart.  A second minimum is equally good if
-# its sum of squares exceeds the smallest by at most this share of the sum of squares of the kicks.
-PHASES: Final = 1080
+PHASES: Final = 1080  # number of trial phases, a third of a degree apart
+# Share of the sum of squares of the kicks up to which a second minimum counts as equally good
 TIE: Final = 0.01
 
 
@@ -66,7 +65,7 @@ def estimate(
     impacts
         Result of `find_impacts`.
     frequency
-        Forcing frequency in Hz; estimated if it is not given.
+        Forcing frequency in Hz, estimated by default.
     frequency_range
         Interval in which an unknown frequency is sought, Hz.
 
@@ -74,25 +73,26 @@ def estimate(
     -------
     xarray.Dataset
         Dims (parameter, other): ``estimate``, ``error`` and ``covariance`` of restitution,
-        amplitude (m s-1), phase (rad, at t = 0 of the tracks' clock) and, if it was not known,
-        frequency (Hz).  ``determined`` is 0 if the orbit determines them poorly or not at all, or
-        if one lies outside its physical range; the attribute ``warning`` gives the reason.  Without
-        any signal all are NaN.  ``misfit`` is the chi-square per degree of freedom.  If it exceeds
-        1, the errors are scaled by its square root; if noise is an improbable explanation, the
-        scatter of the residuals is added and the warning says so.
+        amplitude (m s-1), phase (rad, at t = 0 on the clock of the tracks) and, if it was not
+        given, frequency (Hz).  ``determined`` is 0 if the orbit determines them poorly or not at
+        all, or if the restitution lies outside its range; the attribute ``warning`` gives the
+        reason.  Without any signal all are NaN.  ``misfit`` is the chi-square per degree of
+        freedom.  If it exceeds 1, its square root multiplies the errors; if noise hardly explains
+        it, the scatter of the residuals is added and the warning says so.
 
-        Over a moving base the parameters come from its fit to the landings, with the frequency
-        that was given to `find_impacts` or found by it; the amplitude is A = (1 + e) V0.  The
-        result then holds ``base_displacement`` (m) and ``base_acceleration`` (in units of gravity)
-        with their errors.  Where a trace has several harmonics, amplitude and phase are those of
-        the strongest, and ``weight_h`` and ``phase_h`` (rad) those of the others relative to it.
-        The attribute ``waveform`` holds that key of a sweep file.
+        Over a moving base the parameters are those of the base that `find_impacts` fitted to the
+        landings, with the frequency that was given to it or that it found; the amplitude is
+        A = (1 + e) V0.  The result then also holds ``base_displacement`` (m) and
+        ``base_acceleration`` (in units of gravity) with their errors.  If a trace has several
+        harmonics, amplitude and phase are those of the strongest, and ``weight_h`` and ``phase_h``
+        (rad) those of harmonic h relative to it; the attribute ``waveform`` is the key of that name
+        in a sweep file.
 
-        Dim law: ``law_restitution`` and ``law_speed`` (m s-1) with their errors, of each law of
-        restitution fitted to the same bounces.  The attribute ``restitution_law`` names those that
-        the bounces do not rule out, the best first; empty where nothing is determined.  If a
-        constant restitution is ruled out, all parameters are those of the best law, and those of
-        a plastic one include ``restitution_speed`` (m s-1).
+        Dim law: ``law_restitution`` and ``law_speed`` (m s-1) with their errors, for each law of
+        restitution fitted to the same bounces.  The attribute ``restitution_law`` names the laws
+        that the bounces do not rule out, the best first; it is empty if nothing is determined.  If
+        a constant restitution is ruled out, all parameters are those of the best law, among them
+        ``restitution_speed`` (m s-1) for a plastic one.
 
     Raises
     ------
@@ -133,54 +133,61 @@ def estimate(
         with_subharmonics(bounces.speeds(), frequency_range) if frequency is None else [frequency]
     )
     tried = [_adjust_at(bounces, rate, free) for rate in rates]
-    found, signal = min(tried, key=_rank)
-    rate = float(found.values[3]) if free else rates[0]
-    names = ["restitution", "amplitude", "phase"] + ["frequency"] * free
-    lost = bool(np.isinf(found.chi_square))
-    if lost:
-        laws = fit_laws(bounces, found.values, rate, free=free)
-        # without a fit of a constant restitution it is ruled out by any other
-        laws = laws[1:] if np.isnan(laws[0].misfit) else laws
-        law: FittedLaw | None = preferred_law(laws) or laws[0]
-    else:
-        freedom = bounces.middle.size - found.values.size
-        misfit = found.chi_square / freedom
-        covariance = widen(found.covariance, misfit, freedom, found.influences)
-        values, covariance, shape = polar(found.values, covariance)
-        warnings = (
-            why_undetermined(signal, values, covariance, misfit),
-            misfit_warning(misfit, freedom),
-        )
-        laws = [] if warnings[0] else fit_laws(bounces, found.values, rate, free=free)
-        law = preferred_law(laws)
-    if law is not None and np.isfinite(law.misfit):
-        values, covariance, shape = polar(law.values, law.covariance)
-        rate = float(law.values[3]) if free else rates[0]
-        names += [SPEED] * law.law.parameters
-        misfit, freedom = law.misfit, law.freedom
-        warnings = (
-            why_undetermined(signal, values, covariance, misfit),
-            misfit_warning(misfit, freedom),
-        )
-    if lost and (law is None or np.isnan(law.misfit) or warnings[0]):
+    adjusted, signal = min(tried, key=_rank)
+    rate = float(adjusted.values[3]) if free else rates[0]
+    fit, laws = _fit_and_laws(bounces, adjusted, signal, rate, free)
+    lost = np.isinf(adjusted.chi_square)
+    if lost and (np.isnan(fit.misfit) or _warnings_of(fit, signal)[0]):
         raise TrackError(
             f"{impacts.attrs['source']}: no restitution and forcing describe the bounces: look for "
             f"exchanged names, flights that fit badly, and a wrong frequency"
         )
+    rate = float(fit.values[3]) if free else rates[0]
+    values, covariance, shape = polar(fit.values, fit.covariance)
+    names = ["restitution", "amplitude", "phase"] + ["frequency"] * free
+    names += [SPEED] * fit.law.parameters
     about = {
-        "misfit": (misfit, "1", "chi-square per degree of freedom"),
+        "misfit": (fit.misfit, "1", "chi-square per degree of freedom"),
         "bounces": (bounces.middle.size, "1", "bounces used"),
         "signal": (signal, "1", "signal of the weakest direction"),
         "frequency_used": (rate, "Hz", "forcing frequency"),
     }
-    one = _estimate_dataset(names, values, covariance, about, warnings, shape).assign(
-        law_variables(laws)
-    )
-    return one.assign_attrs(restitution_law=" or ".join(laws_left(laws)))
+    warnings = _warnings_of(fit, signal)
+    found = _estimate_dataset(names, values, covariance, about, warnings, shape)
+    found.attrs["restitution_law"] = " or ".join(laws_left(laws))
+    return found.assign(law_variables(laws))
+
+
+def _fit_and_laws(
+    bounces: Bounces, adjusted: Adjustment, signal: float, rate: float, free: bool
+) -> tuple[FittedLaw, list[FittedLaw]]:
+    """Return the fit with the best law if a constant restitution is ruled out, else that with it.
+
+    The second value holds the fits of all laws, if the bounces determine any parameters.
+    """
+    number, freedom = bounces.middle.size, bounces.middle.size - adjusted.values.size
+    misfit = adjusted.chi_square / freedom
+    covariance = widen(adjusted.covariance, misfit, freedom, adjusted.influences)
+    distance = adjusted.distance
+    fit = FittedLaw(Law(), adjusted.values, covariance, misfit, freedom, number, distance)
+    lost = np.isinf(misfit)
+    if not lost and _warnings_of(fit, signal)[0]:
+        return fit, []
+    laws = fit_laws(bounces, adjusted.values, rate, free=free)
+    if lost and np.isnan(laws[0].misfit):
+        laws = laws[1:]  # any law that can be fitted rules out a constant restitution that cannot
+    return preferred_law(laws) or (laws[0] if lost else fit), laws
+
+
+def _warnings_of(fit: FittedLaw, signal: float) -> tuple[str, str]:
+    """Warnings that the parameters are not determined, and that the residuals are too large."""
+    values, covariance, _ = polar(fit.values, fit.covariance)
+    undetermined = why_undetermined(signal, values, covariance, fit.misfit)
+    return undetermined, misfit_warning(fit.misfit, fit.freedom)
 
 
 def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
-    """Parameters from the fit of a moving base."""
+    """Convert the moving base that `find_impacts` fitted to the result of `estimate`."""
     values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
     of_base = impacts["of_base"].values.astype(str).tolist()
     rate, gravity = float(impacts["shaken_frequency"]), impacts.attrs["gravity"]
@@ -191,7 +198,7 @@ def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     change[1, :2] = velocity, 1.0 + e
     kicks = plain.copy()
     kicks[1] = (1.0 + e) * velocity
-    # V0 / w and w V0 / g: their relative errors are those of V0 and of f
+    # relative derivatives of displacement and acceleration, V0 / w and w V0 / g for a sine
     relative = np.zeros((2, values.size))
     relative[:, 1] = 1.0 / velocity
     names = ["restitution", "amplitude", "phase"]
@@ -216,10 +223,10 @@ def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
         "base_acceleration_error": (error[1], "1", "its standard error"),
     }
     warnings = why_undetermined(SIGNAL, kicks, covariance, misfit), misfit_warning(misfit, freedom)
-    of_laws = impacts[[name for name in impacts.data_vars if impacts[name].dims == ("law",)]]
-    one = _estimate_dataset(names, kicks, covariance, about, warnings, shape)
-    law = impacts.attrs["restitution_law"]
-    return one.merge(of_laws).assign_attrs({**one.attrs, "restitution_law": law})
+    found = _estimate_dataset(names, kicks, covariance, about, warnings, shape)
+    found.attrs["restitution_law"] = impacts.attrs["restitution_law"]
+    of_laws = [name for name in impacts.data_vars if impacts[name].dims == ("law",)]
+    return found.merge(impacts[of_laws], combine_attrs="override")
 
 
 def _estimate_dataset(
@@ -230,7 +237,7 @@ def _estimate_dataset(
     warnings: tuple[str, str],
     shape: Waveform,
 ) -> xr.Dataset:
-    """Dataset of `estimate`; the first warning concerns parameters that are not determined."""
+    """Dataset of `estimate`; the first warning says why parameters are not determined."""
     units = [PARAMETER_UNITS.get(n, "1" if n.startswith("weight") else "rad") for n in names]
     error = np.sqrt(np.diag(covariance))
     return xr.Dataset(
@@ -257,11 +264,11 @@ def _estimate_dataset(
 def fit_phase(
     impacts: xr.Dataset, *, amplitude: float, frequency: float, **of_restitution: Any
 ) -> float:
-    """Phase of the forcing at t = 0 of a recording, rad, if all other parameters are known.
+    """Find the phase of the forcing (rad) at t = 0 of a recording whose other parameters are known.
 
-    `of_restitution` are the arguments of `vibrosweep.theory.restitution_at` beside the speed.
-    On a locked orbit two phases explain the bounces equally well; the function returns that of the
-    stable branch, on which the kick decreases at impact.  Raises a TrackError without bounces.
+    `of_restitution` holds the arguments of `vibrosweep.theory.restitution_at` other than the speed.
+    On a locked orbit two phases explain the bounces equally well; the phase is that of the stable
+    branch, on which the kick decreases at impact.  Raises a TrackError without bounces.
     """
     arrive, leave, time = bounces_of(impacts).speeds()
     if not time.size:
@@ -278,22 +285,22 @@ def fit_phase(
 
 
 def _adjust_at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjustment, float]:
-    """Parameters at a frequency, or near it if that is free, and their signal.
+    """Adjust the parameters at a frequency, or near it if that is free; return the signal too.
 
-    They are NaN if the signal is below the noise.  If no fit converges, they are those of the
+    The parameters are NaN if the signal is too weak.  If no fit converges they are those of the
     regression, with an infinite chi-square.
     """
-    first = _regression(bounces, rate)
-    signal = _signal(bounces, first, rate)
+    start = _regression(bounces, rate)
+    signal = _signal(bounces, start, rate)
     unknown = np.full(3 + free, np.nan)
     every = np.outer(unknown, unknown)
     none = Adjustment(unknown, every, np.nan, np.full(bounces.middle.size, np.nan), every)
     if signal < SIGNAL:
         return none, signal
     try:
-        return adjust(bounces, first, rate, free), signal
+        return adjust(bounces, start, rate, free), signal
     except np.linalg.LinAlgError:
-        start = np.append(first, rate) if free else first
+        start = np.append(start, rate) if free else start
         return none._replace(values=start, chi_square=np.inf), signal
 
 
@@ -305,18 +312,18 @@ def _regression(bounces: Bounces, rate: float) -> Array:
 
 
 def _signal(bounces: Bounces, values: Array, rate: float) -> float:
-    """Return `weakest_signal` of bounces whose speeds follow from times of flight."""
+    """Compute the `weakest_signal` of bounces whose speeds follow from times of flight."""
     arrive, _, time = bounces.speeds()
     here = bounces.variance[bounces.middle]
     speed = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
     turned = (TWO_PI * rate) ** 2 * here
     amplitude = float(np.hypot(*values[1:3]))
-    blurs = float(speed.mean()), float(turned.mean())
-    return weakest_signal(arrive, TWO_PI * rate * time, amplitude, blurs)
+    variances = float(speed.mean()), float(turned.mean())
+    return weakest_signal(arrive, TWO_PI * rate * time, amplitude, *variances)
 
 
 def _rank(tried: tuple[Adjustment, float]) -> tuple[bool, float]:
-    """Sort key whose minimum is the best adjustment: physical ones come first."""
+    """Sort key of the best adjustment, the smallest chi-square among the physical ones."""
     found, _ = tried
     chi_square = float(np.nan_to_num(found.chi_square, nan=np.inf))
     unphysical = not np.isfinite(chi_square) or is_unphysical(found.values, found.covariance)

@@ -1,4 +1,4 @@
-"""Descriptions of virtual experiments: particles, a base and a camera, all with imperfections."""
+"""Virtual experiments: particles, a base and a camera, all with imperfections."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vibrosweep.scene.scene import Scene
 __all__ = ["LABORATORY", "Experiment", "Variation"]
 
 
-# Table 1 at 20 Hz, with the same dimensionless kick, 2 f A / g = 0.2446, and first flight.
+# Table 1 at 20 Hz, with the same dimensionless kick, 2 f A / g = 0.2446, and the same first flight
 LABORATORY: Final[Mapping[str, float]] = {
     "restitution": 0.9,
     "amplitude": 0.06,
@@ -33,7 +33,7 @@ DEFAULTS: Final[Mapping[str, Any]] = {
     "transient": 20.0,
     "duration": 60.0,
 }
-# Keywords of a recording beside those of a scene
+# Keys that say when a recording begins, in the table [measure] of a file
 WINDOW: Final = ("transient", "transient_periods")
 
 
@@ -50,11 +50,11 @@ class Variation:
     amplitude_setting
         Standard deviation of the amplitude from repeat to repeat, relative.
     restitution_spread
-        Standard deviation of the restitution among the particles; they stay the same in all
+        Standard deviation of the restitution among the particles, which are the same in all
         repeats.
     level_spread
-        Standard deviation in m, among the particles, of the height of the base below them, as of
-        a tilted base or view.
+        Standard deviation among the particles of the height in m of the base below them, such as
+        that of a tilted base or view.
 
     Examples
     --------
@@ -77,15 +77,15 @@ class Experiment:
     Parameters
     ----------
     scene
-        The scene of another experiment, in place of keywords.
+        Scene of another experiment, instead of keywords.
     repeats
         Number of recordings.
     camera, variation
-        Their imperfections.
+        The camera, and the imperfections of particles and base.
     seed
         Seed of the random numbers.
     **keywords
-        The scene as in `vibrosweep.simulate`: parameters, `particles`, `launch` or `launch_time`,
+        Scene, as in `vibrosweep.simulate`: parameters, `particles`, `launch` or `launch_time`,
         `base`, `rebound`.  The recording begins at `transient` and ends at `duration`, in s, or at
         `transient_periods` and `duration_periods` in forcing periods.  By default five particles
         with the parameters of a shaker at 20 Hz are recorded from 20 s to 60 s.
@@ -93,7 +93,7 @@ class Experiment:
     Raises
     ------
     SpecError
-        A keyword is not known, or the scene is not possible; the message lists all mistakes.
+        A keyword is unknown, or the scene is impossible; the message lists all mistakes.
     ParameterError
         An imperfection cannot be computed over this base.
 
@@ -129,9 +129,9 @@ class Experiment:
                 "scene: must be that of an experiment, and the only description; give parameters "
                 "as keywords, as in Experiment(amplitude=0.06, particles=2)"
             )
-        given = scene, repeats, camera or Camera(), variation or Variation(), seed
-        for one, value in zip(fields(self), given, strict=True):
-            object.__setattr__(self, one.name, value)
+        values = scene, repeats, camera or Camera(), variation or Variation(), seed
+        for field, value in zip(fields(self), values, strict=True):
+            object.__setattr__(self, field.name, value)
         noise, law, shape = scene.noise(), scene.restitution_law, scene.waveform.name
         wrong = refusal(
             scene.base, analysis="laboratory", restitution=law, waveform=shape, noise=noise
@@ -145,7 +145,7 @@ class Experiment:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Parameters of the scene, in their units."""
+        """Parameters of the scene, in SI units."""
         return {name: float(values[0]) for name, values in self.scene.parameters({}).items()}
 
     @property
@@ -156,13 +156,13 @@ class Experiment:
 
     @property
     def recorded(self) -> Scene:
-        """Scene of which every landing until the end of the recording is kept, in s."""
+        """Scene whose landings are all kept, from the launch to the end of the recording."""
         return replace(self.scene.recorded(), duration=self.window[1])
 
 
 def with_defaults(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Complete the keywords of a scene by those of the laboratory."""
-    instead: dict[str, Collection[str]] = {
+    """Complete the keywords of a scene with the defaults of the laboratory."""
+    alternatives: dict[str, Collection[str]] = {
         "amplitude": FORCINGS,
         "transient": ("transient_periods",),
         "duration": ("duration_periods",),
@@ -171,6 +171,6 @@ def with_defaults(given: Mapping[str, Any]) -> dict[str, Any]:
     defaults = {
         name: value
         for name, value in DEFAULTS.items()
-        if given.keys().isdisjoint(instead.get(name, ()))
+        if given.keys().isdisjoint(alternatives.get(name, ()))
     }
     return {**defaults, **given}

@@ -1,4 +1,4 @@
-"""Fit the flights of tracks, over a moving base or one at a constant level."""
+"""Fit the flights of tracks over a moving base, or over one at a constant level."""
 
 from __future__ import annotations
 
@@ -21,38 +21,37 @@ from vibrosweep.lab.which_base import moves, which_base
 from vibrosweep.model.parameters import PARAMETERS
 
 MOTIONS: Final = ("detect", "level", "moving")
-# Share of junctions above a moving base from which on its fit is rejected: a right one has at most
-# 2 % of them in irregular films, a wrong one 9 % and more.
+# Largest share of neighbouring flights that may meet above a moving base; otherwise its fit is
+# rejected.  In irregular films a right fit has at most 2 % of them, a wrong one 9 % and more.
 TURNED_ABOVE: Final = 0.05
 FREQUENCIES_APART: Final = 0.01  # largest relative difference of a given and a traced frequency
 
 
 class Setup(NamedTuple):
-    """Knowledge beside the tracks, and quantities to be found."""
+    """Facts about a recording beside its tracks."""
 
-    # Height in m at which particles land; None to find it from the flights
-    base: float | None = None
+    base: float | None = None  # height in m at which particles land; None if unknown
     exposure: float = 0.0  # time for which the shutter is open, s
     # One of `MOTIONS`: the base moves, has a constant level, or the contacts decide
     motion: str = "detect"
-    frequency: float | None = None  # of the forcing in Hz; None if it is to be found
+    frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
 
 
 class FittedTracks(NamedTuple):
     """Tracks with the flights found in them."""
 
-    # samples, flights: measured positions, and the parabolas through them
+    # samples, flights: measured positions, and parabolas through them
     samples: Samples
     flights: Flights
     swaps: list[Swap]
-    # Base that the contacts favour: ``"moving"``, ``"level"`` or ``"undetermined"``; that of the
-    # view if it states one
+    # Base that the contacts favour, ``"moving"``, ``"level"`` or ``"undetermined"``; or that of the
+    # setup
     favoured_base: str
 
 
 def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> FittedTracks:  # noqa: B008
-    """Find and fit the flights of tracks; raises the errors of `find_impacts`."""
+    """Find and fit the flights of tracks; raise the errors of `find_impacts`."""
     if "base_height" in tracks:
         if setup.trace is not None:
             raise TrackError("a trace and a mark on the base are given: leave one of them out")
@@ -70,8 +69,8 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
             highest += flights.base_fit.oscillation.reach
         swaps = find_swaps(time, height, flights.noise, highest, gravity)
         if swaps:
-            for frame, one, other in swaps:
-                cuts[frame, [one, other]] = True
+            for frame, *pair in swaps:
+                cuts[frame, pair] = True
             samples = samples_of(time, height, cuts)
             flights, favoured = _flights(samples, gravity, setup)
     except TrackError as error:
@@ -80,7 +79,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
 
 
 def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, str]:
-    """Flights over the base that is given or that contacts favour, and its name."""
+    """Find the flights over the base that is given or that contacts favour; return its name too."""
     level = setup.motion == "level" or (setup.motion == "detect" and setup.base is not None)
     level = level and setup.trace is None
     if level and setup.base is not None:
@@ -100,11 +99,11 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
             if over is not None:
                 return over, favoured
             break
-        # the scale is judged by gravity, not by the acceleration of the round before
+        # compared with gravity, so that the corrections of all rounds together stay small
         if not near_gravity(found, gravity):
             break
         fall = found
-    if over is not None:  # its flights contradict it
+    if over is not None:  # the flights over this base contradict the acceleration taken for them
         favoured = "undetermined"
         problem = TrackError(
             f"over a base that moves, flights fall with {found:.4g} ± {error:.2g} m s-2 where "
@@ -116,7 +115,7 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
 
 
 def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights | None]:
-    """Base that contacts favour, and the flights over a moving one; None if it does not move."""
+    """Base that contacts favour, and the flights over it if it moves, else None."""
     rate, free = setup.frequency, setup.frequency is None
     favoured, base_fit = "moving", None
     if setup.trace is None:
@@ -143,7 +142,7 @@ def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights
             f"where nothing can turn them: the landings do not determine how the base moves; film "
             f"faster or closer, or give the frequency or a trace of the base"
         )
-    # the first contacts are rough: those of the fitted flights must favour it too
+    # the contacts of the fitted flights are more accurate, and must favour a moving base too
     if detected and over.base_fit is not None and not moves(contacts, over.base_fit, free=free):
         return "undetermined", None
     return favoured, over
@@ -169,11 +168,12 @@ def _check_setup(gravity: float, setup: Setup) -> None:
             "a trace is that of a base that moves, whereas the motion 'level' says that it does "
             "not: leave one of them out"
         )
-    own = float(setup.trace.values[2])
-    if setup.frequency is not None and abs(setup.frequency - own) > FREQUENCIES_APART * own:
+    traced = float(setup.trace.values[2])
+    apart = 0.0 if setup.frequency is None else abs(setup.frequency - traced)
+    if apart > FREQUENCIES_APART * traced:
         raise TrackError(
             f"the frequency is given as {setup.frequency:g} Hz, but the trace of the base repeats "
-            f"at {own:.6g} Hz: leave the frequency out, or give the trace of this recording"
+            f"at {traced:.6g} Hz: leave the frequency out, or give the trace of this recording"
         )
 
 

@@ -1,4 +1,4 @@
-"""Find flights in samples: fit them, intersect neighbours, assign the samples anew, repeat."""
+"""Find flights in samples: fit them, intersect neighbours, assign the samples again, repeat."""
 
 from __future__ import annotations
 
@@ -30,47 +30,48 @@ from vibrosweep.lab.oscillation import BaseFit
 from vibrosweep.lab.segments import Samples, low_points, rough_noise
 from vibrosweep.lab.speed_laws import FittedLaw
 
-# Samples above this share of the height of a flight belong to it, wherever its ends are.
+# Share of the height of a flight above which samples belong to it, wherever its ends are
 UPPER: Final = 0.25
-# Fewest samples of a flight, one more than its unknowns, and least height in units of the noise.
+# Fewest samples of a flight, one more than its unknowns, and least height in units of the noise
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
-FIRST_SHARE: Final = 0.6
-# Significance level of the test for poor flights: one good flight in a million fails it.
+FIRST_SHARE: Final = 0.6  # of the first estimate of the noise, which may be too large
+# Significance level of the test for poor flights: one good flight in a million fails it
 POOR: Final = 1e-6
-# Share of poor flights from which on the search has failed
+# Share of poor flights at which the search has failed
 MOSTLY: Final = 0.5
 # Distance from the base, in standard deviations of the noise, within which a sample is on it
 OFF_BASE: Final = 3.0
-SCALES: Final = 3  # most accelerations that are tried, each shown by the flights of the one before
+# Most accelerations that are tried, each found from flights fitted with the one before
+SCALES: Final = 3
 # Iterations: in most tracks no sample changes its flight after three.
 ROUNDS: Final = 4
 
 
 class Flights(NamedTuple):
-    """Resolved flights of all particles, in order."""
+    """Flights of all particles that frames and noise resolve, in order."""
 
     fits: Fits  # parabolas, arrays of shape (flight,)
-    # piece, particle: shape (flight,)
+    # piece, particle: numbers of the piece of track and of the particle, shape (flight,)
     piece: Indices
     particle: Indices
     member: Indices  # number of the flight of each sample, -1 for none
     poor: NDArray[np.bool_]  # True if the residuals of a flight are larger than noise explains
-    ends: Ends  # ends of the flights on the base
-    junctions: Junctions  # between neighbouring flights
+    ends: Ends  # where the flights leave and reach the base
+    junctions: Junctions  # bounces and stays between neighbouring flights
     levels: Array  # (mean) height of the base below each particle, m
     # base, base_error: mean of the levels, and the standard error of a level, m
     base: float
     base_error: float
     noise: float  # standard deviation of a sample, m
-    # gravity, gravity_error: acceleration that the tracks show and its standard error, m s-2
+    # gravity, gravity_error: acceleration with which flights fall, and its standard error, m s-2
     gravity: float
     gravity_error: float
-    # Acceleration of the parabolas: gravity, or that of the tracks if they contradict it
+    # Acceleration of the parabolas, m s-2: gravity, or that of the tracks if they contradict
+    # gravity
     curvature: float
-    # Motion of the base, fitted to the contacts; None if its level is constant
-    base_fit: BaseFit | None
-    laws: Sequence[FittedLaw] = ()  # laws of restitution, fitted over a base that moves
+    base_fit: BaseFit | None  # motion of the base; None if it has a constant level
+    laws: Sequence[FittedLaw] = ()  # laws of restitution, fitted over a moving base
 
 
 def find_flights(
@@ -78,7 +79,7 @@ def find_flights(
 ) -> Flights:
     """Find and fit every flight.
 
-    `base` is the height of the base in m; None if it is to be estimated.  Frames whose `exposure`
+    `base` is the height of the base in m, or None if it is to be found.  Frames whose `exposure`
     (s) contains a landing belong to no flight.  Raises a TrackError if nothing flies, or if flights
     do not fall with gravity.
     """
@@ -99,37 +100,40 @@ def find_flights(
 
 def _search(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
     noise = rough_noise(samples)
-    # the first guess of the noise may be too large, which would hide low flights
+    # a noise that is too large would hide low flights
     rough = _iterate(samples, FIRST_SHARE * noise, gravity, base, exposure)
     noise = min(noise, rough.noise)
     flights = _iterate(samples, noise, gravity, base, exposure)
     if base is not None or flights.poor.mean() < MOSTLY:
         return flights
-    # where every flight is followed by a stay the parabolas meet below the base, at which the
-    # lowest samples lie
+    # if a stay follows every flight, the parabolas meet below the base, and the lowest samples lie
+    # on it
     parted = _iterate(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
     rests = samples.height[parted.member < 0]
     if not rests.size or parted.poor.mean() >= MOSTLY:
         return flights
-    # without samples of bounces too low to be resolved
+    # leave out the samples of bounces that are too low to be resolved
     rests = rests[np.abs(rests - np.median(rests)) <= OFF_BASE * parted.noise]
     found = _iterate(samples, noise, gravity, float(rests.mean()), exposure)
     return found._replace(base_error=parted.noise / float(np.sqrt(rests.size)))
 
 
 def _iterate(
-    samples: Samples, noise: float, gravity: float, given: float | None, exposure: float
+    samples: Samples, noise: float, gravity: float, known: float | None, exposure: float
 ) -> Flights:
-    """Fit flights, join them, and assign samples to flights by the landings found; repeat."""
-    member, piece, base, _ = _upper_samples(samples, noise, given)
+    """Fit flights, join them, assign samples to flights by the landings found; repeat.
+
+    `known` is the height of the base in m, or None.
+    """
+    member, piece, base, _ = _upper_samples(samples, noise, known)
     error, noise = 0.0, np.inf
     for turn in range(ROUNDS):
         fits, piece, member, found = _keep_resolved(samples, member, piece, base, gravity)
-        # a stay taken for part of a flight would raise the noise, and so hide itself
+        # a stay that is taken for part of a flight would raise the noise, and thereby be hidden
         noise = min(noise, found)
         ends = crossings(fits, base, gravity)
         junctions = join(fits, piece, ends, noise, gravity)
-        if given is None:
+        if known is None:
             base, error = base_level(junctions.height, junctions.height_error, base)
             ends = crossings(fits, base, gravity)
             junctions = join(fits, piece, ends, noise, gravity)
@@ -158,16 +162,20 @@ def _iterate(
 
 
 def _upper_samples(
-    samples: Samples, noise: float, given: float | None
+    samples: Samples, noise: float, known: float | None
 ) -> tuple[Indices, Indices, float, Array]:
-    """Samples in the upper part of each flight, pieces of the flights, base, and tops."""
-    low, base = low_points(samples, noise, given)
+    """Assign the samples in the upper part of each flight to it, without fits.
+
+    Returns the number of the flight of each sample (-1 for none), and of each flight its piece of
+    track, the height of the base, and its highest sample.
+    """
+    low, base = low_points(samples, noise, known)
     edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
     tops = np.maximum.reduceat(samples.height, edges)
     flight = np.searchsorted(edges, np.arange(samples.time.size), side="right") - 1
     upper = samples.height - base > UPPER * (tops[flight] - base)
     upper[low] = False
-    # only the stretch around the highest sample: a stay on the base elsewhere may be as high
+    # only the stretch around the highest sample, because a stay elsewhere may be as high
     stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
     at_top = samples.height == tops[flight]
     kept = np.zeros(int(stretch[-1]) + 1, bool)
@@ -176,7 +184,7 @@ def _upper_samples(
 
 
 def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
-    """Raise a TrackError if the highest flights fall upwards, or far from gravity."""
+    """Raise a TrackError if the highest flights fall upwards, or not with gravity."""
     found, error = _rough_gravity(samples, base)
     if not _shows_gravity(found, error, gravity):
         turned = replace(samples, height=-samples.height)
@@ -190,7 +198,7 @@ def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
 
 
 def _shows_gravity(acceleration: float, error: float, gravity: float) -> bool:
-    """Return whether flights show gravity: near it, and with too small an error for chance."""
+    """Return whether an acceleration is near gravity, and its error too small for chance."""
     return near_gravity(acceleration, gravity) and SCALE_OFF * error < WRONG_SCALE * gravity
 
 
@@ -204,7 +212,7 @@ def _rough_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
 
 def refuse_gravity(found: float, error: float, gravity: float) -> None:
     """Raise a TrackError if flights fall with an acceleration (m s-2) far from gravity."""
-    # flights of at most four frames do not show their curvature: both are NaN then
+    # both are NaN, and nothing is refused, if no flight has enough frames to show its curvature
     if not abs(found - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
         return
     units = f"multiply the scale by about {gravity / found:.2g}, or " if found > 0.0 else ""
@@ -218,7 +226,7 @@ def refuse_gravity(found: float, error: float, gravity: float) -> None:
 def _keep_resolved(
     samples: Samples, member: Indices, piece: Indices, base: float, gravity: float
 ) -> tuple[Fits, Indices, Indices, float]:
-    """Fit the flights, and keep those that frames and noise resolve."""
+    """Fit the flights, and keep those that frames and noise resolve; return the noise too."""
     fits = fit_parabolas(samples, member, piece.size, gravity)
     noise = flight_noise(fits, float(np.ptp(samples.height)))
     with np.errstate(invalid="ignore"):
@@ -230,7 +238,7 @@ def _keep_resolved(
 def keep_resolved(
     fits: Fits, high: NDArray[np.bool_], member: Indices
 ) -> tuple[Indices, Fits, Indices]:
-    """Keep the flights that are high and long enough, and renumber those of the samples."""
+    """Keep the flights that are `high` and have enough samples, and renumber them."""
     kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
     if not kept.size:
         raise TrackError(
@@ -243,7 +251,7 @@ def keep_resolved(
 
 
 def flight_noise(fits: Fits, extent: float) -> float:
-    """Standard deviation of a sample in m, from all flights that are not poor."""
+    """Estimate the standard deviation of a sample in m from the flights that are not poor."""
     freedom = fits.number - 2.0
     judged = freedom > 0.0
     if not judged.any():
@@ -254,30 +262,30 @@ def flight_noise(fits: Fits, extent: float) -> float:
     for _ in range(2):
         good = residue <= variance * largest
         variance = float(residue[good].sum() / freedom[good].sum()) if good.any() else variance
-    # positions without noise are still rounded
+    # positions without noise still have errors of rounding
     return max(float(np.sqrt(variance)), 1e-9 * extent)
 
 
 def poor_flights(fits: Fits, noise: float) -> NDArray[np.bool_]:
-    """Return whether the residuals of each flight are larger than the noise (m) explains."""
+    """Mark the flights whose residuals are larger than the noise (m) explains."""
     largest = _chi_square(POOR, np.maximum(fits.number - 2.0, 1.0))
     return np.asarray(fits.residue > noise**2 * largest)
 
 
-def _chi_square(share: float, freedom: Array) -> Array:
-    """Chi-square with a given upper tail probability, for integer degrees of freedom."""
-    values = chdtri(np.arange(freedom.max(initial=1.0) + 1.0), share)
+def _chi_square(probability: float, freedom: Array) -> Array:
+    """Chi-square that is exceeded with a probability, for integer degrees of freedom."""
+    values = chdtri(np.arange(freedom.max(initial=1.0) + 1.0), probability)
     return np.asarray(values[freedom.astype(np.intp)])
 
 
 def assign_samples(
     samples: Samples, piece: Indices, junctions: Junctions, ends: Ends, exposure: float
 ) -> Indices:
-    """Assign each sample to the flight around its time; -1 on the base and during a landing."""
+    """Return the number of each sample's flight; -1 on the base and during a landing."""
     start, end = ends.up.copy(), ends.down.copy()
     end[junctions.before] = junctions.landing
     start[junctions.before + 1] = junctions.liftoff
-    # a common axis on which pieces do not overlap: each has an interval longer than the track
+    # an axis on which pieces do not overlap: each has an interval longer than the track
     origin, length = samples.time.min(), 2.0 * np.ptp(samples.time) + 1.0
     place = length * samples.piece + (samples.time - origin)
     margin = exposure / 2.0

@@ -1,8 +1,8 @@
 """Parabolas through the samples of all flights, and their intersections.
 
-Gravity is known, so that a flight has two unknowns and y + g t^2 / 2 is a straight line in t.  Two
-flights differ by a straight line, which vanishes at the landing between them: the landing follows
-without the height of the base.
+Gravity is known, so that y + g t^2 / 2 is a straight line in t and a flight has two unknowns.  Two
+neighbouring flights differ by a straight line, which is zero at the landing between them.  The
+landing therefore follows without the height of the base.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.lab.segments import Samples
 
 # Standard errors by which the acceleration of tracks must differ from gravity to contradict it, and
-# the share of gravity up to which the difference is an error of the scale.
+# share of gravity up to which the difference is taken for an error of the scale
 SCALE_OFF: Final = 5.0
 WRONG_SCALE: Final = 0.2
-# Fewest flights from which a scale is judged
+# Fewest flights that show an error of the scale
 FEWEST: Final = 5
-# Least height, in units of the noise, of a flight whose curvature shows gravity: many times that of
-# a wave of noise between two low points.
+# Least height, in units of the noise, of a flight whose curvature shows gravity: many times the
+# height of noise between two low points
 HIGH_ABOVE_NOISE: Final = 7.0
-# High flights are at least half as high as this quantile.
+# High flights have at least half the height at this quantile.
 HIGH: Final = 0.95
 TRIMMED: Final = 0.25  # share of the curvatures trimmed on either side
 
@@ -33,10 +33,10 @@ TRIMMED: Final = 0.25  # share of the curvatures trimmed on either side
 class Fits(NamedTuple):
     """Parabolas y = level + slope s - g s^2 / 2 with s = t - centre; arrays of shape (flight,)."""
 
-    number: Array  # of samples
+    number: Array  # number of samples
     centre: Array  # mean time of the samples, s
-    spread: Array  # sum of the squared distances of the samples from it, s^2
-    # level, slope: m and m s-1
+    spread: Array  # sum of the squared deviations of the times from the centre, s^2
+    # level, slope: height (m) and velocity (m s-1) at the centre
     level: Array
     slope: Array
     residue: Array  # sum of squared residuals, m^2
@@ -51,7 +51,7 @@ class Fits(NamedTuple):
         return self.level + since * (self.slope - 0.5 * gravity * since)
 
     def take(self, chosen: Indices | NDArray[np.bool_]) -> Fits:
-        """Return some of the flights."""
+        """Return the chosen flights."""
         return Fits._make(values[chosen] for values in self)
 
 
@@ -79,17 +79,17 @@ def fit_parabolas(samples: Samples, flight: Indices, flights: int, gravity: floa
 
 
 def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, Array]:
-    """Acceleration (m s-2) of each flight, fitted with its height and slope, and its weight.
+    """Fit the acceleration (m s-2) of each flight together with its level and slope.
 
-    The weight is the reciprocal of the variance, in units of that of a sample; 0 below four
-    samples.
+    Returns the accelerations and their weights: the variance of a sample over that of the
+    acceleration; 0 with fewer than four samples.
     """
     used = flight >= 0
     owner, time, height = flight[used], samples.time[used], samples.height[used]
     count = np.bincount(owner, minlength=flights)
 
     def project(values: Array, since: Array) -> Array:
-        """Subtract from the heights the straight line of each flight."""
+        """Subtract the straight line that fits the values of each flight."""
         level = np.bincount(owner, values, flights) / count
         slope = np.bincount(owner, since * values, flights) / np.bincount(owner, since**2, flights)
         return values - level[owner] - slope[owner] * since
@@ -105,9 +105,9 @@ def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, 
 def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[float, float]:
     """Acceleration with which the flights fall, and its standard error, m s-2.
 
-    The mean of the middle half of the curvatures of all flights of at least four samples; NaN if
-    there are none.  Stretches that are no flights do not disturb it, nor do positions in whole
-    pixels, which would disturb a median.
+    It is the mean of the middle half of the curvatures of all flights with at least four samples,
+    or NaN if there are none: stretches that are not flights do not affect it, and positions rounded
+    to whole pixels less than they affect a median.
     """
     acceleration, weight = curvatures(samples, flight, flights)
     acceleration = acceleration[weight > 0.0]
@@ -122,13 +122,13 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
 def contradicts(acceleration: float, error: float, gravity: float) -> bool:
     """Return whether the acceleration of flights contradicts an assumed one, both in m s-2.
 
-    It does not if flights do not show their curvature and it is NaN.
+    An acceleration of NaN, from flights that do not show their curvature, contradicts none.
     """
     return abs(acceleration - gravity) > SCALE_OFF * error
 
 
 def near_gravity(acceleration: float, gravity: float) -> bool:
-    """Return whether the acceleration of flights may be gravity in tracks of a wrong scale."""
+    """Return whether the acceleration of flights can be gravity with an error of the scale."""
     return abs(acceleration - gravity) < WRONG_SCALE * gravity
 
 
@@ -137,15 +137,15 @@ def measured_gravity(
 ) -> tuple[float, float]:
     """Acceleration with which flights fall, and its standard error, m s-2.
 
-    It is that of all flights or, if that contradicts gravity, of the well-resolved ones, because
-    low flights are cut and selected by the assumed acceleration.  `rise` is the height of each
+    It is that of all flights or, if this contradicts gravity, that of the high ones, because low
+    flights are cut and selected with the assumed acceleration.  `rise` is the height of each
     flight, m.
     """
     acceleration = apparent_gravity(samples, member, rise.size)
     if not contradicts(*acceleration, gravity):
         return acceleration
     high = gravity_of_high_flights(samples, member, rise, noise)
-    # too few: low flights give no scale, but tracks that hardly fall are refused
+    # without high flights no scale is judged, but an acceleration far from gravity is to be refused
     return (
         acceleration if np.isnan(high[0]) and not near_gravity(acceleration[0], gravity) else high
     )
@@ -154,7 +154,7 @@ def measured_gravity(
 def gravity_of_high_flights(
     samples: Samples, member: Indices, rise: Array, noise: float
 ) -> tuple[float, float]:
-    """The same, of the flights that are high enough to show it; NaN if they are too few."""
+    """Return `apparent_gravity` of the flights that are high enough; NaN if they are too few."""
     high = high_flights(rise, noise)
     if high.sum() < FEWEST:
         return float("nan"), float("nan")
@@ -162,14 +162,17 @@ def gravity_of_high_flights(
 
 
 def high_flights(rise: Array, noise: float) -> Flags:
-    """Return which flights are among the highest and stand out of the noise; all in m."""
+    """Mark the flights that are among the highest and rise well above the noise; all in m."""
     return np.asarray(rise > np.fmax(HIGH_ABOVE_NOISE * noise, np.quantile(rise, HIGH) / 2.0))
 
 
-def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:
-    """Covariance of the heights of a flight at two instants, over the variance of a sample."""
-    other = one if other is None else other
-    return 1.0 / fits.number + (one - fits.centre) * (other - fits.centre) / fits.spread
+def line_variance(fits: Fits, time: Array, other: Array | None = None) -> Array:
+    """Variance of the height of a flight at an instant, or its covariance with that at another.
+
+    It is in units of the variance of a sample.
+    """
+    other = time if other is None else other
+    return 1.0 / fits.number + (time - fits.centre) * (other - fits.centre) / fits.spread
 
 
 class Ends(NamedTuple):
@@ -178,7 +181,7 @@ class Ends(NamedTuple):
     # up, down: instants of lift-off and landing, s
     up: Array
     down: Array
-    # rise, fall: speeds relative to the base there, m s-1
+    # rise, fall: speeds relative to the base at these instants, m s-1
     rise: Array
     fall: Array
 
@@ -198,13 +201,13 @@ class Meetings(NamedTuple):
     time: Array
     height: Array
     closing: Array  # speed of arrival plus speed of lift-off, m s-1
-    # time_variance, height_variance: in units of the variance of a sample: s^2 / m^2 and 1
+    # time_variance, height_variance: in units of the variance of a sample, s^2 / m^2 and 1
     time_variance: Array
     height_variance: Array
 
 
 def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
-    """Intersect neighbouring flights; instants `near` them (s) keep the differences small."""
+    """Intersect flights with those that follow; instants `near` (s) keep rounding errors small."""
 
     def at(fits: Fits, time: Array) -> tuple[Array, Array]:
         return fits.height(time, gravity), fits.slope - gravity * (time - fits.centre)
@@ -215,7 +218,7 @@ def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
         time = near + (low - high) / closing
         height, falling = at(before, time)
         _, rising = at(after, time)
-        first, second = line_variance(before, time), line_variance(after, time)
-        time_variance = (first + second) / closing**2
-        height_variance = (rising**2 * first + falling**2 * second) / closing**2
+        landing, leaving = line_variance(before, time), line_variance(after, time)
+        time_variance = (landing + leaving) / closing**2
+        height_variance = (rising**2 * landing + falling**2 * leaving) / closing**2
     return Meetings(time, height, closing, time_variance, height_variance)

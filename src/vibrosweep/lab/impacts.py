@@ -1,4 +1,4 @@
-"""Landings from tracks: by parabolas through the flights, or by the sign of the velocity."""
+"""Landings from tracks, by parabolas through the flights or by the sign of the velocity."""
 
 from __future__ import annotations
 
@@ -68,11 +68,11 @@ def find_impacts(
         the velocity turns from falling to rising, and the highest frame in between.
     motion
         ``"level"``: the base has a constant level; ``"moving"``: it oscillates; ``"detect"``: the
-        landings decide, and the level is constant if they do not, or if `base` is given.
+        landings decide; the level is constant if they do not, or if `base` is given.
     frequency
-        Frequency of the forcing in Hz; by default it is found if the base moves.
+        Frequency of the forcing in Hz; by default that of a moving base is found.
     trace
-        A measured motion of the base, from `vibrosweep.lab.read_trace`.
+        Measured motion of the base, from `vibrosweep.lab.read_trace`.
 
     Returns
     -------
@@ -82,13 +82,14 @@ def find_impacts(
         ``flight_time``, ``impact_speed``, ``rebound_height`` of the flight that follows, NaN if its
         landing was not seen or one of its ends is doubtful; ``quality``.  Dim particle: numbers of
         frames, gaps and poor flights, and the level of the base below it (m).  Attributes: the
-        noise of a position (m), the base (m), the acceleration with which the tracks fall, and
-        ``favoured_base``, ``"moving"``, ``"level"`` or ``"undetermined"``.  Over a moving base
-        ``shaken`` and ``shaken_covariance`` hold restitution, S, C (m s-1) and, if it was found,
-        the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi f t.  With a
-        trace that is no sine there are S and C of each harmonic h, multiplied by the sine and
-        cosine of 2 pi h f t.  Where the bounces rule out a constant restitution they are those of
-        the law that is named first in the attribute ``restitution_law``, with its
+        noise of a position (m), the height of the base (m), the acceleration with which the
+        particles fall, and ``favoured_base``, ``"moving"``, ``"level"`` or ``"undetermined"``.
+
+        Over a moving base ``shaken`` and ``shaken_covariance`` hold restitution, S, C (m s-1) and,
+        if it was found, the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi
+        f t.  With a trace that is no sine they hold S and C of each harmonic h, the factors of the
+        sine and cosine of 2 pi h f t.  If the bounces rule out a constant restitution, all values
+        are those of the law that the attribute ``restitution_law`` names first, with its
         ``restitution_speed`` (m s-1) if that was fitted.
 
     Raises
@@ -119,7 +120,7 @@ def check_method(method: str) -> None:
 
 
 def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method: str) -> xr.Dataset:
-    """Landings from fitted tracks, by one of the `METHODS`, as `find_impacts` returns them."""
+    """Make the result of `find_impacts` from fitted tracks, by one of the `METHODS`."""
     samples, flights, swaps, _ = fitted
     particles = tracks.sizes["particle"]
     if method == "fit":
@@ -162,19 +163,15 @@ def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method:
     return found
 
 
-_UNITS: Final = {"restitution": "1", "frequency": "Hz"}
-
-
 def harmonic_numbers(impacts: xr.Dataset) -> tuple[int, ...]:
-    """Numbers of the harmonics of a base that moves, that of the strongest first."""
+    """Numbers of the harmonics of a moving base, the strongest first."""
     return tuple(int(n[1:] or 1) for n in impacts["of_base"].values.astype(str) if n[0] == "S")
 
 
 def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> xr.Dataset:
-    """Restitution and motion of the base, with covariance, without the levels.
+    """Variables of restitution and motion of the base, from the fit with a law or that without.
 
-    They are those of a law of restitution, unless that is None.  `scale` multiplies lengths, which
-    corrects those of tracks of a wrong scale.
+    `scale` multiplies lengths, to correct tracks of a wrong scale.
     """
     number = base_fit.values.size - base_fit.levels.size
     names = ["restitution", "S", "C", "frequency"][:number]
@@ -187,7 +184,8 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
     fit, used = law or base_fit, law.bounces if law else int(base_fit.kept.sum())
     names += ["restitution_speed"] if law and law.law.parameters else []
     of_base = slice(None, len(names))
-    scales = np.where(np.isin(names, ["restitution", "frequency"]), 1.0, scale)
+    units = {"restitution": "1", "frequency": "Hz"}
+    scales = np.where(np.isin(names, list(units)), 1.0, scale)
     return xr.Dataset(
         {
             "shaken": ("of_base", scales * fit.values[of_base], {"long_name": words}),
@@ -204,7 +202,7 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
         coords={
             "of_base": names,
             "other": names,
-            "of_base_units": ("of_base", [_UNITS.get(name, "m s-1") for name in names]),
+            "of_base_units": ("of_base", [units.get(name, "m s-1") for name in names]),
         },
     )
 
@@ -212,22 +210,21 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
 def _landings_by_fit(
     flights: Flights, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
-    """Particle of each junction, and columns of `_VARIABLES` and the quality."""
+    """Particle of each landing, and columns of `_VARIABLES` and quality, from fitted flights."""
     joint, fits = flights.junctions, flights.fits
     after = joint.before + 1
     odd = flights.poor[joint.before] | flights.poor[after] | joint.overlapping
     linked = np.flatnonzero((after[:-1] == joint.before[1:]) & ~odd[:-1] & ~odd[1:])
     duration = np.full(joint.before.size, np.nan)
     duration[linked] = joint.landing[linked + 1] - joint.liftoff[linked]
-    whole = np.isfinite(duration)
-    # at the apex the slope vanishes
-    apex = fits.centre + fits.slope / flights.curvature
+    seen = np.isfinite(duration)
+    apex = fits.centre + fits.slope / flights.curvature  # where the slope is zero
     height = fits.top(flights.curvature) - flights.levels[flights.particle]
     error = np.hypot(flights.noise * np.sqrt(line_variance(fits, apex)), flights.base_error)
     speed = 0.5 * gravity * duration
     if flights.base_fit is not None:
         leaves = fits.slope[after] - flights.curvature * (joint.liftoff - fits.centre[after])
-        speed = np.where(whole, leaves * gravity / flights.curvature, np.nan)
+        speed = np.where(seen, leaves * gravity / flights.curvature, np.nan)
     columns = {
         "landing_time": joint.landing,
         "landing_time_error": joint.landing_error,
@@ -236,8 +233,8 @@ def _landings_by_fit(
         "next_covariance": joint.covariance,
         "flight_time": duration,
         "impact_speed": speed,
-        "rebound_height": np.where(whole, height[after], np.nan),
-        "rebound_height_error": np.where(whole, error[after], np.nan),
+        "rebound_height": np.where(seen, height[after], np.nan),
+        "rebound_height_error": np.where(seen, error[after], np.nan),
         "quality": np.where(odd, DOUBTFUL, np.where(joint.stayed, STAYED, BOUNCED)),
     }
     return flights.particle[joint.before], columns
@@ -246,7 +243,7 @@ def _landings_by_fit(
 def _landings_by_sign(
     samples: Samples, flights: Flights, interval: float, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
-    """The same by frames: landings are the lowest frames, apexes the highest."""
+    """The same by frames: a landing is the lowest frame, an apex the highest between two."""
     above = replace(samples, height=samples.height - flights.levels[samples.particle])
     low, _ = low_points(above, flights.noise, 0.0)
     time, owner = samples.time[low], samples.particle[low]
@@ -272,7 +269,7 @@ def _landings_by_sign(
 
 
 def _table(owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles: int) -> xr.Dataset:
-    """Dataset of shape (particle, impact) from rows in the order of particles and times."""
+    """Dataset of shape (particle, impact) from rows sorted by particle and time."""
     count = np.bincount(owner, minlength=particles)
     place = np.arange(owner.size) - (np.cumsum(count) - count)[owner]
     shape = (particles, int(count.max(initial=0)))

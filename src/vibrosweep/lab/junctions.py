@@ -9,13 +9,14 @@ import numpy as np
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.lab.flights import Ends, Fits, line_variance, meet
 
-# Standard errors by which two flights must miss each other for a stay between them.
+# Standard errors by which two flights must miss each other on the base for a stay between them
 MISSED: Final = 4.0
-# Flights that meet within this number of standard errors of the base meet on it.
+# Standard errors from the base within which flights meet on it
 ON_BASE: Final = 4.0
-# Quantile of the meetings, high because parabolas beside a stay meet below the base.
+# Quantile of the heights at which flights meet, the first estimate of the height of the base; it is
+# high because parabolas beside a stay meet below the base
 FROM_ABOVE: Final = 0.8
-FEWEST: Final = 3
+FEWEST: Final = 3  # meetings
 BASE_ROUNDS: Final = 5
 
 
@@ -29,12 +30,11 @@ class Junctions(NamedTuple):
     # landing_error, liftoff_error: standard errors, s
     landing_error: Array
     liftoff_error: Array
-    # Covariance of the lift-off with the landing that ends the flight, s^2; NaN if not seen
+    # Covariance of the lift-off with the landing that ends its flight, s^2; NaN if that is unseen
     covariance: Array
     stayed: Flags  # the particle stayed on the base, or bounced too low to be seen
-    # The flights meet above the base, which cannot have turned the particle there
-    overlapping: Flags
-    # height, height_error: where the parabolas meet, m
+    overlapping: Flags  # the flights meet above the base, where nothing turns the particle
+    # height, height_error: height at which the parabolas meet, and its standard error, m
     height: Array
     height_error: Array
 
@@ -42,8 +42,8 @@ class Junctions(NamedTuple):
 def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -> Junctions:
     """Join the neighbouring flights of each piece of track.
 
-    `piece` is the number of the piece of each flight; `noise` the standard deviation of a sample,
-    m.
+    `piece` is the number of the piece of each flight, `noise` the standard deviation of a sample
+    (m).
     """
     before = np.flatnonzero(np.diff(piece) == 0)
     after = before + 1
@@ -57,7 +57,7 @@ def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -
         landing = np.where(stayed, down[before], met.time)
         liftoff = np.where(stayed, up[after], met.time)
         error = noise * np.sqrt(met.time_variance)
-        # shift of an instant by the error of a height: 1 / speed of the flight, or of both
+        # an error of a height shifts an instant by 1 / speed of the flight, or of both at a bounce
         falls = np.where(stayed, ends.fall[before], met.closing)
         rises = np.where(stayed, ends.rise[after], met.closing)
         covariance = np.full(before.size, np.nan)
@@ -78,21 +78,21 @@ def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -
     )
 
 
-def base_level(height: Array, spread: Array, first: float) -> tuple[float, float]:
+def base_level(height: Array, error: Array, fallback: float) -> tuple[float, float]:
     """Height of the base in m, and its standard error.
 
-    The weighted mean of the heights at which flights meet on the base; `first`, with the error NaN,
-    if too few do.  `spread` holds the standard errors of the heights.
+    It is the weighted mean of the heights at which flights meet on the base, or the `fallback` with
+    the error NaN if too few do.  `error` holds the standard errors of the heights.
     """
-    sound = np.isfinite(height) & np.isfinite(spread)
-    height, spread = height[sound], spread[sound]
+    sound = np.isfinite(height) & np.isfinite(error)
+    height, error = height[sound], error[sound]
     if height.size < FEWEST:
-        return first, float("nan")
-    level, error = float(np.quantile(height, FROM_ABOVE)), float("nan")
+        return fallback, float("nan")
+    level = float(np.quantile(height, FROM_ABOVE))
     for _ in range(BASE_ROUNDS):
-        near = np.abs(height - level) < ON_BASE * spread
+        near = np.abs(height - level) < ON_BASE * error
         if near.sum() < FEWEST:
-            return first, float("nan")
-        weight = spread[near] ** -2.0
-        level, error = float(weight @ height[near] / weight.sum()), float(weight.sum() ** -0.5)
-    return level, error
+            return fallback, float("nan")
+        weight = error[near] ** -2.0
+        level = float(weight @ height[near] / weight.sum())
+    return level, float(weight.sum() ** -0.5)

@@ -1,10 +1,10 @@
-"""A base at a constant level that differs below each particle: a tilted base or view.
+"""A base at a constant level that differs from particle to particle: a tilted base or view.
 
 Free flight does not depend on the level: the track of each particle is shifted by the difference of
 its level from the common one, the flights are found, and everything is shifted back.  Flights
-beside a stay meet below the base, on a periodic orbit all at the same height: if all bounces of a
-particle are alike and low, a low level is indistinguishable from stays, and the particle has the
-common level.
+beside a stay meet below the base, on a periodic orbit all at the same height.  If all bounces of a
+particle are alike, a low level can therefore not be distinguished from stays, and the particle has
+the common level.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from vibrosweep.lab.flights import meet
 from vibrosweep.lab.junctions import ON_BASE, base_level
 from vibrosweep.lab.segments import Samples
 
-# Bounces differ if their speeds scatter by this share, which is many times the effect of noise
+# Relative scatter of their speeds from which bounces differ, many times the effect of noise
 DIFFERENT: Final = 0.05
 
 
 def flights_on_levels(
     samples: Samples, contacts: Contacts, gravity: float, exposure: float = 0.0
 ) -> Flights:
-    """Find flights, with a level for each particle where the bounces contradict a common one.
+    """Find flights, with a level for each particle if the bounces contradict a common one.
 
-    The bounces contradict it if the chi-square of the levels about their mean is less probable than
-    that of a poor flight.  The contacts belong to the same samples and were found without a level;
-    the other arguments are those of `find_flights`.
+    The bounces contradict it if the chi-square of the levels about their mean is as improbable as
+    that of a poor flight.  The contacts are those of the same samples, found without a level; the
+    other arguments are those of `find_flights`.
     """
     level, error, alike = _levels(contacts, int(samples.particle[-1]) + 1)
     known = np.isfinite(error) & ~alike
@@ -63,7 +63,7 @@ def _mean(level: Array, error: Array) -> float:
 def _levels(contacts: Contacts, count: int) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Level (m) at which each particle bounces, its standard error, and whether bounces are alike.
 
-    NaN for a particle with too few bounces.
+    Both numbers are NaN for a particle with too few bounces.
     """
     met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
     spread = contacts.noise * np.sqrt(met.height_variance)

@@ -1,30 +1,33 @@
-"""Results of the laboratory as lines of text, and as data for its figures."""
+"""Results of the laboratory as lines of text, and the data of its figures."""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.lab.comparison import READINGS
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.fitting import FittedTracks
+from vibrosweep.lab.flight_search import Flights
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
 from vibrosweep.lab.speed_laws import law_text
+from vibrosweep.lab.variables import with_units
 from vibrosweep.mistakes import toml
 from vibrosweep.model.restitution_laws import CONSTANT, SPEED
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE
 from vibrosweep.scene.waveform import stored
 
-INSTANTS: Final = 24  # in a period of the highest harmonic, at which figures draw the base
+INSTANTS: Final = 24  # points of the drawn base in a period of its highest harmonic
 
 
 def impact_lines(impacts: xr.Dataset) -> list[str]:
-    """Describe the landings of a recording, and its faults."""
+    """Describe the landings of a recording and its faults."""
     attributes = impacts.attrs
     quality = impacts["quality"].values
     error = impacts["landing_time_error"].values
@@ -59,20 +62,20 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
         (float(found[name]), float(found[f"{name}_error"]))
         for name in ("base_displacement", "base_acceleration")
     )
-    said = [text for text in (law_text(found), found.attrs["warning"]) if text]
+    remarks_on_fit = [text for text in (law_text(found), found.attrs["warning"]) if text]
     if not int(found["determined"]):
-        return ["the base moves, but how is not determined", *said]
+        return ["the base moves, but how is not determined", *remarks_on_fit]
     return [
         f"the base moves: displacement {1e3 * size[0]:.4g} ± {1e3 * size[1]:.2g} mm at "
         f"{float(found['frequency_used']):.6g} Hz, acceleration {gamma[0]:.4g} ± {gamma[1]:.2g} "
         f"of gravity, phase {phase:.4g} ± {dphase:.2g} rad; restitution {e:.4g} ± {de:.2g}",
         *_harmonic_lines(found),
-        *said,
+        *remarks_on_fit,
     ]
 
 
 def _harmonic_lines(found: xr.Dataset) -> list[str]:
-    """Weights and phases of the harmonics of the base, and its waveform for a sweep file."""
+    """State weights and phases of the harmonics of the base, and its waveform in a sweep file."""
     shape = stored(found.attrs)
     if shape == SINE:
         return []
@@ -94,7 +97,7 @@ def _harmonic_lines(found: xr.Dataset) -> list[str]:
 
 
 def agreement_lines(found: xr.Dataset) -> list[str]:
-    """Tabulate the quantities: mean, sd and coefficient of variation over the recordings."""
+    """Tabulate the mean, standard deviation and coefficient of variation over the recordings."""
     repeats = found.attrs["repeats"]
     words = {1: "yes", 0: "no", -1: ""}
     lines = [
@@ -103,21 +106,21 @@ def agreement_lines(found: xr.Dataset) -> list[str]:
         else f"{'quantity':22}{'value':>12}"
     ]
     for name in found["quantity"].values:
-        one = found.sel(quantity=name)
-        if not np.isfinite(float(one["mean"])):
+        row = found.sel(quantity=name)
+        if not np.isfinite(float(row["mean"])):
             continue
-        line = f"{name:22}{float(one['mean']):>12.5g}"
+        line = f"{name:22}{float(row['mean']):>12.5g}"
         if repeats > 1:
-            variation = float(one["variation"])
+            variation = float(row["variation"])
             shown = f"{100.0 * variation:.2g} %" if np.isfinite(variation) else ""
-            line += f"{float(one['sd']):>11.2g}{shown:>11}{words[int(one['accepted'])]:>11}"
-        unit = str(one["units"].values)
+            line += f"{float(row['sd']):>11.2g}{shown:>11}{words[int(row['accepted'])]:>11}"
+        unit = str(row["units"].values)
         lines.append(f"{line}  {unit}" if unit != "1" else line)
     return lines
 
 
 def table_lines(table: xr.Dataset) -> list[str]:
-    """Tabulate a comparison, and below it other readings of its errors."""
+    """Tabulate a comparison, and list other readings of its errors below."""
     lines = [
         f"{'case':10}{'repeats':>9}{'compared':>10}  {'quantity':10}{'measured':>11}"
         f"{'predicted':>11}{'error %':>9}{'frames %':>10}{'pixels %':>10}{'params %':>10}"
@@ -126,13 +129,13 @@ def table_lines(table: xr.Dataset) -> list[str]:
         row = table.sel(case=case)
         head = f"{case:10}{int(row['repeats']):>9}{100.0 * float(row['compared']):>8.0f} %"
         for q in table["quantity"].values:
-            one = row.sel(quantity=q, reading="particle")
-            numbers = [float(one[name]) for name in ("measured", "predicted")]
-            parts = [float(one[name]) for name in ("frames", "pixels", "parameters")]
-            unit = str(one["units"].values)
+            cell = row.sel(quantity=q, reading="particle")
+            numbers = [float(cell[name]) for name in ("measured", "predicted")]
+            parts = [float(cell[name]) for name in ("frames", "pixels", "parameters")]
+            unit = str(cell["units"].values)
             lines.append(
                 f"{head:29}  {q + ' (' + unit + ')':10}{numbers[0]:>11.5g}{numbers[1]:>11.5g}"
-                f"{float(one['error']):>9.2f}" + "".join(f"{part:>10.2f}" for part in parts)
+                f"{float(cell['error']):>9.2f}" + "".join(f"{part:>10.2f}" for part in parts)
             )
             head = ""
     lines.append(
@@ -159,14 +162,14 @@ def table_lines(table: xr.Dataset) -> list[str]:
 
 
 def _favoured(found: xr.Dataset) -> str:
-    """Base that the landings favour."""
+    """Return the base that the landings favour."""
     if "favoured_base" not in found.attrs:
         raise DataError("was written by an earlier version of vibrosweep; compute it again")
     return str(found.attrs["favoured_base"])
 
 
 def _with_error(table: xr.Dataset, name: str) -> str:
-    """Mean of a parameter over cases, and its typical standard error if it was estimated."""
+    """State the mean of a parameter over cases, and its standard error if it was estimated."""
     value, error = float(table[name].mean()), float(table[f"{name}_error"].mean())
     return f"{name} {value:.5g}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
 
@@ -176,10 +179,11 @@ def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
 
     Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN between
     flights) and ``within``, the place of the sample in its flight from 0 to 1.  Dim flight:
-    ``start``, ``end``, ``speed`` (m s-1), ``rise`` (m), ``owner``.  Dim landing: ``landing_time``,
-    ``landing_error``, ``landing_owner``.  Dim instant: ``base_time`` and the ``base_height`` of a
-    base that moves, above its level; dim track: the ``level`` below each ``name``.  Attributes:
-    ``noise``, ``base``, ``curvature``, ``frame_rate``.
+    ``start``, ``end``, and at the start ``speed`` (m s-1) and ``rise`` (m); ``owner``, its
+    particle.  Dim landing: ``landing_time``, ``landing_error``, ``landing_height``,
+    ``landing_owner``.  Dim instant: ``base_time`` and ``base_height``, of a moving base above its
+    level.  Dim track: the ``level`` below the particle ``name``.  Attributes: ``noise``, ``base``,
+    ``curvature``, ``frame_rate``.
     """
     samples, flights = fitted.samples, fitted.flights
     fits, joint, member = flights.fits, flights.junctions, flights.member
@@ -200,30 +204,29 @@ def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
     slope = fits.slope[joint.before] - 0.5 * flights.curvature * lasted
     landed = fits.level[joint.before] + lasted * slope
     names = tracks["particle"].values
-    columns = {
-        "time": ("sample", samples.time, "s", "time"),
-        "height": ("sample", samples.height, "m", "height"),
-        "residual": ("sample", residual, "1", "height less that of the flight, in standard errors"),
-        "within": ("sample", within, "1", "place in the flight"),
-        "start": ("flight", up, "s", "beginning of the fitted flight at the base"),
-        "end": ("flight", down, "s", "its end"),
-        "speed": ("flight", speed, "m s-1", "its velocity there"),
-        "rise": ("flight", rise, "m", "its height there"),
-        "landing_time": ("landing", joint.landing, "s", "time of landing"),
-        "landing_error": ("landing", joint.landing_error, "s", "its standard error"),
-        "landing_height": ("landing", landed, "m", "its height"),
-        "level": ("track", flights.levels, "m", "(mean) level of the base"),
+    samples_seen = {
+        "time": (samples.time, "s", "time"),
+        "height": (samples.height, "m", "height"),
+        "residual": (residual, "1", "height less that of the flight, in standard errors"),
+        "within": (within, "1", "place in the flight"),
     }
-    if flights.base_fit is not None:
-        base = flights.base_fit.oscillation
-        begin, end = samples.time.min(), samples.time.max()
-        number = int((end - begin) * base.frequency * max(base.numbers) * INSTANTS) + 2
-        when = np.linspace(begin, end, number)
-        columns["base_time"] = ("instant", when, "s", "time")
-        columns["base_height"] = ("instant", base.height(when), "m", "height above the level")
+    flown = {
+        "start": (up, "s", "beginning of the fitted flight at the base"),
+        "end": (down, "s", "its end"),
+        "speed": (speed, "m s-1", "velocity at the beginning"),
+        "rise": (rise, "m", "height at the beginning"),
+    }
+    landings = {
+        "landing_time": (joint.landing, "s", "time of landing"),
+        "landing_error": (joint.landing_error, "s", "its standard error"),
+        "landing_height": (landed, "m", "its height"),
+    }
     variables = {
-        name: (dim, values, {"units": units, "long_name": words})
-        for name, (dim, values, units, words) in columns.items()
+        **with_units("sample", samples_seen),
+        **with_units("flight", flown),
+        **with_units("landing", landings),
+        **with_units("track", {"level": (flights.levels, "m", "(mean) level of the base")}),
+        **_base_curve(flights, samples.time),
     }
     owners = {
         "particle": ("sample", names[samples.particle]),
@@ -240,3 +243,15 @@ def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
             "frame_rate": tracks.attrs["frame_rate"],
         },
     )
+
+
+def _base_curve(flights: Flights, time: Array) -> dict[str, Any]:
+    """Variables of the motion of the base while samples were taken, none if it does not move."""
+    if flights.base_fit is None:
+        return {}
+    base = flights.base_fit.oscillation
+    length = float(time.max() - time.min())
+    number = int(length * base.frequency * max(base.numbers) * INSTANTS) + 2
+    when = np.linspace(time.min(), time.max(), number)
+    height = base.height(when), "m", "height above the level"
+    return with_units("instant", {"base_time": (when, "s", "time"), "base_height": height})

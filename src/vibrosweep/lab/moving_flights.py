@@ -68,7 +68,7 @@ def flights_over(
         lifted = np.zeros(poor.size, bool)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
-        contacts = contacts_between(samples, member, fits, junctions.before[sound], (noise, fall))
+        contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
         base_fit = fit_base(
             contacts, base_fit.oscillation.frequency, free=free, moves=True, trace=trace
         )

@@ -1,4 +1,4 @@
-"""Predictions with measured or estimated parameters, from the first lift-off of each particle."""
+"""Predictions with known or estimated parameters, from the first flight of each particle."""
 
 from __future__ import annotations
 
@@ -27,33 +27,34 @@ from vibrosweep.scene.waveform import stored
 
 DRAWS: Final = 64
 USED: Final = ("restitution", "amplitude", "frequency", SPEED)
-# Motion of the base of a recording -> name of the base.
+# Name of the base by its motion in a recording
 BASE_OF_MOTION: Final = {"level": HIGH_BOUNCE, "moving": MOVING}
-# Unphysical draws may outnumber the draws by this many, which are due to chance.
+# Number by which refused draws may exceed the draws asked for, by chance
 CHANCE: Final = 10
 
 
 class Prediction(NamedTuple):
     """Predicted means of each particle."""
 
-    # height, period: m and s, shape (draw, particle); NaN for a particle without a whole flight
+    # height, period: apex (m) and duration (s) of the flights, shape (draw, particle); NaN for a
+    # particle without a whole flight
     height: Array
     period: Array
 
 
 @dataclass(frozen=True)
 class ComparisonOptions:
-    """Options of the comparison of recordings with prediction."""
+    """Options of a comparison of recordings with prediction."""
 
-    # Known parameters, by their names in `PARAMETERS` and `OF_RESTITUTION`; without them
-    # restitution, amplitude, phase and frequency are estimated
+    # Known parameters, by their names in `PARAMETERS` and `OF_RESTITUTION`; restitution, amplitude,
+    # phase and frequency are estimated if they are not among them
     known: Mapping[str, float]
     method: str = "fit"  # ``"fit"`` or ``"sign_change"``
-    setup: Setup = field(default_factory=Setup)  # as `find_impacts` takes it
+    setup: Setup = field(default_factory=Setup)  # facts about the recordings
     draws: int = DRAWS  # parameter sets drawn within the errors of an estimate
     rebound: str = "rest"  # ``"rest"`` or ``"reflect"``
-    seed: int = 0  # of the random numbers
-    restitution_law: str = CONSTANT  # of a restitution that is known
+    seed: int = 0  # seed of the random numbers
+    restitution_law: str = CONSTANT  # law of a known restitution
 
     @property
     def gravity(self) -> float:
@@ -64,15 +65,18 @@ class ComparisonOptions:
 def parameters_of(
     impacts: xr.Dataset, options: ComparisonOptions
 ) -> tuple[dict[str, float], Scene, xr.Dataset | None]:
-    """Known parameters, the scene of the prediction, and the estimate of other parameters."""
+    """Find the parameters of a prediction.
+
+    Returns the known ones, the scene, and the estimate of the others, None if all are known.
+    """
     known = {name: p.default for name, p in PARAMETERS.items()} | dict(options.known)
-    given = {"restitution", "amplitude"} & options.known.keys()
-    if len(given) == 1:
+    stated = {"restitution", "amplitude"} & options.known.keys()
+    if len(stated) == 1:
         raise ParameterError(
-            f"{given.pop()} is given alone: give restitution and amplitude, or leave both to be "
+            f"{stated.pop()} is given alone: give restitution and amplitude, or leave both to be "
             f"estimated"
         )
-    if not given:
+    if not stated:
         found = estimate(impacts, frequency=options.known.get("frequency"))
         law, speed = law_of(found)
         known |= {} if law == CONSTANT else {SPEED: speed}
@@ -98,18 +102,18 @@ def draw_parameters(
     draws: int,
     seed: int = 0,
 ) -> tuple[dict[str, Array], list[Waveform], int]:
-    """Draw parameter sets: first the best one, then samples of a normal posterior.
+    """Draw parameter sets: the best estimate, then samples of its normal posterior.
 
-    `known` holds every parameter of `PARAMETERS`, and the speed of a law of restitution; those in
-    `estimated`, a result of `estimate`, override them, and the waveform of the scene.  Without an
-    estimate there is only what is known.
+    `known` holds every parameter of `PARAMETERS`, and the speed of a law of restitution.  Values of
+    `estimated`, a result of `estimate`, replace them and those of the waveform of the scene.
+    Without an estimate there is one set, the known one.
 
     Returns
     -------
     parameters
         Arrays of shape (draw,).
     waveforms
-        One for each draw.
+        Waveform of each draw.
     refused
         Number of draws outside the physical range, which were replaced.
 
@@ -128,18 +132,18 @@ def draw_parameters(
         raise ParameterError(f"the parameters cannot be used: {estimated.attrs['warning']}")
     every = {**PARAMETERS, **OF_RESTITUTION}
     physical = [(k, every[name]) for k, name in enumerate(names) if name in every]
-    for k, one in physical:
-        if not one.accepts(best[k]):
+    for k, parameter in physical:
+        if not parameter.accepts(best[k]):
             raise ParameterError(
-                f"{one.name} is estimated as {best[k]:.4g}: must be {one.allowed}; check the "
-                f"scale and the frequency, or give the parameters"
+                f"{parameter.name} is estimated as {best[k]:.4g}: must be {parameter.allowed}; "
+                f"check the scale and the frequency, or give the parameters"
             )
     rng = np.random.default_rng(seed)
     kept, refused = [best], 0
     while len(kept) <= draws:
         values = rng.multivariate_normal(best, covariance)
-        within = not range_mistake(law, values[:1])  # the restitution is the first
-        if within and all(bool(one.accepts(values[k])) for k, one in physical):
+        within = not range_mistake(law, values[:1])  # values[0] is the restitution
+        if within and all(bool(parameter.accepts(values[k])) for k, parameter in physical):
             kept.append(values)
         else:
             refused += 1
@@ -158,7 +162,7 @@ def draw_parameters(
 
 
 def scene_of(impacts: xr.Dataset, rebound: str, waveform: Waveform, restitution_law: str) -> Scene:
-    """Scene of one particle that is launched at t = 0, over the base of a recording."""
+    """Make the scene of one particle that is launched at t = 0 over the base of a recording."""
     base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
     return Scene(
         1,
@@ -171,28 +175,28 @@ def scene_of(impacts: xr.Dataset, rebound: str, waveform: Waveform, restitution_
 
 
 class FirstFlights(NamedTuple):
-    """Particles with a whole flight, and the beginning of the first one."""
+    """Particles with a whole flight, and where the first flight of each begins."""
 
     particle: Indices
     # start, speed: time (s) and speed (m s-1) of its lift-off
     start: Array
     speed: Array
-    # Parameters of shape (draw * particle,): a launch at time t equals one at t = 0 with the phase
-    # phi + 2 pi f t, so that each particle is a realization
+    # Parameters of shape (draw * particle,), a realization for each particle: a launch at time t
+    # equals one at t = 0 with the phase phi + 2 pi f t
     sets: dict[str, Array]
 
 
 def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> FirstFlights:
-    """Launch each particle as it first left the base.
+    """Launch each particle with the lift-off of its first whole flight.
 
-    The parameters are those of `draw_parameters`, of shape (draw,); the phase is that at
-    t = 0 of the recording, and the launch velocity is not used.
+    The parameters are those of `draw_parameters`, of shape (draw,).  Their phase is that at t = 0
+    of the recording, and their launch velocity is not used.
     """
-    whole = np.isfinite(impacts["flight_time"].values)
-    particle = np.flatnonzero(whole.any(axis=1))
-    first = whole[particle].argmax(axis=1) if particle.size else particle
+    seen = np.isfinite(impacts["flight_time"].values)
+    particle = np.flatnonzero(seen.any(axis=1))
+    place = seen[particle].argmax(axis=1) if particle.size else particle
     start, speed = (
-        impacts[name].values[particle, first] for name in ("liftoff_time", "impact_speed")
+        impacts[name].values[particle, place] for name in ("liftoff_time", "impact_speed")
     )
     draws = parameters["frequency"].size
     sets = {name: np.repeat(values, particle.size) for name, values in parameters.items()}
@@ -209,10 +213,10 @@ def predict(
     scene: Scene,
     workers: Workers,
 ) -> Prediction:
-    """Means of each particle from its first whole flight to the end of the film.
+    """Predict the means of each particle from its first whole flight to the end of the film.
 
-    The parameters are those of `first_flights`, with a waveform for each draw, in a scene of
-    `scene_of`.  A particle that appears late is followed for as long as the others.
+    Parameters and waveforms are those of `draw_parameters`, the scene that of `scene_of`.  A
+    particle that appears late is followed for as long as the others.
     """
     draws = parameters["frequency"].size
     height, period = np.full((2, draws, impacts.sizes["particle"]), np.nan)
@@ -220,10 +224,10 @@ def predict(
     if flown.size:
         length = impacts.attrs["end"] - float(start.min())
         for shape in dict.fromkeys(waveforms):
-            alike = np.array([one == shape for one in waveforms])
+            alike = np.array([waveform == shape for waveform in waveforms])
             chosen = {name: values[np.repeat(alike, flown.size)] for name, values in sets.items()}
-            own = replace(scene, duration=length, waveform=shape)
-            found = measure(all_parameters(chosen), own, workers)
-            for each, name in ((height, "rebound_height_mean"), (period, "flight_time_mean")):
-                each[np.ix_(alike, flown)] = found[name].reshape(-1, flown.size)
+            lasting = replace(scene, duration=length, waveform=shape)
+            found = measure(all_parameters(chosen), lasting, workers)
+            for mean, name in ((height, "rebound_height_mean"), (period, "flight_time_mean")):
+                mean[np.ix_(alike, flown)] = found[name].reshape(-1, flown.size)
     return Prediction(height, period)

@@ -1,4 +1,4 @@
-"""Faults of tracks, particle by particle: lost frames, gaps, swapped identities."""
+"""Faults of tracks, particle by particle: lost frames, gaps, exchanged names."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vibrosweep.arrays import Array
 from vibrosweep.lab.segments import GAP_FRAMES
 from vibrosweep.lab.variables import with_units
 
-# Second differences in standard deviations: above the first number they are not noise, below the
-# second one they may be.
+# Deviations from the continuation of a flight, in standard deviations of the noise: larger ones
+# than the first number break it, smaller ones than the second continue it.
 BROKEN: Final = 6.0
 CONTINUES: Final = 3.0
 
 
 def coverage(tracks: xr.Dataset) -> xr.Dataset:
-    """Count seen and lost frames and gaps of each particle; variables of dimension particle."""
+    """Count frames seen, frames lost and gaps of each particle."""
     height, time = tracks["height"].values, tracks["time"].values
     interval = 1.0 / tracks.attrs["frame_rate"]
     present = np.isfinite(height)
@@ -43,21 +43,21 @@ def coverage(tracks: xr.Dataset) -> xr.Dataset:
 
 
 class Swap(NamedTuple):
-    """An exchange of the identities of two particles."""
+    """An exchange of the names of two particles."""
 
-    frame: int  # the first one after it
-    # one, other: numbers of the particles
-    one: int
-    other: int
+    frame: int  # first frame after the exchange
+    # particle, partner: numbers of the particles
+    particle: int
+    partner: int
 
 
 def find_swaps(time: Array, height: Array, noise: float, base: float, gravity: float) -> list[Swap]:
-    """Find the frames from which on the identities of two particles are swapped.
+    """Find the frames in which two particles begin to bear each other's names.
 
-    In such a frame neither particle continues its own flight, each
-    continues that of the other, and neither is near the base.  A swap at nearly the same height and
-    speed cannot be found, and leaves a flight that fits badly.  Times are of shape (frame,),
-    heights of shape (frame, particle); `noise` is the standard deviation of a position, m.
+    In such a frame neither particle continues its own flight, each continues that of the other, and
+    neither is near the base.  An exchange at nearly the same height and speed cannot be found; it
+    leaves a flight that fits badly.  Times are of shape (frame,), heights of shape (frame,
+    particle); `noise` is the standard deviation of a position, m.
     """
     before, after = np.diff(time)[:-1, np.newaxis], np.diff(time)[1:, np.newaxis]
     expected = height[1:-1] + (height[1:-1] - height[:-2]) * after / before
@@ -76,7 +76,7 @@ def find_swaps(time: Array, height: Array, noise: float, base: float, gravity: f
 
 
 def remarks(impacts: xr.Dataset) -> list[str]:
-    """Remarks on the track of each particle, one per line."""
+    """Describe the faults of the scale and of each particle's track, a line each."""
     interval = 1.0 / impacts.attrs["frame_rate"]
     begin, end = impacts.attrs["begin"], impacts.attrs["end"]
     lines = []
@@ -87,20 +87,17 @@ def remarks(impacts: xr.Dataset) -> list[str]:
             f"heights is off by {100.0 * (shown / true - 1.0):+.2g} %"
         )
     for p, name in enumerate(impacts["particle"].values):
-        one = impacts.isel(particle=p)
-        parts = []
-        if one["frames_lost"] > 0:
-            parts.append(f"{int(one['frames_lost'])} of its frames lost")
-        if one["gaps"] > 0:
-            parts.append(f"{int(one['gaps'])} gaps across which no landing is sought")
-        if float(one["first_seen"]) > begin + GAP_FRAMES * interval:
-            parts.append(f"comes into view at {float(one['first_seen']):.3f} s")
-        if float(one["last_seen"]) < end - GAP_FRAMES * interval:
-            parts.append(f"leaves the view at {float(one['last_seen']):.3f} s")
-        if one["swaps"] > 0:
-            parts.append(f"exchanges its name with another particle {int(one['swaps'])} times")
-        if one["poor_flights"] > 0:
-            parts.append(f"{int(one['poor_flights'])} flights fit badly")
+        names = ("frames_lost", "gaps", "swaps", "poor_flights", "first_seen", "last_seen")
+        lost, gaps, swaps, poor, first, last = (impacts[n].values[p].item() for n in names)
+        faults = {
+            f"{lost} of its frames lost": lost > 0,
+            f"{gaps} gaps across which no landing is sought": gaps > 0,
+            f"comes into view at {first:.3f} s": first > begin + GAP_FRAMES * interval,
+            f"leaves the view at {last:.3f} s": last < end - GAP_FRAMES * interval,
+            f"exchanges its name with another particle {swaps} times": swaps > 0,
+            f"{poor} flights fit badly": poor > 0,
+        }
+        parts = [text for text, present in faults.items() if present]
         if parts:
             lines.append(f"particle {name}: {'; '.join(parts)}")
     return lines

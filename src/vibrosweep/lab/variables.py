@@ -1,4 +1,4 @@
-"""Variables of datasets with their units and meanings."""
+"""Variables of datasets, with units and meanings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 def with_units(
     dims: Hashable | Sequence[Hashable], columns: Mapping[str, tuple[Any, str, str]]
 ) -> dict[str, Any]:
-    """Variables of these dimensions, from the values, units and meaning of each."""
+    """Make variables of a dataset from the values, units and meaning of each."""
     return {
         name: (dims, values, {"units": units, "long_name": words})
         for name, (values, units, words) in columns.items()

@@ -1,4 +1,4 @@
-"""Choose between a moving base and one at a constant level, by the contacts of a recording."""
+"""Decide from the contacts of a recording whether the base moves or has a constant level."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from vibrosweep.lab.regression import (
 )
 
 FREQUENCIES: Final = (1.0, 100.0)
-# Most contacts that are used: more hardly change the decision.
+# Most contacts that are used; more hardly change the decision.
 MOST: Final = 1000
-# Signal of the weakest direction below which nothing is fitted; that of noise is at most 1.
+# Weakest signal for which a base is fitted; that of noise alone is at most 1.
 LEAST_SIGNAL: Final = 3.0
 
 
@@ -34,10 +34,10 @@ class Judgement(NamedTuple):
 
 
 def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
-    """Fit contacts with a moving base and with one at a constant level, and compare both.
+    """Fit a moving base and one at a constant level to contacts, and compare both.
 
-    The result is undetermined if the contacts do not determine the motion, as those of a locked
-    orbit, which all have one phase.  A frequency (Hz) of None is estimated.
+    The result is undetermined if the contacts do not determine the motion; those of a locked orbit,
+    which all have one phase, do not.  A frequency (Hz) of None is estimated.
     """
     few = contacts.earliest(MOST)
     if _too_few(few):
@@ -56,9 +56,9 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
 
 
 def moves(contacts: Contacts, moving: BaseFit, *, free: bool) -> bool:
-    """Tell whether contacts favour the moving base fitted to them over one at a constant level.
+    """Return whether contacts favour the moving base fitted to them over one at a constant level.
 
-    The frequency of the latter is adjusted if `free`, as it was for the moving base.
+    The frequency of the latter is fitted too if `free`, as that of the moving base was.
     """
     if _too_few(contacts):
         return False
@@ -71,10 +71,10 @@ def _too_few(contacts: Contacts) -> bool:
 
 
 def _preferred(moving: BaseFit, level: BaseFit) -> str:
-    """Return the base that describes the same contacts better, by the test of Vuong.
+    """Return the base that describes the same contacts significantly better, by Vuong's test.
 
-    Both models have the same number of parameters and neither contains the other.  The base is
-    never one that implies an unphysical restitution.
+    Both models have the same number of parameters, and neither contains the other.  A base that
+    implies an unphysical restitution is never preferred.
     """
     for favoured, better, worse in (("moving", moving, level), ("level", level, moving)):
         if is_nearer(better.distance, worse.distance):
@@ -87,12 +87,12 @@ def _distance(moving: BaseFit) -> tuple[bool, float]:
 
 
 def signal_of_contacts(contacts: Contacts, guess: Array, frequency: float) -> float:
-    """Return `weakest_signal` of contacts, with a guess of restitution, S and C (m s-1)."""
+    """Compute the `weakest_signal` of contacts, with a guess of restitution, S and C (m s-1)."""
     time, before = contacts.time, contacts.before
     closing = contacts.departure - contacts.arrival
     when = line_variance(before, time) + line_variance(contacts.after, time)
     turn = 2.0 * np.pi * frequency
-    blurs = contacts.noise**2 * np.stack([1.0 / before.spread, turn**2 * when / closing**2])
+    speed, phase = contacts.noise**2 * np.stack([1.0 / before.spread, turn**2 * when / closing**2])
     amplitude = (1.0 + guess[0]) * float(np.hypot(guess[1], guess[2]))
-    phase_blur, speed_blur = float(blurs[1].mean()), float(blurs[0].mean())
-    return weakest_signal(-contacts.arrival, turn * time, amplitude, (speed_blur, phase_blur))
+    variances = float(speed.mean()), float(phase.mean())
+    return weakest_signal(-contacts.arrival, turn * time, amplitude, *variances)
