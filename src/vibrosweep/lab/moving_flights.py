@@ -1,4 +1,4 @@
-"""Flights over a moving base: distinguished from stays by height, cut at the base."""
+"""Flights over a moving base, which are cut at the base and rise higher than stays."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ from vibrosweep.lab.oscillation import BaseFit, Trace, fit_base
 from vibrosweep.lab.segments import Samples
 
 ROUNDS: Final = 3
-# Steps in a period of the highest harmonic, of the search for the end of a flight, and bisections
-# of the last step.
+# Steps in a period of the highest harmonic with which the end of a flight is sought, and
+# bisections of the last step
 STEPS: Final = 100
 HALVINGS: Final = 40
+# Quantile of the heights above the base that is the level of a particle without contacts
 LOW: Final = 0.25
 
 
@@ -40,13 +41,13 @@ def flights_over(
     free: bool = False,
     trace: Trace | None = None,
 ) -> tuple[Flights, Contacts]:
-    """Find the flights over a moving base from a first fit of its motion, and fit that again.
+    """Find the flights over a moving base with a first fit of its motion, and fit that again.
 
     Returns the flights, and the contacts between them to which the motion was fitted.
 
-    `member` is the number of the stretch of each sample, `fall` the curvature of flights (m s-2),
-    `exposure` the time for which the shutter was open (s); `free` and `trace` are those of
-    `fit_base`.  Raises a TrackError where nothing flies, or too few contacts are left.
+    `member` is the number of the stretch of each sample, `fall` the acceleration of flights (m
+    s-2), `exposure` the time for which the shutter was open (s); `free` and `trace` are those of
+    `fit_base`.  Raises a TrackError if nothing flies, or if too few contacts are left.
     """
     noise = np.inf
     for turn in range(ROUNDS):
@@ -54,7 +55,7 @@ def flights_over(
         below = levels[samples.particle] + base_fit.oscillation.height(samples.time)
         fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
         noise = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
-        member, fits = _keep_flights(samples, member, fits, below, (noise, fall))
+        member, fits = _keep_flights(samples, member, fits, below, noise, fall)
         start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
         piece, owner = samples.piece[start], samples.particle[start]
         ends = _ends(samples, member, fits, levels[owner], base_fit, fall)
@@ -64,7 +65,7 @@ def flights_over(
         poor = poor_flights(fits, noise)
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
-        # a ball lifts off from rest without a kink: frames before it would bend the fitted flight
+        # a particle lifts off from rest without a kink: frames before that would bend the flight
         lifted = np.zeros(poor.size, bool)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
@@ -99,7 +100,7 @@ def flights_over(
 
 
 def _levels(base_fit: BaseFit, samples: Samples) -> Array:
-    """Level below each particle; one without contacts is taken to lie mostly on the base."""
+    """Level below each particle; one without contacts is assumed to lie mostly on the base."""
     above = samples.height - base_fit.oscillation.height(samples.time)
     levels = np.array(
         [np.quantile(above[samples.particle == p], LOW) for p in range(samples.particle[-1] + 1)]
@@ -109,10 +110,9 @@ def _levels(base_fit: BaseFit, samples: Samples) -> Array:
 
 
 def _keep_flights(
-    samples: Samples, member: Indices, fits: Fits, below: Array, scale: tuple[float, float]
+    samples: Samples, member: Indices, fits: Fits, below: Array, noise: float, fall: float
 ) -> tuple[Indices, Fits]:
-    """Keep the stretches that rise clearly above the base: these are flights."""
-    noise, fall = scale
+    """Keep the stretches that rise clearly above the base, at the heights `below`, as flights."""
     path = fits.take(member).height(samples.time, fall)
     clear = np.full(fits.number.size, -np.inf)
     used = (member >= 0) & np.isfinite(path)
@@ -124,7 +124,7 @@ def _keep_flights(
 def _ends(
     samples: Samples, member: Indices, fits: Fits, level: Array, base_fit: BaseFit, fall: float
 ) -> Ends:
-    """Ends of each flight at the base, outwards from its sample farthest above it."""
+    """Find the ends of each flight at the base, outwards from its sample farthest above it."""
     base = base_fit.oscillation
     used = member >= 0
     flight, when = member[used], samples.time[used]
@@ -139,8 +139,8 @@ def _ends(
     for way in (-1.0, 1.0):
         step = way / (STEPS * max(base.numbers) * base.frequency)
         inner, outer = top.copy(), top + step
-        while (going := above(outer) > 0.0).any():
-            inner, outer = np.where(going, outer, inner), np.where(going, outer + step, outer)
+        while (flies := above(outer) > 0.0).any():
+            inner, outer = np.where(flies, outer, inner), np.where(flies, outer + step, outer)
         for _ in range(HALVINGS):
             middle = (inner + outer) / 2.0
             flies = above(middle) > 0.0

@@ -1,4 +1,4 @@
-"""Laws of restitution over a moving base, each fitted together with the motion of the base."""
+"""Laws of restitution over a moving base, fitted together with its motion."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from vibrosweep.lab.speed_laws import (
 def fit_laws(
     contacts: Contacts, base_fit: BaseFit, *, free: bool, trace: Trace | None = None
 ) -> list[FittedLaw]:
-    """Fit the laws of `FITTED` to contacts, without their outliers.
+    """Fit the laws of `FITTED` to the contacts that are no outliers.
 
-    `free` and `trace` are those of `fit_base`, which gave `base_fit`.
+    `free` and `trace` are those with which `fit_base` made `base_fit`.
     """
     owner = np.searchsorted(base_fit.particles, contacts.particle)
     known = None if free or trace is not None else base_fit.oscillation.frequency

@@ -1,4 +1,4 @@
-"""Warnings about parameters that landings do not determine, or that do not describe them."""
+"""Warnings that landings do not determine parameters, or that no parameters describe them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.lab.regression import is_improbable
 
-# Parameters are undetermined if the signal in the weakest direction of the design matrix is below
-# this multiple of the noise of the instants, or if a relative standard error exceeds one of these.
+# Parameters are not determined if the signal in the weakest direction of the design matrix is below
+# this multiple of the noise of the instants, or if the standard error of the restitution or the
+# relative one of the amplitude exceeds its limit.
 SIGNAL: Final = 10.0
 WORST_RESTITUTION: Final = 0.1
 WORST_AMPLITUDE: Final = 0.25
@@ -19,7 +20,7 @@ WORST_MISFIT: Final = 10.0
 
 
 def why_undetermined(signal: float, values: Array, covariance: Array, misfit: float) -> str:
-    """Return why the parameters are not determined; empty if they are."""
+    """Return a warning that says why parameters are not determined; empty if they are."""
     error = np.sqrt(np.diag(covariance))
     if signal < SIGNAL:
         return (
@@ -45,7 +46,7 @@ def why_undetermined(signal: float, values: Array, covariance: Array, misfit: fl
 
 
 def misfit_warning(misfit: float, freedom: int) -> str:
-    """Return a warning about residuals that noise does not explain; empty if it does."""
+    """Return a warning that noise does not explain the residuals; empty if it does."""
     if not is_improbable(misfit, freedom):
         return ""
     return (

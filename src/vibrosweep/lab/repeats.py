@@ -1,6 +1,6 @@
-"""Summary quantities of a recording, and their repeatability over recordings of one experiment.
+"""Summary quantities of a recording, and their variation over repeats of an experiment.
 
-The study repeats each case four times and accepts a quantity whose coefficient of variation over
+The study repeats each case four times and accepts a quantity if its coefficient of variation over
 the repeats is below 8 %.
 """
 
@@ -32,12 +32,12 @@ QUANTITY_UNITS: Final = {
     "phase_difference": ("1", "mean separation in phase of neighbouring particles, in turns"),
     "dt_min": ("s", "smallest separation of landings of different particles, if above its error"),
 }
-# The zero of a phase is arbitrary, so a coefficient of variation of it has no meaning.
+# Phases have an arbitrary zero, so that their coefficient of variation has no meaning.
 _ANGLES: Final = ("impact_phase", "phase_difference")
 
 
 def phases(impacts: xr.Dataset, frequency: float, phase: float = 0.0) -> Array:
-    """Phase of the forcing at each landing in turns, in [0, 1); shape (particle, impact)."""
+    """Phase of the forcing at each landing, in turns from 0 to 1; shape (particle, impact)."""
     turns = frequency * impacts["landing_time"].values + phase / (2.0 * np.pi)
     return np.asarray(turns - np.floor(turns))
 
@@ -52,7 +52,7 @@ def quantities(
     impacts
         Result of `find_impacts`.
     frequency
-        Forcing frequency in Hz; without it phases are NaN.
+        Forcing frequency in Hz; without it the phases are NaN.
     phase
         Phase of the forcing at t = 0 of the recording, rad.
 
@@ -71,8 +71,7 @@ def quantities(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.lab import quantities
-    >>> from vibrosweep.lab import Experiment, perform_trials
+    >>> from vibrosweep.lab import Experiment, perform_trials, quantities
     >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=10.0))
     >>> found = quantities(vs.lab.find_impacts(film[0].tracks), frequency=20.0)
     >>> found.rebound_height_mean.dims
@@ -83,14 +82,13 @@ def quantities(
     good = impacts["quality"].values == BOUNCED
     flight = impacts["flight_time"].values
     height = impacts["rebound_height"].values
-    whole = np.isfinite(flight)
-    nan = float("nan")
-    found = dict.fromkeys(QUANTITY_UNITS, nan)
-    if whole.any():
-        found["flight_time"] = float(flight[whole].mean())
-        found["rebound_height_max"] = float(height[whole].max())
-        found["rebound_height_mean"] = float(height[whole].mean())
-        found["impact_speed"] = float(impacts["impact_speed"].values[whole].mean())
+    seen = np.isfinite(flight)
+    found = dict.fromkeys(QUANTITY_UNITS, float("nan"))
+    if seen.any():
+        found["flight_time"] = float(flight[seen].mean())
+        found["rebound_height_max"] = float(height[seen].max())
+        found["rebound_height_mean"] = float(height[seen].mean())
+        found["impact_speed"] = float(impacts["impact_speed"].values[seen].mean())
     if frequency is not None and good.any():
         vector = np.where(good, np.exp(2j * np.pi * phases(impacts, frequency, phase)), 0.0)
         mean = vector.sum() / good.sum()
@@ -104,7 +102,7 @@ def quantities(
 
 
 def _neighbours(vectors: NDArray[np.complex128]) -> float:
-    """Mean difference in phase between successive particles, in turns, from 0 to 1/2."""
+    """Mean difference in phase of successive particles, in turns from 0 to 1/2."""
     vectors = vectors[np.abs(vectors) > 0.0]
     if vectors.size < 2:
         return float("nan")
@@ -117,8 +115,9 @@ def _closest(impacts: xr.Dataset) -> float:
 
     NaN if it is below the standard error of the difference.
     """
-    known = (impacts["quality"].values >= BOUNCED) & (impacts["quality"].values != DOUBTFUL)
-    time = np.where(known, impacts["landing_time"].values, np.nan)
+    quality = impacts["quality"].values
+    certain = (quality >= BOUNCED) & (quality != DOUBTFUL)
+    time = np.where(certain, impacts["landing_time"].values, np.nan)
     owner = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
     landed = np.isfinite(time)
     order = np.argsort(time[landed])
@@ -130,12 +129,12 @@ def _closest(impacts: xr.Dataset) -> float:
         return float("nan")
     gaps = np.diff(times)[different]
     pair = different[gaps.argmin()]
-    known_to = float(np.hypot(errors[pair], errors[pair + 1]))
-    return float(gaps.min()) if gaps.min() > known_to else float("nan")
+    error = float(np.hypot(errors[pair], errors[pair + 1]))
+    return float(gaps.min()) if gaps.min() > error else float("nan")
 
 
 def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Mean, standard deviation and coefficient of variation over repeats.
+    """Compute the mean, standard deviation and coefficient of variation over repeats.
 
     Parameters
     ----------
@@ -146,8 +145,8 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     -------
     xarray.Dataset
         Dim quantity: ``mean``, ``sd``, ``variation`` (sd / mean; NaN for phases, whose zero is
-        arbitrary), and ``accepted``: 1 below the criterion of 8 % of the study, 0 above, -1
-        without a variation.
+        arbitrary), and ``accepted``: 1 if the variation is below the criterion of the study, 8 %, 0
+        if it is not, -1 if there is none.
 
     Raises
     ------
@@ -157,10 +156,10 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.lab import agreement, quantities
-    >>> from vibrosweep.lab import Experiment, perform_trials
+    >>> from vibrosweep.lab import Experiment, agreement, perform_trials, quantities
     >>> film = perform_trials(Experiment(particles=2, repeats=2, transient=5.0, duration=10.0))
-    >>> trials = [quantities(vs.lab.find_impacts(one.tracks), frequency=20.0) for one in film]
+    >>> landings = [vs.lab.find_impacts(trial.tracks) for trial in film]
+    >>> trials = [quantities(impacts, frequency=20.0) for impacts in landings]
     >>> agreement(trials)["mean"].dims
     ('quantity',)
     """

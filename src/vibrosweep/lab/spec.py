@@ -1,4 +1,4 @@
-"""Read virtual experiments from TOML, one for each number of particles."""
+"""Read virtual experiments from TOML files."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_PARTICLES: Final = 1000
 
 
 class ExperimentSpec(NamedTuple):
-    """A validated file: its title, and an experiment for each number of particles."""
+    """Content of a valid file: its title, and an experiment for each number of particles."""
 
     title: str
     experiments: tuple[Experiment, ...]

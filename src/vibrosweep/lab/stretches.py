@@ -1,14 +1,15 @@
 """Cut tracks into stretches of free flight, without the height of the base.
 
-A particle above a base is in flight or pushed upwards: y + g t^2 / 2 is a straight line in flight,
-bends upwards on the base, and has a kink at a bounce.  The cut into straight lines
-that minimises chi-square plus a fixed penalty for each line is found exactly
-(optimal partitioning, Jackson et al. 2005, IEEE Signal Process. Lett. 12, 105).
+The function y + g t^2 / 2 of a particle is a straight line in flight, bends upwards on the base and
+has a kink at a bounce.  The cut into straight lines that minimises chi-square plus a fixed penalty
+for each line is found exactly (optimal partitioning, Jackson et al. 2005, IEEE Signal Process.
+Lett. 12, 105).
 """
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -19,14 +20,14 @@ from vibrosweep.kernels._jit import Floats, Integers, kernel
 from vibrosweep.lab.flights import Fits, curvatures, fit_parabolas
 from vibrosweep.lab.segments import Samples, rough_noise
 
-# Penalty of a line in units of chi-square, for which noise adds one cut in hundreds of flights.
+# Penalty of a line in units of chi-square, with which noise adds one cut in hundreds of flights
 PRICE: Final = 25.0
-# Standard deviations of chi-square within which a stretch is a line.
+# Standard deviations by which chi-square may exceed its mean for a stretch to be a line
 BENT: Final = 6.0
 ROUNDS: Final = 3
-LOW: Final = 0.25
-# Standard errors by which the curvature of a flight may differ from gravity, and by which gravity
-# must exceed zero: a stay bends upwards, on a base at rest by gravity.
+LOW: Final = 0.25  # quantile of the residuals of stretches from which the noise is estimated
+# Standard errors by which the acceleration of a flight may differ from gravity, and by which
+# gravity must differ from zero, the acceleration of a stay on a base at rest
 FALLS: Final = 3.5
 SEEN: Final = 5.0
 
@@ -35,7 +36,7 @@ SEEN: Final = 5.0
 def _partition(
     time: Floats, height: Floats, variance: float, gravity: float, out: Integers
 ) -> None:
-    """Write, for each sample, the beginning of the last line in the best partition up to it."""
+    """Write for each sample where the last line of the best partition up to it begins."""
     cost = np.full(time.size + 1, np.inf)
     cost[0] = 0.0
     for last in range(time.size):
@@ -62,23 +63,23 @@ def _partition(
 
 
 def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
-    """Cut every piece of track into lines.
+    """Cut each piece of track into lines.
 
-    Returns the number of the stretch of each sample, in order, and the standard deviation of a
-    sample in m, from the residuals of all lines.
+    Returns the number of the stretch of each sample, rising, and the standard deviation of a sample
+    in m, from the residuals of the lines.
     """
     noise = max(rough_noise(samples), 1e-9 * float(np.ptp(samples.height)))
     member = np.zeros(samples.time.size, np.intp)
     for _ in range(ROUNDS):
         starts = np.zeros(samples.time.size, bool)
-        for first, last in zip(samples.bounds[:-1], samples.bounds[1:], strict=True):
-            begin = np.empty(last - first, np.int64)
-            time, height = samples.time[first:last], samples.height[first:last]
-            _partition(time, height, noise**2, gravity, begin)
-            k = last - first
+        for begin, end in pairwise(samples.bounds):
+            lines = np.empty(end - begin, np.int64)
+            time, height = samples.time[begin:end], samples.height[begin:end]
+            _partition(time, height, noise**2, gravity, lines)
+            k = end - begin
             while k > 0:
-                k = int(begin[k - 1])
-                starts[first + k] = True
+                k = int(lines[k - 1])
+                starts[begin + k] = True
         member = np.cumsum(starts) - 1
         fits = fit_parabolas(samples, member, int(member[-1]) + 1, gravity)
         free = fits.number - 2.0
@@ -95,7 +96,7 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
 def clear_flights(
     samples: Samples, member: Indices, fits: Fits, noise: float, fall: float
 ) -> Flags:
-    """Return whether each stretch falls faster than a particle on a base can; shape (stretch,).
+    """Mark the stretches that fall as flights do, and no particle on a base; shape (stretch,).
 
     `member` is that of `stretches`, `noise` the standard deviation of a sample (m), `fall` the
     acceleration of free flight (m s-2).

@@ -27,9 +27,9 @@ LEVEL: Final = Surface(np.zeros_like, np.zeros_like)
 
 
 def oscillating_surface(scene: Mapping[str, float], waveform: Waveform = SINE) -> Surface:
-    """Surface of `base = "moving"`: y = (V0 / f) W(f t + phi / 2 pi) with V0 = A / (1 + e).
+    """Make the surface of `base = "moving"`: y = (V0 / f) W(f t + phi / 2 pi).
 
-    A sine is -B cos(2 pi f t + phi) with 2 pi f B = V0.
+    V0 is A / (1 + e).  A sine is -B cos(2 pi f t + phi) with 2 pi f B = V0.
     """
     frequency, phase = scene["frequency"], scene["phase"]
     omega = 2.0 * math.pi * frequency
@@ -47,19 +47,19 @@ def oscillating_surface(scene: Mapping[str, float], waveform: Waveform = SINE) -
 
 
 def recoiling_surface(track: BaseTrack, frequency: float, end: float) -> Surface:
-    """Surface of `base = "sprung"`, exact at a thousand instants of each forcing period.
+    """Make the surface of `base = "sprung"`, exact at a thousand instants of each forcing period.
 
-    `track` is the motion of the base in one realization, from the first launch; before that the
-    base is assumed to be at rest at its first height.  The surface extends to `end` (s).
+    `track` is the motion of the base in one realization from the first launch on, before which the
+    base is taken to rest at its first height.  The surface extends to `end` (s).
     """
     begin = float(track.track.time[0, 0])
     time = begin + np.arange(int((end - begin) * frequency * STEPS_PER_PERIOD) + 2) / (
         frequency * STEPS_PER_PERIOD
     )
     spline = CubicHermiteSpline(time, *track.at(time))
-    whole = spline.antiderivative()
-    first = float(spline(begin))
+    integral = spline.antiderivative()
+    start = float(spline(begin))
     return Surface(
         lambda t: np.asarray(spline(np.maximum(t, begin))),
-        lambda t: np.asarray(whole(np.maximum(t, begin)) + first * np.minimum(t - begin, 0.0)),
+        lambda t: np.asarray(integral(np.maximum(t, begin)) + start * np.minimum(t - begin, 0.0)),
     )

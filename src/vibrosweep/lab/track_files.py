@@ -26,7 +26,7 @@ AXES: Final = ("up", "down")
 PLAIN: Final = ("time", "particle", "height")
 TRACKPY: Final = ("frame", "particle", "y")
 _METRES: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-_WAYS: Final = (
+_FORMATS: Final = (
     "the file must have the columns time, particle, height; or frame, particle, y as trackpy "
     "writes them; or be an export of Tracker with the columns t and y"
 )
@@ -41,7 +41,7 @@ def read_tracks(
     base: float | None = None,
     base_track: str | None = None,
 ) -> xr.Dataset:
-    """Read the tracks of one recording; the first lines of a file tell its format.
+    """Read the tracks of one recording; the first lines of a file show its format.
 
     Parameters
     ----------
@@ -51,15 +51,16 @@ def read_tracks(
         Frames per second, Hz; required for the table of trackpy.  The times of other files are
         rescaled to this rate: a slow-motion video is often exported with its playing rate.
     scale
-        m per unit of the file (m per pixel), by default 1; required for the table of trackpy.
+        m per unit of the file, such as m per pixel; by default 1, required for the table of
+        trackpy.
     axis
-        ``"up"`` or ``"down"``, the direction in which the height column grows; by default up, for
-        the pixel rows of trackpy down.
+        ``"up"`` or ``"down"``, the direction in which heights grow in the file; by default up, but
+        down for the pixel rows of trackpy.
     base
-        Height of the base in units of the file, from which heights are counted; by default 0.
+        Height of the base in units of the file, the zero of heights; by default 0.
     base_track
-        Name of a particle that is a mark on the base and moves with it.  Its track is the variable
-        ``base_height`` (m), from which `find_impacts` fits the harmonics of the base.
+        Name of a particle that is a mark on the base.  Its track becomes the variable
+        ``base_height`` (m), to which `find_impacts` fits the harmonics of the base.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def read_tracks(
     frames = [_table(Path(path)) for path in files]
     if len(frames) > 1:
         if len({frozenset(frame.columns) for frame in frames}) > 1:
-            raise TrackError(f"{files[0]} and others: are of different kinds; convert them to one")
+            raise TrackError(f"{files[0]} and others: have different formats; convert them to one")
         names = [set(frame["particle"]) for frame in frames]
         shared = set.intersection(*names)
         if shared:
@@ -117,7 +118,7 @@ def tracks_from_frame(
     base_track: str | None = None,
     source: str = "the table",
 ) -> xr.Dataset:
-    """Tracks from a `pandas.DataFrame` with columns time, particle, height or frame, particle, y.
+    """Make tracks from a `pandas.DataFrame` of time, particle, height or frame, particle, y.
 
     Parameters
     ----------
@@ -171,15 +172,16 @@ def tracks_from_frame(
         height, axis = _numbers(table, "y", source), axis or "down"
     else:
         found = ", ".join(map(str, table.columns)) or "none"
-        raise TrackError(f"{source}: has the columns {found}; {_WAYS}")
+        raise TrackError(f"{source}: has the columns {found}; {_FORMATS}")
     upwards = 1.0 if (axis or "up") == "up" else -1.0
     with np.errstate(over="ignore"):
         height = upwards * (scale or 1.0) * (height - (base or 0.0))
-    nobody = np.flatnonzero(table["particle"].isna())
-    if nobody.size:
-        raise TrackError(f"{source}: row {nobody[0] + 1} has no particle; name or number it")
-    named = table["particle"]
-    owner = named.to_numpy() if named.dtype.kind in "iuf" else named.astype(str).to_numpy(object)
+    particle = table["particle"]
+    unnamed = np.flatnonzero(particle.isna())
+    if unnamed.size:
+        raise TrackError(f"{source}: row {unnamed[0] + 1} has no particle; name or number it")
+    numbered = particle.dtype.kind in "iuf"
+    owner = particle.to_numpy() if numbered else particle.astype(str).to_numpy(object)
     tracks = table_to_tracks(time, owner, height, source)
     if frame_rate is not None and "time" in table.columns:
         seconds = tracks["time"].values * (tracks.attrs["frame_rate"] / frame_rate)
@@ -204,7 +206,7 @@ def _numbers(table: pd.DataFrame, name: str, source: str) -> Array:
 
 
 def _table(path: Path) -> pd.DataFrame:
-    """Read a file of any format into columns that `tracks_from_frame` knows."""
+    """Read a file of any format into the columns that `tracks_from_frame` takes."""
     import pandas as pd
 
     try:
@@ -217,59 +219,65 @@ def _table(path: Path) -> pd.DataFrame:
         raise TrackError(f"{path}: cannot be read: {error.strerror}") from error
     lines = text.splitlines()
     if not any(line.strip() for line in lines):
-        raise TrackError(f"{path}: is empty; {_WAYS}")
-    names, first = _tracker_names(lines)
-    header = lines[first]
+        raise TrackError(f"{path}: is empty; {_FORMATS}")
+    mass, start = _tracker_header(lines)
+    header = lines[start]
     separator = next((mark for mark in "\t;," if mark in header), ",")
-    comma = separator != "," and any("," in line for line in lines[first + 1 : first + 9])
-    # Tracker ends only some lines with a separator
-    most = max(line.count(separator) for line in lines[first:]) + 1
+    comma = separator != "," and any("," in line for line in lines[start + 1 : start + 9])
+    # Tracker ends some of the lines with a separator
+    columns = max(line.count(separator) for line in lines[start:]) + 1
     try:
         table = pd.read_csv(
-            io.StringIO("\n".join(lines[first:])),
+            io.StringIO("\n".join(lines[start:])),
             sep=separator,
-            header=None if names is not None else 0,
-            names=None if names is None else range(most),
-            skiprows=1 if names is not None else 0,
+            header=0 if mass is None else None,
+            names=None if mass is None else range(columns),
+            skiprows=0 if mass is None else 1,
             decimal="," if comma else ".",
             skipinitialspace=True,
             low_memory=False,
         )
     except (ValueError, pd.errors.ParserError) as error:
-        if len(lines) == first + 1:
+        if len(lines) == start + 1:
             raise TrackError(f"{path}: holds no positions; check the file") from error
         raise TrackError(f"{path}: is not a table: {str(error).strip()}") from error
-    if names is None:
+    if mass is None:
         return table.rename(columns=str.strip)
-    return _tracker(path, table, names, header.split(separator), separator, lines[first - 1])
+    masses = [mass] if mass else [cell.strip() for cell in lines[start - 1].split(separator)]
+    return _tracker_heights(path, table, header.split(separator), masses)
 
 
-def _tracker_names(lines: list[str]) -> tuple[str | None, int]:
-    """Name of the mass (empty for several side by side) and line of the header; None if absent."""
-    for names, first in (("", 2), (lines[0].strip(), 1)):
-        if len(lines) > first and re.match(r"t\s*(\(.*?\))?\s*[\t;,]", lines[first].strip()):
-            return names, first
+def _tracker_header(lines: list[str]) -> tuple[str | None, int]:
+    """Return the name of the mass, and the index of the line with the header.
+
+    The name is empty if several masses are side by side, and None if Tracker did not write the
+    lines.
+    """
+    for mass, start in (("", 2), (lines[0].strip(), 1)):
+        if len(lines) > start and re.match(r"t\s*(\(.*?\))?\s*[\t;,]", lines[start].strip()):
+            return mass, start
     return None, 0
 
 
-def _tracker(
-    path: Path, table: pd.DataFrame, name: str, header: list[str], separator: str, above: str
+def _tracker_heights(
+    path: Path, table: pd.DataFrame, header: list[str], masses: list[str]
 ) -> pd.DataFrame:
-    """Heights of each mass, one below the other."""
+    """Put the heights of all masses below each other.
+
+    A name in `masses` stands above the first column of its mass, and empty cells above the others.
+    """
     import pandas as pd
 
-    owners = [name] * len(header)
-    if not name:  # a name stands above the first column of its mass
-        marks = [mark.strip() for mark in above.split(separator)]
-        marks += [""] * (len(header) - len(marks))
-        for k in range(len(header)):
-            owners[k] = marks[k] or (owners[k - 1] if k else "")
+    owners: list[str] = []
+    for k in range(len(header)):
+        name = masses[k] if k < len(masses) else ""
+        owners.append(name or (owners[-1] if owners else ""))
     parts: list[Any] = []
     for k, cell in enumerate(header):
-        word = re.fullmatch(r"y(?:_\{?\w+\}?)?\s*(?:\((.*)\))?", cell.strip())
-        if word is None or k >= table.shape[1]:
+        column = re.fullmatch(r"y(?:_\{?\w+\}?)?\s*(?:\((.*)\))?", cell.strip())
+        if column is None or k >= table.shape[1]:
             continue
-        unit = word[1] or "m"
+        unit = column[1] or "m"
         if unit not in _METRES:
             raise TrackError(
                 f"{path}: heights are in {unit!r}; known units: {', '.join(_METRES)}; export them "

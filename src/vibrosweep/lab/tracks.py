@@ -13,8 +13,8 @@ from vibrosweep.errors import TrackError
 
 __all__ = ["FRAME_RATES", "check_size", "make_tracks", "rate_of", "table_to_tracks"]
 
-# Possible values per second, and largest times (s), heights (m) and accelerations (m s-2), of a
-# measurement: powers of far larger numbers overflow.
+# Values per second that a measurement may have, and limit of its times (s), heights (m) and
+# accelerations (m s-2): powers of far larger numbers overflow.
 FRAME_RATES: Final = (1e-3, 1e9)
 MOST: Final = 1e12
 
@@ -22,14 +22,14 @@ MOST: Final = 1e12
 def make_tracks(
     time: ArrayLike, height: ArrayLike, particle: ArrayLike | None = None, source: str = "tracks"
 ) -> xr.Dataset:
-    """Make tracks from heights, a row for each frame.
+    """Make tracks from heights with a row for each frame.
 
     Parameters
     ----------
     time
         Middle of the exposure of each frame in s, shape (frame,), rising.
     height
-        m, upwards; shape (frame, particle), NaN where a particle is not seen.
+        Heights in m, upwards, shape (frame, particle); NaN where a particle is not seen.
     particle
         Names or numbers of the particles; 0, 1, ... by default.
     source
@@ -63,7 +63,7 @@ def make_tracks(
     if heights.ndim != 2 or len(heights) != times.size:
         raise TrackError(
             f"{source}: heights are of shape {heights.shape}: must be (frame, particle), with "
-            f"{times.size} frames as there are times"
+            f"{times.size} frames, the number of times"
         )
     if times.size < 2:
         raise TrackError(
@@ -98,11 +98,11 @@ def make_tracks(
 def table_to_tracks(
     time: ArrayLike, particle: ArrayLike, height: ArrayLike, source: str = "tracks"
 ) -> xr.Dataset:
-    """Make tracks from a table with one row for each position.
+    """Make tracks from a table with a row for each position.
 
-    Times (s) rise for each particle, which has a name or a number; heights (m, upwards) are NaN
-    where it is not seen.  `source` names the tracks in messages.  Raises a TrackError if times are
-    missing, decrease or appear twice, or if a particle is never seen.
+    The times (s) of each particle, a name or a number, rise; heights (m, upwards) are NaN where it
+    is not seen.  `source` names the tracks in messages.  Raises a TrackError if times are missing,
+    decrease or appear twice, or if a particle is never seen.
     """
     times = np.asarray(time, dtype=np.float64)
     heights = np.asarray(height, dtype=np.float64)
@@ -119,15 +119,15 @@ def table_to_tracks(
     steps, same = np.diff(times[order]), np.diff(index[order]) == 0
     wrong = np.flatnonzero(same & (steps <= 0.0))
     if wrong.size:
-        first, after = order[wrong[0]], order[wrong[0] + 1]
-        who = f"{source}: particle {names[index[first]]}"
-        if times[first] == times[after]:
+        before, after = order[wrong[0]], order[wrong[0] + 1]
+        who = f"{source}: particle {names[index[before]]}"
+        if times[before] == times[after]:
             raise TrackError(
-                f"{who} has two positions at {times[first]:.6g} s{_more(wrong)}; keep one position "
-                f"a frame, or give particles different names"
+                f"{who} has two positions at {times[before]:.6g} s{_more(wrong)}; keep one "
+                f"position a frame, or give particles different names"
             )
         raise TrackError(
-            f"{who} goes back in time, from {times[first]:.6g} s to {times[after]:.6g} s"
+            f"{who} goes back in time, from {times[before]:.6g} s to {times[after]:.6g} s"
             f"{_more(wrong)}; sort the rows by time, or give particles different names"
         )
     axis, frame = np.unique(times, return_inverse=True)
@@ -137,9 +137,9 @@ def table_to_tracks(
 
 
 def with_mark(tracks: xr.Dataset, name: str) -> xr.Dataset:
-    """Take the particle of this name for a mark on the base, whose ``base_height`` (m) it is.
+    """Turn the particle of this name, a mark on the base, into the variable ``base_height`` (m).
 
-    Raises a TrackError if there is none, or if nothing else is tracked.
+    Raises a TrackError if there is no such particle, or no other.
     """
     marks = tracks["particle"].values.astype(str) == name
     source, names = tracks.attrs["source"], ", ".join(map(str, tracks["particle"].values))
@@ -155,7 +155,7 @@ def with_mark(tracks: xr.Dataset, name: str) -> xr.Dataset:
 
 
 def rate_of(times: Array, source: str) -> float:
-    """Values per second at rising times (s); a TrackError if nothing measures at that rate."""
+    """Return the values per second at rising times (s); raise a TrackError for impossible ones."""
     check_size("time", times, source)
     rate, (low, high) = float(1.0 / np.median(np.diff(times))), FRAME_RATES
     if not low <= rate <= high:
@@ -171,8 +171,8 @@ def check_size(name: str, values: Array, source: str) -> None:
     largest = float(np.nanmax(np.abs(values)))
     if largest > MOST:
         raise TrackError(
-            f"{source}: {name} {largest:.3g}: must be at most {MOST:g}, in size; check its "
-            f"unit, the scale and the base"
+            f"{source}: {name} {largest:.3g}: must be at most {MOST:g} in size; check its unit, "
+            f"the scale and the base"
         )
 
 

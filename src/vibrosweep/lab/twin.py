@@ -1,6 +1,6 @@
-"""Simulated copy of a recording: the predicted motion, filmed and measured as the real one.
+"""Simulated copy of a recording: the predicted motion, filmed and measured like the real one.
 
-Its errors are those of the camera alone, because its motion is the prediction.
+The errors of this measurement are those of the camera alone, because the motion is the prediction.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ def camera_shares(
     scene: Scene,
     options: ComparisonOptions,
 ) -> Array:
-    """Errors of the predicted motion that are due to frames alone, and to pixels beside them.
+    """Errors in per cent that frames alone make, and those that pixels add.
 
-    They are in per cent, of shape (2, quantity, reading).  `numbers` are the parameters of the
-    prediction, and the `scene` one of `scene_of`.
+    Their shape is (2, quantity, reading).  `numbers` are the parameters of the prediction, and the
+    `scene` is one of `scene_of`.
     """
     motions = _twin(impacts, numbers, scene)
     time = tracks["time"].values
@@ -50,7 +50,7 @@ def camera_shares(
     means = [motion.means(time[0], time[-1]) for motion in motions]
     predicted = dict(zip(QUANTITIES, np.array(means).T, strict=True))
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
-    # the noise weights the fit of a moving base, so that it cannot be zero
+    # the fit of a moving base is weighted with the noise, which must not be zero
     least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
     sharp = Camera(rate, pixel=noise, noise=least, whole_pixels=False)
     rough = Camera(rate, pixel=noise, noise=1.0, whole_pixels=False)
@@ -65,7 +65,7 @@ def camera_shares(
 
 
 def _exact_trace(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
-    """Motion of the base of the prediction, as if it had been measured to a millionth."""
+    """Trace of the base of the prediction, as if it had been measured to a millionth."""
     velocity = numbers["amplitude"] / (1.0 + numbers["restitution"])
     values = []
     for h, weight, psi in waveform.harmonics:
@@ -80,7 +80,7 @@ def _exact_trace(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
 
 
 def _twin(impacts: xr.Dataset, numbers: Mapping[str, float], scene: Scene) -> list[Motion]:
-    """Predicted motion of every particle with a whole flight, on the clock of the recording."""
+    """Predict the motion of each particle with a whole flight, on the clock of the recording."""
     best = {name: np.array([value]) for name, value in numbers.items()}
     _, start, speed, sets = first_flights(impacts, best)
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
@@ -108,7 +108,7 @@ def _measurement_error(
     options: ComparisonOptions,
     setup: Setup,
 ) -> Array:
-    """Errors of a measurement of the predicted motion itself."""
+    """Film true heights, measure them, and return the errors of `predicted` against them."""
     height = film(true, camera, np.random.default_rng(options.seed))
     tracks = make_tracks(time, height, source="the predicted motion, filmed as the recording was")
     fitted = fit_tracks(tracks, options.gravity, setup)

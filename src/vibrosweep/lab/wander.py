@@ -1,10 +1,10 @@
-"""Particles on a base whose period fluctuates: the map with a wandering phase.
+"""Particles under a forcing whose period fluctuates.
 
 The lengths of the forcing periods vary independently, so that the phase of the forcing performs a
 random walk, the same for all particles of a repeat.  Within a period the phase grows uniformly.
-A moving base cannot wander, because its flights are those of a steady oscillation.  The impact is
-that of `vibrosweep.kernels.impact`; without imperfections the record equals that of the engine in
-every bit.
+The phase of a moving base cannot wander, because its flights are computed for a steady oscillation.
+Impacts are those of `vibrosweep.kernels.impact`; without imperfections the record equals that of
+the engine in every bit.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from vibrosweep.kernels.record import (
     write_lift_off,
 )
 
-# Each step multiplies the error by the relative change of a period, which is far below 1.
+# Steps of a fixed-point iteration, each of which multiplies the error by the relative change of a
+# period, far below 1
 INVERSIONS: Final = 30
 # Most landings of a particle in a recording: those of ten hours at 20 Hz
 MOST_LANDINGS: Final = 2**20
 
 
 def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
-    """Deviation of the phase from its mean course, in turns, at the beginning of each period.
+    """Draw the deviations of the phase, in turns, at the beginning of each period.
 
-    The first period begins at -1; shape (period + 1,).  `jitter` is the standard deviation of the
-    length of a period, relative to its mean.
+    The first period begins at -1 mean periods, and the shape is (period + 1,).  `jitter` is the
+    standard deviation of the length of a period, relative to its mean.
     """
     return np.concatenate([[0.0], np.cumsum(jitter * rng.standard_normal(periods))])
 
@@ -44,9 +45,9 @@ def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
 @jit
 def _deviation(n: float, x: float, walk: Floats) -> float:
     """Deviation of the phase in turns at n + x mean periods."""
-    whole = np.floor(x)
-    j = min(max(int(n + whole) + 1, 0), walk.size - 2)
-    return float(walk[j] + (x - whole) * (walk[j + 1] - walk[j]))
+    floor = np.floor(x)
+    j = min(max(int(n + floor) + 1, 0), walk.size - 2)
+    return float(walk[j] + (x - floor) * (walk[j + 1] - walk[j]))
 
 
 @jit
@@ -59,7 +60,7 @@ def _phase(n: float, x: float, walk: Floats) -> tuple[float, float]:
 
 @jit
 def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
-    """Time in mean periods, whole and rest, at which the forcing has the phase n + x."""
+    """Instant at which the forcing has the phase n + x, as whole and remaining mean periods."""
     count, rest = n, x
     for _ in range(INVERSIONS):
         back = x - _deviation(count, rest, walk)
@@ -70,7 +71,7 @@ def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
 
 @kernel
 def _fill(batch: Batch, walk: Floats, frequency: float, unit: float, out: Record) -> bool:
-    """Write the landings of particle p with the parameters of realization p; return if all fit."""
+    """Write the landings of each particle p of realization p; return whether all fit."""
     base, problem, launches = batch
     no_landings(out, 0, launches.whole.shape[1])
     for p in range(launches.whole.shape[1]):
@@ -101,12 +102,12 @@ def _fill(batch: Batch, walk: Floats, frequency: float, unit: float, out: Record
 
 
 def wandering_record(batch: Batch, walk: Floats, frequency: float, gravity: float) -> Record:
-    """Record every landing of particles that may differ in restitution, under a wandering forcing.
+    """Record every landing of particles with parameters of their own, under a wandering forcing.
 
     The problem of the batch holds arrays of shape (particle,), its launches have the shape (1,
-    particle); arrays of the record are of shape (particle, impact).  Beyond the ends of the `walk`,
-    a `phase_walk`, the phase continues as in the last period.  Raises a ParameterError if the
-    landings of a particle do not fit in memory.
+    particle), and arrays of the record the shape (particle, impact).  Beyond the ends of the
+    `walk`, a `phase_walk`, the phase continues as in its first or last period.  Raises a
+    ParameterError if a particle lands more than `MOST_LANDINGS` times.
     """
     capacity = 1024
     while capacity <= MOST_LANDINGS:

@@ -1,4 +1,4 @@
-"""Write tracks and truth of virtual experiments; each file appears when it is complete."""
+"""Write tracks and true landings of virtual experiments; files appear when they are complete."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 def write_experiments(
     experiments: Iterable[Experiment], directory: Path, name: str, *, force: bool
 ) -> list[Path]:
-    """Perform virtual experiments and write tracks and truth of every repeat as CSV.
+    """Perform virtual experiments and write tracks and true landings of each repeat as CSV.
 
-    The directory is made if it does not exist; file names consist of `name`, the number of
-    particles and that of the trial.  Returns, for each trial, the files of the tracks (time,
-    particle, height) and of the true landings.  Raises an OutputError if a file exists and `force`
-    is false, or if it cannot be written.
+    The directory is made if it does not exist.  File names consist of `name`, the number of
+    particles and that of the trial. Returns for each trial the file of the tracks (time, particle,
+    height) and that of the true landings.  Raises an OutputError if a file exists and `force` is
+    false, or if it cannot be written.
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)
