@@ -77,6 +77,20 @@ def late_launch(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
     return cases, faults
 
 
+def in_other_units(scene: dict[str, float], length: float, second: float) -> dict[str, float]:
+    """Return a scene in units of length and time that are so many times smaller."""
+    speed = length / second
+    units = {
+        "amplitude": speed,
+        "frequency": 1.0 / second,
+        "gravity": length / second**2,
+        "launch_velocity": speed,
+        "contact_time": second,
+        "duration": second,
+    }
+    return {name: value * units.get(name, 1.0) for name, value in scene.items()}
+
+
 def scaled(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
     """Units scaled by powers of two: the same orbit, bit for bit."""
     faults = []
@@ -85,15 +99,7 @@ def scaled(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
         scene = dyadic_scene(rng) | {"launch_time": 0.0}
         scene["duration"] = 40.0 / scene["frequency"]
         length, second = 2.0 ** rng.integers(-30, 31), 2.0 ** rng.integers(-30, 31)
-        units = {
-            "amplitude": length / second,
-            "frequency": 1.0 / second,
-            "gravity": length / second**2,
-            "launch_velocity": length / second,
-            "contact_time": second,
-            "duration": second,
-        }
-        other = {name: value * units.get(name, 1.0) for name, value in scene.items()}
+        other = in_other_units(scene, length, second)
         if not same_orbit(scene, other, law):
             faults.append(str(scene))
     return cases, faults
@@ -117,15 +123,7 @@ def scaled_freely(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
         scene = dyadic_scene(rng) | {"launch_time": 0.0}
         scene["duration"] = 12.0 / scene["frequency"]
         length, second = rng.uniform(0.1, 10.0, 2)
-        units = {
-            "amplitude": length / second,
-            "frequency": 1.0 / second,
-            "gravity": length / second**2,
-            "launch_velocity": length / second,
-            "contact_time": second,
-            "duration": second,
-        }
-        other = {name: value * units.get(name, 1.0) for name, value in scene.items()}
+        other = in_other_units(scene, length, second)
         allowed = 2.0 * (bound_of(scene, law) + bound_of(other, law))
         if not allowed < 0.1:
             continue

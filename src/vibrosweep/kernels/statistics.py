@@ -68,7 +68,7 @@ def statistic_of(one: type) -> Statistic:
 
 
 @jit
-def _landing(landing: Landing) -> bool:
+def _every(one: Landing | Counted) -> bool:
     return True
 
 
@@ -93,11 +93,6 @@ def _height(flight: Counted) -> float:
 
 
 @jit
-def _flight(flight: Counted) -> bool:
-    return True
-
-
-@jit
 def _ended(landing: Landing) -> float:
     return landing.flight_time
 
@@ -109,7 +104,7 @@ def _arrival(landing: Landing) -> float:
 
 # The first two are always kept: cycles and orbits need them.
 KINDS: Final[Kinds] = (
-    declare("landings", _landing, COUNT),
+    declare("landings", _every, COUNT),
     declare("rests", _rest, COUNT),
     declare("flight_sum", _time, SUM, of_flights=True),
     declare("height_sum", _height_product, PRODUCTS, of_flights=True),
@@ -121,7 +116,7 @@ SHORTEST: Final = declare("flight_min", _ended, MIN)
 LONGEST: Final = declare("flight_max", _ended, MAX)
 IMPACT_SPEED: Final = declare("impact_speed", _arrival, MAX)
 # Over a base that lifts what rests on it when particles land, flights are counted one by one.
-KINDS_COUPLED: Final[Kinds] = (*KINDS, declare("flights", _flight, COUNT, of_flights=True))
+KINDS_COUPLED: Final[Kinds] = (*KINDS, declare("flights", _every, COUNT, of_flights=True))
 
 
 class Statistics(NamedTuple):

@@ -9,7 +9,16 @@ from enum import IntEnum
 from typing import Final
 
 
-class Status(IntEnum):
+class _Code(IntEnum):
+    """A code that a dataset holds."""
+
+    @property
+    def meaning(self) -> str:
+        """The code's name as it stands in a dataset's ``flag_meanings``."""
+        return self.name.lower()
+
+
+class Status(_Code):
     """End of the computation of one particle, or the worst end in a realization.
 
     Examples
@@ -30,17 +39,12 @@ class Status(IntEnum):
         """Description and advice, in one sentence."""
         return _SENTENCES[self]
 
-    @property
-    def meaning(self) -> str:
-        """The code's name as it stands in a dataset's ``flag_meanings``."""
-        return self.name.lower()
-
 
 # Landings in the window that a Lyapunov exponent takes at least
 LANDINGS_OF_AN_EXPONENT: Final = 64
 
 
-class Regime(IntEnum):
+class Regime(_Code):
     """Regime of a particle's orbit at the end of the observation.
 
     Examples
@@ -61,11 +65,6 @@ class Regime(IntEnum):
     def sentence(self) -> str:
         """Meaning of the regime, in one sentence."""
         return _REGIMES[self]
-
-    @property
-    def meaning(self) -> str:
-        """The code's name as it stands in a dataset's ``flag_meanings``."""
-        return self.name.lower()
 
 
 _REGIMES = {

@@ -151,48 +151,40 @@ def prove_observable(
 ) -> ProvedObservable:
     """Value of an observable by its definition; `status` is that of each particle."""
     with ctx.workprec(GUARD_BITS + max(one.precision_bits for one in trajectories)):
-        return _proved(observable, realization, trajectories, status, errors)
-
-
-def _proved(
-    observable: Observable,
-    realization: Realization,
-    trajectories: Sequence[Trajectory],
-    status: Sequence[int],
-    errors: Errors,
-) -> ProvedObservable:
-    seen = [list(_landings(realization, one, errors)) for one in trajectories]
-    estimated = False
-    try:
-        each = [[_by_balls(observable.function, *one) for one in listed] for listed in seen]
-    except Exception:  # the function was written for doubles, and may raise anything for balls
-        estimated = True
+        seen = [list(_landings(realization, one, errors)) for one in trajectories]
+        estimated = False
         try:
-            each = [[_by_changes(observable.function, *one) for one in listed] for listed in seen]
-        except Exception:
+            each = [[_by_balls(observable.function, *one) for one in listed] for listed in seen]
+        except Exception:  # the function was written for doubles, and may raise anything for balls
+            estimated = True
+            try:
+                each = [
+                    [_by_changes(observable.function, *one) for one in listed] for listed in seen
+                ]
+            except Exception:
+                return _unknown(observable, len(seen))
+        if not all(one.value.is_finite() for listed in each for one in listed):
             return _unknown(observable, len(seen))
-    if not all(one.value.is_finite() for listed in each for one in listed):
-        return _unknown(observable, len(seen))
-    totals = [
-        None if code == Status.NON_FINITE else _combined(observable.landings, listed)
-        for listed, code in zip(each, status, strict=True)
-    ]
-    if observable.particles != "each":
-        totals = [_combined(observable.particles, totals)]
-    p = realization.parameters
-    scale = observable.scale(arb(p["frequency"]), arb(p["gravity"]))
-    powers = sum(abs(int(power or 1)) for _, power in UNIT.findall(observable.units))
-    rounding = (4 + 6 * powers) * EPS
-    return ProvedObservable(
-        [None if one is None else one.value * scale for one in totals],
-        [
-            0.0
-            if one is None
-            else float(((abs(one.value) * rounding + one.error) * scale).abs_upper())
-            for one in totals
-        ],
-        estimated,
-    )
+        totals = [
+            None if code == Status.NON_FINITE else _combined(observable.landings, listed)
+            for listed, code in zip(each, status, strict=True)
+        ]
+        if observable.particles != "each":
+            totals = [_combined(observable.particles, totals)]
+        p = realization.parameters
+        scale = observable.scale(arb(p["frequency"]), arb(p["gravity"]))
+        powers = sum(abs(int(power or 1)) for _, power in UNIT.findall(observable.units))
+        rounding = (4 + 6 * powers) * EPS
+        return ProvedObservable(
+            [None if one is None else one.value * scale for one in totals],
+            [
+                0.0
+                if one is None
+                else float(((abs(one.value) * rounding + one.error) * scale).abs_upper())
+                for one in totals
+            ],
+            estimated,
+        )
 
 
 def _unknown(observable: Observable, particles: int) -> ProvedObservable:
