@@ -34,6 +34,17 @@ def workers():
         yield pool
 
 
+@pytest.fixture
+def memory(monkeypatch):
+    """Let this machine have so many bytes of memory."""
+
+    def has(size):
+        pages = {"SC_PHYS_PAGES": size, "SC_PAGE_SIZE": 1}
+        monkeypatch.setattr("os.sysconf", pages.__getitem__)
+
+    return has
+
+
 @pytest.fixture(scope="session")
 def parameters():
     """Complete parameters by the defaults, as arrays of one length."""

@@ -450,7 +450,7 @@ def test_a_spent_budget_is_listed_and_tried_again(spec, refused, vibrosweep, tmp
     assert "goes with --retry-failed" in refused("run", path, "--impact-budget", 3)
 
 
-def test_a_plan(spec, refused, vibrosweep, tmp_path, monkeypatch):
+def test_a_plan(spec, refused, vibrosweep, tmp_path, memory):
     code, text, message = vibrosweep("plan", SINGLE, "-o", tmp_path / "out.h5")
     assert (code, message) == (0, "")
     names = [line.split()[0] for line in text.splitlines()[1:]]
@@ -463,7 +463,7 @@ def test_a_plan(spec, refused, vibrosweep, tmp_path, monkeypatch):
     assert "GiB of disk" in refused("run", many, "-o", tmp_path / "out.h5")
     assert [p.name for p in tmp_path.iterdir()] == ["sweep.toml"]
     record = spec('title = "x"\n[scene]\nduration = 1e12\n[record]\nduration = 1e12\n')
-    monkeypatch.setattr("vibrosweep.engine.landings.physical_memory", lambda: 10**7)
+    memory(10**7)
     for command in ("plan", "run"):
         assert "shorten the duration" in refused(command, record, "-o", tmp_path / "out.h5")
 

@@ -17,10 +17,10 @@ SECONDS: Final = 1.0  # before the line, and between its versions
 
 
 class Line:
-    """Line with a task and the seconds it has taken, rewritten every second until its end."""
+    """Line with a task and the seconds it has taken, rewritten regularly until its end."""
 
-    def __init__(self, words: str) -> None:
-        self._words = words
+    def __init__(self, words: str, every: float = SECONDS) -> None:
+        self._words, self._every = words, every
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._show, daemon=True)
         if _is_seen():
@@ -40,7 +40,7 @@ class Line:
 
     def _show(self) -> None:
         began, line = time.monotonic(), ""
-        while not self._done.wait(SECONDS):
+        while not self._done.wait(self._every):
             line = f"vibrosweep: {self._words}: {time.monotonic() - began:.0f} s"
             _write(f"\r{line}")
         if line:

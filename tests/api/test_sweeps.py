@@ -11,10 +11,12 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
+from vibrosweep.api.given_sweep import as_sweep
 from vibrosweep.cli import main
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
 from vibrosweep.figures import parameter_plane
-from vibrosweep.runs import inmemory, progress
+from vibrosweep.runs import progress
+from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.scene.keys import SECTIONS
 
 DRAWN = {
@@ -47,13 +49,14 @@ def test_a_sweep_file_and_its_tables_give_the_same(tmp_path):
     xr.testing.assert_identical(by_path, without_circumstances(vs.sweep(**DRAWN)))
 
 
-def test_neither_threads_nor_pieces_change_a_sweep(monkeypatch):
-    one = without_circumstances(vs.sweep(**DRAWN, threads=1))
-    monkeypatch.setattr(inmemory, "TRAJECTORIES_PER_PIECE", 15)
-    monkeypatch.setattr(inmemory, "PIECES", 8)
-    told = []
-    monkeypatch.setattr(progress, "silent", lambda done, total: told.append((done, total)))
-    xr.testing.assert_identical(one, without_circumstances(vs.sweep(**DRAWN, threads=2)))
+def test_neither_threads_nor_pieces_change_a_sweep():
+    one, told = without_circumstances(vs.sweep(**DRAWN, threads=1)), []
+
+    def advance(done, total):
+        told.append((done, total))
+
+    found = sweep_in_memory(as_sweep(None, DRAWN), threads=2, advance=advance, piece=5)
+    xr.testing.assert_identical(one, without_circumstances(found))
     assert told == [(done, 40) for done in range(5, 41, 5)]
 
 
@@ -78,8 +81,8 @@ def test_a_bar_is_shown_where_it_is_wanted(capsys, monkeypatch):
     assert "realizations/s" in capsys.readouterr().err
 
 
-def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(inmemory, "physical_memory", lambda: 10_000)
+def test_what_does_not_fit_into_memory_is_refused(memory):
+    memory(10_000)
     with pytest.raises(ParameterError, match=r"write them to a file with vibrosweep\.run"):
         vs.sweep(**DRAWN)
 

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import pytest
@@ -13,6 +14,7 @@ from vibrosweep.cli import main
 from vibrosweep.doctor import compiled, libraries, machine
 from vibrosweep.doctor.finding import Finding
 from vibrosweep.kernels import _jit
+from vibrosweep.runs.driver import available_threads
 
 SUBJECTS = {
     "vibrosweep",
@@ -86,66 +88,65 @@ def test_a_process_without_the_compiler(tmp_path):
     assert text.endswith("1 problem, marked WRONG above\n")
 
 
-def test_two_hdf5_libraries_that_do_not_get_along(monkeypatch):
-    crash = "import os; print('1.0'); os.abort()"
-    monkeypatch.setattr(libraries, "TRIAL", crash)
-    found = libraries.hdf5_libraries(None)
+def test_two_hdf5_libraries_that_do_not_get_along():
+    found = libraries.hdf5_libraries(None, "import os; print('1.0'); os.abort()")
     assert "ended with code -6" in found.trouble
     assert "python -m pip install" in found.trouble
-    monkeypatch.setattr(libraries, "TRIAL", "raise OSError('unable to lock file')")
-    assert "HDF5_USE_FILE_LOCKING=FALSE" in libraries.hdf5_libraries(None).trouble
-    monkeypatch.setattr(libraries, "TRIAL", "import time; time.sleep(60)")
-    monkeypatch.setattr(libraries, "PATIENCE", 0.2)
-    assert "no answer within 0.2 s" in libraries.hdf5_libraries(None).trouble
+    found = libraries.hdf5_libraries(None, "raise OSError('unable to lock file')")
+    assert "HDF5_USE_FILE_LOCKING=FALSE" in found.trouble
+    found = libraries.hdf5_libraries(None, "import time; time.sleep(60)", 0.2)
+    assert "no answer within 0.2 s" in found.trouble
 
 
-def test_libraries_that_are_missing_or_too_old(monkeypatch):
+def test_libraries_that_are_missing_or_too_old(monkeypatch, tmp_path):
     stated = ["numpy>=1.26", "numba>=99", "vibrosweep-none>=1", "absent>=1; extra == 'verify'"]
-    monkeypatch.setattr(libraries, "requires", lambda name: stated)
+    installed = tmp_path / "vibrosweep-99.dist-info"
+    installed.mkdir()
+    lines = ["Metadata-Version: 2.1", "Name: vibrosweep", "Version: 99", "Provides-Extra: verify"]
+    lines += [f"Requires-Dist: {needed}" for needed in stated]
+    (installed / "METADATA").write_text("\n".join(lines))
+    monkeypatch.syspath_prepend(tmp_path)
     (trouble,) = [found.trouble for found in libraries.versions() if found.trouble]
     assert trouble.startswith("needed: numba>=99, vibrosweep-none>=1; install with")
     assert "absent" not in trouble
 
 
-def test_a_limit_on_the_time_of_processors(monkeypatch, tmp_path):
-    monkeypatch.setattr(machine, "GROUP", tmp_path)
-    monkeypatch.setattr(machine, "available_threads", lambda: 8)
-    assert machine.processors().trouble == ""
+def test_a_limit_on_the_time_of_processors(tmp_path):
+    assert machine.processors(tmp_path).trouble == ""
     (tmp_path / "cpu.max").write_text("max 100000\n")
-    assert machine.processors().trouble == ""
-    (tmp_path / "cpu.max").write_text("200000 100000\n")
+    assert machine.processors(tmp_path).trouble == ""
+    (tmp_path / "cpu.max").write_text(f"{100_000 * available_threads()} 200000\n")
+    half = available_threads() / 2
     assert (
-        "the container grants the time of only 2: give --threads 2" in machine.processors().trouble
+        f"the container grants the time of only {half:g}: give --threads {max(1, round(half))}, "
+        in machine.processors(tmp_path).trouble
     )
 
 
-def test_a_limit_on_the_memory(monkeypatch, tmp_path):
-    monkeypatch.setattr(machine, "GROUP", tmp_path)
-    assert machine.memory().trouble == ""
+def test_a_limit_on_the_memory(tmp_path):
+    assert machine.memory(tmp_path).trouble == ""
     (tmp_path / "memory.max").write_text(f"{1 << 30}\n")
     (tmp_path / "memory.current").write_text(f"{900 << 20}\n")
-    found = machine.memory()
+    found = machine.memory(tmp_path)
     assert "of which this container may take 0.121 GiB" in found.state
     assert "lower --chunk" in found.trouble
 
 
 def test_places_for_results(monkeypatch, tmp_path):
     assert machine.disk(tmp_path).trouble == ""
-    monkeypatch.setattr(machine, "LITTLE_DISK", 1 << 62)
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=1 << 20))
     assert "free some space" in machine.disk(tmp_path).trouble
     if Path("/proc/self").exists():
         assert "nothing can be written here" in machine.disk(Path("/proc/self")).trouble
 
 
-def test_kernels_without_a_place_for_machine_code(monkeypatch):
-    monkeypatch.setattr(_jit, "cache_directory", None)
-    assert "set NUMBA_CACHE_DIR" in compiled.kernel_cache().trouble
+def test_kernels_without_a_place_for_machine_code():
+    assert "set NUMBA_CACHE_DIR" in compiled.kernel_cache(None).trouble
 
 
-def test_a_damaged_cache(monkeypatch, tmp_path):
-    monkeypatch.setattr(_jit, "cache_directory", tmp_path)
+def test_a_damaged_cache(tmp_path):
     (tmp_path / "k.nbi").write_bytes(b"damaged")
-    trouble = compiled.kernel_cache().trouble
+    trouble = compiled.kernel_cache(tmp_path).trouble
     assert "damaged or missing files: 1" in trouble
     assert f"delete {tmp_path}" in trouble
 

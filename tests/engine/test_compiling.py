@@ -26,13 +26,12 @@ def event(function, module="vibrosweep.kernels.advance"):
 @pytest.fixture
 def told(monkeypatch):
     """Tell a notice of a kernel and of a piece inside, and return what a stream then holds."""
-    monkeypatch.setattr(waiting, "SECONDS", 0.02)
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
 
     def tell(stream, seconds, module="vibrosweep.kernels.advance"):
         monkeypatch.setattr(sys, "stderr", stream)
-        notice = Notice()
+        notice = Notice(0.02)
         notice.on_start(event("advance", module))
         notice.on_start(event("fly", module))
         notice.on_end(event("fly", module))
@@ -52,10 +51,9 @@ def test_a_long_compilation_is_said_and_the_line_taken_away(told):
 
 def test_loading_is_said_once(monkeypatch):
     stream = Terminal()
-    monkeypatch.setattr(waiting, "SECONDS", 0.02)
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     monkeypatch.setattr(sys, "stderr", stream)
-    with waiting.Line("loading"):
+    with waiting.Line("loading", 0.02):
         time.sleep(0.2)
     first, *_, last = stream.getvalue().split("\r")[1:]
     assert first == "vibrosweep: loading: 0 s"

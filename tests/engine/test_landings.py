@@ -325,16 +325,14 @@ def test_a_hundred_thousand_particles():
     assert np.max(np.abs(first - (launch + 10.0 / 9.81))) <= 3 * np.spacing(1.0)
 
 
-def test_a_record_that_would_not_fit_into_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(landings, "physical_memory", lambda: 2000)
+def test_a_record_that_would_not_fit_into_memory_is_refused(memory):
+    memory(2000)
     with pytest.raises(ParameterError, match=r"1 trajectories with \d+ or more .* shorten"):
         simulate()
 
 
 @pytest.mark.parametrize("ragged", [False, True])
-def test_a_record_is_refused_by_the_bytes_of_its_form(
-    monkeypatch, observe, parameters, workers, ragged
-):
+def test_a_record_is_refused_by_the_bytes_of_its_form(memory, observe, parameters, workers, ragged):
     """Not one byte earlier, also where one particle has most of the landings."""
     scene, given = observe(launch=[0.0, 11.0, 11.0, 11.0]).recorded(), parameters()
     count = landings.record_landings(given, scene, workers)["impact_count"]
@@ -342,17 +340,17 @@ def test_a_record_is_refused_by_the_bytes_of_its_form(
     apart = landings.BYTES_PER_REALIZATION + 4 * landings.BYTES_PER_TRAJECTORY
     for each in (landings.BYTES_PER_LANDING, landings.BYTES_IN_MEMORY):
         form, needed = landings.Form(ragged, each), 2 * int(apart + each * places)
-        monkeypatch.setattr(landings, "physical_memory", lambda enough=needed: enough)
+        memory(needed)
         found = landings.record_landings(given, scene, workers, form)
         assert np.array_equal(found["impact_count"], count)
-        monkeypatch.setattr(landings, "physical_memory", lambda enough=needed: enough - 2)
+        memory(needed - 2)
         with pytest.raises(ParameterError, match="4 trajectories"):
             landings.record_landings(given, scene, workers, form)
 
 
-def test_a_record_is_refused_before_room_for_it_is_taken(monkeypatch):
+def test_a_record_is_refused_before_room_for_it_is_taken(memory):
     """However few its landings are."""
-    monkeypatch.setattr(landings, "physical_memory", lambda: 1 << 26)
+    memory(1 << 26)
     tracemalloc.start()
     try:
         for given in ({"launch_time": np.zeros(1000)}, {}):

@@ -65,10 +65,9 @@ def test_a_short_run_says_nothing():
     assert stream.getvalue() == ""
 
 
-def test_a_terminal_gets_a_bar(monkeypatch):
-    monkeypatch.setattr(progress, "SECONDS_BEFORE_BAR", 1e-9)
+def test_a_terminal_gets_a_bar():
     stream = Terminal()
-    with reporting(stream) as advance:
+    with reporting(stream, delay=1e-9) as advance:
         sleep(0.2)  # the bar is drawn ten times a second
         advance(3, 4)
         advance(4, 4)
@@ -77,9 +76,8 @@ def test_a_terminal_gets_a_bar(monkeypatch):
 
 
 @pytest.mark.parametrize("terminal", [True, False])
-def test_a_stream_that_has_gone_ends_no_run(clock, monkeypatch, terminal):
-    monkeypatch.setattr(progress, "SECONDS_BEFORE_BAR", 1e-9)
-    with reporting(Gone(terminal)) as advance:
+def test_a_stream_that_has_gone_ends_no_run(clock, terminal):
+    with reporting(Gone(terminal), delay=1e-9) as advance:
         clock[0] = 100.0
         advance(1, 2)
         clock[0] = 200.0

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Final
 
 import numba
 from numba.core.registry import cpu_target
 
 from vibrosweep.doctor.finding import Finding
-from vibrosweep.kernels import _jit
 from vibrosweep.kernels._cache import variants
+from vibrosweep.kernels._jit import cache_directory
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
 # Features of processors, as LLVM calls them: bits of a vector, and fused multiply-add of vectors.
@@ -52,9 +53,9 @@ def _unset(variable: str) -> str:
     return f"the environment switches the compiler's optimisation off: unset {variable}"
 
 
-def kernel_cache() -> Finding:
+def kernel_cache(directory: Path | None = cache_directory) -> Finding:
     """Check the machine code of exactly these sources that is cached on disk."""
-    subject, directory = "kernel cache", _jit.cache_directory
+    subject = "kernel cache"
     if numba.config.DISABLE_JIT:
         return Finding(subject, "not used: nothing is compiled")
     if directory is None:

@@ -79,21 +79,24 @@ def _satisfied(needed: Requirement) -> bool:
     return found is not None and needed.specifier.contains(found, prereleases=True)
 
 
-def hdf5_libraries(directory: Path | None) -> Finding:
+def hdf5_libraries(
+    directory: Path | None, trial: str = TRIAL, patience: float = PATIENCE
+) -> Finding:
     """Write a file and read it with every installed HDF5 library, in one process.
 
-    The file is in `directory`, or in the system's temporary directory where that is None.
+    The file is in `directory`, or in the system's temporary directory where that is None.  The
+    program `trial` is given up after `patience` seconds.
     """
     other = find_spec("netCDF4") is not None
     with tempfile.TemporaryDirectory(dir=directory, prefix=".vibrosweep-doctor-") as place:
-        command = [sys.executable, "-c", TRIAL, f"{place}/trial.nc", str(other)]
+        command = [sys.executable, "-c", trial, f"{place}/trial.nc", str(other)]
         try:
             done = subprocess.run(
-                command, capture_output=True, text=True, check=False, timeout=PATIENCE
+                command, capture_output=True, text=True, check=False, timeout=patience
             )
             code, words, errors = done.returncode, done.stdout.split(), done.stderr
         except subprocess.TimeoutExpired:
-            code, words, errors = -1, [], f"no answer within {PATIENCE:g} s"
+            code, words, errors = -1, [], f"no answer within {patience:g} s"
     state = "h5py has " + (words[0] if words else "no HDF5 library that works")
     if other:
         state += f", netCDF4 has {words[1] if len(words) > 1 else 'none that works beside it'}"

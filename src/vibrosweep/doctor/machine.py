@@ -21,9 +21,9 @@ LITTLE_DISK: Final = 1 << 28
 LITTLE_MEMORY: Final = (1 << 29) + BYTES_PER_TRAJECTORY * TRAJECTORIES_PER_BATCH
 
 
-def processors() -> Finding:
-    """Check the processors, and a container's limit on CPU time."""
-    usable, quota = available_threads(), _processor_quota()
+def processors(group: Path = GROUP) -> Finding:
+    """Check the processors, and the limit of a control group (a container) on CPU time."""
+    usable, quota = available_threads(), _processor_quota(group)
     state = f"{usable} of {os.cpu_count()} may be used; vibrosweep run takes {usable} threads"
     if quota is None or quota > usable - 0.5:
         return Finding("processors", state)
@@ -33,26 +33,26 @@ def processors() -> Finding:
     )
 
 
-def _processor_quota() -> float | None:
-    """Limit of this control group on CPU time, in processors; None without a limit."""
-    words = _group_limit("cpu.max")
+def _processor_quota(group: Path) -> float | None:
+    """Limit of a control group on CPU time, in processors; None without a limit."""
+    words = _group_limit(group, "cpu.max")
     return int(words[0]) / int(words[1]) if len(words) == 2 and words[0] != "max" else None
 
 
-def _group_limit(name: str) -> list[str]:
+def _group_limit(group: Path, name: str) -> list[str]:
     try:
-        return (GROUP / name).read_text(encoding="ascii").split()
+        return (group / name).read_text(encoding="ascii").split()
     except OSError:
         return []
 
 
-def memory() -> Finding:
-    """Check the memory, and a container's limit on it."""
+def memory(group: Path = GROUP) -> Finding:
+    """Check the memory, and the limit of a control group (a container) on it."""
     available = available_memory()
     state = f"{available / 2**30:.3g} GiB of {physical_memory() / 2**30:.3g} GiB are available"
-    limit = _group_limit("memory.max")
+    limit = _group_limit(group, "memory.max")
     if limit and limit[0] != "max":
-        used = _group_limit("memory.current")
+        used = _group_limit(group, "memory.current")
         available = min(available, int(limit[0]) - int(used[0] if used else 0))
         state += f", of which this container may take {max(0, available) / 2**30:.3g} GiB"
     if available >= LITTLE_MEMORY:

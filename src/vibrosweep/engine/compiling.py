@@ -10,7 +10,7 @@ from typing import Final
 
 from numba.core.event import Event, Listener, register
 
-from vibrosweep.waiting import Line
+from vibrosweep.waiting import SECONDS, Line
 
 PACKAGE: Final = "vibrosweep."
 COLLECT_AFTER: Final = 100_000  # new objects; Python's default is 700
@@ -19,7 +19,8 @@ COLLECT_AFTER: Final = 100_000  # new objects; Python's default is 700
 class Notice(Listener):  # type: ignore[misc]
     """Listener that numba calls at the beginning and the end of each compilation."""
 
-    def __init__(self) -> None:
+    def __init__(self, every: float = SECONDS) -> None:
+        self._every = every  # seconds between versions of the line
         self._depth = 0  # nested compilations, from that of a kernel inwards
         self._line: Line | None = None
         self._collecting = gc.get_threshold()
@@ -34,7 +35,9 @@ class Notice(Listener):  # type: ignore[misc]
             return
         self._collecting = youngest, *older = gc.get_threshold()
         gc.set_threshold(max(COLLECT_AFTER, youngest) if youngest else 0, *older)  # 0: off
-        self._line = Line(f"compiling {function.__name__} (first use only; up to 30 s each)")
+        self._line = Line(
+            f"compiling {function.__name__} (first use only; up to 30 s each)", self._every
+        )
 
     def on_end(self, event: Event) -> None:
         """Erase the line when the compilation of the kernel has ended."""

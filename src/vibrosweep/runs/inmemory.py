@@ -25,12 +25,14 @@ PIECES: Final = 100
 TRAJECTORIES_PER_PIECE: Final = 1 << 14
 
 
-def sweep_in_memory(spec: Sweep, *, threads: int, advance: Advance = silent) -> xr.Dataset:
+def sweep_in_memory(
+    spec: Sweep, *, threads: int, advance: Advance = silent, piece: int | None = None
+) -> xr.Dataset:
     """Compute a sweep without its record; the result does not depend on the number of threads.
 
-    `advance` is called with the number of finished realizations and the total.  Raises a
-    ParameterError if the result does not fit into memory, and a TableError or SpecError if the
-    design cannot be opened.
+    `advance` is called with the number of finished realizations and the total, after each `piece`
+    of realizations, by default a hundredth of all or more.  Raises a ParameterError if the result
+    does not fit into memory, and a TableError or SpecError if the design cannot be opened.
     """
     design = open_design(spec)
     total = design.realizations
@@ -40,7 +42,8 @@ def sweep_in_memory(spec: Sweep, *, threads: int, advance: Advance = silent) -> 
             f"the results of {total} realizations take {needed / 2**30:.3g} GiB of this machine's "
             f"{available / 2**30:.3g} GiB: write them to a file with vibrosweep.run"
         )
-    piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.scene.particles, 1)
+    if piece is None:
+        piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.scene.particles, 1)
     found = InMemory()
     declare(found, spec, design, threads)
     with Workers(threads) as workers:

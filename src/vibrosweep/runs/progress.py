@@ -25,17 +25,19 @@ def silent(done: int, total: int, /) -> None:
 
 
 @contextmanager
-def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]:
+def reporting(
+    stream: TextIO, things: str = "realizations", delay: float = SECONDS_BEFORE_BAR
+) -> Iterator[Advance]:
     """Report progress, speed and remaining time of a run on `stream`, counted in `things`.
 
-    Very short runs report nothing.
+    Runs of less than `delay` seconds report nothing.
     """
     if not stream.isatty():
         yield _Lines(stream, things)
         return
     from tqdm import tqdm  # imported only for a terminal
 
-    with _following(tqdm(file=stream, **_options(things))) as advance:
+    with _following(tqdm(file=stream, **_options(things, delay))) as advance:
         yield advance
 
 
@@ -54,12 +56,12 @@ def showing(wanted: bool | None) -> Iterator[Advance]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # without ipywidgets the bar is text
         from tqdm.auto import tqdm
-    with _following(tqdm(**_options("realizations"))) as advance:
+    with _following(tqdm(**_options("realizations", SECONDS_BEFORE_BAR))) as advance:
         yield advance
 
 
-def _options(things: str) -> dict[str, Any]:
-    return {"unit": f" {things}", "leave": False, "delay": SECONDS_BEFORE_BAR}
+def _options(things: str, delay: float) -> dict[str, Any]:
+    return {"unit": f" {things}", "leave": False, "delay": delay}
 
 
 @contextmanager
