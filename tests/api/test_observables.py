@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from vibrosweep.api.given_sweep import as_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, TableError
 from vibrosweep.proof.sampling import read_sample
-from vibrosweep.runs import chunks
+from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.describe import describe
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.scene.keywords import keyword_spec
 
@@ -51,21 +53,17 @@ def test_a_histogram_of_phases(in_memory):
     assert in_memory.attrs["source_of_landings_at_phase"].startswith("def count(")
 
 
-def test_a_file_in_chunks_holds_the_same(in_memory, tmp_path, monkeypatch):
+def test_a_file_in_chunks_holds_the_same(in_memory, tmp_path):
     """Also where the run is interrupted and continued, with a function that does the same."""
     path = tmp_path / "out.h5"
-    compute, done = chunks.compute_chunk, []
 
-    def interrupted(*arguments):
-        if len(done) == 2:
-            raise KeyboardInterrupt
-        done.append(compute(*arguments))
-        return done[-1]
+    def interrupted(job, indices, tick):
+        in_process(1)(job, indices[:2], tick)
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr(chunks, "compute_chunk", interrupted)
+    spec = as_sweep(SWEEP, {}).with_observables([phases()])
     with pytest.raises(KeyboardInterrupt):
-        vs.run(SWEEP, path, chunk=10, observables=[phases()])
-    monkeypatch.setattr(chunks, "compute_chunk", compute)
+        run_sweep(spec, path, threads=1, chunk=10, runner=interrupted)
     with pytest.raises(RunError, match=r"landings_at_phase\.code: was"):
         vs.run(SWEEP, path, observables=[phases(count_more)])
     with vs.run(SWEEP, path, observables=[phases()]) as found:

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from vibrosweep.cli import main
-from vibrosweep.commands import examples
+from vibrosweep.commands.examples import examples_in
+from vibrosweep.errors import DataError
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"
 NAMES = sorted(p.relative_to(SWEEPS).with_suffix("").as_posix() for p in SWEEPS.rglob("*.toml"))
@@ -56,19 +57,16 @@ def test_an_unknown_name_is_refused(tmp_path, capsys):
     assert contents(tmp_path) == {}
 
 
-def test_a_package_without_them_says_so(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(examples, "PLACES", (tmp_path / "none",))
-    assert main(["examples"]) == 2
-    assert "the example sweeps are missing; install vibrosweep again" in capsys.readouterr().err
+def test_a_package_without_them_says_so(tmp_path):
+    with pytest.raises(DataError, match="sweeps are missing; install vibrosweep again"):
+        examples_in([tmp_path / "none"])
 
 
 @pytest.mark.parametrize("inside", [True, False])
-def test_an_installed_package_has_them_inside(tmp_path, monkeypatch, capsys, inside):
+def test_an_installed_package_has_them_inside(tmp_path, inside):
     """Examples inside the package are preferred to those beside it."""
     places = (tmp_path / "package" / "sweeps", tmp_path / "sweeps")
     for place in places[0 if inside else 1 :]:
         place.mkdir(parents=True)
         (place / f"{place.parent.name}.toml").write_text('title = "One"', encoding="utf-8")
-    monkeypatch.setattr(examples, "PLACES", places)
-    assert main(["examples"]) == 0
-    assert capsys.readouterr().out.split()[0] == ("package" if inside else tmp_path.name)
+    assert [*examples_in(places)] == ["package" if inside else tmp_path.name]

@@ -287,9 +287,13 @@ def test_places_and_windows_that_are_none_change_nothing(page, wild):
     assert not page.rows.size
 
 
-def test_a_view_without_a_size_is_that_of_all_points(points, monkeypatch):
-    monkeypatch.setattr(plane_view, "MANY", 10)
-    page = Page(points, Document(), Foreground())
+def many_times(points):
+    """Return so many points that they are gathered in pixels, at the places of a few."""
+    return points.taken(np.arange(plane_view.MANY + 1) % points.count)
+
+
+def test_a_view_without_a_size_is_that_of_all_points(points):
+    page = Page(many_times(points), Document(), Foreground())
     whole = page.plane.image.data["image"][0]
     plot = page.plane.figure
     for start, end in ((0.9, 0.9), (math.nan, 1.0), (-1.7e308, 1.7e308)):
@@ -336,12 +340,11 @@ def test_axes_colours_and_markers_can_be_chosen(page, points):
     assert len(set(page.plane.source.data["marker"])) == len(set(said))
 
 
-def test_very_many_points_are_gathered_in_pixels(points, monkeypatch):
-    monkeypatch.setattr(plane_view, "MANY", 10)
+def test_very_many_points_are_gathered_in_pixels(points):
     rng = np.random.default_rng(0)
     column = replace(points.columns["dt_min"], values=rng.random(30))
     many = replace(points, columns={**points.columns, "dt_min": column})
-    page = Page(many, Document(), Foreground())
+    page = Page(many_times(many), Document(), Foreground())
     image = page.plane.image.data["image"][0]
     assert np.isfinite(image).sum() == 30
     plot = page.plane.figure

@@ -11,12 +11,12 @@ import pytest
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.runs import chunks, pilot, plan
 from vibrosweep.runs import forecast as estimate_module
+from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.forecast import estimate, require_disk, require_memory
 from vibrosweep.runs.pilot import UNKNOWN, explore
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.scene.sweep import parse_spec, read_spec
-from vibrosweep.store.parts import Parts
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"
 WIDE = """title = "x"
@@ -111,14 +111,12 @@ def test_disk_is_foreseen_from_a_sample(workers, tmp_path):
     needs = estimate(spec, few, workers)
     sizes = []
 
-    def write(self, index, columns):
-        original(self, index, columns)
-        sizes.append(self.finished()[index].stat().st_size)
+    def weighing(job, indices, tick):
+        failed = in_process(2)(job, indices, tick)
+        sizes.extend(part.stat().st_size for part in job.parts.finished().values())
+        return failed
 
-    original = Parts.write
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Parts, "write", write)
-        summary = run_sweep(spec, tmp_path / "out.h5", threads=2, chunk=40_000)
+    summary = run_sweep(spec, tmp_path / "out.h5", threads=2, chunk=40_000, runner=weighing)
     assert needs.impacts == pytest.approx(summary.landings, rel=0.1)
     assert needs.result == pytest.approx((tmp_path / "out.h5").stat().st_size, rel=0.2)
     assert needs.parts == pytest.approx(sum(sizes), rel=0.2)
@@ -131,6 +129,7 @@ from dataclasses import replace
 from vibrosweep.engine.workers import Workers
 from vibrosweep.runs.forecast import estimate
 from vibrosweep.runs.plan import make_plan
+from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import parse_spec
 spec = parse_spec(sys.argv[1])

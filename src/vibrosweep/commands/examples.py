@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -23,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    files = _examples()
+    files = examples_in(PLACES)
     if options.all:
         _copy(files, options.output, force=options.force)
     elif options.names:
@@ -32,17 +33,20 @@ def perform(options: argparse.Namespace) -> None:
         _list(files)
 
 
-def _examples() -> dict[str, Path]:
-    """Return the files by name: the path without suffix, with slashes on every system."""
+def examples_in(places: Sequence[Path]) -> dict[str, Path]:
+    """Return the files of the first place that has any, by name.
+
+    A name is the path without suffix, with slashes on every system.
+    """
     from vibrosweep.errors import DataError
 
-    for place in PLACES:
+    for place in places:
         names = sorted(
             p.relative_to(place).with_suffix("").as_posix() for p in place.rglob("*.toml")
         )
         if names:
             return {name: place / f"{name}.toml" for name in names}
-    raise DataError(f"{PLACES[0]}: the example sweeps are missing; install vibrosweep again")
+    raise DataError(f"{places[0]}: the example sweeps are missing; install vibrosweep again")
 
 
 def _list(files: dict[str, Path]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import pickle
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from bokeh.document import Document
 from bokeh.embed import file_html
@@ -36,31 +36,39 @@ from vibrosweep.explore.table import TABLE, table_columns
 from vibrosweep.store.disk import check_output, replacing
 
 SCRIPT: Final = (Path(__file__).parent / "page.js").read_text("utf-8")
-LARGEST: Final = 10_000_000  # most bytes of a page
-MOST_POINTS: Final = 5000
 # Most bytes of the motions in memory; as text they take a third more
 OF_MOTIONS: Final = 6_500_000
-MOST_MOTIONS: Final = 150
 PERIODS: Final = 20.0
 PLANE: Final = "plane as at first"
 
 
-def write_page(points: Points, output: Path, *, force: bool) -> str:
+class Limits(NamedTuple):
+    """Largest numbers of what a page holds."""
+
+    size: int = 10_000_000  # bytes
+    points: int = 5000
+    motions: int = 150
+
+
+USUAL: Final = Limits()
+
+
+def write_page(points: Points, output: Path, *, force: bool, limits: Limits = USUAL) -> str:
     """Write a page as one file; return a sentence about its contents.
 
     Raises an OutputError if the file cannot be written, exists without `force`, or would be larger
-    than `LARGEST`.
+    than its limit.
     """
     check_output(output, force=force, inputs=(points.path,))
-    page = _Page(points, MOST_MOTIONS)
+    page = _Page(points, limits)
     text = page.html().encode()
-    while len(text) > LARGEST and len(page.kept) > 1:
-        page = _Page(points, len(page.kept) // 2)
+    while len(text) > limits.size and len(page.kept) > 1:
+        page = _Page(points, limits._replace(motions=len(page.kept) // 2))
         text = page.html().encode()
-    if len(text) > LARGEST:
+    if len(text) > limits.size:
         raise OutputError(
-            f"{output}: would have {len(text)} bytes, more than {LARGEST}; explore a result with "
-            f"fewer particles or a shorter duration"
+            f"{output}: would have {len(text)} bytes, more than {limits.size}; explore a "
+            f"result with fewer particles or a shorter duration"
         )
     with replacing(output, force=force) as disk:
         disk.write(text)
@@ -70,13 +78,13 @@ def write_page(points: Points, output: Path, *, force: bool) -> str:
 class _Page:
     """Widgets and figures of the page; their callbacks are in its script."""
 
-    def __init__(self, points: Points, most: int) -> None:
-        self.points = points.taken(evenly(points.count, MOST_POINTS))
+    def __init__(self, points: Points, limits: Limits) -> None:
+        self.points = points.taken(evenly(points.count, limits.points))
         self.plane = PlaneView(self.points)
         self.motion = MotionView("first", complete=True)
         self.kept: list[int] = []
         self.motions: list[dict[str, Any]] = []
-        self._compute(most)
+        self._compute(limits.motions)
         self.contents = (
             f"{self.points.count} of {points.count} points; a click shows the nearest of "
             f"{len(self.kept)} realizations (crosses) that were computed beforehand, spread evenly "
