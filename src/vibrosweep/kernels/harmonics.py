@@ -216,7 +216,7 @@ def for_each(field: str, term: str, given: str = "a, r, s, j", **names: Any) -> 
     @functools.cache
     def written(count: int) -> Any:
         terms = "".join(f"{term.format(k=k, row=k * STRIDE)}, " for k in range(count))
-        space: dict[str, Any] = dict(known)
+        space: dict[str, Any] = {"__name__": __name__, **known}
         exec(f"def written(shape, {given}):\n    return ({terms})\n", space)
         return space["written"]
 

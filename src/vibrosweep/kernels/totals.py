@@ -61,6 +61,7 @@ def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
         statistics = [statistic_of(kind) for kind in kinds]
         names: dict[str, Any] = {f"number_{k}": one.number for k, one in enumerate(statistics)}
         names |= {"fma": fma, "prefetch": prefetch, "nan": float("nan"), "inf": float("inf")}
+        names["__name__"] = __name__
         body = textwrap.indent("\n".join(write(statistics, *(None,) * others)), "    ")
         exec(f"def {write.__name__}({parameters}):\n{body}\n", names)
         return names[write.__name__]
