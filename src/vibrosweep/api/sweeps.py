@@ -108,7 +108,8 @@ def sweep(
     xarray.Dataset
         Measured variables with units and meanings as attributes, and parameters as coordinates.
         The dims are the axes of a grid, for other designs ``realization``; and ``particle`` for
-        measures of each particle.
+        measures of each particle.  The attribute ``notes`` says which defaults were taken, and
+        whether the observation is too short for the regimes or exponents asked for.
 
     Raises
     ------
