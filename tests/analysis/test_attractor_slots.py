@@ -32,5 +32,5 @@ def test_without_excitation_there_is_no_slot():
 
 
 def test_a_missing_variable_is_named():
-    with pytest.raises(DataError, match=r"capacity takes the result of basins.*cycle_periods"):
+    with pytest.raises(DataError, match=r"^capacity .*basins.*cycle_periods"):
         capacity(xr.Dataset({"regime": ("attractor", [2])}))

@@ -70,5 +70,5 @@ def test_massless_particles_leave_it_as_it_is():
 
 
 def test_a_record_without_some_of_the_particles_is_refused(one):
-    with pytest.raises(DataError, match="crossings: the landings of the record cannot be repeated"):
+    with pytest.raises(DataError, match=r"^crossings: "):
         base_motion(one.isel(particle=[0, 2]), "crossings")

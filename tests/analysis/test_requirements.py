@@ -25,7 +25,7 @@ def test_each_missing_variable_is_named_with_its_key():
 
 def test_the_function_is_named_whose_result_is_taken():
     basins = xr.Dataset({"regime": ("attractor", [2])})
-    with pytest.raises(DataError, match=r"^capacity takes the result of basins, .*fraction$"):
+    with pytest.raises(DataError, match=r"^capacity .*basins.*fraction$"):
         require(basins, "capacity", "regime", "fraction", source="basins")
 
 

@@ -82,12 +82,12 @@ def test_indices_of_one_impact_follow_from_its_height():
 def test_the_base_sample_is_a_power_of_2():
     with pytest.raises(ParameterError, match="power of 2"):
         indices(realizations=100)
-    with pytest.raises(SpecError, match="parameters that vary over ranges"):
+    with pytest.raises(SpecError, match="ranges"):
         indices({"amplitude": 1.0}, realizations=64)
 
 
 def test_outputs_must_be_measured_and_defined():
-    with pytest.raises(ParameterError, match="height is not a measured variable"):
+    with pytest.raises(ParameterError, match="height is not"):
         indices(outputs=["height"], realizations=2)
     with pytest.raises(DataError, match="undefined in 10 of 10"):
         indices(outputs=["rebound_height_max"], duration=0.1, launch=[0.0, 0.5], realizations=2)

@@ -70,7 +70,7 @@ def test_mistakes_are_named():
     with pytest.raises(ParameterError, match="measure = 'gap'"):
         separation_distribution(made([0.1], [1]), measure="gap")
     for quantiles in ([2.0], 0.5, "half", [float("nan")]):
-        with pytest.raises(ParameterError, match=r"quantiles = .*: must be a list of numbers"):
+        with pytest.raises(ParameterError, match=r"^quantiles = "):
             separation_distribution(made([0.1], [1]), quantiles=quantiles)
     with pytest.raises(DataError, match="differ in restitution"):
         separation_against(made([0.1, 0.2], [1, 1], restitution=[0.9, 0.9]), "restitution")

@@ -85,5 +85,5 @@ def test_what_no_sweep_has_computed_is_refused(change, word):
 
 
 def test_a_result_takes_no_keywords():
-    with pytest.raises(ParameterError, match="restitution: cannot be given beside a result"):
+    with pytest.raises(ParameterError, match=r"^restitution: "):
         vs.simulate(vs.sweep(restitution=0.9), restitution=0.8)

@@ -181,7 +181,7 @@ def test_a_mistake_is_named_with_its_value_and_what_is_allowed(name, value, allo
 
 @pytest.mark.parametrize("threads", [0, 1.0])
 def test_threads_are_a_number(threads):
-    with pytest.raises(ParameterError, match=f"threads = {threads}: must be a whole number, at le"):
+    with pytest.raises(ParameterError, match=f"^threads = {threads}: "):
         simulate(threads=threads)
 
 
@@ -236,7 +236,7 @@ def test_a_particle_that_is_given_up_is_noted():
     "draw", [figures.parameter_plane, figures.height_time, analysis.slot_decay, simulate]
 )
 def test_a_path_is_no_dataset(draw):
-    with pytest.raises(DataError, match=r"str: is not a dataset.*open_sweep\(path\)"):
+    with pytest.raises(DataError, match=r"^str: .*open_sweep\(path\)"):
         draw("out.h5")
 
 
@@ -295,7 +295,7 @@ def test_a_forcing_is_its_amplitude(way):
 
 
 def test_two_forcings_and_two_durations_are_refused():
-    with pytest.raises(SpecError, match="base_velocity gives the forcing, and so does amplitude"):
+    with pytest.raises(SpecError, match=r"base_velocity .* amplitude"):
         simulate(amplitude=1.2, base_velocity=0.5)
     with pytest.raises(SpecError, match=r"duration_periods = 4: duration = 3\.0 is given too"):
         simulate(duration=3.0, duration_periods=4)

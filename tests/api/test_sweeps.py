@@ -83,16 +83,14 @@ def test_a_bar_is_shown_where_it_is_wanted(capsys, monkeypatch):
 
 def test_what_does_not_fit_into_memory_is_refused(memory):
     memory(10_000)
-    with pytest.raises(ParameterError, match=r"write them to a file with vibrosweep\.run"):
+    with pytest.raises(ParameterError, match=r"vibrosweep\.run"):
         vs.sweep(**DRAWN)
 
 
 def test_mistakes_of_the_call_itself():
-    with pytest.raises(
-        ParameterError, match="particles: cannot be given beside a sweep file or a mapping"
-    ):
+    with pytest.raises(ParameterError, match=r"^particles: "):
         vs.sweep("sweep.toml", particles=3)
-    with pytest.raises(ParameterError, match="int: is not a sweep"):
+    with pytest.raises(ParameterError, match=r"^int: "):
         vs.sweep(3)
     with pytest.raises(ParameterError, match="threads = 0:"):
         vs.sweep(threads=0)
@@ -173,7 +171,7 @@ def test_a_switch_is_true_or_false(tmp_path, name, switch):
 )
 @pytest.mark.parametrize("table", [dict, xr.Dataset])
 def test_a_table_without_columns_is_refused(tmp_path, fixed, table):
-    with pytest.raises(TableError, match="has no columns; give one for each parameter"):
+    with pytest.raises(TableError, match="no columns"):
         vs.sweep(design=table(), **fixed)
     with pytest.raises(TableError, match="has no columns"):
         vs.run({"design": table(), **fixed}, tmp_path / "out.h5")
@@ -199,7 +197,7 @@ def test_a_label_may_be_called_as_what_python_and_xarray_know(tmp_path):
 
 def test_a_label_is_not_called_as_a_group_of_a_result(tmp_path):
     for name in ("record", "identity"):
-        with pytest.raises(TableError, match=f'"{name}" has the name of a variable of a result'):
+        with pytest.raises(TableError, match=f'"{name}" has the name'):
             vs.run({"design": PLAIN | {name: [1.0, 2.0, 3.0]}}, tmp_path / "out.h5")
 
 
@@ -212,7 +210,7 @@ def test_a_text_that_no_file_can_hold(tmp_path, character, chunk):
         lambda: vs.run({"design": design}, tmp_path / "out.h5", chunk=chunk),
         lambda: vs.sweep(design=design),
     ):
-        with pytest.raises(TableError, match=r'column "name", row 2 .*has a character that no'):
+        with pytest.raises(TableError, match=r'column "name", row 2 .*character'):
             compute()
     assert not list(tmp_path.iterdir())
     about = {"long_name": f"b{character}c"}
@@ -224,9 +222,7 @@ def test_a_text_that_no_file_can_hold(tmp_path, character, chunk):
 
 def test_more_labels_than_a_file_can_hold(tmp_path):
     many = {f"label_{k}": [1.0, 2.0, 3.0] for k in range(4100)}
-    with pytest.raises(
-        TableError, match=r"has 4100 columns that are no parameters; .* at most 3900"
-    ):
+    with pytest.raises(TableError, match=r" 4100 columns .* 3900"):
         vs.run({"design": PLAIN | many, "columns": [*PLAIN, *many]}, tmp_path / "out.h5")
     assert not list(tmp_path.iterdir())
 

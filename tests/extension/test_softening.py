@@ -71,7 +71,7 @@ raise SystemExit(main(["verify", sys.argv[2]]))
 
 
 def test_what_is_no_law_is_refused(law):
-    with pytest.raises(ParameterError, match="is a law of this package"):
+    with pytest.raises(ParameterError, match="this package"):
         vs.register_law(vs.Law("plastic", law.ratio, law.slope, law.bend))
     with pytest.raises(ParameterError, match="ratio must take 2 arguments"):
         vs.Law("other", law.bend, law.slope, law.bend)

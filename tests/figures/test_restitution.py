@@ -119,7 +119,7 @@ def test_very_many_realizations_are_counted_in_cells(synthetic_sweep):
 
 
 def test_what_is_missing_is_named(sweep):
-    with pytest.raises(DataError, match="needs the variable rebound_height_max"):
+    with pytest.raises(DataError, match="variable rebound_height_max"):
         height_against_restitution(sweep.drop_vars("rebound_height_max"))
     with pytest.raises(DataError, match=r"restitution = \[low, high\]"):
         height_against_restitution(sweep.isel(realization=[0]))

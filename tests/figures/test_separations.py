@@ -36,7 +36,7 @@ def test_realizations_without_chance_are_left_out_and_counted():
     np.testing.assert_array_equal(some.get_ydata(), [0.0, 0.5, 1.0, 1.0])
     assert axes.get_xlim() == (1e-3, 20.0)  # no value lies beyond
     assert np.isfinite(none.get_ydata()).sum() == 1  # which is no line
-    with pytest.raises(DataError, match="in which no particle rests or is locked"):
+    with pytest.raises(DataError, match="rests or is locked"):
         separations_over_chance([nowhere], ["none"])
     assert [one.get_label() for one in (some, none)] == [
         "some: 2 of 3 realizations",

@@ -231,5 +231,5 @@ def fly_compiled(fixed, x, u):
 @pytest.mark.parametrize("ask", [bases.fly, fly_compiled])
 @pytest.mark.parametrize("wrong", [Unknown(0.9), 0.9])
 def test_a_base_that_is_unknown_is_named(ask, wrong):
-    with pytest.raises(TypeError, match=r"fly has no implementation for (Unknown|[Ff]loat)"):
+    with pytest.raises(TypeError, match=r"^fly has no .*(Unknown|[Ff]loat)"):
         ask(wrong, 0.1, 1.0)

@@ -75,12 +75,12 @@ def test_functions_that_call_each_other():
 
 @pytest.mark.parametrize("value", [[1.0], np.ones(2), {"a": 1}, object(), (1.0, [2.0])])
 def test_what_could_change_without_notice_is_refused(value):
-    with pytest.raises(ParameterError, match=r"here: .* uses K, a .*, whose value could change"):
+    with pytest.raises(ParameterError, match=r"here: .* uses K, a "):
         identified(defined(USES, K=value))
 
 
 def test_a_module_of_the_user_could_change_too():
-    with pytest.raises(ParameterError, match=r"uses K, a module, .* use .* from settings import"):
+    with pytest.raises(ParameterError, match=r"uses K, a module, .* settings import"):
         identified(defined(USES, K=types.ModuleType("settings")))
 
 

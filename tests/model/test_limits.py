@@ -54,9 +54,9 @@ def test_another_name_of_a_key_is_guessed(word, key):
 
 
 def test_a_keyword_of_another_function_says_so():
-    with pytest.raises(vs.errors.SpecError, match=r"it is one of vibrosweep\.windows$"):
+    with pytest.raises(vs.errors.SpecError, match=r"vibrosweep\.windows$"):
         vs.sweep(kick_noise=0.1, noise_replicas=3)
-    with pytest.raises(vs.errors.SpecError, match=r"it is one of vibrosweep\.sweep$"):
+    with pytest.raises(vs.errors.SpecError, match=r"vibrosweep\.sweep$"):
         vs.simulate(restitution=0.9, realizations=3)
 
 

@@ -67,15 +67,15 @@ def test_mistakes_are_named(changes, words):
 def test_together_they_have_names_of_their_own():
     one, other = make(), make(name="other", along="bin", values=(1.0, 2.0))
     assert observables_of([one, other]) == (one, other)
-    with pytest.raises(ParameterError, match="seen is the name of two things"):
+    with pytest.raises(ParameterError, match="seen is"):
         observables_of([one, make()])
-    with pytest.raises(ParameterError, match="bin is the name of two things"):
+    with pytest.raises(ParameterError, match="bin is"):
         observables_of([other, make(name="bin")])
-    with pytest.raises(ParameterError, match="must have the same values"):
+    with pytest.raises(ParameterError, match="same values"):
         observables_of([other, make(along="bin", values=(1.0, 3.0))])
-    with pytest.raises(ParameterError, match=r"must be a vibrosweep\.Observable"):
+    with pytest.raises(ParameterError, match=r"vibrosweep\.Observable"):
         observables_of([count])
-    with pytest.raises(ParameterError, match=r"observables = Observable.*: must be a list of"):
+    with pytest.raises(ParameterError, match=r"^observables = Observable.*: "):
         observables_of(one)
 
 

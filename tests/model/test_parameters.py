@@ -166,9 +166,9 @@ def test_no_corner_of_the_ranges_leaves_double_precision(parameters):
 def test_times_beyond_counting_are_told_without_a_warning(time, parameters):
     scene = parameters(frequency=[1e9, 1.0, SMALLEST])
     assert representable(scene, [time]).tolist() == [False, False, abs(time) < 1e40]
-    with pytest.raises(ParameterError, match=r"^duration = .* forcing periods: at most"):
+    with pytest.raises(ParameterError, match=r"^duration = "):
         dimensionless(scene, time)
-    with pytest.raises(ParameterError, match=r"^launch time = .* forcing periods: at most"):
+    with pytest.raises(ParameterError, match=r"^launch time = "):
         launches((0.0, time), 2, scene["frequency"])
 
 

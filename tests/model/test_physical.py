@@ -41,7 +41,5 @@ def test_the_first_value_outside_is_named():
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_a_wrong_call_is_told_with_the_name_of_the_function(name):
-    with pytest.raises(
-        TypeError, match=rf"^{name}\(\) got an unexpected keyword argument 'colour'"
-    ):
+    with pytest.raises(TypeError, match=rf"^{name}\(\) got .*'colour'"):
         FUNCTIONS[name](**possible(FUNCTIONS[name]), colour=1)

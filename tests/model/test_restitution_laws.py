@@ -38,10 +38,10 @@ def test_one_clear_message_for_each_mistake(given, said):
 
 
 def test_arrays_and_tables_are_judged_too():
-    with pytest.raises(ParameterError, match=r"restitution: 0\.3 is out of range"):
+    with pytest.raises(ParameterError, match=r"restitution: 0\.3 "):
         vs.simulate(restitution=[0.8, 0.3], **VISCOELASTIC)
     table = {"restitution": [0.8, 0.2], "amplitude": [1.0, 1.0]}
-    with pytest.raises(TableError, match=r"restitution: 0\.2 is out of range"):
+    with pytest.raises(TableError, match=r"restitution: 0\.2 "):
         vs.sweep(design=table, duration=1.0, **VISCOELASTIC)
     with pytest.raises(TableError, match='"restitution_speed" is missing'):
         vs.sweep(design=table, duration=1.0, restitution_law="plastic")
@@ -83,7 +83,7 @@ def test_closed_form_of_the_ratio():
     np.testing.assert_allclose(at(v, 0.8, "viscoelastic", 1.0), expected, rtol=4e-16)
     np.testing.assert_allclose(at([0.5, 16.0], 0.8, "plastic", 1.0), [0.8, 0.4], rtol=1e-15)
     assert at([1.0, 2.0], 0.8).tolist() == [0.8, 0.8]
-    with pytest.raises(ParameterError, match="must be one of"):
+    with pytest.raises(ParameterError, match=r"^law = "):
         at(1.0, 0.8, "elastic")
     with pytest.raises(ParameterError, match="restitution_speed: is missing"):
         at(1.0, 0.8, "plastic")

@@ -221,7 +221,7 @@ def test_parts_on_another_file_system(one, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "VISIBLE_WITHIN", 0.0)
     with (
         cluster.connected(one.scheduler_address) as client,
-        pytest.raises(RunError, match=r"6 parts .* must share one file system"),
+        pytest.raises(RunError, match=r"^.*: 6 parts .* one file system"),
     ):
         run_sweep(
             parse_spec(SWEEP),
@@ -257,7 +257,7 @@ time.sleep(60)
     spec = read_spec(tmp_path / "sweep.toml")
     with (
         cluster.connected(scheduler.stdout.readline().strip()) as client,
-        pytest.raises(RunError, match=r"the scheduler of the Dask cluster has gone; \d+ of 40"),
+        pytest.raises(RunError, match=r"scheduler .* \d+ of 40"),
     ):
         run_sweep(
             spec,

@@ -62,7 +62,7 @@ def test_other_files(tmp_path):
     with h5py.File(foreign, "w") as file:
         file["x"] = np.arange(3)
     for path in (text, empty, foreign, tmp_path, tmp_path / ("x" * 300)):
-        with pytest.raises(DataError, match="is not a result"):
+        with pytest.raises(DataError, match="not a result"):
             list(describe(path))
-    with pytest.raises(DataError, match="there is no such result file"):
+    with pytest.raises(DataError, match="no such"):
         list(describe(tmp_path / "none.h5"))

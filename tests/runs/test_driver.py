@@ -164,7 +164,7 @@ def test_a_table(compute, tmp_path, ending):
 
 def test_a_bad_table_leaves_nothing(compute, tmp_path):
     (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,nan\n")
-    with pytest.raises(TableError, match="nan is not allowed"):
+    with pytest.raises(TableError, match="nan"):
         compute('[sample]\ndesign = "table.csv"\n')
     assert not list(tmp_path.glob("*.h5"))
     assert not list(tmp_path.glob(".*"))

@@ -116,7 +116,7 @@ def test_what_is_exempt_is_a_field_and_has_a_reason():
 
 
 def test_a_field_of_an_unknown_kind_is_not_passed_over(spec):
-    with pytest.raises(TypeError, match=r"title: the identity .* cannot hold a object"):
+    with pytest.raises(TypeError, match=r"^title: .* object"):
         identity(replace(spec, title=object()))
 
 

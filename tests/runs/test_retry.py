@@ -110,7 +110,7 @@ def ending(job, indices, tick):
 def test_what_is_not_finished_is_not_retried(sweep, output, force):
     with pytest.raises(Interruption, match="2 of"):
         run_sweep(sweep(32), output, threads=1, chunk=1, runner=ending)
-    with pytest.raises(RunError, match="is not finished; finish the run before"):
+    with pytest.raises(RunError, match="is not finished"):
         retry_failed(sweep(32), output, threads=1, impact_budget=1000, force=force)
     assert len(list(run_directory(output).glob("*.part"))) == 2
 
@@ -121,7 +121,7 @@ def test_a_retry_that_is_ended_continues(sweep, output, tmp_path):
     with pytest.raises(Interruption, match="2 of"):
         retry_failed(sweep(32), output, threads=1, impact_budget=1000, chunk=1, runner=ending)
     assert output.read_bytes() == old
-    with pytest.raises(RunError, match=r"rows computed again: was \d+ .*, is not given"):
+    with pytest.raises(RunError, match=r"rows computed again: was \d+ "):
         run_sweep(sweep(1000), output, threads=1)
     told = []
     retry_failed(
@@ -162,13 +162,13 @@ def test_what_is_not_the_same_sweep(sweep, output, tmp_path):
     with pytest.raises(DataError, match="no such result"):
         retry_failed(sweep(32), output, threads=1)
     run_sweep(sweep(32), output, threads=1)
-    with pytest.raises(RunError, match=r"another sweep or version:\n  sample.design: was uniform"):
+    with pytest.raises(RunError, match=r"\n  sample.design: was uniform"):
         retry_failed(sweep(64, "sobol"), output, threads=1)
-    with pytest.raises(RunError, match="raise it with impact_budget="):
+    with pytest.raises(RunError, match="impact_budget="):
         retry_failed(sweep(8), output, threads=1)
     with xr.load_dataset(output) as result:
         result.to_netcdf(tmp_path / "foreign.h5", engine="h5netcdf")
-    with pytest.raises(DataError, match="is not a result"):
+    with pytest.raises(DataError, match="not a result"):
         retry_failed(sweep(32), tmp_path / "foreign.h5", threads=1)
     assert not run_directory(output).exists()
 
@@ -217,9 +217,7 @@ def test_a_retry_with_any_other_measure_is_refused(tmp_path, output):
         value = getattr(spec.scene.measures, field.name)
         other = {field.name: not value if isinstance(value, bool) else value + 1}
         spec = spec.with_measures(**other)
-        with pytest.raises(
-            RunError, match=rf"another sweep or version:\n(.*\n)*  measure.{field.name}: "
-        ):
+        with pytest.raises(RunError, match=rf"\n  measure.{field.name}: "):
             retry_failed(spec, output, threads=1, impact_budget=1000)
 
 

@@ -475,7 +475,7 @@ def test_byte_order_mark(tmp_path):
 
 
 def test_text_without_a_file():
-    with pytest.raises(SpecError, match="the sweep's text: title"):
+    with pytest.raises(SpecError, match="title"):
         parse_spec("")
 
 

@@ -284,7 +284,7 @@ def test_missing_table(tmp_path):
 def test_broken_netcdf(tmp_path):
     path = tmp_path / "rows.nc"
     path.write_text("restitution,amplitude\n")
-    with pytest.raises(TableError, match="not a readable netCDF-4 file") as caught:
+    with pytest.raises(TableError, match="netCDF-4") as caught:
         opened(path)
     assert str(path) in str(caught.value)
 
@@ -300,7 +300,7 @@ def test_bad_netcdf(netcdf):
     with pytest.raises(TableError, match='column "restitution", row 2'):
         opened(path)
     path = netcdf(restitution=("n", ["a"]), amplitude=("n", [1.0]))
-    with pytest.raises(TableError, match=r'column "restitution", row 1.*: a is not allowed'):
+    with pytest.raises(TableError, match=r'column "restitution", row 1.*: a '):
         opened(path)
 
 
@@ -319,5 +319,5 @@ def test_a_table_gives_the_forcing_in_any_way(csv, way):
     ],
 )
 def test_a_table_gives_the_forcing_once(csv, header, extra):
-    with pytest.raises(TableError, match="amplitude and base_velocity both give the forcing"):
+    with pytest.raises(TableError, match="amplitude and base_velocity"):
         opened(csv(f"{header}\n0.5,1.0,1.0\n"), extra)

@@ -78,7 +78,7 @@ def test_a_part_of_another_run_or_chunk_is_not_taken(parts):
     ids=["missing", "more", "type", "shape", "rows"],
 )
 def test_other_columns_than_those_declared_are_neither_written_nor_taken(parts, columns):
-    with pytest.raises(RunError, match="chunk 0 was computed with other columns"):
+    with pytest.raises(RunError, match=r"chunk 0 .* columns"):
         parts.write(0, columns)
     assert parts.finished() == {}
     with pytest.MonkeyPatch.context() as patch:
@@ -94,7 +94,7 @@ def test_what_is_no_part_is_not_counted(parts):
 
 
 def test_a_part_that_cannot_be_written(tmp_path):
-    with pytest.raises(OutputError, match=r"gone was removed; make the directory again"):
+    with pytest.raises(OutputError, match=r"gone was removed"):
         Parts(tmp_path / "gone", manifest()).write(0, COLUMNS)
 
 

@@ -95,7 +95,7 @@ def test_files_that_hdf5_cannot_read(sound, tmp_path, monkeypatch):
     cut.write_bytes(sound.read_bytes()[:5000])
     with pytest.raises(ValueError, match="truncated file"):
         require_readable(cut)
-    with pytest.raises(DataError, match="is not a result of vibrosweep"), reading(cut):
+    with pytest.raises(DataError, match="not a result"), reading(cut):
         pass
     fake = tmp_path / "fake.py"
     monkeypatch.setattr(trial, "__file__", str(fake))
@@ -104,5 +104,5 @@ def test_files_that_hdf5_cannot_read(sound, tmp_path, monkeypatch):
         require_readable(cut)
     fake.write_text("import time; time.sleep(60)")
     monkeypatch.setattr(trial, "PATIENCE", 0.3)
-    with pytest.raises(ValueError, match="does not finish reading it"):
+    with pytest.raises(ValueError, match="finish reading"):
         require_readable(cut)  # which would read it, without an error, in a minute

@@ -116,7 +116,7 @@ def test_graze_is_decided_between_neighbouring_doubles():
     assert flight(below)[0] < 0.5
     assert flight(above)[0] > 1.0
     assert 0.0 < float(flight(below)[1]) < 1e-6
-    with pytest.raises(UndecidableError, match="whether the flight grazes the base or lands"):
+    with pytest.raises(UndecidableError, match="grazes"):
         first_landing(0.5, 3.0, 0.0, below, bits=48, max_bits=48)
 
 

@@ -236,11 +236,11 @@ def test_particles_of_one_state_land_in_the_order_of_their_numbers():
 
 def test_what_is_undecided_is_named():
     still = {"amplitude": 0.0, "gravity": 2.0, "launch_velocity": 1.0}
-    with pytest.raises(UndecidableError, match="the launch of particle 1 precedes the landing of"):
+    with pytest.raises(UndecidableError, match="launch of particle 1"):
         run((0.0, 1.0), 3.0, **still)
     assert len(run((0.0,), 1.0, **still).particles[0].impacts) == 1  # exactly at the end
     resonant = {"mount_frequency": 1.5, "mass_ratio": 1.25, "mount_damping": 0.0}
-    with pytest.raises(UndecidableError, match="the loaded base is driven at its resonance"):
+    with pytest.raises(UndecidableError, match="resonance"):
         run((0.0,), 3.0, restitution=0.0, **resonant)
 
 
