@@ -27,7 +27,7 @@ from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.coupled.sequence import landings
+from vibrosweep.kernels.coupled.landings import landings
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene
@@ -314,13 +314,11 @@ def orders(rng: np.random.Generator, base: str, threads: int = 2) -> tuple[int, 
     scenes = [scene(rng, base)[0] for _ in range(12)]
     together = {n: np.concatenate([one[n] for one in scenes]) for n in scenes[0]}
     coupled_base = base.startswith("sprung")
-    others = (
-        {"ordering": True, "joint": True}
-        if coupled_base
-        else {"regimes": True, "lyapunov": True, "trust": True}
-    )
+    others = {"joint": True} if coupled_base else {"regimes": True, "lyapunov": True, "trust": True}
     begin, end = float(rng.uniform(0.0, 10.0)), float(rng.uniform(20.0, 60.0))
-    asked = Measures(separation=True, per_particle=True, transient=Periods(begin), **others)
+    asked = Measures(
+        separation=True, per_particle=True, ordering=True, transient=Periods(begin), **others
+    )
     late = float(rng.choice([0.0, 15.0])) / together["frequency"].min()
     launch = (*sorted(rng.uniform(0.0, 1.0, 3)), late)
     watched = Scene(4, launch, Periods(end), "rest", asked, base=base.split()[0])

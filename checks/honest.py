@@ -66,6 +66,7 @@ mount_damping = {float(rng.choice([0.0, 0.05, 1.0, rng.uniform(0.0, 3.0)]))!r}
     else:
         mount = ""
         measures = f"regimes = {truth(0.7)}\nlyapunov = {truth(0.7)}\ntrust = {truth()}"
+        measures += "\nordering = true"
     sampled, recorded = random_sample(rng, base, frequency)
     record = f"[record]\n{recorded}{mount}" if rng.random() < 0.2 else ""
     return f"""title = "Honest"

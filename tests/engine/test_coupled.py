@@ -12,8 +12,9 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.coupled.counting import work_for
-from vibrosweep.kernels.coupled.sequence import clear, landings, note
+from vibrosweep.kernels.coupled.landings import clear, landings, note
 from vibrosweep.kernels.listing import Listed
+from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 
@@ -27,12 +28,14 @@ MOUNT = {"mass_ratio": 0.02, "mount_frequency": 0.37, "mount_damping": 0.05}
 )
 def test_without_mass_particles_do_not_act_on_each_other(restitution, gamma):
     scene = {"restitution": restitution, "base_acceleration": gamma, "launch_time": list(LAUNCHES)}
+    scene["ordering"] = True
     alone = vs.simulate(base="moving", duration=6.0, **scene)
     mount = {"mass_ratio": 0.0, "mount_frequency": 0.6, "mount_damping": 0.1}
     coupled = vs.simulate(base="sprung", duration=6.0, **scene, **mount)
     assert np.array_equal(alone.impact_count, coupled.impact_count)
     assert np.array_equal(alone.rested, coupled.rested)
-    for name in ("landing_time", "liftoff_time", "rebound_velocity"):
+    ordered = [v.name for v in MEASURES["ordering"].variables]
+    for name in ("landing_time", "liftoff_time", "rebound_velocity", *ordered):
         # orbits that are not chaotic over six periods
         np.testing.assert_allclose(coupled[name], alone[name], rtol=0.0, atol=1e-12)
 
@@ -219,13 +222,13 @@ def test_results_do_not_depend_on_how_many_impact_numbers_are_remembered_at_firs
 
 def test_a_separation_of_equal_numbers_once_unknown_stays_unknown():
     memory = landings(2, 1)
-    order = clear(memory)
+    noted = clear(memory)
     for time, who in ((0.1, 0), (0.2, 0), (0.3, 1), (0.4, 1)):
         # the first landing of particle 1 meets a memory in which that of particle 0 is lost
         landing = Listed(0.0, time, 1e-4, float(who))
-        order = note(memory, order, landing, False, Instant(0.0, 0.0))
+        noted = note(memory, noted, landing, False, Instant(0.0, 0.0))
     assert memory.numbered[1, 0] == 0.4
-    assert np.isnan(order.same)
+    assert np.isnan(noted.same)
 
 
 def test_a_stiff_overdamped_mount_moves_nearly_as_its_foot():

@@ -78,9 +78,10 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
     scene["amplitude"][6], scene["launch_velocity"][4] = 0.0, 0.0
     late = parameters(restitution=0.3, amplitude=3.857, launch_velocity=4.905)
     measures = {"regimes": True, "lyapunov": True, "trust": True, "tolerance": 1e-9}
+    measures |= {"ordering": True}
     if noise:  # no orbit recurs, and plain Python takes its time over the numbers drawn
         scene = {name: values[:3] for name, values in scene.items()}
-        measures = {"separation": True}
+        measures = {"separation": True, "ordering": True}
         for given in (scene, late):
             given |= {name: np.full(given["phase"].size, 0.2) for name in noise}
             given["noise_stream"] = np.arange(given["phase"].size)

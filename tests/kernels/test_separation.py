@@ -186,12 +186,13 @@ def test_two_ways_of_brute_force_agree(transient, random_scenes, observe, record
 def test_crowds_beyond_the_shortest_slab_are_undetermined(parameters, observe, workers):
     # flights shrink below 2^-53 periods: their landings are one instant, and more than the list
     inputs = parameters(restitution=0.9999, amplitude=0.0, contact_time=1e-18, launch_velocity=1e-6)
-    measured = measure(inputs, observe((0.0, 0.5), duration=1.0), workers)
+    measured = measure(inputs, observe((0.0, 0.5), duration=1.0, ordering=True), workers)
     assert measured["impact_count"] > 200_000
     assert measured["status"] == 0
     assert measured["base_shared"] == measured["collision_free"] == -1
     assert np.isnan(measured["dt_min"])
     assert np.isnan(measured["dt_min_same_index"])
+    assert measured["order_changes"] == -1
 
 
 # gravity 2 and frequency 1: speeds are flight times.  Without restitution a particle that lands
@@ -268,10 +269,10 @@ def test_particles_at_rest_for_good_share_the_base(parameters, observe, workers,
 def test_a_late_end_costs_nothing_when_all_rest_for_good(parameters, observe, workers):
     inputs = parameters(amplitude=0.0, restitution=0.5)
     early, late = (
-        measure(inputs, observe((0.0, 0.3), duration=duration), workers)
+        measure(inputs, observe((0.0, 0.3), duration=duration, ordering=True), workers)
         for duration in (20.0, 1e15)
     )
-    for name in ("dt_min", "dt_min_same_index", "base_shared", "impact_count"):
+    for name in ("dt_min", "dt_min_same_index", "base_shared", "impact_count", "order_changes"):
         assert early[name] == late[name]
 
 

@@ -29,6 +29,7 @@ per_particle = true
 regimes = true
 lyapunov = true
 trust = true
+ordering = true
 impact_speed = true
 [record]
 restitution = 0.9

@@ -77,6 +77,7 @@ class MeasureKeywords(TypedDict, total=False):
     lyapunov: bool | None
     trust: bool | None
     ordering: bool | None
+    undecided: bool | None
     joint: bool | None
     impact_speed: bool | None
     tolerance: float | None

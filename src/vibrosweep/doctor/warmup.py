@@ -31,6 +31,7 @@ from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.extended import FIX_E, correct_point, directions, splitting
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.impact import KIND_OF
+from vibrosweep.kernels.landing_order import find_order
 from vibrosweep.kernels.orbit_search import find_closed
 from vibrosweep.kernels.recorder import leave_rest_empty
 from vibrosweep.kernels.separation import separate
@@ -52,6 +53,7 @@ KERNELS: Final[tuple[Any, ...]] = (
     directions,
     find_closed,
     find_fixed,
+    find_order,
     first_of_each,
     follow,
     follow_line,
@@ -93,6 +95,7 @@ def warm_up() -> Compiled:
             endless = Scene(2, "staggered", 2.0, rebound, base=base).recorded(1000)
             record_landings(batches[0], endless, workers)
             measures = Measures(transient, separation=True, lyapunov=regimes, trust=True)
+            measures = replace(measures, ordering=True)
             # long enough for orbits to recur
             longer = replace(endless, duration=2.0 * PERIODS_TO_RECUR)
             for parameters in batches:

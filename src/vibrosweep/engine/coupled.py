@@ -15,6 +15,7 @@ from vibrosweep.engine.in_units import (
     of_launches,
     of_particles,
     of_realizations,
+    order_in_units,
     separations_in_units,
 )
 from vibrosweep.engine.observable_values import kinds_of, observable_values
@@ -71,7 +72,8 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
         statistics.particles,
         lambda observer: _followed(parameters, scene, workers, 0, observer)[0].particles,
     )
-    found |= separations_in_units(listed.separations, frequency) | _order(listed, frequency)
+    found |= separations_in_units(listed.separations, frequency)
+    found |= order_in_units(listed.order, frequency) | {"undecided_count": listed.undecided}
     if scene.measures.joint:
         found |= _joint(parameters, scene, workers)
     return found
@@ -133,18 +135,6 @@ def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     law, noise = restitution_of(scene.restitution_law), noise_of(problem.noise, scene.noise_seed)
     return Coupled(problem, mounts(parameters, law, shape_of(scene.waveform), noise), launch)
-
-
-def _order(listed: PerRealization, frequency: Array) -> Measured:
-    """Return the variables of the order of landings."""
-    names = ("order_1", "order_2", "order_3", "order_half", "order_third")
-    return {
-        **{name: listed.order[:, h].copy() for h, name in enumerate(names)},
-        "gap_median": listed.gap_median / frequency,
-        "gap_min": listed.gap_least / frequency,
-        "order_changes": listed.changes,
-        "undecided_count": listed.undecided,
-    }
 
 
 def _joint(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.engine.launched import launched_in_window
 from vibrosweep.kernels.separation import Separations
+from vibrosweep.kernels.sequence import Orders
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
@@ -98,6 +99,17 @@ def separations_in_units(found: Separations, frequency: Array) -> Measured:
         "dt_min_same_index": found.same / frequency,
         "base_shared": shared,
         "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
+    }
+
+
+def order_in_units(found: Orders, frequency: Array) -> Measured:
+    """Return the order of realizations, by the names of `vibrosweep.model.measures`."""
+    names = ("order_1", "order_2", "order_3", "order_half", "order_third")
+    return {
+        **dict(zip(names, found.phases, strict=True)),
+        "gap_median": found.gap_median / frequency,
+        "gap_min": found.gap_least / frequency,
+        "order_changes": found.changes,
     }
 
 

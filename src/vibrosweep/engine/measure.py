@@ -16,6 +16,7 @@ from vibrosweep.engine.in_units import (
     of_launches,
     of_particles,
     of_realizations,
+    order_in_units,
     separations_in_units,
 )
 from vibrosweep.engine.observable_values import observable_values
@@ -86,6 +87,8 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
         measured |= orbit_variables(found.orbits, frequency)
     if found.separations is not None:
         measured |= separations_in_units(found.separations, frequency)
+    if found.order is not None:
+        measured |= order_in_units(found.order, frequency)
     if found.bounds is not None:
         measured |= _error_bounds(found.bounds, scene, parameters)
     return measured | observable_values(

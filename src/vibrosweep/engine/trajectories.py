@@ -24,11 +24,13 @@ from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached
 from vibrosweep.kernels.bases import Base, fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests, no_cycles
 from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.landing_order import find_order, order_work
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer, observer_scratch
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.recorder import KINDS_RECORDED, Recorder, recorder_scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate
+from vibrosweep.kernels.sequence import Orders, empty_orders
 from vibrosweep.kernels.settle import Search, settle
 from vibrosweep.kernels.settled import Orbits, empty_orbits
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_sums
@@ -59,7 +61,9 @@ class Followed:
     trajectories: Statistics | None
     realizations: Statistics
     orbits: Orbits | None  # orbits on which the trajectories settle
-    separations: Separations | None  # of realizations
+    # separations, order: of realizations
+    separations: Separations | None
+    order: Orders | None
     bounds: Trust | None  # of trajectories
 
 
@@ -113,16 +117,15 @@ def _follow(
         max(1, 2 * TRAJECTORIES_PER_TASK // particles),
         realizations,
     )
-    orbits = separations = bounds = None
+    orbits = bounds = None
     if measures.regimes:
         found = no_cycles(size * particles) if cycles is None else cycles
         orbits = _orbits(problem, launch, trajectories, found, scene, workers)
-    if measures.separation:
-        separations = _separations(problem, launch, scene, realizations, cycles, workers)
+    in_time = _in_time(problem, launch, scene, realizations, cycles, workers)
     if measures.trust:
         bounds = _error_bounds(problem, launch, tolerance, scene, workers)
     kept = trajectories if measures.per_particle or measures.observables else None
-    return Followed(kept, realizations, orbits, separations, bounds)
+    return Followed(kept, realizations, orbits, *in_time, bounds)
 
 
 def statistics(
@@ -211,34 +214,43 @@ def _lasts(problem: Dimensionless, launch: Launches, periods: float) -> bool:
     return bool(np.max(problem.end_count) - np.min(launch.whole) + 2.0 > periods)
 
 
-def _separations(
+def _in_time(
     problem: Dimensionless,
     launch: Launches,
     scene: Scene,
     realizations: Statistics,
     cycles: Cycles | None,
     workers: Workers,
-) -> Separations:
+) -> tuple[Separations | None, Orders | None]:
+    """Measure what needs the landings of all particles in the order of time."""
     size, particles = problem.kick.size, scene.particles
-    found = empty_separations(size)
-    if particles == 1:  # a single particle has no separations
-        found.gap[:] = found.same[:] = np.nan
-        found.shared[:] = np.where(realizations.status == Status.COMPLETED, 0, UNDETERMINED)
-        return found
     complete = realizations.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
     batch = Batch(base_in(scene, problem), problem, launch)
-    # shared by all tasks, because they are costly to allocate
-    workspaces = [workspace(particles) for _ in range(min(size, workers.threads))]
 
-    def task(first: int, last: int) -> None:
-        work = workspaces.pop()
-        separate(first, last, batch, complete, scene.budget, work, known, found)
-        workspaces.append(work)
+    def run(kernel: Any, memory: Callable[[int], Any], found: Any) -> None:
+        # shared by all tasks, because it is costly to allocate
+        idle = [memory(particles) for _ in range(min(size, workers.threads))]
 
-    per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))
-    workers.run(task, size, per_task, found)
-    return found
+        def task(first: int, last: int) -> None:
+            work = idle.pop()
+            kernel(first, last, batch, complete, scene.budget, work, known, found)
+            idle.append(work)
+
+        workers.run(task, size, max(1, TRAJECTORIES_PER_TASK // (32 * particles)), found)
+
+    separations = order = None
+    if scene.measures.separation:
+        separations = empty_separations(size)
+        if particles > 1:
+            run(separate, workspace, separations)
+        else:  # a single particle has no separations
+            separations.gap[:] = separations.same[:] = np.nan
+            separations.shared[:] = np.where(complete, 0, UNDETERMINED)
+    if scene.measures.ordering:
+        order = empty_orders(size)
+        run(find_order, order_work, order)
+    return separations, order
 
 
 def _error_bounds(
@@ -285,5 +297,6 @@ def _repeated(found: Followed, source: NDArray[np.intp], scene: Scene) -> Follow
         of_realizations(found.realizations),
         of_trajectories(found.orbits),
         of_realizations(found.separations),
+        of_realizations(found.order),
         of_trajectories(found.bounds),
     )

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Floats, Integers, part
+from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.lanes import LANES, STRIDE, aligned
 
 FEW = 24  # a cell with more landings is sorted by itself
@@ -91,23 +91,31 @@ def workspace(particles: int) -> Workspace:
     )
 
 
+@jit
+def _is_after(listed: Floats, q: int, n: float, x: float, name: float) -> bool:
+    """Return whether ordered landing q comes after another one, which has this name."""
+    later = (listed[ORDERED + LIST.WHOLE, q] - n) + (listed[ORDERED + LIST.PHASE, q] - x)
+    return bool(later > 0.0 or (later == 0.0 and listed[ORDERED + LIST.WHO, q] > name))
+
+
 @part
 def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
     """Put the ordered landings start ... stop - 1 exactly in the order of time.
 
-    Shell's method with shrinking gaps; a first gap of 1 makes it an insertion sort.
+    Those of one instant stand in the order of their names.  Shell's method with shrinking gaps; a
+    first gap of 1 makes it an insertion sort.
     """
     whole, phase = ORDERED + LIST.WHOLE, ORDERED + LIST.PHASE
     lasts, who = ORDERED + LIST.STAY, ORDERED + LIST.WHO
     while gap > 0:
         for q in range(start + gap, stop):
-            n, x, place = listed[whole, q], listed[phase, q], q
-            if not (listed[whole, q - gap] - n) + (listed[phase, q - gap] - x) > 0.0:
+            n, x, name, place = listed[whole, q], listed[phase, q], listed[who, q], q
+            if not _is_after(listed, q - gap, n, x, name):
                 continue
-            stay, name = listed[lasts, q], listed[who, q]
+            stay = listed[lasts, q]
             while place >= start + gap:
                 before = place - gap
-                if not (listed[whole, before] - n) + (listed[phase, before] - x) > 0.0:
+                if not _is_after(listed, before, n, x, name):
                     break
                 for row in range(ORDERED, 2 * ORDERED):
                     listed[row, place] = listed[row, before]

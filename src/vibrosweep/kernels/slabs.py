@@ -1,11 +1,13 @@
-"""Smallest separation between any landings of different particles.
+"""Landings of independent particles, in slabs of time: smallest separation, and order.
 
-The landings are found in slabs of time and put in order by a bucket pass.  Differences are taken as
+The landings of a slab are listed and put in order by a bucket pass.  Differences are taken as
 (difference of whole periods) + (difference of phases), and slabs end at dyadic phases, where the
 comparison is exact: nothing is lost at late times.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,11 +29,13 @@ from vibrosweep.kernels.listing import (
 from vibrosweep.kernels.ordering import (
     LIST,
     OF_STATE,
+    ORDERED,
     STATE,
     Workspace,
     closest,
     put_in_order,
 )
+from vibrosweep.kernels.sequence import Order, Turns, no_order, note_turn
 
 UNKNOWN = -1
 
@@ -113,44 +117,92 @@ def _last(listed: Floats, k: int, latest: Listed) -> Listed:
     return latest
 
 
+class Slab(NamedTuple):
+    """A slab of time."""
+
+    # whole, phase: of the instant at which it begins, infinite periods after the end
+    whole: float
+    phase: float
+    periods: float  # its length
+
+
+@jit
+def first_slab(fixed: Constants, window: Window, work: Workspace) -> Slab:
+    """Slab to begin with, in which the first landing in the window is, or before that."""
+    first = _earliest(fixed, work)
+    return Slab(max(first, window.begin.whole) if window.late else first, -0.5, 1.0)
+
+
+@jit
+def fill(fixed: Constants, window: Window, work: Workspace, slab: Slab) -> tuple[int, Slab, Slab]:
+    """List the landings of a slab, which is halved until they fit.
+
+    Returns their number, -1 if they crowd beyond what slabs can resolve, the slab, and the next.
+    """
+    n_end, x_end = window.end
+    while True:
+        _copy(work.state, work.saved)
+        n, x = slab.whole + np.floor(slab.phase + slab.periods + 0.5), slab.phase + slab.periods
+        x -= np.floor(x + 0.5)
+        at_end = not n - n_end <= x_end - x
+        stop = window.end if at_end else Instant(n, x)
+        k = _collect(fixed, stop, window, work)
+        if k >= 0 or slab.periods <= SHORTEST_SLAB:
+            break
+        _copy(work.saved, work.state)
+        slab = Slab(slab.whole, slab.phase, 0.5 * slab.periods)
+    longer = 2.0 if k < ENOUGH and slab.periods < LONGEST_SLAB else 1.0
+    return k, slab, Slab(np.inf if at_end else n, x, longer * slab.periods)
+
+
 @jit
 def all_landings(fixed: Constants, window: Window, work: Workspace) -> tuple[float, int]:
     """Smallest gap between any landings of different particles, and whether the base was shared.
 
     Returns (inf, UNKNOWN) where landings crowd beyond what slabs can resolve.
     """
-    state, listed, cells = work.state, work.listed, work.cells
+    listed, cells = work.listed, work.cells
     n_end, x_end = window.end
-    n_stop, x_stop = _earliest(fixed, work), -0.5
-    if window.late:
-        n_stop = max(n_stop, window.begin.whole)
-    slab = 1.0
-    latest = nobody()
+    slab, latest = first_slab(fixed, window, work), nobody()
     gap, shared = np.inf, 0
-    while n_stop - n_end <= x_end - x_stop and not (gap == 0.0 and shared == 1):
-        _copy(state, work.saved)
-        n_next, x_next = n_stop + np.floor(x_stop + slab + 0.5), x_stop + slab
-        x_next -= np.floor(x_next + 0.5)
-        at_end = not n_next - n_end <= x_end - x_next
-        stop = window.end if at_end else Instant(n_next, x_next)
-        k = _collect(fixed, stop, window, work)
+    while slab.whole - n_end <= x_end - slab.phase and not (gap == 0.0 and shared == 1):
+        k, slab, following = fill(fixed, window, work, slab)
         if k < 0:
-            if slab <= SHORTEST_SLAB:
-                return np.inf, UNKNOWN
-            _copy(work.saved, state)
-            slab *= 0.5
-            continue
+            return np.inf, UNKNOWN
         nearer = np.nan
         if shared == 1:  # stays need the order, gaps do not
             nearer = closest(listed, cells, _with_latest(listed, k, latest), gap)
         if nearer <= gap:
             gap, latest = nearer, _last(listed, k, latest)
         else:
-            put_in_order(listed, cells, k, n_stop, x_stop, slab)
+            put_in_order(listed, cells, k, slab.whole, slab.phase, slab.periods)
             latest, gap, shared = compare(listed, k, latest, gap, shared)
-        if at_end:
-            break
-        n_stop, x_stop = n_next, x_next
-        if k < ENOUGH and slab < LONGEST_SLAB:
-            slab *= 2.0
+        slab = following
     return gap, shared
+
+
+@jit
+def order_all(
+    fixed: Constants, window: Window, work: Workspace, memory: Turns
+) -> tuple[Order, bool]:
+    """Order of all landings, and whether it is known: not if they crowd beyond a slab.
+
+    They are listed from the launch on, because turns begin there.
+    """
+    n_end, x_end = window.end
+    every, order = Window(False, window.begin, window.end), no_order(memory)
+    slab = first_slab(fixed, every, work)
+    while slab.whole - n_end <= x_end - slab.phase:
+        k, slab, following = fill(fixed, every, work, slab)
+        if k < 0:
+            return order, False
+        put_in_order(work.listed, work.cells, k, slab.whole, slab.phase, slab.periods)
+        for q in range(k):
+            landing = listed_at(work.listed, ORDERED, q)
+            seen = window.begin.whole - landing.whole <= landing.phase - window.begin.phase
+            late = seen and (x_end - landing.phase) + (n_end - landing.whole) <= 1.0
+            name = landing.who if seen else -1.0 - landing.who
+            named = Listed(landing.whole, landing.phase, landing.stay, name)
+            order = note_turn(memory, order, named, late)
+        slab = following
+    return order, True

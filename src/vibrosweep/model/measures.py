@@ -393,8 +393,8 @@ _LYAPUNOV: Final = Measure(
 )
 
 _ORDERING: Final = Measure(
-    "order of the landings of particles that a base of finite mass couples; always measured there",
-    "nothing",
+    "order of the landings; always measured over a base of finite mass",
+    "25 ns over 12 periods, 17 ns over 1000; nothing over a base of finite mass",
     (
         *(
             _real(
@@ -403,7 +403,8 @@ _ORDERING: Final = Measure(
                 "1",
                 f"order parameter of the last landings at {words} forcing frequency",
                 "absolute value of the mean of exp(2 pi i F t), F that frequency, over the last "
-                "landing of each particle; 1: all at one phase; NaN where none has landed",
+                "landing of each particle; 1: all at one phase; NaN where none has landed, or "
+                "where the landings exceed the impact budget",
             )
             for name, words in (
                 ("1", "the"),
@@ -418,7 +419,8 @@ _ORDERING: Final = Measure(
             _R,
             "s",
             "median time between neighbouring landings of different particles in the last period",
-            "NaN without two such landings, or with more than 4096",
+            "NaN without two such landings, with more than 4096, or where the landings exceed the "
+            "impact budget",
         ),
         _real(
             "gap_min",
@@ -431,8 +433,17 @@ _ORDERING: Final = Measure(
             "order_changes",
             _R,
             "landings out of turn",
-            "of another particle than the one whose last landing was longest ago",
+            "of another particle than the one whose last landing was longest ago; particles that "
+            "land at one instant do so in the order of their numbers; -1 where the landings exceed "
+            "the impact budget",
         ),
+    ),
+)
+
+_UNDECIDED_COUNT: Final = Measure(
+    "decisions that rounding may have changed over a base of finite mass; always measured there",
+    "nothing",
+    (
         _count(
             "undecided_count",
             _R,
@@ -572,6 +583,7 @@ MEASURES: Final[Mapping[str, Measure]] = {
     "lyapunov": _LYAPUNOV,
     "trust": _TRUST,
     "ordering": _ORDERING,
+    "undecided": _UNDECIDED_COUNT,
     "joint": _JOINT,
     "impact_speed": _IMPACT_SPEED,
 }

@@ -28,6 +28,7 @@ class Measures:
     lyapunov: bool = False
     trust: bool = False
     ordering: bool = False
+    undecided: bool = False
     joint: bool = False
     impact_speed: bool = False
     tolerance: float = 1e-9
@@ -50,6 +51,7 @@ class Measures:
         return replace(
             self,
             ordering=self.ordering or base == SPRUNG,
+            undecided=self.undecided or base == SPRUNG,
             impact_speed=self.impact_speed or limited,
         )
 

@@ -16,7 +16,7 @@ from fractions import Fraction
 from itertools import cycle
 from typing import Final, NamedTuple
 
-from vibrosweep.proof.measures import HARMONICS, ProvedMeasures
+from vibrosweep.proof.measures import ProvedMeasures
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
 from vibrosweep.proof.reference.coupled import (
     PATIENCE,
@@ -28,7 +28,7 @@ from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import LandingErrors, Proved
-from vibrosweep.proof.tolerances import reaches
+from vibrosweep.proof.tolerances import order_claims, reaches
 
 # Landings of a realization: some ten seconds, and more where few particles make all of them.
 MAX_COUPLED: Final = 1000
@@ -77,19 +77,14 @@ class Estimate(NamedTuple):
             claimed[name] = 0.0
             if plain.startswith(("rebound_height", "flight_height")):
                 claimed[name] = self.height + size
-            elif plain.startswith(("flight_time", "dt_min", "gap_")):
+            elif plain.startswith(("flight_time", "dt_min")):
                 claimed[name] = 2.0 * self.time + 4.0 * EPS / frequency + size
             elif plain == "impact_speed_max":
                 unit = realization.parameters["gravity"] / (2.0 * frequency)
                 claimed[name] = (self.relative + 8.0 * EPS) * unit + size
-            elif plain in HARMONICS:
-                turned = 2.0 * math.pi * float(HARMONICS[plain]) * self.time * frequency
-                claimed[name] = turned + rounding
         if reaches(measured.overlap, 3.0 * self.time):
             claimed |= dict.fromkeys(("base_shared", "collision_free"))
-        gap = measured.values["dt_min"]
-        if isinstance(gap, arb) and gap > 0 and reaches(gap, 2.0 * self.time):
-            claimed["order_changes"] = None
+        claimed |= order_claims(self.time, realization, measured)
         if realization.scene.windowed and abs(measured.launch_depth) < realization.launch_rounding:
             claimed["flight_height_max"] = None
         return claimed

@@ -83,17 +83,19 @@ def _of_particles(
 def _measure(case: Case, name: str) -> Judgements:
     """Judge a measure of flights, landings or separations."""
     proved = case.measures.values[name]
-    unresolved = MEASURE_OF.get(name) == "separation" and _is_unresolved(case)
-    claim = None if unresolved else case.claims[name]
+    claim = None if _is_unresolved(case, name) else case.claims[name]
     if isinstance(proved, list):
         yield from _of_particles(case, name, ((value, claim) for value in proved))
     else:
         yield judge(name, None, float(case.stored[name]), proved, claim)
 
 
-def _is_unresolved(case: Case) -> bool:
-    """Return whether the kernel found landings too close together to separate them."""
-    names = [v.name for v in MEASURES["separation"].variables if v.name in case.stored]
+def _is_unresolved(case: Case, name: str) -> bool:
+    """Return whether the kernel found landings too close together to put them in order."""
+    key = MEASURE_OF.get(name)
+    if key not in ("separation", "ordering"):
+        return False
+    names = [v.name for v in MEASURES[key].variables if v.name in case.stored]
     return all(case.stored[n] == UNDETERMINED or math.isnan(case.stored[n]) for n in names)
 
 

@@ -5,7 +5,8 @@ Plain code in ball arithmetic, independent of the kernels: its results are prove
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
@@ -59,6 +60,12 @@ class ProvedMeasures:
     # Time between a launch in the window and the nearer edge, the largest of all launches, s;
     # negative where every launch is outside
     launch_depth: Fraction
+    # Shortest time between landings of different particles since the launch that are not at one
+    # instant; None without any
+    apart: arb | None
+    # Smallest distance of a landing from the beginning of the last period of the window, s; None
+    # without any
+    last_period: arb | None
     # Longest time for which two particles are on the base at once; minus the shortest time between
     # two stays where that never happens.  None without two stays.
     overlap: arb | None
@@ -99,8 +106,8 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
         values[f"particle_{name}"] = [statistics(f, frequency)[name] for f in by_particle]
     values["particle_at_rest"] = [int(t.at_rest) for t in trajectories]
     values["particle_status"] = list(status)
-    if realization.coupled:
-        values |= _ordering(realization, trajectories, landings, begin)
+    late = begin.max(exact(realization.duration) - 1 / frequency)
+    values |= _ordering(trajectories, landings, begin, late)
     return ProvedMeasures(
         values=values,
         landed=[flight for flight, _ in landed],
@@ -109,6 +116,8 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
         longest=max(len(flights.speeds) for flights in by_particle),
         edge=_least([abs(x.time - begin) for x in landings]) if windowed else None,
         launch_depth=launch_depth(realization),
+        apart=_least([b.time - a.time for a, b in _others(landings) if not _together(a, b)]),
+        last_period=_least([abs(x.time - late) for x in landings]),
         overlap=overlap,
     )
 
@@ -129,8 +138,17 @@ def _closest(landings: Sequence[Landing]) -> arb | None:
     It lies between neighbours in time, since a landing in between would be closer to one of the
     two.
     """
-    pairs = ((a, b) for a, b in pairwise(landings) if a.particle != b.particle)
-    return _least([abs(b.time - a.time) for a, b in pairs])
+    return _least([abs(b.time - a.time) for a, b in _others(landings)])
+
+
+def _others(landings: Sequence[Landing]) -> Iterator[tuple[Landing, Landing]]:
+    """Yield neighbouring landings of different particles."""
+    return ((a, b) for a, b in pairwise(landings) if a.particle != b.particle)
+
+
+def _together(a: Landing, b: Landing) -> bool:
+    """Return whether two particles land as one: they rested together, or were launched together."""
+    return bool(a.time.mid() == b.time.mid())
 
 
 def _closest_same_index(landings: Sequence[Landing]) -> arb | None:
@@ -167,19 +185,10 @@ def _least(balls: Sequence[arb]) -> arb | None:
 
 
 def _ordering(
-    realization: Realization,
-    trajectories: Sequence[Trajectory],
-    landings: Sequence[Landing],
-    begin: arb,
+    trajectories: Sequence[Trajectory], landings: Sequence[Landing], begin: arb, late: arb
 ) -> dict[str, Proved | list[Proved]]:
-    """Order of the landings, by its definition."""
-    period = 1 / arb(realization.parameters["frequency"])
-    late = begin.max(exact(realization.duration) - period)
-    gaps = [
-        b.time - a.time
-        for a, b in pairwise(landings)
-        if a.particle != b.particle and b.time >= late
-    ]
+    """Order of the landings, by its definition; `late` begins the last period."""
+    gaps = [b.time - a.time for a, b in _others(landings) if b.time >= late]
     gaps = sorted(gaps, key=arb.mid) if len(gaps) <= MOST_GAPS else []
     half = len(gaps) // 2
     found: dict[str, Proved | list[Proved]] = {
@@ -199,10 +208,11 @@ def _ordering(
 
 def _out_of_turn(landings: Sequence[Landing], begin: arb) -> int:
     """Landings from `begin` on of a particle other than that which landed longest ago."""
-    turn: dict[int, int] = {}
+    turns: OrderedDict[int, None] = OrderedDict()  # particles, that which landed longest ago first
     found = 0
-    for number, landing in enumerate(landings):
-        last = turn.get(landing.particle)
-        found += last is not None and last > min(turn.values()) and bool(landing.time >= begin)
-        turn[landing.particle] = number
+    for landing in landings:
+        landed = landing.particle in turns
+        found += landed and next(iter(turns)) != landing.particle and bool(landing.time >= begin)
+        turns[landing.particle] = None
+        turns.move_to_end(landing.particle)
     return found

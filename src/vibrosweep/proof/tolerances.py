@@ -13,6 +13,9 @@ few sums and products that lead from flights to the stored number; EPS is one ro
   error (n + particles) EPS with n flights of a particle, and 10 EPS for the change of units.
 * A separation is the difference of two landing times: 2 dt, and the rounding of the difference of
   two phases, 2 EPS periods; of all pairs the smallest moves by no more.
+* An order parameter moves by no more than the phases of the landings, h times 2 pi dt in periods.
+* Landings of different particles within 2 dt of each other may come in either order, unless they
+  are one motion: then turns are not claimed, and of the gaps of the last period the median is not.
 * Whether two stays overlap is decided by a difference of a landing and a lift-off.  Where the exact
   difference is within their errors nothing is claimed.
 * A recorded time is rounded relative to itself and, before the phase of the forcing is taken off,
@@ -27,7 +30,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.proof.measures import ProvedMeasures
+from vibrosweep.proof.measures import HARMONICS, ProvedMeasures
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
@@ -115,12 +118,36 @@ class Bounds(NamedTuple):
         fastest: Any = measured.values["impact_speed_max"]
         rounding = 4.0 * EPS * (0.0 if fastest is None else float(fastest))
         windowed["impact_speed_max"] = max(landed, default=0.0) * unit + rounding
+        order = order_claims(dt, realization, measured)
+        windowed["order_changes"] = order.pop("order_changes")
         if reaches(measured.edge, dt + 4.0 * EPS * period):
             windowed = dict.fromkeys(windowed)
         # only a late window over staggered launches compares anything that is rounded
         if realization.scene.windowed and abs(measured.launch_depth) < realization.launch_rounding:
             windowed["flight_height_max"] = None
-        return exact | windowed
+        return exact | order | windowed
+
+
+def order_claims(
+    dt: float, realization: Realization, measured: ProvedMeasures
+) -> dict[str, float | None]:
+    """Largest errors of the order of landings, whose times have the error dt in s."""
+    frequency = realization.parameters["frequency"]
+    lasting = float(realization.duration) - float(min(realization.launch_times))
+    # the product of a harmonic and whole periods is rounded
+    turned = dt + EPS * (8.0 / frequency + 2.0 * lasting)
+    rounding = (len(realization.launch_times) + 10) * EPS
+    claimed: dict[str, float | None] = {
+        name: 2.0 * math.pi * float(harmonic) * frequency * turned + rounding
+        for name, harmonic in HARMONICS.items()
+    }
+    undecided = reaches(measured.apart, 2.0 * dt)
+    at_edge = reaches(measured.last_period, dt + 4.0 * EPS / frequency)
+    for name, open_ in (("gap_min", at_edge), ("gap_median", at_edge or undecided)):
+        gap: Any = measured.values[name]
+        size = 0.0 if gap is None else float(gap)
+        claimed[name] = None if open_ else 2.0 * dt + EPS * (4.0 / frequency + 2.0 * size)
+    return claimed | {"order_changes": None if undecided else 0.0}
 
 
 def _separations(dt: float, measured: ProvedMeasures, period: float) -> dict[str, float | None]:

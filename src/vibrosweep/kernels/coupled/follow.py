@@ -20,19 +20,8 @@ from vibrosweep.kernels.coupled.counting import (
     take_off,
 )
 from vibrosweep.kernels.coupled.events import next_event
+from vibrosweep.kernels.coupled.landings import Noted, clear, close, end_stay, lacks_memory, note
 from vibrosweep.kernels.coupled.motion_record import MotionRecord, write_base
-from vibrosweep.kernels.coupled.sequence import (
-    HARMONICS,
-    Landings,
-    Order,
-    clear,
-    close,
-    end_stay,
-    gap_median,
-    lacks_memory,
-    note,
-    order_of,
-)
 from vibrosweep.kernels.coupled.state import (
     EVENT,
     MODE,
@@ -54,6 +43,7 @@ from vibrosweep.kernels.record import (
     write_lift_off,
 )
 from vibrosweep.kernels.separation import Separations, empty_separations, write_separations
+from vibrosweep.kernels.sequence import Orders, empty_orders, write_order
 from vibrosweep.kernels.slabs import UNKNOWN
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.totals import add_up
@@ -80,27 +70,19 @@ class Coupled(NamedTuple):
 
 
 class PerRealization(NamedTuple):
-    """Results with one number per realization; arrays of shape (realization,) but for `order`."""
+    """Results with one number per realization."""
 
     separations: Separations
+    order: Orders
     # Decisions between bouncing and sticking, landing and grazing, or on the order of two landings,
-    # that rounding may have made
+    # that rounding may have made; shape (realization,)
     undecided: Integers
-    changes: Integers  # landings out of turn
-    # gap_median, gap_least: of the gaps between neighbouring landings of different particles in the
-    # last period
-    gap_median: Floats
-    gap_least: Floats
-    order: Floats  # shape (realization, harmonic)
 
 
 def empty_per_realization(realizations: int) -> PerRealization:
     """Allocate the results of realizations."""
-    undecided, changes = (unwritten(realizations, np.int64) for _ in range(2))
-    median, least = (unwritten(realizations) for _ in range(2))
-    order = unwritten((realizations, len(HARMONICS)))
-    separations = empty_separations(realizations)
-    return PerRealization(separations, undecided, changes, median, least, order)
+    separations, order = empty_separations(realizations), empty_orders(realizations)
+    return PerRealization(separations, order, unwritten(realizations, np.int64))
 
 
 @jit
@@ -162,17 +144,12 @@ def _lift_off(
 
 
 @part
-def _conclude(
-    work: Work, memory: Landings, order: Order, complete: bool, i: int, out: PerRealization
-) -> None:
+def _conclude(work: Work, noted: Noted, complete: bool, i: int, out: PerRealization) -> None:
     """Write the results of a realization, whose landings up to the end are all found or not."""
-    shared = order.shared if complete else UNKNOWN
-    write_separations(out.separations, i, order.gap, order.same, shared)
-    out.changes[i] = order.changes
+    shared = noted.shared if complete else UNKNOWN
+    write_separations(out.separations, i, noted.gap, noted.same, shared)
+    write_order(out.order, i, work.landings.turns, noted.order, complete)
     out.undecided[i] = int(work.state.now[NOW.UNDECIDED])
-    out.gap_median[i], out.gap_least[i] = gap_median(memory, order)
-    for h in range(out.order.shape[1]):
-        out.order[i, h] = order_of(memory, HARMONICS[h])
 
 
 @jit
@@ -245,7 +222,7 @@ def follow(
         load = begin(state, fixed, problem, launches, i)
         begin_statistics(work, place, found, launch_height, observer)
         no_landings(written.record, place, place + particles)
-        order = clear(memory)
+        noted = clear(memory)
         opening = Instant(problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
         scale, speed = _scale(problem, written.units, i), problem.launch_flight[i]
         past, events, late = False, 0, 0
@@ -263,7 +240,7 @@ def follow(
                 if past:
                     break
                 left, past = max(until, 0.0), True
-                order = close(memory, order, opening)
+                noted = close(memory, noted, opening)
                 _launched_at_the_end(work, load, left, speed, place, launch_height)
                 _resting(work, load, fixed.mu > 0.0, place, left, found)
                 continue
@@ -282,7 +259,7 @@ def follow(
                     return i
                 count_landing(work, event, seen and not past, place + event.who, found, observer)
                 if not past:
-                    order = note(memory, order, landing, seen and left <= 1.0, opening)
+                    noted = note(memory, noted, landing, seen and left <= 1.0, opening)
                     if event.kind != EVENT.STICK:
                         take_off(work, event.who)
                     _write(work, event, place, scale, written.record)
@@ -295,7 +272,7 @@ def follow(
             events, late = events + 1, late + (1 if past else 0)
         judge(place, particles, status, found)
         add_up(found.kinds, i, particles, found, sums)
-        _conclude(work, memory, order, found.status[place] == COMPLETED, i, whole)
+        _conclude(work, noted, found.status[place] == COMPLETED, i, whole)
     return last
 
 
