@@ -12,7 +12,7 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.coupled.counting import work_for
-from vibrosweep.kernels.coupled.landings import clear, landings, note
+from vibrosweep.kernels.coupled.noted import clear, landings, note
 from vibrosweep.kernels.listing import Listed
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.scene_measures import Measures

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.kernels.bases import Instant
-from vibrosweep.kernels.coupled.landings import clear, close, lacks_memory, landings, note
+from vibrosweep.kernels.coupled.noted import clear, close, lacks_memory, landings, note
 from vibrosweep.kernels.listing import Listed
 from vibrosweep.kernels.sequence import HARMONICS, empty_orders, write_order
 

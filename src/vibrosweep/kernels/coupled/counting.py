@@ -8,7 +8,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.bases import Counted
-from vibrosweep.kernels.coupled.landings import Landings, landings
+from vibrosweep.kernels.coupled.noted import Landings, landings
 from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System, system
 from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.statistics import Kinds, Statistics, empty_statistics, empty_sums

@@ -20,8 +20,8 @@ from vibrosweep.kernels.coupled.counting import (
     take_off,
 )
 from vibrosweep.kernels.coupled.events import next_event
-from vibrosweep.kernels.coupled.landings import Noted, clear, close, end_stay, lacks_memory, note
 from vibrosweep.kernels.coupled.motion_record import MotionRecord, write_base
+from vibrosweep.kernels.coupled.noted import Noted, clear, close, end_stay, lacks_memory, note
 from vibrosweep.kernels.coupled.state import (
     EVENT,
     MODE,
