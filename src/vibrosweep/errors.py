@@ -7,6 +7,7 @@ traceback.  Mistakes in a description are held as data too (`VibrosweepError.mis
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from vibrosweep.mistakes import FORCE, OUTPUT, PYTHON, Dialect, Mistake, Mistakes, Text
@@ -113,6 +114,14 @@ class OtherKernelsWarning(UserWarning):
 
 class ShortObservationWarning(UserWarning):
     """The observation is too short to tell which attractors the orbits settle on."""
+
+
+def require_one_of(
+    name: str, value: object, names: Collection[str], error: type[VibrosweepError] = ParameterError
+) -> None:
+    """Raise an error unless the value of an argument is one of these names."""
+    if value not in names:
+        raise error(f"{name} = {value!r}: must be one of {', '.join(names)}")
 
 
 def refuse(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.errors import DataError, ParameterError, require_one_of
 from vibrosweep.model.measures import UNDETERMINED, VARIABLES
 from vibrosweep.store.rows import flat
 
@@ -212,8 +212,7 @@ def _duration(sweep: xr.Dataset) -> float:
 def _require_separations(
     sweep: xr.Dataset, analysis: str, measure: str, quantiles: Sequence[float]
 ) -> None:
-    if measure not in MEASURES:
-        raise ParameterError(f"measure = {measure!r}: must be one of {', '.join(MEASURES)}")
+    require_one_of("measure", measure, MEASURES)
     levels = np.asarray(quantiles)
     numeric = levels.ndim == 1 and levels.dtype.kind in "iuf"
     if not (numeric and np.all((levels >= 0.0) & (levels <= 1.0))):

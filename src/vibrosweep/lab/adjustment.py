@@ -6,6 +6,7 @@ map, with one of the laws of restitution.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ from vibrosweep.lab.speed_laws import (
     FittedLaw,
     Law,
     failed_fit,
+    fit_law,
     nearest_fit,
-    starting_laws,
     with_speed,
 )
 from vibrosweep.model.restitution_laws import CONSTANT, PLASTIC
@@ -106,16 +107,15 @@ def fit_laws(bounces: Bounces, start: Array, frequency: float, *, free: bool) ->
     """Fit the laws of `FITTED`, starting from the parameters of a constant restitution."""
     speeds = np.maximum(bounces.speeds()[0], 1e-6)
 
-    def fit_law(name: str, values: Array) -> FittedLaw:
-        laws = starting_laws(name, speeds)
-        return nearest_fit([_fit(bounces, values, frequency, free, law) for law in laws])
+    def fitted(name: str, values: Array) -> FittedLaw:
+        return fit_law(name, speeds, partial(_fit, bounces, values, frequency, free))
 
-    fits = [fit_law(name, start) for name in FITTED]
+    fits = [fitted(name, start) for name in FITTED]
     nearest = nearest_fit(fits)
     if np.isnan(nearest.misfit):
         return fits
     # a law whose fit failed may converge from these parameters
-    return [fit_law(fit.law.name, nearest.values) if np.isnan(fit.misfit) else fit for fit in fits]
+    return [fitted(fit.law.name, nearest.values) if np.isnan(fit.misfit) else fit for fit in fits]
 
 
 def _fit(bounces: Bounces, values: Array, frequency: float, free: bool, law: Law) -> FittedLaw:

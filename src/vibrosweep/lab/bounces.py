@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded, solveh_banded
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 
 from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
@@ -54,31 +54,23 @@ class Bounces:
         The arguments are the derivatives of each equation by the instant before its bounce, by that
         of the bounce, and by the one after it.
         """
-        rows = np.repeat(np.arange(self.middle.size), 3)
-        columns = (self.middle[:, np.newaxis] + np.array([-1, 0, 1])).ravel()
+        columns = self.middle[:, np.newaxis] + np.array([-1, 0, 1])
+        entries = np.stack([before, at, after], axis=1).ravel()
+        starts = np.arange(0, entries.size + 1, 3)
         shape = (self.middle.size, self.instant.size)
-        return csr_array(
-            (np.stack([before, at, after], axis=1).ravel(), (rows, columns)), shape=shape
-        )
+        return csr_array((entries, columns.ravel(), starts), shape=shape)
 
     @property
     def errors(self) -> csr_array:
         """Covariance of the instants, s^2."""
-        size = self.instant.size
-        row = np.arange(size)
-        entries = np.concatenate([self.covariance, self.variance, self.covariance])
-        rows = np.concatenate([row[:-1], row, row[1:]])
-        columns = np.concatenate([row[1:], row, row[:-1]])
-        return csr_array((entries, (rows, columns)), shape=(size, size))
+        diagonals = [self.covariance, self.variance, self.covariance]
+        return diags_array(diagonals, offsets=[-1, 0, 1]).tocsr()  # type: ignore[arg-type]
 
 
 def bounces_of(impacts: xr.Dataset) -> Bounces:
     """Gather the bounces of a result of `find_impacts` that have a whole flight on either side."""
-    instant: list[Array] = []
-    variance: list[Array] = []
-    covariance: list[Array] = []
-    middle: list[NDArray[np.intp]] = []
-    passed = 0
+    instant, variance, covariance = [np.empty(0)], [np.empty(0)], [np.empty(0)]
+    middle, passed = [np.empty(0, np.intp)], 0
     for p in range(impacts.sizes["particle"]):
         landings = impacts.isel(particle=p)
         quality = landings["quality"].values[: int(landings["impact_count"])]
@@ -104,9 +96,6 @@ def bounces_of(impacts: xr.Dataset) -> Bounces:
         good[[0, -1]] = False
         middle.append(place[good])
         passed += int(single.sum())
-    if not instant:
-        empty = np.empty(0)
-        return Bounces(empty, empty, empty, np.empty(0, np.intp), impacts.attrs["gravity"])
     return Bounces(
         np.concatenate(instant),
         np.concatenate(variance),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,13 +49,6 @@ class Camera:
     scale_error: float = 0.0
 
 
-class Launch(NamedTuple):
-    """Time (s) and speed (m s-1) at which a particle first leaves the base."""
-
-    time: float
-    velocity: float
-
-
 @dataclass(frozen=True)
 class Motion:
     """Flights of one particle in order of time; between them it is on the base."""
@@ -72,16 +64,16 @@ class Motion:
 
     @classmethod
     def from_record(
-        cls, record: Record, particle: int, launch: Launch, gravity: float, surface: Surface
+        cls, record: Record, particle: int, time: float, speed: float, gravity: float, base: Surface
     ) -> Motion:
-        """Take the flights of one particle out of a record of landings."""
+        """Take the flights of a particle from a record; it is launched at a time and speed."""
         landing, liftoff = record.landing_time[particle], record.liftoff_time[particle]
         flies = np.isfinite(liftoff)
-        start = np.append(launch.time, liftoff[flies])
-        velocity = np.append(launch.velocity, record.rebound_velocity[particle][flies])
+        start = np.append(time, liftoff[flies])
+        velocity = np.append(speed, record.rebound_velocity[particle][flies])
         end = np.append(landing, np.inf)[: start.size]
         end = np.where(np.isnan(end), np.inf, end)
-        return cls(start, end, velocity, surface.height(start), gravity, surface)
+        return cls(start, end, velocity, base.height(start), gravity, base)
 
     @property
     def apex(self) -> Array:

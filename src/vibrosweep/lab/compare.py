@@ -10,7 +10,7 @@ import xarray as xr
 
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.engine.workers import Workers
-from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.errors import ParameterError, TrackError, require_one_of
 from vibrosweep.lab.comparison import (
     QUANTITIES,
     READINGS,
@@ -19,7 +19,7 @@ from vibrosweep.lab.comparison import (
     measured_means,
 )
 from vibrosweep.lab.fitting import Setup, fit_tracks
-from vibrosweep.lab.impacts import check_method, impacts_of
+from vibrosweep.lab.impacts import METHODS, impacts_of
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import (
     DRAWS,
@@ -172,19 +172,16 @@ def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
 
 def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None:
     """Refuse wrong arguments before any recording is measured."""
-    check_method(options.method)
+    require_one_of("method", options.method, METHODS, TrackError)
     if not recordings:
         raise TrackError("there is no recording to compare: give at least one")
-    if options.rebound not in LAWS:
-        raise ParameterError(f"rebound = {options.rebound!r}: must be one of {', '.join(LAWS)}")
+    require_one_of("rebound", options.rebound, LAWS)
     if options.draws < 2:
         raise ParameterError(
             f"draws = {options.draws}: must be at least 2, because one has no spread"
         )
     law = options.restitution_law
-    if law not in RESTITUTION_LAWS:
-        allowed = ", ".join(RESTITUTION_LAWS)
-        raise ParameterError(f"restitution_law = {law!r}: must be one of {allowed}")
+    require_one_of("restitution_law", law, RESTITUTION_LAWS)
     for name, text in speed_mistakes(law, options.known).items():
         raise ParameterError(f"{name}: {text}")
     if law != CONSTANT and "restitution" not in options.known:

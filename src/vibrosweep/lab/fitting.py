@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import xarray as xr
 
-from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.errors import ParameterError, TrackError, require_one_of
 from vibrosweep.lab.contacts import Cut, find_contacts
 from vibrosweep.lab.flight_search import SCALES, Flights, check_gravity, find_flights
 from vibrosweep.lab.flights import contradicts, near_gravity
@@ -154,8 +154,7 @@ def _check_setup(gravity: float, setup: Setup) -> None:
             raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
     if not 0.0 <= setup.exposure <= 1.0:
         raise TrackError(f"exposure = {setup.exposure!r}: must be at least 0 and at most 1 s")
-    if setup.motion not in MOTIONS:
-        raise TrackError(f"motion = {setup.motion!r}: must be one of {', '.join(MOTIONS)}")
+    require_one_of("motion", setup.motion, MOTIONS, TrackError)
     if setup.base is not None and (setup.motion == "moving" or setup.trace is not None):
         raise TrackError(
             "a height of the base is that of one at a constant level, whereas a trace or the "

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.fitting import FittedTracks, Setup, fit_tracks
 from vibrosweep.lab.flight_search import Flights
 from vibrosweep.lab.flights import line_variance
@@ -108,15 +108,9 @@ def find_impacts(
     >>> vs.lab.find_impacts(film[0].tracks).landing_time.dims
     ('particle', 'impact')
     """
-    check_method(method)
+    require_one_of("method", method, METHODS, TrackError)
     setup = Setup(base, exposure, motion, frequency, trace)
     return impacts_of(tracks, fit_tracks(tracks, gravity, setup), gravity, method)
-
-
-def check_method(method: str) -> None:
-    """Raise a TrackError for a method that is not one of `METHODS`."""
-    if method not in METHODS:
-        raise TrackError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
 
 
 def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method: str) -> xr.Dataset:

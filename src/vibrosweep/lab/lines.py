@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import xarray as xr
 
-from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.lab.comparison import READINGS
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.fitting import FittedTracks
-from vibrosweep.lab.flight_search import Flights
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
@@ -188,46 +186,43 @@ def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
     samples, flights = fitted.samples, fitted.flights
     fits, joint, member = flights.fits, flights.junctions, flights.member
     up, down, _, _ = flights.ends
-    begun = up - fits.centre
-    speed = fits.slope - flights.curvature * begun
-    rise = fits.level + begun * (fits.slope - 0.5 * flights.curvature * begun)
-    since = samples.time - fits.centre[member]
-    model = fits.level[member] + since * (fits.slope[member] - 0.5 * flights.curvature * since)
-    used = member >= 0
-    # a fit absorbs part of the noise of each sample
+    curvature, used = flights.curvature, member >= 0
+    flown = fits.take(member)
     with np.errstate(invalid="ignore", divide="ignore"):
-        left = np.sqrt(np.maximum(1.0 - line_variance(fits.take(member), samples.time), 1e-12))
-    residual = np.where(used, (samples.height - model) / (flights.noise * left), np.nan)
-    with np.errstate(invalid="ignore", divide="ignore"):
+        # a fit absorbs part of the noise of each sample
+        left = np.sqrt(np.maximum(1.0 - line_variance(flown, samples.time), 1e-12))
         within = np.where(used, (samples.time - up[member]) / (down - up)[member], np.nan)
-    lasted = joint.landing - fits.centre[joint.before]
-    slope = fits.slope[joint.before] - 0.5 * flights.curvature * lasted
-    landed = fits.level[joint.before] + lasted * slope
+    off = samples.height - flown.height(samples.time, curvature)
+    residual = np.where(used, off / (flights.noise * left), np.nan)
+    landed = fits.take(joint.before).height(joint.landing, curvature)
     names = tracks["particle"].values
-    samples_seen = {
+    of_samples = {
         "time": (samples.time, "s", "time"),
         "height": (samples.height, "m", "height"),
         "residual": (residual, "1", "height less that of the flight, in standard errors"),
         "within": (within, "1", "place in the flight"),
     }
-    flown = {
+    of_flights = {
         "start": (up, "s", "beginning of the fitted flight at the base"),
         "end": (down, "s", "its end"),
-        "speed": (speed, "m s-1", "velocity at the beginning"),
-        "rise": (rise, "m", "height at the beginning"),
+        "speed": (fits.slope - curvature * (up - fits.centre), "m s-1", "its first velocity"),
+        "rise": (fits.height(up, curvature), "m", "its first height"),
     }
-    landings = {
+    of_landings = {
         "landing_time": (joint.landing, "s", "time of landing"),
         "landing_error": (joint.landing_error, "s", "its standard error"),
         "landing_height": (landed, "m", "its height"),
     }
-    variables = {
-        **with_units("sample", samples_seen),
-        **with_units("flight", flown),
-        **with_units("landing", landings),
-        **with_units("track", {"level": (flights.levels, "m", "(mean) level of the base")}),
-        **_base_curve(flights, samples.time),
-    }
+    level = {"level": (flights.levels, "m", "(mean) level of the base")}
+    variables = with_units("sample", of_samples) | with_units("flight", of_flights)
+    variables |= with_units("landing", of_landings) | with_units("track", level)
+    if flights.base_fit is not None:
+        base, length = flights.base_fit.oscillation, np.ptp(samples.time)
+        number = int(length * base.frequency * max(base.numbers) * INSTANTS) + 2
+        when = np.linspace(samples.time.min(), samples.time.max(), number)
+        shown = {"base_time": (when, "s", "time")}
+        shown["base_height"] = base.height(when), "m", "height above the level"
+        variables |= with_units("instant", shown)
     owners = {
         "particle": ("sample", names[samples.particle]),
         "owner": ("flight", names[flights.particle]),
@@ -239,19 +234,7 @@ def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
         attrs={
             "noise": flights.noise,
             "base": flights.base,
-            "curvature": flights.curvature,
+            "curvature": curvature,
             "frame_rate": tracks.attrs["frame_rate"],
         },
     )
-
-
-def _base_curve(flights: Flights, time: Array) -> dict[str, Any]:
-    """Variables of the motion of the base while samples were taken, none if it does not move."""
-    if flights.base_fit is None:
-        return {}
-    base = flights.base_fit.oscillation
-    length = float(time.max() - time.min())
-    number = int(length * base.frequency * max(base.numbers) * INSTANTS) + 2
-    when = np.linspace(time.min(), time.max(), number)
-    height = base.height(when), "m", "height above the level"
-    return with_units("instant", {"base_time": (when, "s", "time"), "base_height": height})

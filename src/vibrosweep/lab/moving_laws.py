@@ -6,14 +6,7 @@ import numpy as np
 
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.oscillation import BaseFit, Problem, Trace, covariance_of_fit, without_outliers
-from vibrosweep.lab.speed_laws import (
-    FITTED,
-    FittedLaw,
-    failed_fit,
-    nearest_fit,
-    starting_laws,
-    with_speed,
-)
+from vibrosweep.lab.speed_laws import FITTED, FittedLaw, failed_fit, fit_law, with_speed
 
 
 def fit_laws(
@@ -29,9 +22,7 @@ def fit_laws(
     speeds = np.maximum(speeds[base_fit.kept], 1e-6)
     plain = Problem(contacts, owner, known, 1.0, trace)
     return [
-        nearest_fit(
-            [_fit(plain._replace(law=law), base_fit) for law in starting_laws(name, speeds)]
-        )
+        fit_law(name, speeds, lambda law: _fit(plain._replace(law=law), base_fit))
         for name in FITTED
     ]
 

@@ -6,7 +6,7 @@ import os
 import tomllib
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from vibrosweep.errors import ParameterError, SpecError, refuse
 from vibrosweep.lab.camera import Camera
@@ -45,15 +45,14 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
     title, tables = read_tables(data, mistakes, _SECTIONS)
     refuse(mistakes)
     given = with_defaults({**data.get("scene", {}), **data.get("measure", {})})
-    of_table: dict[str, dict[str, Any]] = {"scene": {}, "measure": {}}
-    for name, value in given.items():
-        of_table["measure" if name in WINDOW else "scene"][name] = value
-    numbers = tables.get("scene", {}).get("particles", (given.get("particles"),))
-    of_table["scene"].pop("particles", None)
+    measure = {name: given.pop(name) for name in WINDOW if name in given}
+    default = given.pop("particles", None)
+    numbers = tables.get("scene", {}).get("particles", (default,))
     experiments = []
     for number in numbers:
-        scene = {"particles": number, **of_table["scene"]} if number else of_table["scene"]
-        sweep = checked({"title": str(source), **of_table, "scene": scene}, text, source, mistakes)
+        scene = {"particles": number, **given} if number else given
+        described = {"title": str(source), "scene": scene, "measure": measure}
+        sweep = checked(described, text, source, mistakes)
         try:
             experiments.append(
                 Experiment(

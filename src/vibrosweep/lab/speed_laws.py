@@ -6,7 +6,7 @@ correction for an additional parameter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -106,10 +106,10 @@ class FittedLaw(NamedTuple):
         return float(error[0]), float(error[-1]) if self.law.parameters else np.nan
 
 
-def starting_laws(name: str, speeds: Array) -> list[Law]:
-    """Return the laws of a name from which fits to bounces at these speeds of impact start."""
+def fit_law(name: str, speeds: Array, fit: Callable[[Law], FittedLaw]) -> FittedLaw:
+    """Fit a law to bounces at these speeds of impact, from several first speeds of yielding."""
     places = STARTS if name == PLASTIC else (0.5,)
-    return [Law(name, float(np.quantile(speeds, place))) for place in places]
+    return nearest_fit([fit(Law(name, float(np.quantile(speeds, place)))) for place in places])
 
 
 def nearest_fit(fits: Sequence[FittedLaw]) -> FittedLaw:

@@ -22,7 +22,7 @@ from scipy.linalg import solve_triangular
 from scipy.signal import periodogram
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.regression import TWO_PI
 from vibrosweep.lab.tracks import check_size, rate_of
@@ -104,8 +104,7 @@ def make_trace(
     harmonics describe them.
     """
     when, measured = (np.asarray(v, dtype=np.float64) for v in (time, values))
-    if quantity not in QUANTITIES:
-        raise TrackError(f"quantity = {quantity!r}: must be one of {', '.join(QUANTITIES)}")
+    require_one_of("quantity", quantity, QUANTITIES, TrackError)
     if when.size < FEWEST or not (np.diff(when) > 0.0).all() or not np.isfinite(measured).all():
         raise TrackError(
             f"{source}: must hold at least {FEWEST} finite values at rising times, but has "

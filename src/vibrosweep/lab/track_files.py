@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.tracks import FRAME_RATES, make_tracks, table_to_tracks, with_mark
 
 if TYPE_CHECKING:
@@ -156,8 +156,7 @@ def tracks_from_frame(
         raise TrackError(f"scale = {scale:g}: must be a finite number above 0")
     if base is not None and not np.isfinite(base):
         raise TrackError(f"base = {base:g}: must be a finite number")
-    if axis is not None and axis not in AXES:
-        raise TrackError(f"axis = {axis!r}: must be one of {', '.join(AXES)}")
+    require_one_of("axis", axis or "up", AXES, TrackError)
     if set(PLAIN) <= set(table.columns):
         time = _numbers(table, "time", source)
         height = _numbers(table, "height", source)

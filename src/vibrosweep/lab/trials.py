@@ -1,6 +1,6 @@
 """Recordings of virtual experiments, and the means predicted for them.
 
-Their landings are known, so that everything else in the laboratory can be tested on them.
+Their landings are known, so that the rest of the laboratory can be tested with them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vibrosweep.engine.landings import all_parameters, launch_times, record_land
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
-from vibrosweep.lab.camera import Launch, Motion, film, heights
+from vibrosweep.lab.camera import Motion, film, heights
 from vibrosweep.lab.experiment import Experiment
 from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating_surface, recoiling_surface
 from vibrosweep.lab.tracks import make_tracks
@@ -61,13 +61,6 @@ class Trial(NamedTuple):
     amplitude: float
 
 
-class _Beads(NamedTuple):
-    """Restitution of each particle, and height in m of the base below it."""
-
-    restitution: Array
-    level: Array
-
-
 def perform_trials(experiment: Experiment) -> list[Trial]:
     """Film every repeat of an experiment; the same experiment gives the same bits.
 
@@ -93,14 +86,14 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
     drawn = rng.standard_normal((2, experiment.scene.particles))
     restitution = experiment.parameters["restitution"] + variation.restitution_spread * drawn[0]
     least = LEAST_VISCOELASTIC if experiment.scene.restitution_law == VISCOELASTIC else 0.0
-    beads = _Beads(np.clip(restitution, least, 1.0), variation.level_spread * drawn[1])
-    return [_trial(experiment, beads, seed, f"trial {k + 1}") for k, seed in enumerate(repeats)]
+    restitution, level = np.clip(restitution, least, 1.0), variation.level_spread * drawn[1]
+    return [_trial(experiment, restitution, level, seed, k) for k, seed in enumerate(repeats)]
 
 
 def predicted_means(experiment: Experiment) -> dict[str, Array]:
-    """Mean height and period of the flights of each particle that lie within a recording.
+    """Predict the mean height and period of the flights of each particle within a recording.
 
-    They are predicted without any imperfection; a base that recoils is not supported.
+    The prediction is that without imperfections.
 
     Parameters
     ----------
@@ -134,9 +127,9 @@ def _landings(
     restitution: Array,
     walk: Array,
 ) -> tuple[Record, Surface]:
-    """Landings of particles of given restitutions, and the base that they land on.
+    """Compute the landings of particles with given restitutions, and the surface of the base.
 
-    The numbers are the parameters of the scene in one recording.
+    `numbers` are the parameters of the scene in this recording.
     """
     frequency = numbers["frequency"]
     if scene.base == SPRUNG:
@@ -147,11 +140,11 @@ def _landings(
         record = Record._make(found[name][0] for name in Record._fields)
         return record, recoiling_surface(track, frequency, amount(scene.duration))
     names = (*PARAMETERS, *(name for name in OF_RESTITUTION if name in numbers))
-    given = {name: np.full(restitution.size, numbers[name]) for name in names}
-    given["restitution"] = restitution
-    if scene.base != HIGH_BOUNCE:  # all share one base, whose velocity A / (1 + e) is that given
-        given["amplitude"] *= (1.0 + restitution) / (1.0 + numbers["restitution"])
-    parameters = all_parameters(given)
+    values = {name: np.full(restitution.size, numbers[name]) for name in names}
+    values["restitution"] = restitution
+    if scene.base != HIGH_BOUNCE:  # all particles share one base, with the velocity A / (1 + e)
+        values["amplitude"] *= (1.0 + restitution) / (1.0 + numbers["restitution"])
+    parameters = all_parameters(values)
     begin = launches(scene.launch, scene.particles, parameters["frequency"][:1])
     problem = dimensionless(parameters, scene.duration)
     batch = Batch(base_of(*scene.mechanics), problem, begin)
@@ -165,15 +158,16 @@ def _motions(
     scene: Scene, numbers: Mapping[str, float], record: Record, surface: Surface
 ) -> list[Motion]:
     start = launch_times(scene.launch, scene.particles, numbers["frequency"])
+    velocity, gravity = numbers["launch_velocity"], numbers["gravity"]
     return [
-        Motion.from_record(
-            record, p, Launch(time, numbers["launch_velocity"]), numbers["gravity"], surface
-        )
+        Motion.from_record(record, p, time, velocity, gravity, surface)
         for p, time in enumerate(start)
     ]
 
 
-def _trial(experiment: Experiment, beads: _Beads, seed: np.random.SeedSequence, name: str) -> Trial:
+def _trial(
+    experiment: Experiment, restitution: Array, level: Array, seed: np.random.SeedSequence, k: int
+) -> Trial:
     setting, walking, filming = (np.random.default_rng(s) for s in seed.spawn(3))
     scene, variation, camera = experiment.recorded, experiment.variation, experiment.camera
     off = setting.standard_normal(2)
@@ -183,12 +177,10 @@ def _trial(experiment: Experiment, beads: _Beads, seed: np.random.SeedSequence, 
     begin, end = experiment.window
     periods = math.ceil(end * numbers["frequency"]) + 3
     walk = phase_walk(walking, variation.frequency_jitter, periods)
-    record, surface = _landings(scene, numbers, beads.restitution, walk)
+    record, surface = _landings(scene, numbers, restitution, walk)
     time = begin + np.arange(round((end - begin) * camera.frame_rate)) / camera.frame_rate
     motions = _motions(scene, numbers, record, surface)
-    filmed = film(heights(motions, time, camera.exposure) + beads.level, camera, filming)
+    filmed = film(heights(motions, time, camera.exposure) + level, camera, filming)
     kept = np.isfinite(filmed).any(axis=1)
-    tracks = make_tracks(time[kept], filmed[kept], source=name)
-    return Trial(
-        tracks, record, beads.restitution, beads.level, numbers["frequency"], numbers["amplitude"]
-    )
+    tracks = make_tracks(time[kept], filmed[kept], source=f"trial {k + 1}")
+    return Trial(tracks, record, restitution, level, numbers["frequency"], numbers["amplitude"])

@@ -15,7 +15,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
-from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
+from vibrosweep.lab.camera import Camera, Motion, film, heights
 from vibrosweep.lab.comparison import QUANTITIES, comparable, errors_of
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
@@ -92,7 +92,8 @@ def _twin(impacts: xr.Dataset, numbers: Mapping[str, float], scene: Scene) -> li
         Motion.from_record(
             Record(record.landing_time + t, record.liftoff_time + t, *record[2:]),
             p,
-            Launch(t, speed[p]),
+            t,
+            speed[p],
             numbers["gravity"],
             surface,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,26 +35,19 @@ def write_experiments(
         raise OutputError(
             f"{directory}: cannot be made ({error.strerror}); choose another"
         ) from error
-    planned = [
-        (
-            experiment,
-            [
-                directory / f"{name}_{experiment.scene.particles:03d}_trial{k + 1}{end}"
-                for k in range(experiment.repeats)
-                for end in (".csv", "_truth.csv")
-            ],
-        )
+    experiments = list(experiments)
+    paths = [
+        directory / f"{name}_{experiment.scene.particles:03d}_trial{k + 1}{end}"
         for experiment in experiments
+        for k in range(experiment.repeats)
+        for end in (".csv", "_truth.csv")
     ]
-    paths = [path for _, files in planned for path in files]
     for path in paths:
         check_output(path, force=force)
-    for experiment, files in planned:
-        for trial, tracks, truth in zip(
-            perform_trials(experiment), files[::2], files[1::2], strict=True
-        ):
-            _write_table(_track_table(trial.tracks), tracks)
-            _write_table(_truth_table(trial.record._asdict()), truth)
+    trials = chain.from_iterable(map(perform_trials, experiments))
+    for trial, tracks, truth in zip(trials, paths[::2], paths[1::2], strict=True):
+        _write_table(_track_table(trial.tracks), tracks)
+        _write_table(_truth_table(trial.record._asdict()), truth)
     return paths
 
 

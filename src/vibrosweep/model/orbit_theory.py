@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import require_one_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING
 from vibrosweep.model.physical import physical
 
@@ -16,8 +16,7 @@ HALVINGS = 60  # of a bracket as wide as the root is large, down to rounding
 
 def moves(base: str) -> bool:
     """Return whether a base of `FIXED` moves; a ParameterError for any other base."""
-    if base not in FIXED:
-        raise ParameterError(f"base = {base!r}: must be one of {', '.join(FIXED)}")
+    require_one_of("base", base, FIXED)
     return base == MOVING
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, require_one_of
 from vibrosweep.model.parameters import OF_RESTITUTION
 from vibrosweep.model.physical import physical
 
@@ -77,8 +77,7 @@ def restitution_at(
     >>> vs.theory.restitution_at([0.1, 10.0], 0.8, "viscoelastic", 1.0).round(6)
     array([0.866619, 0.708939])
     """
-    if law not in RESTITUTION_LAWS:
-        raise ParameterError(f"law = {law!r}: must be one of {', '.join(RESTITUTION_LAWS)}")
+    require_one_of("law", law, RESTITUTION_LAWS)
     v, e = np.asarray(velocity, np.float64), np.asarray(restitution, np.float64)
     if wrong := range_mistake(law, e):
         raise ParameterError(wrong)
