@@ -1,4 +1,4 @@
-"""Recordings of virtual experiments: what was filmed, and what is true."""
+"""Recordings of virtual experiments, with their true landings."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.trials import perform_trials
 
-# orbits that visit many phases; Table 1 at 20 Hz would lock
+# irregular orbits, which visit many phases; those of Table 1 at 20 Hz lock
 IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
 LOCKED = {**LABORATORY, "phase": np.pi}
 

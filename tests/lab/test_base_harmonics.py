@@ -1,4 +1,4 @@
-"""Bases whose motion is no sine: films of them, their traces, and what both tell."""
+"""Bases whose motion is no sine: their films, their traces, and the parameters found from both."""
 
 import math
 import tomllib
@@ -111,7 +111,7 @@ def marked(film, tmp_path_factory):
     return path
 
 
-def test_a_mark_on_the_base_tells_its_harmonics(film, marked, capsys):
+def test_a_mark_on_the_base_shows_its_harmonics(film, marked, capsys):
     tracks = read_tracks(marked, base_track="table")
     assert tracks["particle"].values.tolist() == ["a", "b", "c"]
     one = estimate(find_impacts(tracks))
@@ -124,7 +124,7 @@ def test_a_mark_on_the_base_tells_its_harmonics(film, marked, capsys):
 
 
 def test_a_mark_that_is_averaged_over_the_exposure_is_corrected(marked):
-    """By x / sin x, x half the angle through which a harmonic turns."""
+    """Each harmonic by x / sin x, where x is half the angle through which it turns."""
     tracks = read_tracks(marked, base_track="table")
     one, other = (trace_of_mark(tracks, exposure).values for exposure in (0.0, 4e-3))
     assert one[2] == other[2]
@@ -132,7 +132,7 @@ def test_a_mark_that_is_averaged_over_the_exposure_is_corrected(marked):
     np.testing.assert_allclose(np.delete(other / one, 2), half / np.sin(half), rtol=1e-12)
 
 
-def test_marks_that_cannot_be_are_refused(film, marked):
+def test_impossible_marks_are_refused(film, marked):
     with pytest.raises(TrackError, match="no particle is named plate, the mark on the base; has a"):
         read_tracks(marked, base_track="plate")
     tracks = read_tracks(marked, base_track="table")
@@ -177,13 +177,13 @@ def test_the_criterion_finds_as_many_harmonics_as_there_are(shape, numbers, quan
 
 
 def test_heights_rounded_to_steps_that_repeat_have_no_harmonics():
-    """Each period of 50 values is rounded alike, so that harmonics would hold the rounding too."""
+    """Each period of 50 values is rounded alike, and harmonics could fit the errors of rounding."""
     for shape, numbers in ((SINE, (1,)), (TWO_TONES, (1, 2))):
         assert make_trace(TIME, trace(shape, 0.0).round(5), "height").numbers == numbers
 
 
 def test_traces_of_two_tones_within_their_errors():
-    """Mean square deviation in standard errors, over 20 traces: 1 +- 0.32 each."""
+    """The mean square deviation in standard errors over 20 traces is 1 +- 0.32 for each value."""
     values = np.array([0.1, 0.1, FREQUENCY, 0.04, 0.04])
     angles = np.array([0.7, 0.7 - math.pi / 2, 0.0, 2.5, 2.5 - math.pi / 2])
     truth, off = values * np.cos(angles), []
@@ -201,7 +201,7 @@ def test_a_trace_that_is_mostly_noise_is_refused():
 
 
 def test_weights_and_phases_by_their_derivatives():
-    """Covariance of `polar`, and sizes of the base, against differences."""
+    """The covariance of `polar` and the slopes of the base's sizes equal finite differences."""
     values = np.array([0.7, 0.03, -0.1, 20.0, 0.05, 0.02, -0.01, 0.04])
     numbers = (2, 1, 3)
     plain, spread, shape = polar(values, np.eye(8), numbers)

@@ -1,4 +1,4 @@
-"""Pictures of a camera: closed forms of parabolas and of their means over an exposure."""
+"""Filmed heights: closed forms of parabolas and of their means over an exposure."""
 
 import numpy as np
 import pytest

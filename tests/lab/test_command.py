@@ -1,4 +1,4 @@
-"""The whole way by commands: film, measure, compare; and one message for every mistake."""
+"""Commands that film, measure and compare; and one message for every mistake."""
 
 import re
 
@@ -108,7 +108,7 @@ def test_compare_prints_the_table(filmed, vibrosweep, tmp_path):
     )
     assert code == 0
     assert re.search(r"case +repeats +compared", text)
-    assert "the study" not in text  # whose ranges say nothing of this film
+    assert "the study" not in text  # its ranges have no meaning for this film
     assert re.search(r"restitution 0\.8\d* ± 0\.00\d+, amplitude 0\.1\d* ± ", text)
     assert "base favoured by the landings: level" in text
     with xr.open_dataset(out) as table:

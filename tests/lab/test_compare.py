@@ -1,4 +1,4 @@
-"""Comparison with prediction, and what explains its errors."""
+"""Comparison with prediction, and the sources of its errors."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, wor
 
 
 def test_the_camera_explains_the_errors_it_makes(locked, workers):
-    """Of single flights, for which a mean over many draws of the noise is compared with another."""
+    """For single flights, whose errors are means over many draws of the noise."""
     for method in ("fit", "sign_change"):
         row = compare([locked.tracks], ComparisonOptions(KNOWN, method=method), workers).isel(
             case=0
@@ -96,7 +96,7 @@ def test_prediction_follows_each_particle_from_its_first_flight(irregular, found
 
 
 def test_a_particle_that_never_flew_is_not_launched(found, workers):
-    """Its copy would be launched at t = 0 with no speed, and its camera errors those of nothing."""
+    """Its copy would be launched at t = 0 without a speed, and show no errors of the camera."""
     still = found.copy(deep=True)
     still["flight_time"][1] = np.nan
     scene = scene_of(found, "rest", SINE, "constant")
@@ -127,7 +127,7 @@ def test_draws_stay_physical_or_are_refused(found):
         draw_parameters(LABORATORY, scene, edge, 50)
 
 
-def test_what_cannot_be_compared_is_said(locked, irregular, trial, workers):
+def test_recordings_that_cannot_be_compared_are_refused(locked, irregular, trial, workers):
     with pytest.raises(ParameterError, match="does not determine restitution and amplitude"):
         compare([locked.tracks], ComparisonOptions({"frequency": 20.0}), workers)
     with pytest.raises(ParameterError, match="restitution is given alone"):
@@ -153,7 +153,7 @@ def test_what_cannot_be_compared_is_said(locked, irregular, trial, workers):
         ({"known": {"gravity": 0.0}}, ParameterError, r"gravity = 0\.0:"),
     ],
 )
-def test_what_cannot_be_asked_is_refused(locked, workers, change, error, message):
+def test_impossible_options_are_refused(locked, workers, change, error, message):
     with pytest.raises(error, match=message):
         compare([locked.tracks], ComparisonOptions(**({"known": KNOWN} | change)), workers)
 

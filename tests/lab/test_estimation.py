@@ -1,4 +1,4 @@
-"""Parameters from landings: within their errors where the orbit determines them, else a warning."""
+"""Parameters from landings: within their errors if the orbit determines them, else a warning."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_errors_on_both_sides_do_not_bias_the_restitution(recordings):
 
 @pytest.mark.parametrize("known", [20.0, None])
 def test_a_locked_orbit_determines_nothing_and_says_so(locked, known):
-    """Nor is the frequency found that was sought: its multiples describe the bounces as well."""
+    """An unknown frequency is not found either: its multiples describe the bounces equally well."""
     found = estimate(find_impacts(locked.tracks), frequency=known)
     assert int(found["determined"]) == 0
     assert "does not determine restitution and amplitude" in found.attrs["warning"]
@@ -60,7 +60,7 @@ def test_a_locked_orbit_determines_nothing_and_says_so(locked, known):
 
 
 def test_equations_that_noise_alone_determines_are_not_solved(found):
-    """Bounces at one phase and speed, to the error of the instants: their system is singular."""
+    """Bounces at one phase and speed, but for errors of the instants: their system is singular."""
     same = found.copy(deep=True)
     for name in ("landing_time", "liftoff_time"):
         same[name] = found[name] * 0.0 + 0.05 * (1.0 + np.arange(found.sizes["impact"]))
@@ -94,7 +94,7 @@ def test_a_multiple_of_the_frequency_is_not_taken_for_it(trial):
 
 
 def test_bounces_that_no_parameters_describe_are_refused(recordings):
-    """Landings that are wrong by many times their errors; 5 ms are a tenth of a flight."""
+    """Landings that are off by many times their errors: 5 ms, a tenth of a flight."""
     one = recordings[0].copy(deep=True)
     wrong = 5e-3 * np.random.default_rng(0).standard_normal(one["landing_time"].shape)
     for name in ("landing_time", "liftoff_time"):
@@ -112,7 +112,7 @@ def test_bounces_that_no_parameters_describe_are_refused(recordings):
         ({"frequency_range": (0.0, 10.0)}, r"frequency_range = 0\.0:"),
     ],
 )
-def test_frequencies_that_cannot_be(found, options, message):
+def test_impossible_frequencies_are_refused(found, options, message):
     with pytest.raises(ParameterError, match=message):
         estimate(found, **options)
 
@@ -122,7 +122,7 @@ def test_landings_that_were_not_found_are_refused(irregular):
         estimate(irregular.tracks)
 
 
-def test_too_few_bounces(trial):
+def test_too_few_bounces_are_refused(trial):
     with pytest.raises(TrackError, match="at least 10 are needed"):
         estimate(find_impacts(trial(particles=1, length=0.4).tracks), frequency=20.0)
 

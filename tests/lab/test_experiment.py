@@ -1,4 +1,4 @@
-"""Virtual experiments over every base: landings of the engine, seen where they happen."""
+"""Virtual experiments over every base: their landings are those of the engine, and are filmed."""
 
 import math
 
@@ -42,7 +42,7 @@ def test_the_landings_are_those_of_simulate_and_the_film_shows_them(base, mount)
     for name, values in trial.record._asdict().items():
         np.testing.assert_array_equal(values, truth[name].values[0])
     assert (trial.record.rested == 1).any()
-    # a particle flies on parabolas, and what it does between them is pushed by the base
+    # a particle flies on parabolas, and between them the base pushes it
     time, height = trial.tracks["time"].values, trial.tracks["height"].values
     bent = np.diff(height, 2, axis=0) * 240.0**2 + G
     for p in range(2):
@@ -98,7 +98,7 @@ def test_restitution_falls_with_the_speed_of_impact(base):
     np.testing.assert_allclose((leave / arrive)[fast], expected, atol=1e-10)
 
 
-def test_what_cannot_be_computed_over_a_base_is_refused():
+def test_experiments_that_a_base_does_not_allow_are_refused():
     with pytest.raises(ParameterError, match=r"variation\.frequency_jitter: cannot be computed"):
         Experiment(base="moving", variation=Variation(frequency_jitter=0.01))
     with pytest.raises(ParameterError, match=r"variation\.restitution_spread: cannot"):

@@ -1,4 +1,4 @@
-"""Numbers that no laboratory has: one message, or a result, and never a traceback or a hang."""
+"""Extreme numbers: one message or a result, never a traceback or an endless computation."""
 
 import numpy as np
 import pandas as pd
@@ -77,7 +77,7 @@ def test_a_trace_of_a_table_that_is_switched_off_or_drifts(quantity, values, mes
         make_trace(TIME, values, quantity)
 
 
-def test_the_command_says_so(files, tmp_path, capsys):
+def test_the_command_refuses_a_trace_that_does_not_change(files, tmp_path, capsys):
     path = tmp_path / "base.csv"
     pd.DataFrame({"time": TIME, "height": 0.25}).to_csv(path, index=False)
     assert main(["lab", "impacts", str(files / "plain.csv"), "--base-trace", str(path)]) == 2
@@ -95,11 +95,11 @@ def test_the_command_says_so(files, tmp_path, capsys):
         {"frequency": 1e9},
     ],
 )
-def test_predictions_of_what_cannot_be(motion, known, moving):
-    """A table that is switched off too, over which nothing goes on bouncing."""
+def test_predictions_with_impossible_parameters(motion, known, moving):
+    """Such as those of a table that is switched off, over which bouncing ends."""
     given = {"restitution": 0.9, "amplitude": 0.05, "frequency": 20.0, **known}
     try:
         table = compare_tracks(moving, motion=motion, draws=2, threads=1, **given)
-    except VibrosweepError:  # said in one message
+    except VibrosweepError:  # refused with one message
         return
     assert (table["measured"] > 0.0).all()

@@ -1,4 +1,4 @@
-"""Landings against the truth of virtual experiments: accuracy, honest errors, flags."""
+"""Landings compared with those of virtual experiments: accuracy, stated errors, flags."""
 
 from itertools import pairwise
 
@@ -40,8 +40,8 @@ def thrown(durations, rate=240.0, start=0.013):
     return time, height, edges
 
 
-def test_landing_times_are_finer_than_a_frame_and_their_errors_honest(trial):
-    """The target: an error below a quarter of a frame, and 68 % intervals that hold 60 to 76 %."""
+def test_landing_times_are_finer_than_a_frame_and_their_stated_errors_right(trial):
+    """Aims are an error below a quarter of a frame, and 68 % intervals that hold 60 to 76 %."""
     one = trial(particles=3, length=25.0, seed=11)
     found = find_impacts(one.tracks)
     off, error = differences(found, one.record)
@@ -72,7 +72,7 @@ def test_without_noise_the_landings_are_exact(durations, seed):
     heights = np.stack([height, height, height], axis=1)[:, order]
     found = find_impacts(make_tracks(time, heights))
     landed = found["landing_time"].values[0, : int(found["impact_count"][0])]
-    # flights with a single frame before or after the landing cannot all be told from a rest
+    # flights with a single frame before or after the landing cannot all be distinguished from stays
     np.testing.assert_allclose(landed, edges[1:-1], atol=1e-8)
     np.testing.assert_allclose(
         found["rebound_height"].values[0, : landed.size - 1],
@@ -81,7 +81,7 @@ def test_without_noise_the_landings_are_exact(durations, seed):
     )
 
 
-def test_a_stay_on_the_base_is_told_from_a_bounce():
+def test_a_stay_on_the_base_is_distinguished_from_a_bounce():
     time, height, edges = thrown([0.08, 0.07, 0.09, 0.08, 0.08, 0.08])
     pause = 0.05
     later = np.where(time > edges[3], time + pause, time)
@@ -110,11 +110,11 @@ def test_a_stay_on_the_base_is_told_from_a_bounce():
     assert float(one["liftoff_time"]) == pytest.approx(edges[3] + pause, abs=1e-3)
 
 
-def test_frames_that_saw_a_landing_are_left_out_when_the_exposure_is_told(trial):
+def test_frames_that_saw_a_landing_are_left_out_if_the_exposure_is_given(trial):
     blurred = Camera(noise=0.1, whole_pixels=False, exposure=2e-3)
     one = trial(camera=blurred, seed=5)
-    told, _ = differences(find_impacts(one.tracks, exposure=2e-3), one.record)
-    assert np.sqrt(np.mean(told**2)) * 240.0 < 0.02
+    off, _ = differences(find_impacts(one.tracks, exposure=2e-3), one.record)
+    assert np.sqrt(np.mean(off**2)) * 240.0 < 0.02
 
 
 def test_a_wrong_scale_is_seen_by_gravity_and_does_not_move_landings(trial):
@@ -127,12 +127,12 @@ def test_a_wrong_scale_is_seen_by_gravity_and_does_not_move_landings(trial):
     assert 0.60 < np.mean(np.abs(off) < error) < 0.76
 
 
-def test_what_follows_from_landings_is_consistent(found):
-    whole = np.isfinite(found["flight_time"].values)
-    p, k = np.nonzero(whole)
+def test_flight_times_speeds_and_heights_are_consistent(found):
+    seen = np.isfinite(found["flight_time"].values)
+    p, k = np.nonzero(seen)
     lasted = found["landing_time"].values[p, k + 1] - found["liftoff_time"].values[p, k]
     np.testing.assert_allclose(found["flight_time"].values[p, k], lasted, atol=1e-12)
-    speed = found["impact_speed"].values[whole]
+    speed = found["impact_speed"].values[seen]
     np.testing.assert_allclose(speed, G * lasted / 2.0)
     good = (found["quality"].values[p, k] == BOUNCED) & (
         found["quality"].values[p, k + 1] == BOUNCED

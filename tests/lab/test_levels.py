@@ -1,4 +1,4 @@
-"""Levels that differ below particles, over a base that stays: a tilted platform or view."""
+"""Levels that differ between particles over a base at rest: a tilted platform or view."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_a_tilt_changes_the_levels_alone(found, tilted, motion):
     assert means[1] == pytest.approx(means[0], rel=0.03)
 
 
-def test_heights_by_the_study_s_method_are_above_the_own_level(irregular, tilted):
+def test_heights_by_the_method_of_the_study_are_above_each_particle_s_level(irregular, tilted):
     level, raised = (find_impacts(one, method="sign_change") for one in (irregular.tracks, tilted))
     means = [one["rebound_height"].mean("impact").values for one in (level, raised)]
     np.testing.assert_allclose(means[1], means[0], rtol=0.1)
@@ -75,7 +75,7 @@ def test_stays_after_every_flight_do_not_lower_the_base(trial):
 
 
 def test_the_gravity_of_positions_in_whole_pixels_is_within_its_error():
-    """Flights of five frames at one phase: their curvatures are few values, as is a median."""
+    """Flights of five frames at one phase have few values of curvature, and so has their median."""
     frames, flights = np.arange(-2, 3) / 120.0, 300
     off = []
     for seed in range(40):
@@ -86,7 +86,7 @@ def test_the_gravity_of_positions_in_whole_pixels_is_within_its_error():
         samples = Samples(time.ravel(), height.ravel(), nobody, nobody, nobody)
         seen, error = apparent_gravity(samples, np.repeat(np.arange(flights), 5), flights)
         off.append((seen - 9.81) / error)
-    # of 40 squares of normal deviates the mean lies in here with 99.9 %
+    # the mean of 40 squares of normal deviates lies in this range with a probability of 99.9 %
     assert 0.4 < np.mean(np.square(off)) < 1.95
 
 

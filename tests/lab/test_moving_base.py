@@ -1,4 +1,4 @@
-"""Recordings of a base that moves: which base they speak for, and what they say of it."""
+"""Recordings of a base that moves: the base that they favour, and its motion."""
 
 import math
 import re
@@ -58,13 +58,13 @@ def found(chattering):
         (1.5, 0.9, "high-bounce"),
     ],
 )
-def test_the_landings_tell_which_base_they_happened_on(gamma, restitution, base):
+def test_the_landings_favour_the_base_on_which_they_happened(gamma, restitution, base):
     fitted = fit_tracks(film(gamma, restitution, base).tracks, G, Setup(frequency=FREQUENCY))
     assert fitted.favoured_base == {"moving": "moving", "high-bounce": "level"}[base]
     assert (fitted.flights.base_fit is None) == (base == "high-bounce")
 
 
-def test_a_locked_orbit_tells_neither():
+def test_a_locked_orbit_favours_neither_base():
     tracks = film(0.4, 0.9, transient=20.0).tracks
     fitted = fit_tracks(tracks, G, Setup(frequency=FREQUENCY))
     assert fitted.favoured_base == "undetermined"
@@ -115,7 +115,7 @@ def test_stays_on_the_base_are_no_flights_and_landings_are_finer_than_a_frame(ch
 
 @pytest.mark.parametrize("error", [-0.1, 0.1])
 def test_a_wrong_scale_is_corrected_by_gravity(error):
-    """Displacement and velocities of the base too, which the tracks show too large or small."""
+    """Displacement and velocities of the base are corrected, too."""
     tracks = film(1.5, 0.7, camera=Camera(scale_error=error)).tracks
     found = find_impacts(tracks, frequency=FREQUENCY)
     assert found.attrs["scale_off"] == 1
@@ -138,15 +138,15 @@ def test_contacts_too_few_for_a_fit_are_refused(chattering):
 
 
 @pytest.mark.parametrize("transient", [0.0, 2.0])
-def test_the_frequency_is_found_where_it_is_not_told(transient):
-    """Nor its multiples, which describe the few phases after a transient as well at first sight."""
+def test_an_unknown_frequency_is_found(transient):
+    """Its multiples, which also describe the few phases after a transient, are not taken for it."""
     one = estimate(find_impacts(film(3.0, 0.5, transient=transient).tracks))
     own = one.sel(parameter="frequency")
     assert abs(float(own["estimate"]) - FREQUENCY) < 5.0 * float(own["error"])
     assert float(own["error"]) < 0.01
 
 
-def test_what_was_found_is_said(found):
+def test_the_report_states_the_motion_of_the_base(found):
     text = "\n".join(impact_lines(found))
     assert "the base moves: displacement 1.8" in text
     assert re.search(r"restitution 0\.(499|500|501)\d* ± 0\.00", text)
@@ -169,7 +169,7 @@ def test_a_trace_of_the_base_determines_what_a_locked_orbit_does_not(tmp_path):
 
 @pytest.mark.parametrize("quantity", ["height", "acceleration"])
 def test_traces_within_their_errors(quantity):
-    """Mean square deviation of S, C and f in standard errors, over 60 traces: 1 +- 0.18 each."""
+    """The mean square deviation of S, C and f in standard errors over 60 traces is 1 +- 0.18."""
     rng = np.random.default_rng(0)
     time = 3.0 + np.arange(400) / 400.0
     truth = np.array([0.03 * math.cos(PHASE), 0.03 * math.sin(PHASE), FREQUENCY])
@@ -192,7 +192,7 @@ def test_traces_within_their_errors(quantity):
         ("time,height\n" + "".join(f"{k},{k**3 % 53}\n" for k in range(50)), "a sine leaves"),
     ],
 )
-def test_traces_that_are_none(text, message, tmp_path):
+def test_files_without_a_trace_are_refused(text, message, tmp_path):
     path = tmp_path / "base.csv"
     if text is not None:
         path.write_text(text)

@@ -1,4 +1,4 @@
-"""Faults of tracks are told per particle, and nothing is invented across them."""
+"""Faults of tracks are reported for each particle, and no flight spans them."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_gaps_lost_frames_and_a_particle_that_leaves(irregular, found):
 
 
 def exchangeable(height):
-    """Frames at which particles 0 and 1 fly 20 noises apart: near a landing nothing is told."""
+    """Frames at which particles 0 and 1 fly 20 times the noise apart, and not near a landing."""
     low = np.minimum(height[:, 0], height[:, 1])
     flying = np.minimum.reduce([low[:-4], low[1:-3], low[2:-2], low[3:-1]]) > 5e-4
     apart = np.abs(height[:, 0] - height[:, 1])[2:-2] > 2e-3
@@ -46,7 +46,7 @@ def exchangeable(height):
 
 
 def test_exchanged_names_are_found_while_both_fly_apart(irregular):
-    """And nothing is found where nothing was exchanged."""
+    """Nothing is found if no names were exchanged."""
     time, height = irregular.tracks["time"].values, irregular.tracks["height"].values
     assert find_swaps(time, height, 1.04e-4, 0.0, 9.81) == []
     rng = np.random.default_rng(0)
@@ -56,7 +56,7 @@ def test_exchanged_names_are_found_while_both_fly_apart(irregular):
         swapped = height.copy()
         swapped[frame:, :2] = height[frame:, 1::-1]
         hits += find_swaps(time, swapped, 1.04e-4, 0.0, 9.81) == [(frame, 0, 1)]
-    assert hits >= 37  # of noise a bound of three standard deviations holds 99.7 %, twice
+    assert hits >= 37  # two limits of three standard deviations, each of which holds 99.7 %
 
 
 def test_no_landing_is_sought_across_an_exchange(irregular):
@@ -79,8 +79,8 @@ def test_no_landing_is_sought_across_an_exchange(irregular):
 def test_lost_frames_cost_no_landings(trial):
     from vibrosweep.lab.camera import Camera
 
-    whole = find_impacts(trial(seed=3).tracks)
+    complete = find_impacts(trial(seed=3).tracks)
     thinned = find_impacts(trial(seed=3, camera=Camera(dropped=0.05)).tracks)
     assert int(thinned["impact_count"].sum()) == pytest.approx(
-        int(whole["impact_count"].sum()), rel=0.03
+        int(complete["impact_count"].sum()), rel=0.03
     )

@@ -1,4 +1,4 @@
-"""Quantities of recordings refuse what is no recording's."""
+"""Quantities of recordings refuse datasets that are not landings."""
 
 import pytest
 import xarray as xr

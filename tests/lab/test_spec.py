@@ -1,4 +1,4 @@
-"""Files of virtual experiments: what they give, and every mistake at once."""
+"""Files of virtual experiments, and all their mistakes at once."""
 
 import math
 from pathlib import Path
@@ -82,7 +82,7 @@ def test_launches_must_fit_the_particles(read):
 
 
 @pytest.mark.parametrize("text", ["scene = 1\n", "title = 3\n", "[scene\n"])
-def test_what_is_no_experiment(read, text):
+def test_files_without_an_experiment_are_refused(read, text):
     with pytest.raises(SpecError):
         read(text)
 
@@ -116,6 +116,6 @@ def test_a_scene_names_its_base_and_any_of_the_forcings(read):
         ),
     ],
 )
-def test_what_does_not_fit_the_base(read, text, message):
+def test_keys_that_do_not_fit_the_base_are_refused(read, text, message):
     with pytest.raises(SpecError, match=message):
         read(text)

@@ -1,4 +1,4 @@
-"""Restitution against the speed of impact: which law bounces allow, over both bases."""
+"""Dependence of restitution on the speed of impact: the law that bounces leave, over both bases."""
 
 import math
 
@@ -35,7 +35,7 @@ def film(base, law, seed=0):
 
 @pytest.mark.parametrize("base", SCENES)
 @pytest.mark.parametrize("law", ["constant", PLASTIC, VISCOELASTIC])
-def test_bounces_tell_the_law_of_their_restitution(base, law):
+def test_bounces_determine_the_law_of_their_restitution(base, law):
     impacts = find_impacts(film(base, law), frequency=FREQUENCY, motion=base)
     one = estimate(impacts, frequency=FREQUENCY)
     assert one.attrs["restitution_law"].split(" or ")[0] == law
@@ -102,7 +102,7 @@ def test_a_recording_is_compared_with_the_law_of_its_bounces_or_a_given_one():
         ({"restitution_law": PLASTIC, "restitution_speed": -1.0}, "restitution_speed = -1.0: must"),
     ],
 )
-def test_laws_that_cannot_be_known_are_refused(irregular, known, message):
+def test_impossible_laws_are_refused(irregular, known, message):
     with pytest.raises(ParameterError, match=message):
         compare_tracks(irregular.tracks, **known)
 
@@ -116,7 +116,7 @@ def test_laws_are_left_open_unless_most_bounces_speak_against_them():
 
     same = rng.chisquare(2.0, 200)
     fits = [fit("constant", same), fit(PLASTIC, same), fit(VISCOELASTIC, same + 1e-3)]
-    # a parameter that gains nothing is ruled out, and what is as good is not
+    # a law is ruled out if it is farther off, or if its additional parameter gains nothing
     assert laws_left(fits) == ["constant"]
     noisy = [fit("constant", same), fit(VISCOELASTIC, rng.chisquare(2.0, 200))]
     assert len(laws_left(noisy)) == 2
@@ -130,15 +130,15 @@ def test_laws_are_left_open_unless_most_bounces_speak_against_them():
 @pytest.mark.parametrize("law", [PLASTIC, VISCOELASTIC])
 def test_derivatives_of_laws(law):
     """By speed, restitution and the logarithm of the speed of yielding, off the kink."""
-    v, one, y = np.array([0.05, 0.15, 0.9, 4.0]), Law(law, 0.4), math.log(0.4)
-    after, slope = one.rebound_speed(v, 0.8, y)
+    v, fitted, y = np.array([0.05, 0.15, 0.9, 4.0]), Law(law, 0.4), math.log(0.4)
+    after, slope = fitted.rebound_speed(v, 0.8, y)
     np.testing.assert_allclose(after, v * restitution_at(v, 0.8, law, 0.4), rtol=1e-14)
     if law == PLASTIC:
         np.testing.assert_allclose(slope, after / v * np.where(v < 0.4, 1.0, 0.75), rtol=1e-8)
-        by_e, by_y = one.derivatives(v, 0.8, y)
+        by_e, by_y = fitted.derivatives(v, 0.8, y)
         np.testing.assert_allclose(by_e, after / 0.8, rtol=1e-8)
         np.testing.assert_allclose(by_y, np.where(v < 0.4, 0.0, after / 4.0), atol=1e-8)
     else:
-        (by_e,) = one.derivatives(v, 0.8, y)
+        (by_e,) = fitted.derivatives(v, 0.8, y)
         rise = v * restitution_at(v, 0.801, law, 0.4) - after
         np.testing.assert_allclose(by_e, rise / 1e-3, rtol=1e-2)

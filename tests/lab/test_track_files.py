@@ -1,4 +1,4 @@
-"""Every kind of file gives the same tracks."""
+"""Files of every format give the same tracks."""
 
 import numpy as np
 import pandas as pd

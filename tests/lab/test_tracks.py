@@ -1,4 +1,4 @@
-"""Bad tracks: one clear message each."""
+"""Faulty tracks: one clear message each."""
 
 import numpy as np
 import pytest
@@ -87,7 +87,7 @@ def test_a_height_axis_that_points_down(sound):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_flights_of_all_heights_upside_down(seed):
-    """Upside down, cusps of unequal flights scatter too much to contradict gravity."""
+    """Upside down, the cusps of unequal flights scatter too much to contradict gravity."""
     rng = np.random.default_rng(seed)
     ends = np.cumsum(rng.uniform(0.03, 0.3, 60))  # s, of flights over a base at rest
     time = np.arange(0.0, ends[-2], 1.0 / 240.0)
@@ -116,7 +116,7 @@ def test_flights_of_too_few_frames(trial):
     assert "film faster where flights last fewer than five frames" in message
 
 
-def test_what_does_not_bounce():
+def test_particles_that_do_not_bounce():
     time = np.arange(1000) / 240.0
     noise = 1e-4 * np.random.default_rng(0).standard_normal((1000, 1))
     assert refusal(find_impacts, make_tracks(time, noise))

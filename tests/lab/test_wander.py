@@ -1,4 +1,4 @@
-"""The wandering forcing: the engine without wander, and the phase that it should have with it."""
+"""Landings under a forcing whose phase wanders, and those of the engine where it does not."""
 
 import os
 import subprocess
@@ -62,14 +62,14 @@ def test_a_resting_particle_leaves_at_the_wandered_phase(parameters):
     assert (np.cos(2.0 * np.pi * phase) > 0.0).all()
 
 
-def test_the_walk_has_the_variance_that_was_asked_for():
+def test_the_walk_has_the_given_variance():
     steps = np.diff(phase_walk(np.random.default_rng(0), 0.01, 100_000))
     assert steps.std() == pytest.approx(0.01, rel=0.01)
     assert phase_walk(np.random.default_rng(0), 0.01, 5)[0] == 0.0
 
 
 def test_plain_python_gives_the_same_bits(parameters, tmp_path):
-    """The compiler switched off, on a small case with bounces and rests."""
+    """With the compiler switched off, for a small case with bounces and rests."""
     walk = phase_walk(np.random.default_rng(5), 0.01, 20)
     found = landings(parameters, walk, particles=2, duration=0.5, amplitude=0.03)
     assert (found.rested == 1).any()

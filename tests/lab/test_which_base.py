@@ -1,4 +1,4 @@
-"""The base of a recording: a test that a few bounces cannot decide, held to gravity."""
+"""The base of a recording: a few bounces cannot decide it, and flights must fall with gravity."""
 
 import numpy as np
 import pytest
@@ -99,7 +99,7 @@ def test_bounces_too_low_to_be_seen_do_not_make_another_base_nor_another_scale(n
     noise=st.floats(0.0, 0.2),
 )
 def test_a_few_bounces_decide_nothing_however_far_off_they_are(few, many, size, noise):
-    """Of `few` equal differences among `many` the mean is the root of `few` errors from zero."""
+    """The mean of n equal differences among many zeros is sqrt(n) standard errors from zero."""
     rng = np.random.default_rng(few)
     near = noise * rng.random(many)
     far = near.copy()
@@ -110,7 +110,7 @@ def test_a_few_bounces_decide_nothing_however_far_off_they_are(few, many, size, 
 
 
 @given(share=st.floats(0.3, 1.0), many=st.integers(60, 400), size=st.floats(1.0, FAR))
-def test_what_most_bounces_say_is_decided_both_ways_unless_unphysical(share, many, size):
+def test_most_bounces_decide_both_ways_unless_the_base_is_unphysical(share, many, size):
     near = np.zeros(many)
     far = np.where(np.arange(many) < share * many, size, 0.0)
     assert _preferred(fitted_base(near), fitted_base(far)) == "moving"
@@ -121,14 +121,14 @@ def test_what_most_bounces_say_is_decided_both_ways_unless_unphysical(share, man
         assert _preferred(fitted_base(far), better) == "undetermined"
 
 
-def test_bases_that_differ_by_noise_alone_are_told_apart_at_the_rate_that_is_stated():
+def test_bases_that_differ_by_noise_alone_are_decided_at_the_stated_rate():
     """Three standard deviations, both ways: 0.27 % of 4000 sets of independent contacts."""
     rng = np.random.default_rng(0)
-    said = [
+    decisions = [
         _preferred(*(fitted_base(np.minimum(d, FAR)) for d in rng.chisquare(2.0, (2, 120))))
         for _ in range(4000)
     ]
-    assert 1 <= 4000 - said.count("undetermined") <= 30
+    assert 1 <= 4000 - decisions.count("undetermined") <= 30
 
 
 def test_a_restitution_outside_its_range_is_never_stated_as_found():
@@ -156,8 +156,8 @@ def test_a_restitution_outside_its_range_is_never_stated_as_found():
 
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
 @pytest.mark.parametrize("error", [-0.15, 0.12, 0.3, -0.3])
-def test_a_scale_is_held_to_gravity_in_all(base, error):
-    """Whatever is corrected, and in however many rounds, a fifth in all is the limit."""
+def test_the_whole_correction_of_a_scale_is_limited(base, error):
+    """All corrections together are limited to a fifth, in however many rounds they are made."""
     plan = (0.85, 0.2, 20.0, 0.3, 0.3), (0.0, 240.0, 5e-5, 3)
     tracks = film(base, *plan, scale_error=error)
     if abs(error) > 0.2:
@@ -169,7 +169,7 @@ def test_a_scale_is_held_to_gravity_in_all(base, error):
     assert not contradicts(flights.gravity, flights.gravity_error, flights.curvature)
 
 
-def test_residuals_larger_than_noise_widen_the_errors_and_are_said():
+def test_residuals_larger_than_noise_widen_the_errors_and_are_reported():
     """Restitutions that differ among the particles, measured as if they did not."""
     scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.2}
     plan = Experiment(
@@ -189,8 +189,8 @@ def test_residuals_larger_than_noise_widen_the_errors_and_are_said():
 
 
 @given(seed=st.integers(0, 2**32 - 1), wide=st.floats(2.0, 10.0))
-def test_errors_from_residuals_hold_where_noise_is_not_what_it_was_taken_for(seed, wide):
-    """A regression with wider noise at the ends, against the exact covariance."""
+def test_errors_from_residuals_are_right_if_the_noise_differs_from_the_assumed_one(seed, wide):
+    """A regression with wider noise at the ends is compared with its exact covariance."""
     rng = np.random.default_rng(seed)
     x = np.linspace(-1.0, 1.0, 200)
     slopes = np.stack([np.ones_like(x), x], axis=1)
