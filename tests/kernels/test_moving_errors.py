@@ -8,6 +8,7 @@ from flint import arb, ctx
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from proved_flight import first_landing
 from vibrosweep.kernels import bases, growth
 from vibrosweep.kernels.advance import Options, Share, advance, memory_around
 from vibrosweep.kernels.bases import error_bounds
@@ -24,7 +25,6 @@ from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import Launches, dimensionless
 from vibrosweep.model.status import Regime, Status
 from vibrosweep.proof.reference.ball import trajectory
-from vibrosweep.proof.reference.moving import first_landing
 
 BITS = 256
 BASE = base_of("moving", "rest")

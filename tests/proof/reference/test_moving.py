@@ -8,11 +8,12 @@ from flint import arb, ctx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from proved_flight import first_landing
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.laws import Constant
-from vibrosweep.proof.reference.moving import MovingMap, first_landing
+from vibrosweep.proof.reference.moving import MovingMap
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "launch_time": 0.125,

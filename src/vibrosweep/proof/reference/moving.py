@@ -24,17 +24,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.decisions import (
     UncertainError,
     certain_above,
-    decided,
     nearest_integer,
 )
 from vibrosweep.proof.reference.enclosure import FRAME_BITS, Enclosure, Rows
 from vibrosweep.proof.reference.landing import Clearance, first_root, narrowed
-from vibrosweep.proof.reference.laws import Constant, Impact, Laws, mean_logarithm
+from vibrosweep.proof.reference.laws import Impact, Laws, mean_logarithm
 from vibrosweep.proof.reference.motion import (
     EPS,
     Carried,
@@ -203,40 +201,6 @@ def _applied(rows: Rows, c: float, d: float) -> tuple[arb, arb]:
 
 def _floats(pair: tuple[arb, arb]) -> Pair:
     return float(pair[0]), float(pair[1])
-
-
-def first_landing(
-    e: float,
-    a: float,
-    x: float,
-    y: float,
-    bits: int = 128,
-    max_bits: int = 1 << 13,
-    waveform: Waveform = SINE,
-) -> tuple[arb, arb]:
-    """Proved landing of one flight from exact doubles.
-
-    Kick a in forcing periods, alpha = a / (1 + e); phase x in turns, and speed y relative to the
-    base in units of g / 2 f, at lift-off.  The precision is doubled until the landing is certain;
-    an UndecidableError where a graze is not told from a landing.
-
-    Returns
-    -------
-    s, z
-        Balls of the duration of the flight in forcing periods, 0 where it lands at once, and of
-        the relative speed of arrival.
-    """
-
-    def attempt(bits: int) -> tuple[arb, arb]:
-        with ctx.workprec(bits):
-            alpha = arb(a) / (1 + arb(e))
-            m = MovingMap(Constant(arb(e)), alpha, ZERO, wave_of(waveform))
-            s = m.flight(arb(x), arb(y), 1)
-            if s is None:
-                return ZERO, -arb(y)
-            return s, -2 * m.clearance(arb(x), arb(y)).slope(s)
-
-    return decided(attempt, bits, max_bits)
 
 
 class Motion:
