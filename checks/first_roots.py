@@ -299,7 +299,7 @@ def proved(flights: Flights, chosen: np.ndarray) -> tuple[int, float]:
 
     The error is in units of what rounding the clearance forces, as in `Verdicts`.
     """
-    from proved_flight import first_landing
+    from proved_pieces import first_landing
 
     verdicts = judge(Flights(*(column[chosen] for column in flights)))
     wrong, largest = 0, 0.0

@@ -12,6 +12,7 @@ from flint import arb, ctx
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from proved_pieces import step
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import error_bounds
@@ -22,7 +23,6 @@ from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.sine import COSINE_ERROR
 from vibrosweep.kernels.totals import OF_LANDINGS, scratch
 from vibrosweep.model.parameters import LAWS
-from vibrosweep.proof.reference.ball import step
 
 BITS = 400
 TURN = 2.0 * math.pi

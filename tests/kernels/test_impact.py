@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from proved_pieces import step
 from vibrosweep.kernels.bases import after_rest, lift_off, rebound
 from vibrosweep.kernels.impact import impact, land
-from vibrosweep.proof.reference.ball import step
 
 STATES = 3_000  # checks/map_error.py draws millions
 HALF_ULP = 2.0**-53

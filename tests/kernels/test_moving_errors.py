@@ -8,7 +8,7 @@ from flint import arb, ctx
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from proved_flight import first_landing
+from proved_pieces import first_landing
 from vibrosweep.kernels import bases, growth
 from vibrosweep.kernels.advance import Options, Share, advance, memory_around
 from vibrosweep.kernels.bases import error_bounds

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
+from proved_pieces import sine
 from vibrosweep.kernels.sine import (
     LAG_ERROR,
     SINE_ERROR,
@@ -11,7 +12,6 @@ from vibrosweep.kernels.sine import (
     sin_and_lag,
     sin_turns,
 )
-from vibrosweep.proof.reference.ball import sine
 
 QUARTERS = np.array([0.0, 0.125, 0.25, 0.375, 0.5])
 

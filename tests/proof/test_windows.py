@@ -20,13 +20,23 @@ from vibrosweep.proof.reference.closed import (
     prove_event,
     prove_orbit,
 )
-from vibrosweep.proof.reference.jets import variables, waves
+from vibrosweep.proof.reference.jets import Jet, variables
 from vibrosweep.proof.reference.orbit_equations import EARLIER, RESTING, Orbit
 from vibrosweep.proof.windows import NO_ORBIT, UNBOUNDED
 from vibrosweep.scene.keywords import keyword_spec
 
 BASES = ("high-bounce", "moving")
 DIGITS = "1.016310712304622804660571"  # of Gamma at e = 9/10 exactly, k = 1
+
+
+def waves(turns):
+    """Sine and cosine of a phase in turns."""
+    sine, cosine = (2 * turns.v).sin_cos_pi()
+    turn = 2 * arb.pi()
+    return (
+        Jet(sine, [turn * cosine * a for a in turns.d]),
+        Jet(cosine, [-turn * sine * a for a in turns.d]),
+    )
 
 
 def orbit(base, e, p=1, q=1, rest=1e-4):

@@ -50,6 +50,7 @@ from vibrosweep.scene.scene import Scene
 BEGUN, AT_CORNER, AT_YIELDING = range(OUT_OF_POINTS + 1, OUT_OF_POINTS + 4)
 CORNER_PHASE: Final = 0.25  # the parabolic waveform has corners at plus and minus this phase
 NEAR_SWITCH: Final = 1e-3  # largest distance of a corner or kink from the line that it ends
+NEAR: Final = 100.0 * SAME  # largest distance of two points of one orbit
 EVENTS: Final = (
     (SADDLE_NODE, "saddle_node"),
     (DOUBLING, "period_doubling"),
@@ -237,14 +238,14 @@ def _other(condition: int) -> int:
     return FIX_DRIVE if condition == FIX_E else FIX_E
 
 
-def same_orbit(one: Array, other: Array, p: int, q: int, near: float = 100.0 * SAME) -> bool:
+def same_orbit(one: Array, other: Array, p: int, q: int) -> bool:
     """Return whether two points belong to one orbit, possibly beginning with different impacts."""
     times = other[:p]
     for k in range(p):
         turned = np.concatenate([times[k:], times[:k] + q])
         off = turned - one[:p]
-        if np.abs(off - np.rint(off[0])).max() < near:
-            return bool(np.abs(one[p:] - other[p:]).max() < near)
+        if np.abs(off - np.rint(off[0])).max() < NEAR:
+            return bool(np.abs(one[p:] - other[p:]).max() < NEAR)
     return False
 
 

@@ -267,17 +267,17 @@ def _folded(x: ArrayLike) -> tuple[Array, Array]:
     return np.where(rises, near, near - np.copysign(0.5, near)), rises
 
 
-def zeros(waveform: Waveform, order: int, level: float = 0.0) -> Array:
-    """Return the phases in [-1/2, 1/2], ascending, at which a derivative of w crosses a level.
+def zeros(waveform: Waveform, order: int) -> Array:
+    """Return the phases in [-1/2, 1/2], ascending, at which a derivative of w is zero.
 
-    `order` is that of the derivative; the waveform must be of harmonics.  All crossings are found,
+    `order` is that of the derivative; the waveform must be of harmonics.  All zeros are found,
     except pairs closer than `NARROW`: an interval is discarded when a bound of the next derivative
-    excludes a crossing, and halved until the function is monotone in it.
+    excludes a zero, and halved until the function is monotone in it.
     """
     bounds = [waveform.sum_of(order + 1) * 1.001, waveform.sum_of(order + 2) * 1.001]
 
     def value(x: Array) -> Array:
-        return waveform.derivative(x, order) - level
+        return waveform.derivative(x, order)
 
     def slope(x: Array) -> Array:
         return waveform.derivative(x, order + 1)

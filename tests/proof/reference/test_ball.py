@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
+from proved_pieces import sine, step
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import UndecidableError
-from vibrosweep.proof.reference.ball import sine, step, trajectory
+from vibrosweep.proof.reference.ball import trajectory
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "launch_time": 0.0,

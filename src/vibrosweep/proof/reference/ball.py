@@ -42,11 +42,9 @@ from typing import Final
 
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE, Waveform
-from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.bases import REFERENCE_OF
-from vibrosweep.proof.reference.decisions import decided, nearest_integer
-from vibrosweep.proof.reference.high_bounce import BallMap
-from vibrosweep.proof.reference.laws import Constant, Laws
+from vibrosweep.proof.reference.decisions import decided
+from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import Deviates, Problem
 from vibrosweep.proof.reference.orbit import attempt
 from vibrosweep.proof.reference.results import Trajectory
@@ -119,30 +117,3 @@ def trajectory(
     )
     first = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
     return decided(partial(attempt, problem, REFERENCE_OF[base].motion), first, max_bits)
-
-
-def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, int, arb]:
-    """One impact of the dimensionless map from exact doubles, before the rest law.
-
-    Kick a and flight time u are in forcing periods, u below 2**bits, and the phase x in turns; the
-    results are proved at any precision.
-
-    Returns
-    -------
-    phase, count, w
-        x' = x + u as a ball around a midpoint in [-1/2, 1/2], and whole periods apart;
-        w = e u + a sin(2 pi x').
-    """
-    with ctx.workprec(bits):
-        # gravity 2 and frequency 1: velocities are flight times in periods
-        m = BallMap(Constant(arb(e)), arb(a), 2 * arb(x), arb(4), arb(2))
-        landed, w = m.impact(arb(0), arb(u))
-        turns = arb(x) + landed
-        count = nearest_integer(turns)
-        return turns - count, count, w
-
-
-def sine(x: float, bits: int = 300) -> arb:
-    """Ball that contains sin(2 pi x) for an exact double x in turns."""
-    with ctx.workprec(bits):
-        return (2 * arb(x)).sin_pi()

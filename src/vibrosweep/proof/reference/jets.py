@@ -56,13 +56,3 @@ def variables(values: Sequence[arb]) -> list[Jet]:
     """Return independent variables."""
     n = len(values)
     return [Jet(v, [arb(int(i == k)) for i in range(n)]) for k, v in enumerate(values)]
-
-
-def waves(turns: Jet) -> tuple[Jet, Jet]:
-    """Sine and cosine of a phase in turns."""
-    sine, cosine = (2 * turns.v).sin_cos_pi()
-    turn = 2 * arb.pi()
-    return (
-        Jet(sine, [turn * cosine * a for a in turns.d]),
-        Jet(cosine, [-turn * sine * a for a in turns.d]),
-    )
