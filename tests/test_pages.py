@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from docs.page_tables import PAGES as PAGES_WITH_TABLES
+from docs.page_tables import insert
 from vibrosweep.commands import COMMANDS
-from vibrosweep.model.markdown import insert
 from vibrosweep.scene.keys import SECTIONS
 
 ROOT = Path(__file__).parents[1]
@@ -41,9 +42,9 @@ def test_functions_that_a_page_names_exist(page):
         assert hasattr(module, function), name
 
 
-@pytest.mark.parametrize("name", ["sweep-files", "results"])
-def test_the_tables_of_measures_are_those_of_the_registry(name):
-    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize("name", PAGES_WITH_TABLES)
+def test_the_tables_of_a_page_are_those_of_the_registries(name):
+    text = (DOCS / name).read_text(encoding="utf-8")
     assert insert(text) == text
 
 

@@ -5,14 +5,13 @@ Messages, the page of abilities and tests derive from it: nothing else says what
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from itertools import product
-from typing import Any, Final
+from typing import Final
 
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, NOISE, SPRUNG
-from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
+from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS_OF, MOVING, SPRUNG
+from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
@@ -160,47 +159,3 @@ def _refused_law(base: str, law: str) -> str:
 
 def _quoted(bases: Collection[str]) -> str:
     return " or ".join(f'"{base}"' for base in bases)
-
-
-def cells() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield each base with each law, waveform, noise, measure and analysis, as `refusal` takes."""
-    yield from product(BASES, _choices())
-
-
-def table() -> Iterator[str]:
-    """Yield the lines of the table on the page of sweep files."""
-    yield f"| | {' | '.join(f'`{base}`' for base in BASES)} | under noise |"
-    yield f"|---|{'---|' * len(BASES)}---|"
-    for choice in _choices():
-        ((kind, name),) = choice.items()
-        support = (_support(base, choice) for base in BASES)
-        shown = name if isinstance(name, str) else name[0]
-        what = "restitution_law" if kind == "restitution" else kind
-        yield f"| {what} `{shown}` | {' | '.join(support)} | {_support_under_noise(choice)} |"
-
-
-def _support_under_noise(choice: dict[str, Any]) -> str:
-    """Return the bases that support a choice under noise, and the noise that it excludes."""
-    quiet = [base for base in BASES if not refusal(base, **choice)]
-    pairs = [pair for pair in product(quiet, NOISE) if not refusal(pair[0], noise=pair[1:])]
-    noisy = [pair for pair in pairs if not refusal(pair[0], **{"noise": pair[1:], **choice})]
-    if not noisy:
-        return "no"
-    bases = [f"`{base}`" for base in quiet if base in dict(noisy)]
-    excluded = {noise for _, noise in pairs} - {noise for _, noise in noisy}
-    without = [f"not `{noise}`" for noise in sorted(excluded)]
-    return ", ".join((*(bases if len(bases) < len(quiet) else []), *without)) or "yes"
-
-
-def _support(base: str, choice: dict[str, Any]) -> str:
-    """Return yes, no, or the restriction under which a base supports a choice."""
-    if refusal(base, **choice):
-        return "no"
-    return "constant restitution" if choice.get("analysis") in OF_CONSTANT else "yes"
-
-
-def _choices() -> list[dict[str, Any]]:
-    choices: dict[str, Iterable[Any]] = {"law": LAWS, "restitution": RESTITUTION_LAWS}
-    choices |= {"waveform": WAVEFORMS, "noise": [(kind,) for kind in NOISE]}
-    choices |= {"measure": MEASURES, "analysis": ANALYSES}
-    return [{kind: name} for kind, names in choices.items() for name in names]

@@ -7,9 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from docs.page_tables import TABLES, insert
 from vibrosweep.errors import SpecError
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.model.markdown import TABLES, insert
 from vibrosweep.model.measures import (
     ALWAYS,
     MEASURE_OF,

@@ -1,20 +1,24 @@
-"""Tables of the documentation, written from the registry of measures.
+"""Tables of pages, written from the registry of measures and the table of abilities.
 
-``python -m vibrosweep.model.markdown docs/sweep-files.md docs/results.md`` replaces the tables
-between their markers.
+``python docs/page_tables.py`` replaces the tables between their markers.
 """
 
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from itertools import product
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from vibrosweep.abilities import ANALYSES, OF_CONSTANT, refusal
 from vibrosweep.model.measures import ALWAYS, MEASURES, OF_EACH, OPTIONS, RECORD, Variable
+from vibrosweep.model.parameters import BASES, LAWS, NOISE
+from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
 from vibrosweep.model.scene_measures import KEYS
+from vibrosweep.model.shapes import WAVEFORMS
 
+PAGES: Final = ("sweep-files.md", "results.md")
 # A name of a variable within a sentence
 NAME: Final = re.compile(r"(?<![`\w.])((?<=see )\w+|[a-z]+(_[a-z\d]+)+)(?![`\w])")
 LONG: Final = 40  # characters above which a comment is not repeated
@@ -76,8 +80,52 @@ def _comment(variable: Variable) -> str:
     return comment if home is variable else f"see `{home.name}`"
 
 
+def _abilities() -> Iterator[str]:
+    """Yield what can be computed over each base."""
+    yield f"| | {' | '.join(f'`{base}`' for base in BASES)} | under noise |"
+    yield f"|---|{'---|' * len(BASES)}---|"
+    for choice in choices():
+        ((kind, name),) = choice.items()
+        support = (_support(base, choice) for base in BASES)
+        shown = name if isinstance(name, str) else name[0]
+        what = "restitution_law" if kind == "restitution" else kind
+        yield f"| {what} `{shown}` | {' | '.join(support)} | {_support_under_noise(choice)} |"
+
+
+def _support_under_noise(choice: dict[str, Any]) -> str:
+    """Return the bases that support a choice under noise, and the noise that it excludes."""
+    quiet = [base for base in BASES if not refusal(base, **choice)]
+    pairs = [pair for pair in product(quiet, NOISE) if not refusal(pair[0], noise=pair[1:])]
+    noisy = [pair for pair in pairs if not refusal(pair[0], **{"noise": pair[1:], **choice})]
+    if not noisy:
+        return "no"
+    bases = [f"`{base}`" for base in quiet if base in dict(noisy)]
+    excluded = {noise for _, noise in pairs} - {noise for _, noise in noisy}
+    without = [f"not `{noise}`" for noise in sorted(excluded)]
+    return ", ".join((*(bases if len(bases) < len(quiet) else []), *without)) or "yes"
+
+
+def _support(base: str, choice: dict[str, Any]) -> str:
+    """Return yes, no, or the restriction under which a base supports a choice."""
+    if refusal(base, **choice):
+        return "no"
+    return "constant restitution" if choice.get("analysis") in OF_CONSTANT else "yes"
+
+
+def choices() -> list[dict[str, Any]]:
+    """Return each law, waveform, noise, measure and analysis, as `refusal` takes it."""
+    choices: dict[str, Iterable[Any]] = {"law": LAWS, "restitution": RESTITUTION_LAWS}
+    choices |= {"waveform": WAVEFORMS, "noise": [(kind,) for kind in NOISE]}
+    choices |= {"measure": MEASURES, "analysis": ANALYSES}
+    return [{kind: name} for kind, names in choices.items() for name in names]
+
+
 # Tables by the names in their markers
-TABLES: Final = {"keys of measure": "\n".join(_keys()), "variables": "\n".join(_variables())}
+TABLES: Final = {
+    "keys of measure": "\n".join(_keys()),
+    "variables": "\n".join(_variables()),
+    "abilities": "\n".join(_abilities()),
+}
 
 
 def insert(text: str) -> str:
@@ -99,5 +147,5 @@ def insert(text: str) -> str:
 
 
 if __name__ == "__main__":
-    for page in map(Path, sys.argv[1:]):
+    for page in map(Path(__file__).parent.joinpath, PAGES):
         page.write_text(insert(page.read_text(encoding="utf-8")), encoding="utf-8")
