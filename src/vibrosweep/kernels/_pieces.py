@@ -73,7 +73,7 @@ class PieceCompiler(CompilerBase):  # type: ignore[misc]
         state.library = PieceLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
         if state.func_id.modname.partition(".")[0] == PACKAGE:
-            passes.passes = [one for one in passes.passes if one[0] not in NEEDLESS]
+            passes.passes = [step for step in passes.passes if step[0] not in NEEDLESS]
         passes.add_pass_after(DeclarePiece, NativeLowering)
         passes.finalize()
         return [passes]

@@ -21,8 +21,8 @@ def compiled_anew(
     if function not in done:
         names, code = dict(function.__globals__), function.__code__
         cells = {name: CellType() for name in code.co_freevars}
-        enclosed, given = tuple(cells.values()), function.__defaults__
-        fresh = FunctionType(code, names, function.__name__, given, enclosed)
+        enclosed, defaults = tuple(cells.values()), function.__defaults__
+        fresh = FunctionType(code, names, function.__name__, defaults, enclosed)
         fresh.__kwdefaults__ = function.__kwdefaults__
         done[function] = compiler(fresh)
         for name, value in outside(function).items():

@@ -73,10 +73,10 @@ def linearize(
     determinant = 1.0
     for i in range(p):
         j = i + 1 if i < p - 1 else 0
-        one = flight(fixed, times, p, q, i)
-        xx, xu, ux, uu, _ = jacobian(fixed, one)
-        off[i] += one.u
-        off[j] -= rebound(fixed, one.landing, one.v)
+        arc = flight(fixed, times, p, q, i)
+        xx, xu, ux, uu, _ = jacobian(fixed, arc)
+        off[i] += arc.u
+        off[j] -= rebound(fixed, arc.landing, arc.v)
         by_end, by_start = 1.0 / xu, -xx / xu  # of the speed at lift-off
         matrix[i, i] += by_start
         matrix[i, j] += by_end
@@ -199,14 +199,14 @@ def begin_shortest(times: Floats, p: int, q: int, scratch: Floats) -> None:
 def admits(fixed: Constants, times: Floats, p: int, q: int) -> int:
     """Return whether a particle takes the orbit: `ADMISSIBLE`, `MEETS_BASE` or `RESTS`."""
     for i in range(p):
-        one = flight(fixed, times, p, q, i)
-        w = rebound(fixed, one.landing, one.v)
-        if not lift_off(fixed, 0.0, one.landing, w).leaves:
+        arc = flight(fixed, times, p, q, i)
+        w = rebound(fixed, arc.landing, arc.v)
+        if not lift_off(fixed, 0.0, arc.landing, w).leaves:
             return RESTS
     for i in range(p):
-        one = flight(fixed, times, p, q, i)
-        time, _ = fly(fixed, one.x, one.u)
-        if not (one.v > 0.0 and abs(time - one.time) <= AT_LANDING * max(1.0, one.time)):
+        arc = flight(fixed, times, p, q, i)
+        time, _ = fly(fixed, arc.x, arc.u)
+        if not (arc.v > 0.0 and abs(time - arc.time) <= AT_LANDING * max(1.0, arc.time)):
             return MEETS_BASE
     return ADMISSIBLE
 

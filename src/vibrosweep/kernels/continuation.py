@@ -142,8 +142,8 @@ def _record(
         out.z[k, c] = z[c]
     out.trace[k], out.determinant[k] = tangent.trace, tangent.determinant
     for i in range(span.p):
-        one = flight(fixed, z, span.p, span.q, i)
-        out.speed[k, i] = speed(fixed, one.x, one.u)
+        arc = flight(fixed, z, span.p, span.q, i)
+        out.speed[k, i] = speed(fixed, arc.x, arc.u)
     out.admissible[k] = admits(fixed, z, span.p, span.q)
     return out.admissible[k] == ADMISSIBLE  # type: ignore[no-any-return]
 

@@ -142,10 +142,10 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
         derivative = jacobian(fixed, hit.flight)
-        one = contraction(fixed, hit.v)
-        if one != shrunk:
+        factor = contraction(fixed, hit.v)
+        if factor != shrunk:
             exponent += alike * growth.logarithm(shrunk)
-            alike, shrunk = 0, one
+            alike, shrunk = 0, factor
         alike += 1
         turned *= reverses(fixed, hit.x, hit.v)
         n, x, u = hit.n_off, hit.x_off, hit.u

@@ -73,10 +73,10 @@ def work_for(p: int) -> Work:
 
 
 @jit
-def put_between(out: Floats, one: Floats, other: Floats, share: float) -> None:
+def put_between(out: Floats, z: Floats, other: Floats, share: float) -> None:
     """Write the point between two others, or beyond them."""
     for c in range(out.size):
-        out[c] = one[c] + share * (other[c] - one[c])
+        out[c] = z[c] + share * (other[c] - z[c])
 
 
 @jit
@@ -120,16 +120,16 @@ def value_of(
         return 1.0 + sign * tangent.trace + tangent.determinant
     least, product = math.inf, 1.0
     for i in range(p):
-        one = flight(fixed, z, p, q, i)
+        arc = flight(fixed, z, p, q, i)
         if condition == CORNER:
-            product *= abs(one.x) - span.corner
+            product *= abs(arc.x) - span.corner
         elif condition == YIELD:
-            product *= one.v - span.kink
+            product *= arc.v - span.kink
         elif condition == GRAZE:
-            least = min(least, clearing(fixed, one))
+            least = min(least, clearing(fixed, arc))
         else:
-            w = rebound(fixed, one.landing, one.v)
-            if w > fixed.r or not lift_off(fixed, 0.0, one.landing, w).leaves:
+            w = rebound(fixed, arc.landing, arc.v)
+            if w > fixed.r or not lift_off(fixed, 0.0, arc.landing, w).leaves:
                 least = min(least, w - fixed.r)
     return product if condition >= CORNER else least
 

@@ -206,8 +206,8 @@ def rises_through(shape: Harmonics, a: float, r: float, low: float, high: float)
     return x
 
 
-def for_each(field: str, term: str, given: str = "a, r, s, j", **names: Any) -> Any:
-    """Function of a shape and what is `given` that returns a term for each element of a field.
+def for_each(field: str, term: str, arguments: str = "a, r, s, j", **names: Any) -> Any:
+    """Function of a shape and `arguments` that returns a term for each element of a field.
 
     Terms may call what the names stand for, `rise` and `falls`.
     """
@@ -217,7 +217,7 @@ def for_each(field: str, term: str, given: str = "a, r, s, j", **names: Any) -> 
     def written(count: int) -> Any:
         terms = "".join(f"{term.format(k=k, row=k * STRIDE)}, " for k in range(count))
         space: dict[str, Any] = {"__name__": __name__, **known}
-        exec(f"def written(shape, {given}):\n    return ({terms})\n", space)
+        exec(f"def written(shape, {arguments}):\n    return ({terms})\n", space)
         return space["written"]
 
     def call(shape: Harmonics, *arguments: Any) -> Any:

@@ -70,26 +70,26 @@ def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int, together: f
 
 
 @jit
-def _draw_one(on: int | None, key: Key, s: Floats, j: int, of: Rows) -> None:
+def _draw_one(on: int | None, key: Key, s: Floats, j: int, rows: Rows) -> None:
     if on is not None:
         stream, particle, age = s[ROW.STREAM + j], s[ROW.PARTICLE + j], s[ROW.AGE + j]
-        s[of.drawn + j] = s[of.size + j] * deviate(key, stream, particle, age, of.purpose)
+        s[rows.drawn + j] = s[rows.size + j] * deviate(key, stream, particle, age, rows.purpose)
 
 
 @jit
-def _draw_two(on: int | None, key: Key, s: Floats, j: int, since: int, of: Rows) -> None:
+def _draw_two(on: int | None, key: Key, s: Floats, j: int, since: int, rows: Rows) -> None:
     if on is not None:
         stream, particle = s[ROW.STREAM + j], s[ROW.PARTICLE + j]
         pair = 0.5 * (s[ROW.AGE + j] + since)
-        first, second = deviates(key, stream, particle, pair, of.purpose)
-        s[of.drawn + j] = s[of.size + j] * first
-        s[of.following + j] = s[of.size + j] * second
+        first, second = deviates(key, stream, particle, pair, rows.purpose)
+        s[rows.drawn + j] = s[rows.size + j] * first
+        s[rows.following + j] = s[rows.size + j] * second
 
 
 @jit
-def _take_second(on: int | None, s: Floats, j: int, of: Rows) -> None:
+def _take_second(on: int | None, s: Floats, j: int, rows: Rows) -> None:
     if on is not None:
-        s[of.drawn + j] = s[of.following + j]
+        s[rows.drawn + j] = s[rows.following + j]
 
 
 @jit

@@ -73,19 +73,19 @@ class Closed(NamedTuple):
 
 def empty_closed(problems: int, capacity: int, wanted: Wanted) -> Closed:
     """Allocate memory for so many orbits of each problem, all of which `find_closed` writes."""
-    each, pairs = (problems, capacity), (problems, wanted.impacts, wanted.periods)
-    landings = (*each, wanted.impacts)
+    shape, pairs = (problems, capacity), (problems, wanted.impacts, wanted.periods)
+    landings = (*shape, wanted.impacts)
     return Closed(
         orbits=unwritten(problems, np.int64),
-        impacts=unwritten(each, np.int64),
-        periods=unwritten(each, np.int64),
-        admissible=unwritten(each, np.int8),
-        trace=unwritten(each),
-        determinant=unwritten(each),
+        impacts=unwritten(shape, np.int64),
+        periods=unwritten(shape, np.int64),
+        admissible=unwritten(shape, np.int8),
+        trace=unwritten(shape),
+        determinant=unwritten(shape),
         times=unwritten(landings),
         speed=unwritten(landings),
         arrival=unwritten(landings),
-        born=unwritten(each, np.int64),
+        born=unwritten(shape, np.int64),
         seeds=unwritten(pairs, np.int64),
         late=unwritten(pairs, np.int64),
         saddles=unwritten(pairs, np.int64),
@@ -192,9 +192,9 @@ def _keep(
     out.trace[i, k], out.determinant[i, k] = tangent.trace, tangent.determinant
     out.admissible[i, k] = admits(fixed, times, p, q)
     for j in range(p):
-        one = flight(fixed, times, p, q, j)
-        out.speed[i, k, j] = speed(fixed, one.x, one.u)
-        out.arrival[i, k, j] = one.v
+        arc = flight(fixed, times, p, q, j)
+        out.speed[i, k, j] = speed(fixed, arc.x, arc.u)
+        out.arrival[i, k, j] = arc.v
 
 
 @jit

@@ -57,18 +57,18 @@ def declare(
     The name of a statistic from outside the package must contain a digest of its code, because
     machine code is kept by the names of types.
     """
-    one = kind(name)
-    _DECLARED.setdefault(one, Statistic(name, number, combine, of_flights))
-    return one()
+    marker = kind(name)
+    _DECLARED.setdefault(marker, Statistic(name, number, combine, of_flights))
+    return marker()
 
 
-def statistic_of(one: type) -> Statistic:
+def statistic_of(marker: type) -> Statistic:
     """Return the statistic that a type stands for."""
-    return _DECLARED[one]
+    return _DECLARED[marker]
 
 
 @jit
-def _every(one: Landing | Counted) -> bool:
+def _every(event: Landing | Counted) -> bool:
     return True
 
 
@@ -132,7 +132,7 @@ class Statistics(NamedTuple):
 
     def total(self, name: str) -> Floats:
         """Return the totals of the statistic of that name."""
-        names = [statistic_of(type(one)).name for one in self.kinds]
+        names = [statistic_of(type(marker)).name for marker in self.kinds]
         return np.asarray(self.totals[names.index(name)])
 
     @property

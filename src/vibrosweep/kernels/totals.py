@@ -59,7 +59,7 @@ def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
     @functools.cache
     def composed(kinds: tuple[type, ...]) -> Any:
         statistics = [statistic_of(kind) for kind in kinds]
-        names: dict[str, Any] = {f"number_{k}": one.number for k, one in enumerate(statistics)}
+        names: dict[str, Any] = {f"number_{k}": s.number for k, s in enumerate(statistics)}
         names |= {"fma": fma, "prefetch": prefetch, "nan": float("nan"), "inf": float("inf")}
         names["__name__"] = __name__
         body = textwrap.indent("\n".join(write(statistics, *(None,) * others)), "    ")
@@ -80,12 +80,12 @@ def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, 
 
     A sum of products that begins with one landing is its product, rounded.
     """
-    for k, one in enumerate(statistics):
-        argument = "flight" if one.of_flights else "landing"
-        if one.combine == PRODUCTS:
-            yield k, one, f"number_{k}({argument})[0] * number_{k}({argument})[1]"
+    for k, kind in enumerate(statistics):
+        argument = "flight" if kind.of_flights else "landing"
+        if kind.combine == PRODUCTS:
+            yield k, kind, f"number_{k}({argument})[0] * number_{k}({argument})[1]"
         else:
-            yield k, one, f"1.0 * number_{k}({argument})"
+            yield k, kind, f"1.0 * number_{k}({argument})"
 
 
 def _row(statistics: Sequence[Statistic], k: int) -> str:
@@ -96,9 +96,9 @@ def _row(statistics: Sequence[Statistic], k: int) -> str:
 @_composed
 def clear(kinds: Kinds, s: Floats, j: int) -> Iterator[str]:
     """Begin the statistics of the trajectory in place j."""
-    for k, one in enumerate(kinds):
-        yield f"s[{(ROWS + k) * STRIDE} + j] = {START[one.combine]}"
-        if one.summed:
+    for k, kind in enumerate(kinds):
+        yield f"s[{(ROWS + k) * STRIDE} + j] = {START[kind.combine]}"
+        if kind.summed:
             yield f"{_row(kinds, k)} = 0.0"
     yield f"s[{(ROWS + 2 * len(kinds) + CYCLE_LANDINGS) * STRIDE} + j] = 0.0  # no cycle is known"
 
@@ -108,41 +108,41 @@ def count(
     kinds: Kinds, s: Floats, j: int, landing: Landing, flight: Counted, seen: bool, ends: bool
 ) -> Iterator[str]:
     """Count a landing in place j where it is seen, and a flight where it ends."""
-    for k, one in enumerate(kinds):
+    for k, kind in enumerate(kinds):
         row = f"s[{(ROWS + k) * STRIDE} + j]"
-        counts = "ends" if one.of_flights else "seen"
-        number = f"number_{k}({'flight' if one.of_flights else 'landing'})"
-        if one.combine == COUNT:
+        counts = "ends" if kind.of_flights else "seen"
+        number = f"number_{k}({'flight' if kind.of_flights else 'landing'})"
+        if kind.combine == COUNT:
             yield f"{row} += 1.0 if {number} & {counts} else 0.0"
-        elif one.combine == SUM:
+        elif kind.combine == SUM:
             yield f"{row} += {number} if {counts} else 0.0"
-        elif one.combine == PRODUCTS:
+        elif kind.combine == PRODUCTS:
             yield f"a, b = {number}"
             yield f"{row} = fma(a if {counts} else 0.0, b if {counts} else 0.0, {row})"
         else:
             # the sum, which changes nothing, keeps the compiler from choosing by a masked store:
             # that takes processors of AMD without AVX-512 as long as ten others
             yield f"v, w = 1.0 * {number}, {row} + 0.0"
-            yield f"{row} = v if (v {'>' if one.combine == MAX else '<'} w) & {counts} else w"
+            yield f"{row} = v if (v {'>' if kind.combine == MAX else '<'} w) & {counts} else w"
 
 
 @_composed
 def sum_up(kinds: Kinds, s: Floats, j: int, lost: bool) -> Iterator[str]:
     """Add the numbers since the last look to the sums; NaN of flights where a lane is `lost`."""
     yield "pass"
-    for k, one in enumerate(kinds):
-        if one.summed:
+    for k, kind in enumerate(kinds):
+        if kind.summed:
             # the total is rounded once for several impacts, which keeps its error small
             row, total = f"s[{(ROWS + k) * STRIDE} + j]", _row(kinds, k)
             both = f"{total} + {row}"
-            yield f"{total} = " + (f"nan if lost else {both}" if one.of_flights else both)
+            yield f"{total} = " + (f"nan if lost else {both}" if kind.of_flights else both)
             yield f"{row} = 0.0"
 
 
 @_composed
 def no_impacts(kinds: Kinds) -> Iterator[str]:
     """Totals of no impacts."""
-    starts = "".join(f", {START[one.combine]}" for one in kinds)
+    starts = "".join(f", {START[kind.combine]}" for kind in kinds)
     yield f"return (0.0{starts})"
 
 
@@ -151,7 +151,7 @@ def added(
     kinds: Kinds, to: Cycle, periods: float, landing: Landing, flight: Counted
 ) -> Iterator[str]:
     """Add an impact to the totals of a cycle, in which so many periods have passed."""
-    sums = (one.joined(f"to[{k + 1}]", number) for k, one, number in _numbers(kinds))
+    sums = (kind.joined(f"to[{k + 1}]", number) for k, kind, number in _numbers(kinds))
     yield f"return (periods, {', '.join(sums)})"
 
 
@@ -185,13 +185,13 @@ def kept_cycle(kinds: Kinds, rests: Floats, line: int) -> Iterator[str]:
 @_composed
 def repeat(kinds: Kinds, s: Floats, j: int, times: float) -> Iterator[str]:
     """Count the landings of so many whole cycles in place j."""
-    for k, one in enumerate(kinds):
+    for k, kind in enumerate(kinds):
         row, cycle = _row(kinds, k), f"s[{(ROWS + 2 * len(kinds) + 1 + k) * STRIDE} + j]"
-        if one.summed or one.combine == COUNT:
+        if kind.summed or kind.combine == COUNT:
             yield f"{row} += times * {cycle}"
         else:
-            yield f"v = {cycle} if times > 0.0 else {START[one.combine]}"
-            yield f"{row} = {one.joined(row, 'v')}"
+            yield f"v = {cycle} if times > 0.0 else {START[kind.combine]}"
+            yield f"{row} = {kind.joined(row, 'v')}"
 
 
 @_composed
@@ -207,10 +207,10 @@ def with_flight(kinds: Kinds, totals: tuple[float, ...], flight: Counted) -> Ite
     A flight of no time and height adds nothing.
     """
     names = [f"v{k}" for k in range(len(kinds))]
-    for k, one, number in _numbers(kinds):
+    for k, kind, number in _numbers(kinds):
         total = f"totals[{k}]"
-        yield f"{names[k]} = {one.joined(total, number) if one.of_flights else total}"
-    sums = [names[k] for k, one in enumerate(kinds) if one.of_flights and one.summed]
+        yield f"{names[k]} = {kind.joined(total, number) if kind.of_flights else total}"
+    sums = [names[k] for k, kind in enumerate(kinds) if kind.of_flights and kind.summed]
     yield f"return ({''.join(f'{name}, ' for name in names)}), {' + '.join(sums) or '0.0'}"
 
 
@@ -228,30 +228,30 @@ def expect(kinds: Kinds, out: Statistics, lane: int) -> Iterator[str]:
 @_composed
 def forget(kinds: Kinds, totals: Floats, t: int) -> Iterator[str]:
     """Begin the totals in place t with no landings."""
-    for k, one in enumerate(kinds):
-        yield f"totals[{k}, t] = {START[one.combine]}"
+    for k, kind in enumerate(kinds):
+        yield f"totals[{k}, t] = {START[kind.combine]}"
 
 
 @_composed
 def add_landing(kinds: Kinds, totals: Floats, t: int, landing: Landing) -> Iterator[str]:
     """Add a landing to the totals in place t."""
-    for k, one, number in _numbers(kinds):
-        if not one.of_flights:
-            yield f"totals[{k}, t] = {one.joined(f'totals[{k}, t]', number)}"
+    for k, kind, number in _numbers(kinds):
+        if not kind.of_flights:
+            yield f"totals[{k}, t] = {kind.joined(f'totals[{k}, t]', number)}"
 
 
 @_composed
 def add_flight(kinds: Kinds, totals: Floats, t: int, flight: Counted) -> Iterator[str]:
     """Add a flight to the totals in place t."""
-    for k, one, number in _numbers(kinds):
-        if one.of_flights:
-            yield f"totals[{k}, t] = {one.joined(f'totals[{k}, t]', number)}"
+    for k, kind, number in _numbers(kinds):
+        if kind.of_flights:
+            yield f"totals[{k}, t] = {kind.joined(f'totals[{k}, t]', number)}"
 
 
 @_composed
 def flight_sums(kinds: Kinds, totals: Floats, t: int) -> Iterator[str]:
     """Return a sum that is not finite where the flights of place t are not."""
-    sums = (f"totals[{k}, t]" for k, one in enumerate(kinds) if one.of_flights and one.summed)
+    sums = (f"totals[{k}, t]" for k, kind in enumerate(kinds) if kind.of_flights and kind.summed)
     yield f"return {' + '.join(['0.0', *sums])}"
 
 
@@ -265,10 +265,10 @@ def add_up(
     unwritten status, which is negative, counts as the worst.
     """
     yield "at_rest, status, least = 0, 0, 0"
-    yield from (f"v{k} = {START[one.combine]}" for k, one in enumerate(kinds))
+    yield from (f"v{k} = {START[kind.combine]}" for k, kind in enumerate(kinds))
     yield "for t in range(i * particles, (i + 1) * particles):"
-    for k, one in enumerate(kinds):
-        yield f"    v{k} = {one.joined(f'v{k}', f'trajectories.totals[{k}, t]')}"
+    for k, kind in enumerate(kinds):
+        yield f"    v{k} = {kind.joined(f'v{k}', f'trajectories.totals[{k}, t]')}"
     yield "    at_rest += trajectories.at_rest[t]"
     yield "    code = trajectories.status[t]"
     yield "    status, least = max(status, code), min(least, code)"

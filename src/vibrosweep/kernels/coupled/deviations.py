@@ -44,12 +44,12 @@ def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
     rise, gain, _, _ = free_motion(load, 1.0, load.slow, t)
     rise_v, gain_v, _, _ = free_motion(load, 0.0, 1.0, t)
     for column in range(deviations.shape[1]):
-        one = deviations[:, column]
+        deviation = deviations[:, column]
         for j in range(particles):
-            one[j] += t * one[particles + j]
-        y, v = one[2 * particles], one[2 * particles + 1]
-        one[2 * particles] = y * (1.0 + rise) + v * (t + rise_v)
-        one[2 * particles + 1] = y * gain + v * (1.0 + gain_v)
+            deviation[j] += t * deviation[particles + j]
+        y, v = deviation[2 * particles], deviation[2 * particles + 1]
+        deviation[2 * particles] = y * (1.0 + rise) + v * (t + rise_v)
+        deviation[2 * particles + 1] = y * gain + v * (1.0 + gain_v)
     _ride(mode, deviations)
 
 
@@ -88,21 +88,21 @@ def _impact(
     was = speed + kick  # the base, before the impact; the particle had c less
     pulled = _pull(state, fixed, before, was)
     for column in range(deviations.shape[1]):
-        one = deviations[:, column]
-        dy, dv = one[j], one[particles + j]
-        base_y, base_v = one[2 * particles], one[2 * particles + 1]
+        deviation = deviations[:, column]
+        dy, dv = deviation[j], deviation[particles + j]
+        base_y, base_v = deviation[2 * particles], deviation[2 * particles + 1]
         early = (dy - base_y) / c if c > 0.0 else 0.0
         y = base_y + was * early  # both are at this height at the moment of the impact
         v, w = dv - 2.0 * early, base_v + pulled * early
         approach = w - v
         for i in range(particles):
             if event.dropped and rode[i] == MODE.RIDING:  # it goes on as the base did
-                one[particles + i] = w + 2.0 * early
+                deviation[particles + i] = w + 2.0 * early
         leaves = speed if sticks else speed + kept * c
-        one[j] = y - leaves * early
-        one[particles + j] = v + gain * approach + 2.0 * early
-        one[2 * particles] = y - speed * early
-        one[2 * particles + 1] = w - share * approach - pulls * early
+        deviation[j] = y - leaves * early
+        deviation[particles + j] = v + gain * approach + 2.0 * early
+        deviation[2 * particles] = y - speed * early
+        deviation[2 * particles + 1] = w - share * approach - pulls * early
 
 
 @part

@@ -204,7 +204,7 @@ def follow(
     budget: int,
     work: Work,
     statistics: CoupledStatistics,
-    whole: PerRealization,
+    per_realization: PerRealization,
     written: MotionRecord,
 ) -> int:
     """Follow realizations first ... last - 1 to the end of their windows.
@@ -272,7 +272,7 @@ def follow(
             events, late = events + 1, late + (1 if past else 0)
         judge(place, particles, status, found)
         add_up(found.kinds, i, particles, found, sums)
-        _conclude(work, noted, found.status[place] == COMPLETED, i, whole)
+        _conclude(work, noted, found.status[place] == COMPLETED, i, per_realization)
     return last
 
 

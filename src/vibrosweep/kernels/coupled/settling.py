@@ -198,7 +198,9 @@ def _add_waves(growth: float, x: float, waves: Floats) -> None:
 
 
 @part
-def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: JointOrbit) -> None:
+def _settle(
+    fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: JointOrbit
+) -> None:
     """Follow realization i to the end of its window."""
     state, kept, rode, deviation = work
     problem = batch.problem
@@ -268,4 +270,4 @@ def settle_jointly(
         _write_nothing(i, out)
         fixed = mount(batch.problem, batch.mounts, i)
         if np.isfinite(fixed.alpha):
-            _one(fixed, batch, i, budget, work, out)
+            _settle(fixed, batch, i, budget, work, out)
