@@ -222,7 +222,7 @@ def _in_time(
     cycles: Cycles | None,
     workers: Workers,
 ) -> tuple[Separations | None, Orders | None]:
-    """Measure what needs the landings of all particles in the order of time."""
+    """Measure separations and order, which need the landings of all particles in order of time."""
     size, particles = problem.kick.size, scene.particles
     complete = realizations.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)

@@ -43,7 +43,7 @@ PLANE: Final = "plane as at first"
 
 
 class Limits(NamedTuple):
-    """Largest numbers of what a page holds."""
+    """Limits of the size and the contents of a page."""
 
     size: int = 10_000_000  # bytes
     points: int = 5000

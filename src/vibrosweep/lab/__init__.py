@@ -12,12 +12,7 @@ from vibrosweep.lazy import lazily
 if TYPE_CHECKING:
     from vibrosweep.lab.camera import Camera
     from vibrosweep.lab.compare import compare_tracks
-    from vibrosweep.lab.comparison import (
-        QUANTITIES,
-        READINGS,
-        comparable,
-        prediction_errors,
-    )
+    from vibrosweep.lab.comparison import QUANTITIES, READINGS, comparable, prediction_errors
     from vibrosweep.lab.estimation import estimate
     from vibrosweep.lab.experiment import Experiment, Variation
     from vibrosweep.lab.impacts import find_impacts
@@ -52,8 +47,7 @@ _HOMES: Final = {
     "Camera": "vibrosweep.lab.camera",
     "compare_tracks": "vibrosweep.lab.compare",
     **dict.fromkeys(
-        ("QUANTITIES", "READINGS", "comparable", "prediction_errors"),
-        "vibrosweep.lab.comparison",
+        ("QUANTITIES", "READINGS", "comparable", "prediction_errors"), "vibrosweep.lab.comparison"
     ),
     "estimate": "vibrosweep.lab.estimation",
     **dict.fromkeys(("Experiment", "Variation"), "vibrosweep.lab.experiment"),

@@ -11,13 +11,7 @@ import xarray as xr
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError, require_one_of
-from vibrosweep.lab.comparison import (
-    QUANTITIES,
-    READINGS,
-    comparable,
-    errors_of,
-    measured_means,
-)
+from vibrosweep.lab.comparison import QUANTITIES, READINGS, comparable, errors_of, measured_means
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import METHODS, impacts_of
 from vibrosweep.lab.oscillation import Trace
@@ -165,8 +159,7 @@ def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
     if len(repeats) > 1:
         spread = every["measured"].std("repeat", ddof=1)
     return means.assign(
-        measured_sd=spread.assign_attrs(words),
-        repeats=((), len(repeats), {"units": "1"}),
+        measured_sd=spread.assign_attrs(words), repeats=((), len(repeats), {"units": "1"})
     ).assign_coords(particles=repeats[0]["particles"])
 
 
@@ -254,11 +247,7 @@ def _table(
         for name, values in zip(("measured", "predicted"), means, strict=True)
     }
     return xr.Dataset(
-        {
-            **with_units(("quantity", "reading"), percent),
-            **of_means,
-            **with_units((), numbers),
-        },
+        {**with_units(("quantity", "reading"), percent), **of_means, **with_units((), numbers)},
         coords={
             "quantity": list(QUANTITIES),
             "units": ("quantity", ["m", "s"]),

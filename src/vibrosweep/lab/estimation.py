@@ -252,11 +252,7 @@ def _estimate_dataset(
             ),
             **with_units((), about),
         },
-        coords={
-            "parameter": names,
-            "other": names,
-            "units": ("parameter", units),
-        },
+        coords={"parameter": names, "other": names, "units": ("parameter", units)},
         attrs={"warning": "; ".join(filter(None, warnings)), "waveform": shape.text},
     )
 

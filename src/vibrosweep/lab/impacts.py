@@ -15,7 +15,7 @@ from vibrosweep.lab.flight_search import Flights
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import BaseFit, Trace
 from vibrosweep.lab.quality import coverage
-from vibrosweep.lab.segments import Samples, low_points
+from vibrosweep.lab.segments import low_points
 from vibrosweep.lab.speed_laws import FittedLaw, law_variables, laws_left, preferred_law
 from vibrosweep.lab.variables import with_units
 
@@ -115,14 +115,12 @@ def find_impacts(
 
 def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method: str) -> xr.Dataset:
     """Make the result of `find_impacts` from fitted tracks, by one of the `METHODS`."""
-    samples, flights, swaps, _ = fitted
+    flights, swaps = fitted.flights, fitted.swaps
     particles = tracks.sizes["particle"]
     if method == "fit":
         owner, columns = _landings_by_fit(flights, gravity)
     else:
-        owner, columns = _landings_by_sign(
-            samples, flights, 1.0 / tracks.attrs["frame_rate"], gravity
-        )
+        owner, columns = _landings_by_sign(fitted, tracks.attrs["frame_rate"], gravity)
     found = _table(owner, columns, particles).merge(coverage(tracks))
     poor = np.bincount(flights.particle[flights.poor], minlength=particles)
     exchanged = np.bincount(np.array([p for _, *pair in swaps for p in pair], int), None, particles)
@@ -235,9 +233,10 @@ def _landings_by_fit(
 
 
 def _landings_by_sign(
-    samples: Samples, flights: Flights, interval: float, gravity: float
+    fitted: FittedTracks, frame_rate: float, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
     """The same by frames: a landing is the lowest frame, an apex the highest between two."""
+    samples, flights, _, _ = fitted
     above = replace(samples, height=samples.height - flights.levels[samples.particle])
     low, _ = low_points(above, flights.noise, 0.0)
     time, owner = samples.time[low], samples.particle[low]
@@ -246,7 +245,7 @@ def _landings_by_sign(
     duration[linked] = time[linked + 1] - time[linked]
     if low.size:
         height[linked] = np.maximum.reduceat(above.height, low)[linked]
-    error = np.full(low.size, interval / np.sqrt(12.0))
+    error = np.full(low.size, 1.0 / frame_rate / np.sqrt(12.0))
     columns = {
         "landing_time": time,
         "landing_time_error": error,

@@ -165,12 +165,7 @@ def scene_of(impacts: xr.Dataset, rebound: str, waveform: Waveform, restitution_
     """Make the scene of one particle that is launched at t = 0 over the base of a recording."""
     base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
     return Scene(
-        1,
-        (0.0,),
-        rebound=rebound,
-        base=base,
-        waveform=waveform,
-        restitution_law=restitution_law,
+        1, (0.0,), rebound=rebound, base=base, waveform=waveform, restitution_law=restitution_law
     ).recorded()
 
 

@@ -122,10 +122,7 @@ def predicted_means(experiment: Experiment) -> dict[str, Array]:
 
 
 def _landings(
-    scene: Scene,
-    numbers: Mapping[str, float],
-    restitution: Array,
-    walk: Array,
+    scene: Scene, numbers: Mapping[str, float], restitution: Array, walk: Array
 ) -> tuple[Record, Surface]:
     """Compute the landings of particles with given restitutions, and the surface of the base.
 
