@@ -149,7 +149,7 @@ class Deferred:
 
     @property
     def dispatcher(self) -> Any:
-        """Return numba's function; one for all threads, which else would compile it twice."""
+        """Return numba's function; the lock keeps threads from compiling it twice."""
         with _one_thread:
             self._dispatcher = self._dispatcher or self._compiler(self.py_func)
         return self._dispatcher

@@ -332,6 +332,6 @@ def lifted(
 
 @jit
 def _lifted(
-    on: int | None, known: tuple[float, float], own: tuple[float, float]
+    on: int | None, known: tuple[float, float], landing: tuple[float, float]
 ) -> tuple[float, float]:
-    return known if on is None else own
+    return known if on is None else landing

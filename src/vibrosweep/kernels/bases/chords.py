@@ -58,30 +58,30 @@ def chord_moving(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]
 
 
 @generic
-def clearing(fixed: AnyConstants, one: Flight) -> float:
+def clearing(fixed: AnyConstants, arc: Flight) -> float:
     """Least of the minima of the height above the base within a flight; infinite without one."""
 
 
 @implements(clearing, Constants)
-def clearing_high_bounce(fixed: Constants, one: Flight) -> float:
+def clearing_high_bounce(fixed: Constants, arc: Flight) -> float:
     return math.inf
 
 
 @implements(clearing, MovingConstants, ShapedConstants, ChainedConstants)
-def clearing_moving(fixed: AnyConstants, one: Flight) -> float:
-    pieces = math.ceil(PIECES * one.time)
+def clearing_moving(fixed: AnyConstants, arc: Flight) -> float:
+    pieces = math.ceil(PIECES * arc.time)
     least, before, falls = math.inf, 0.0, False
     for k in range(1, pieces):
-        time = one.time * k / pieces
-        rises = height(fixed, one.x, one.u, time)[1] > 0.0
+        time = arc.time * k / pieces
+        rises = height(fixed, arc.x, arc.u, time)[1] > 0.0
         if rises and falls:
             low, high = before, time
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                if height(fixed, one.x, one.u, middle)[1] > 0.0:
+                if height(fixed, arc.x, arc.u, middle)[1] > 0.0:
                     high = middle
                 else:
                     low = middle
-            least = min(least, height(fixed, one.x, one.u, low)[0])
+            least = min(least, height(fixed, arc.x, arc.u, low)[0])
         before, falls = time, not rises
     return least

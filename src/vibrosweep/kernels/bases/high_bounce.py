@@ -208,9 +208,11 @@ def lift_off_high_bounce(fixed: Constants, n: float, x: float, w: float) -> Lift
     leaves = w > fixed.r
     x_lift, carry = next_lift_off(fixed.base.waveform, fixed.x_lift, x)
     known = n + (fixed.wait + carry), x_lift
-    # no phase of a rest for good where the wait for its end, 0 in lanes, does not tell
-    told = (fixed.u_lift > 0.0) | (fixed.wait > 0.0)
-    later, x_lift = noise.lifted(fixed.base.noise, known, n + fixed.wait, x if told else np.nan)
+    # the phase NaN marks a rest for good in lanes, where the wait for its end is 0
+    has_phase = (fixed.u_lift > 0.0) | (fixed.wait > 0.0)
+    later, x_lift = noise.lifted(
+        fixed.base.noise, known, n + fixed.wait, x if has_phase else np.nan
+    )
     kick = fixed.a * velocity(fixed.base.waveform, x)
     stays = not (leaves | noise.exceeds(fixed.base.noise, kick, fixed.r))
     return LiftOff(

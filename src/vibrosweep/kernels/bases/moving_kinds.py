@@ -18,7 +18,7 @@ from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform
 
 
 def kind_of(waveform: Waveform) -> type:
-    """Return the named tuple of the base that moves so."""
+    """Return the named tuple of the moving base with this waveform."""
     if waveform == SINE:
         return Moving
     return Chained if waveform.name == PARABOLIC_NAME else Shaped

@@ -182,8 +182,8 @@ def fitted_shaped(base: Shaped, problem: Dimensionless) -> Shaped:
     alpha = problem.kick / (1.0 + problem.restitution)
     if np.any(0.5 * alpha * base.waveform.fall > 1.0 - 2.0**-40):
         return base
-    one = base.waveform.dip[:1]  # no place falls: one of several is enough
-    return base._replace(waveform=base.waveform._replace(dip=one, before=one, after=one))
+    dip = base.waveform.dip[:1]  # no place falls: one of several is enough
+    return base._replace(waveform=base.waveform._replace(dip=dip, before=dip, after=dip))
 
 
 @bases.lowest.register(Shaped)
