@@ -71,6 +71,15 @@ def test_order_of_the_landings(transient):
     assert values["order_changes"] == changes > 0
 
 
+@pytest.mark.parametrize(("mass_ratio", "open_"), [(0.0, True), (0.05, False)])
+def test_turns_of_particles_that_land_together_again_are_not_claimed(mass_ratio, open_):
+    """Doubles may part them after their first landing, unless it makes two motions of one."""
+    one = realization((0.0, 0.2, 0.2), mass_ratio=mass_ratio)
+    trajectories, estimate = prove(one, 1000)
+    claims = estimate.claims(one, prove_measures(one, trajectories))
+    assert (claims["order_changes"] is None) == (claims["gap_median"] is None) == open_
+
+
 def test_estimate_is_what_small_changes_do():
     one = realization()
     trajectories, estimate = prove(one, 1000)

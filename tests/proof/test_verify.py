@@ -262,6 +262,31 @@ def test_honest_file_never_fails(computed, number):
     assert not list(report.complaints()), text
 
 
+def test_areas_after_a_launch_that_the_base_pushes_have_a_bound(computed):
+    # no area is left of a flight that begins with no speed relative to the base
+    text = """
+title = "Launched at rest"
+[scene]
+base = "moving"
+particles = 2
+launch_velocity = 0.0
+duration = 1.0
+[sample]
+realizations = 12
+restitution = [0.3, 0.75]
+amplitude = [4.0, 9.0]
+[measure]
+lyapunov = true
+trust = true
+"""
+    path = computed(text)
+    assert everything(path).passed
+    with h5py.File(path) as file:
+        known = np.isfinite(file["lyapunov_sum"][...])
+        assert known.sum() > 3
+        assert np.all(file["lyapunov_sum_error"][...][known] > 0.0)
+
+
 def test_tie_is_undecided(computed):
     # e v = v_rest without excitation, in doubles that are not exact: u' = 0.5 u = r
     text = """

@@ -25,7 +25,8 @@ from vibrosweep.kernels.bases import (
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.exponents import Exponent, State, cycle_exponents
 from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
-from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.kernels.restitution import slack as slack_of
+from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.settled import Orbits
 from vibrosweep.kernels.statistics import LANDINGS, RESTS, Statistics
 from vibrosweep.kernels.tangent import stretch
@@ -101,9 +102,10 @@ def _follow(
             before = density(fixed, abs(u))
             if before > 0.0:
                 area += growth.logarithm(along * across * (density(fixed, hit.u) / before))
-                slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
             else:  # in these coordinates no area is left
                 area += growth.logarithm(contraction(hit.fixed, hit.v))
+                error = ROUNDING * (1.0 + 2.0 * slack_of(fixed.base.restitution))
+            slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
         if hit.n_off == np.inf:
             n, x, u = hit.n, hit.x, 0.0
             break

@@ -60,8 +60,8 @@ class ProvedMeasures:
     # Time between a launch in the window and the nearer edge, the largest of all launches, s;
     # negative where every launch is outside
     launch_depth: Fraction
-    # Shortest time between landings of different particles since the launch that are not at one
-    # instant; None without any
+    # Shortest time between landings of different particles since the launch; those that are one
+    # motion are left out.  None without any
     apart: arb | None
     # Smallest distance of a landing from the beginning of the last period of the window, s; None
     # without any
@@ -116,7 +116,13 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
         longest=max(len(flights.speeds) for flights in by_particle),
         edge=_least([abs(x.time - begin) for x in landings]) if windowed else None,
         launch_depth=launch_depth(realization),
-        apart=_least([b.time - a.time for a, b in _others(landings) if not _together(a, b)]),
+        apart=_least(
+            [
+                b.time - a.time
+                for a, b in _others(landings)
+                if not _one_motion(a, b, trajectories, realization.coupled)
+            ]
+        ),
         last_period=_least([abs(x.time - late) for x in landings]),
         overlap=overlap,
     )
@@ -146,9 +152,17 @@ def _others(landings: Sequence[Landing]) -> Iterator[tuple[Landing, Landing]]:
     return ((a, b) for a, b in pairwise(landings) if a.particle != b.particle)
 
 
-def _together(a: Landing, b: Landing) -> bool:
-    """Return whether two particles land as one: they rested together, or were launched together."""
-    return bool(a.time.mid() == b.time.mid())
+def _one_motion(a: Landing, b: Landing, trajectories: Sequence[Trajectory], coupled: bool) -> bool:
+    """Return whether two particles land as one, in doubles too.
+
+    They were launched together, or rested together.  Coupled particles are one until then only:
+    the kernels take their impacts one after the other.
+    """
+    if a.time.mid() != b.time.mid():
+        return False
+    return not coupled or all(
+        x.number == 0 or trajectories[x.particle].impacts[x.number - 1].rested for x in (a, b)
+    )
 
 
 def _closest_same_index(landings: Sequence[Landing]) -> arb | None:
