@@ -52,10 +52,8 @@ def settling(spec: Sweep, restitution: float) -> Scene:
 
 def note_of(scene: Scene, restitution: float | None = None) -> str:
     """Return a remark if orbits at that restitution may not be recognised in time, else ""."""
-    if scene.restitution_law != CONSTANT:
-        return ""  # the time that orbits take to return is not known
     highest = scene.inputs["restitution"] if restitution is None else restitution
-    return short_observation(scene.base, highest, scene.inputs["frequency"], scene.duration)
+    return short_observation(scene, highest, scene.inputs["frequency"])
 
 
 def attributes(scene: Scene, title: str) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from vibrosweep.errors import ShortObservationWarning
 from vibrosweep.model.forcing import ACCELERATION, only_parameters, refuse_extreme
 from vibrosweep.model.measures import IMPACTS, MEASURES, RECORD, Variable
 from vibrosweep.model.ragged_arrays import ragged_columns, wasted
-from vibrosweep.model.restitution_laws import CONSTANT, VISCOELASTIC
+from vibrosweep.model.restitution_laws import VISCOELASTIC
 from vibrosweep.model.status import Status
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.notes import NEVER_REPEATS, short_observation, strong_forcing
@@ -217,10 +217,8 @@ def _short(scene: Scene, quantities: Mapping[str, Array]) -> str:
         return ""
     if scene.noise(quantities):
         return NEVER_REPEATS
-    if scene.restitution_law != CONSTANT:
-        return ""
     ends = float(quantities["restitution"].max()), float(quantities["frequency"].min())
-    if note := short_observation(scene.base, *ends, scene.duration):
+    if note := short_observation(scene, *ends):
         warnings.warn(note, ShortObservationWarning, stacklevel=3)
     return note
 

@@ -11,8 +11,9 @@ from vibrosweep import theory
 from vibrosweep.model.forcing import ACCELERATION, INPUTS, completed, inputs_of
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT
-from vibrosweep.model.times import Periods, Time, in_periods
+from vibrosweep.model.times import Periods, in_periods
 from vibrosweep.scene.realizations import Realizations
+from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 
 STRONGEST: Final = 100.0  # acceleration of a shaker in g
@@ -70,23 +71,21 @@ def strong_forcing(acceleration: float, forcing: str) -> str:
 
 def observation_of_orbits(spec: Sweep, design: Realizations) -> str:
     """Return a remark if the observation is too short to recognise locked orbits; else empty."""
-    if spec.scene.restitution_law != CONSTANT:
-        return ""  # the time that orbits take to return is not known
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
-    return short_observation(spec.scene.base, restitution[1], frequency[0], spec.scene.duration)
+    return short_observation(spec.scene, restitution[1], frequency[0])
 
 
-def short_observation(base: str, restitution: float, frequency: float, duration: Time) -> str:
-    """Return a remark if the duration is too short to recognise locked orbits; else empty."""
-    if base not in theory.FIXED:
-        return ""  # the time that coupled orbits take to return is not known
-    needed = float(theory.recognition_periods(restitution, base=base))
-    periods = float(in_periods(duration, np.array([frequency]))[0])
+def short_observation(scene: Scene, restitution: float, frequency: float) -> str:
+    """Return a remark if a scene is too short to recognise locked orbits; else empty."""
+    if scene.base not in theory.FIXED or scene.restitution_law != CONSTANT:
+        return ""  # the time that such orbits take to return is not known
+    needed = float(theory.recognition_periods(restitution, base=scene.base))
+    periods = float(in_periods(scene.duration, np.array([frequency]))[0])
     if periods >= needed:
         return ""
     takes = f"up to {needed:.0f}" if math.isfinite(needed) else "more than any number of"
     enough = f"{needed / frequency:.4g} s"
-    if isinstance(duration, Periods):
+    if isinstance(scene.duration, Periods):
         enough = f"{needed:.0f} periods"
     longer = f"; {enough} are enough" if math.isfinite(needed) else ""
     return (
