@@ -23,7 +23,7 @@ class Line:
         self._words, self._every = words, every
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._show, daemon=True)
-        if _is_seen():
+        if is_watched() and os.environ.get("TQDM_DISABLE") != "1":
             self._thread.start()
 
     def __enter__(self) -> Self:
@@ -47,9 +47,9 @@ class Line:
             _write(f"\r{' ' * len(line)}\r")
 
 
-def _is_seen() -> bool:
-    terminal = sys.stderr is not None and sys.stderr.isatty()
-    return (terminal or "ipykernel" in sys.modules) and os.environ.get("TQDM_DISABLE") != "1"
+def is_watched() -> bool:
+    """Return whether a person sees standard error: on a terminal, or in a notebook."""
+    return (sys.stderr is not None and sys.stderr.isatty()) or "ipykernel" in sys.modules
 
 
 def _write(text: str) -> None:

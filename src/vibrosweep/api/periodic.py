@@ -157,7 +157,7 @@ def branches(
         as_sweep(spec, keywords, "branches", 1),
         thread_count(threads),
         wanted=(count("impacts", impacts), count("periods", periods)),
-        doublings=_not_negative("doublings", doublings),
+        doublings=count("doublings", doublings, 0),
         points=count("points", points),
     )
 
@@ -221,11 +221,6 @@ def boundaries(
         as_sweep(spec, keywords, "boundaries", 1),
         thread_count(threads),
         wanted=(count("impacts", impacts), count("periods", periods)),
-        doublings=_not_negative("doublings", doublings),
+        doublings=count("doublings", doublings, 0),
         points=count("points", points),
     )
-
-
-def _not_negative(name: str, value: int) -> int:
-    """Return a whole number that may be 0."""
-    return count(name, value) if value != 0 or isinstance(value, bool) else 0

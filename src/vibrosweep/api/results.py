@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from pathlib import Path
 
-import h5netcdf
 import xarray as xr
 
 from vibrosweep.errors import DataError
@@ -15,7 +13,7 @@ from vibrosweep.model.ragged_arrays import IN_FILE, SAMPLES
 from vibrosweep.store.disk import path_of
 from vibrosweep.store.fresh import opened
 from vibrosweep.store.kinds import SWEEP, kind_of
-from vibrosweep.store.reading import reading
+from vibrosweep.store.reading import reading, result_file
 
 __all__ = ["has_record", "open_record", "open_sweep"]
 
@@ -99,7 +97,7 @@ def has_record(path: str | os.PathLike[str]) -> bool:
     DataError
         There is no such file, or it is not a result.
     """
-    with reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
+    with result_file(path) as file:
         return IN_FILE in file.groups
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import Waveform
@@ -23,6 +22,7 @@ from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.orbit_equations import Orbit
 from vibrosweep.proof.reference.waves import wave_of
 from vibrosweep.proof.verification import Outcome, Report, State
+from vibrosweep.runs.driver import count
 from vibrosweep.runs.progress import Advance
 from vibrosweep.scene.waveform import stored
 from vibrosweep.store.kinds import load_dataset
@@ -73,9 +73,7 @@ def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Re
     The error that is admitted is estimated as `ROUNDINGS` roundings in each equation.  Raises a
     ParameterError for a size or a seed that cannot be used.
     """
-    for name, value, low in (("sample", sample, 1), ("seed", seed, 0)):
-        if value < low:
-            raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
+    sample, seed = count("sample", sample), count("seed", seed, 0)
     found = load_dataset(path)
     dims, shape = found["orbit_count"].dims, found["orbit_count"].shape
     total = math.prod(shape)

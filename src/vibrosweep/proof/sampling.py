@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,11 +40,12 @@ from vibrosweep.proof.coordinates import (
 )
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.sample import Sample
+from vibrosweep.runs.driver import count
 from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.waveform import stored
 from vibrosweep.store.provenance import provenance
-from vibrosweep.store.reading import reading
+from vibrosweep.store.reading import result_file
 from vibrosweep.store.rows import read_rows, row_count, row_dims
 
 OF_OBSERVABLES: Final = "measure.observables"
@@ -67,10 +67,8 @@ def read_sample(
     for a size or a seed that cannot be used, and a DataError if there is no such file, if it is not
     a result that can be read, or if it was computed with other observables.
     """
-    for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
-        if value < low:
-            raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
-    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+    size, seed = count("sample", size), count("seed", seed, 0)
+    with result_file(path) as file:
         for group in (file, *(file.groups[name] for name in file.groups if name == "record")):
             base, law = str(group.attrs.get("base", HIGH_BOUNCE)), law_in(group.attrs)
             if group.attrs["rebound"] not in LAWS_OF.get(base, ()) or law not in RESTITUTION_LAWS:

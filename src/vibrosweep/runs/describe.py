@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-import h5netcdf
 import numpy as np
 
 from vibrosweep.model.forcing import FORCINGS, INPUTS
@@ -19,7 +18,7 @@ from vibrosweep.model.status import Status
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.store.kinds import SWEEP, ResultKind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest
-from vibrosweep.store.reading import no_result, reading, using
+from vibrosweep.store.reading import no_result, result_file, using
 from vibrosweep.store.rows import read_rows, row_count
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import State, state_of
@@ -40,7 +39,7 @@ def describe(path: Path) -> Iterator[str]:
     if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110
         yield from _unfinished(path)
         return
-    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+    with result_file(path) as file:
         kind, lines = kind_of(path, file.attrs), []
         if kind is SWEEP:
             lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]

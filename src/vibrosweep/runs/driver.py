@@ -36,13 +36,13 @@ def thread_count(threads: int | None) -> int:
     return available_threads() if threads is None else count("threads", threads)
 
 
-def count(name: str, value: object) -> int:
+def count(name: str, value: object, least: int = 1) -> int:
     """Return a whole number as a Python int, because numpy integers can overflow.
 
-    Raises a ParameterError unless it is an int or a numpy integer, at least 1.
+    Raises a ParameterError unless it is an int or a numpy integer, at least `least`.
     """
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < 1:
-        raise ParameterError(f"{name} = {value!r}: must be a whole number, at least 1")
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {least}")
     return int(value)
 
 

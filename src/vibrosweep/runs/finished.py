@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import h5netcdf
-
 from vibrosweep.errors import DataError, OutputError, RunError
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.parts import read_manifest
-from vibrosweep.store.reading import reading
+from vibrosweep.store.reading import result_file
 from vibrosweep.store.rundir import abandon, holding, run_directory
 
 
@@ -29,7 +27,7 @@ def kept_text(output: Path) -> str:
     if manifest is not None:
         return manifest.text
     try:
-        with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
+        with result_file(output) as file:
             return str(file.attrs.get("sweep_file", ""))
     except DataError:
         return ""
@@ -68,7 +66,7 @@ def origin(spec: Sweep, path: Path) -> str:
 def _changes(spec: Sweep, path: Path) -> list[str] | str | None:
     """Return the differences from a file's sweep, or a sentence on its kind; None if foreign."""
     try:
-        with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+        with result_file(path) as file:
             kind, text = kind_of(path, file.attrs), file.attrs.get("sweep_file")
             before = json.loads(identity_in(file)) if kind is SWEEP else {}
     except DataError:

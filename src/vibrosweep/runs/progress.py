@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, Final, Protocol, TextIO
+
+from vibrosweep.waiting import is_watched
 
 SECONDS_BETWEEN_LINES: Final = 10.0
 SECONDS_BEFORE_BAR: Final = 0.5
@@ -48,8 +49,7 @@ def showing(wanted: bool | None) -> Iterator[Advance]:
     None shows it in a notebook and on a terminal only.
     """
     if wanted is None:
-        terminal = sys.stderr is not None and sys.stderr.isatty()
-        wanted = terminal or "ipykernel" in sys.modules
+        wanted = is_watched()
     if not wanted:
         yield silent
         return

@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +25,7 @@ from vibrosweep.scene.realizations import Realizations, open_design
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Columns, Manifest, Parts, read_manifest, write_manifest
-from vibrosweep.store.reading import reading
+from vibrosweep.store.reading import result_file
 from vibrosweep.store.rows import read_rows
 from vibrosweep.store.rundir import abandon, empty, holding
 
@@ -103,7 +102,7 @@ def retry_failed(
             manifest = Manifest(now, len(rows), plan.chunk, columns, force, spec.text)
             write_manifest(directory, manifest)
         if manifest is None:
-            with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
+            with result_file(output) as file:
                 return summary_of(file), 0
         job = Job(spec, manifest, Parts(directory, manifest), rows)
         run = KeptRun(output, design, job, threads)
@@ -116,7 +115,7 @@ def _rows(spec: Sweep, output: Path) -> tuple[dict[str, str], tuple[int, ...]]:
 
     Index 0 is among them if the record lacks landings.
     """
-    with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
+    with result_file(output) as file:
         before = json.loads(identity_in(file))
         budget = int(before[BUDGET])
         names = [name for name in SETTLING if name in file.variables]
@@ -172,7 +171,7 @@ def _blocks(
 ) -> Iterator[tuple[int, Columns]]:
     """Yield the rows of a result in blocks, each with the index of its first row."""
     names = [*spec.scene.varying(design.sampled), *(v.name for v in spec.scene.measures.variables)]
-    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+    with result_file(path) as file:
         for start in range(0, design.realizations, size):
             rows = slice(start, min(start + size, design.realizations))
             yield start, {name: read_rows(file, name, rows) for name in names}

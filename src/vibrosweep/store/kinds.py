@@ -135,11 +135,9 @@ def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> Resu
 
 def read_kind(path: Path) -> ResultKind:
     """Return the kind of a result file; a DataError if it is none, or cannot be read."""
-    import h5netcdf
+    from vibrosweep.store.reading import result_file
 
-    from vibrosweep.store.reading import reading
-
-    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+    with result_file(path) as file:
         return kind_of(path, file.attrs)
 
 

@@ -6,7 +6,9 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import h5netcdf
 import h5py
 
 from vibrosweep.errors import DataError, VibrosweepError
@@ -48,6 +50,14 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
         raise
     except Exception as error:  # the libraries' exceptions have no common base
         raise _unreadable(path) from error
+
+
+@contextmanager
+def result_file(path: str | os.PathLike[str]) -> Iterator[Any]:
+    """Open a result file, any failure to read which is one clear DataError."""
+    # without phony_dims a foreign file makes h5netcdf warn
+    with reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
+        yield file
 
 
 @contextmanager
