@@ -1,7 +1,7 @@
-"""Amplitudes and phases of the harmonics of a base, from their sines and cosines.
+"""Amplitudes and phases of the harmonics of a base, from the factors of their sines and cosines.
 
 The harmonic that is strongest in the velocity has the weight 1 and the phase 0: V0 and phi are its
-own, so that those of a sine are what they are without other harmonics.
+amplitude and phase, as they are for a sine alone.
 """
 
 from __future__ import annotations
@@ -14,17 +14,16 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE, Waveform
 
-OWN: Final = ("weight", "phase")
-STEP: Final = 1e-5  # of weights and phases in finite differences
+STEP: Final = 1e-5  # step of weights and phases in finite differences
 
 
 def polar(
     values: Array, covariance: Array, numbers: Sequence[int] = (1,)
 ) -> tuple[Array, Array, Waveform]:
-    """Transform (e, S, C, f, ...) to (e, V0, phi, f, ...), with covariance, and give the waveform.
+    """Transform e, S, C, f, ... with their covariance to e, V0, phi, f, ...; add the waveform.
 
-    Without other harmonics f may be missing.  After f there are S and C of each of the other
-    `numbers`, which become its weight and its phase psi.
+    Without other harmonics f may be missing.  S and C of each of the other `numbers` follow f, and
+    become the weight and the phase psi of that harmonic.
     """
     s, c = values[1:3]
     amplitude = float(np.hypot(s, c))
@@ -36,14 +35,16 @@ def polar(
     tones = [(numbers[0], 1.0, 0.0)]
     for k, h in enumerate(numbers[1:]):
         s, c = values[4 + 2 * k : 6 + 2 * k]
-        size, own = float(np.hypot(s, c)), slice(4 + 2 * k, 6 + 2 * k)
+        size, pair = float(np.hypot(s, c)), slice(4 + 2 * k, 6 + 2 * k)
         psi = float(np.arctan2(c, s) - h * plain[2])
         psi -= 2.0 * np.pi * np.rint(psi / (2.0 * np.pi))
-        change[own, own] = np.array([[s / amplitude, c / amplitude], [-c / size, s / size]]) / size
-        change[own.start, 1:3] = -size / amplitude**2 * change[1, 1:3]
-        change[own.start + 1, 1:3] = -h * change[2, 1:3]
-        plain[own] = size / amplitude, psi
-        tones.append((h, float(plain[own.start]), psi))
+        change[pair, pair] = (
+            np.array([[s / amplitude, c / amplitude], [-c / size, s / size]]) / size
+        )
+        change[pair.start, 1:3] = -size / amplitude**2 * change[1, 1:3]
+        change[pair.start + 1, 1:3] = -h * change[2, 1:3]
+        plain[pair] = size / amplitude, psi
+        tones.append((h, float(plain[pair.start]), psi))
     shape = SINE if len(tones) == 1 and numbers[0] == 1 else _waveform(tones)
     return plain, change @ covariance @ change.T, shape
 
@@ -53,7 +54,7 @@ def _waveform(tones: Sequence[tuple[int, float, float]]) -> Waveform:
 
 
 def with_values(shape: Waveform, values: Mapping[str, float]) -> Waveform:
-    """Return the same waveform with other weights and phases, by the names of `names_of`."""
+    """Return the waveform with other weights and phases, which have the names of `names_of`."""
     tones = [
         (h, values.get(f"weight_{h}", weight), values.get(f"phase_{h}", psi))
         for h, weight, psi in shape.tones
@@ -62,20 +63,19 @@ def with_values(shape: Waveform, values: Mapping[str, float]) -> Waveform:
 
 
 def names_of(numbers: Sequence[int]) -> list[str]:
-    """Names of the weights and phases of all harmonics but the first."""
-    return [f"{what}_{h}" for h in numbers[1:] for what in OWN]
+    """Names of the weights and phases of all harmonics but the first, which is the strongest."""
+    return [f"{name}_{h}" for h in numbers[1:] for name in ("weight", "phase")]
 
 
 def slopes_of_sizes(shape: Waveform, numbers: Sequence[int]) -> Array:
     """Derivatives of ln(B f / V0) and ln(Gamma g / (f V0)) by the parameters of `names_of`."""
 
-    def sizes(one: Waveform) -> Array:
-        return np.log([1.0 / one.per_displacement, one.fall])
+    def sizes(waveform: Waveform) -> Array:
+        return np.log([1.0 / waveform.per_displacement, waveform.fall])
 
-    pairs = (
-        (f"{what}_{h}", v) for h, *own in shape.tones for what, v in zip(OWN, own, strict=True)
-    )
-    values, columns = dict(pairs), []
+    values = {f"weight_{h}": weight for h, weight, _ in shape.tones}
+    values |= {f"phase_{h}": psi for h, _, psi in shape.tones}
+    columns = []
     for name in names_of(numbers):
         up, down = (sizes(with_values(shape, {name: values[name] + s})) for s in (STEP, -STEP))
         columns.append((up - down) / (2.0 * STEP))

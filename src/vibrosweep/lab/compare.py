@@ -180,7 +180,7 @@ def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None
     if law != CONSTANT and "restitution" not in options.known:
         raise ParameterError(
             f"restitution_law = {law!r}: needs the restitution; give restitution and amplitude, or "
-            f"leave out the law and its speed, which are estimated then"
+            f"leave out the law and its speed, which are then estimated"
         )
     if wrong := range_mistake(law, np.array(options.known.get("restitution", 1.0))):
         raise ParameterError(wrong)
@@ -196,8 +196,8 @@ def _compare_recording(
     among = comparable(by_fit)
     if not among.any():
         raise TrackError(
-            f"{tracks.attrs['source']}: no particle's flights are nearly all seen, so nothing can "
-            f"be compared; film faster or closer"
+            f"{tracks.attrs['source']}: no particle has nearly all of its flights measured, so "
+            f"nothing can be compared; film faster or closer"
         )
     numbers, scene, estimated = parameters_of(by_fit, options)
     sets, shapes, refused = draw_parameters(numbers, scene, estimated, options.draws, options.seed)

@@ -126,8 +126,8 @@ class Experiment:
                 raise ParameterError(f"{next(iter(varied))}: an experiment takes one number")
         elif keywords or not isinstance(scene, Scene):
             raise ParameterError(
-                "scene: must be that of an experiment, and the only description; give parameters "
-                "as keywords, as in Experiment(amplitude=0.06, particles=2)"
+                "scene: must be the scene of an experiment, without keywords beside it; give "
+                "parameters as keywords, as in Experiment(amplitude=0.06, particles=2)"
             )
         values = scene, repeats, camera or Camera(), variation or Variation(), seed
         for field, value in zip(fields(self), values, strict=True):

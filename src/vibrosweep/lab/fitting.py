@@ -106,8 +106,8 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
     if over is not None:  # the flights over this base contradict the acceleration taken for them
         favoured = "undetermined"
         problem = TrackError(
-            f"over a base that moves, flights fall with {found:.4g} ± {error:.2g} m s-2 where "
-            f"{fall:.4g} m s-2 was taken: check the scale, the frame rate and the frequency"
+            f"over a base that moves, flights fall with {found:.4g} ± {error:.2g} m s-2, but were "
+            f"fitted with {fall:.4g} m s-2: check the scale, the frame rate and the frequency"
         )
     if not level and (setup.motion == "moving" or setup.trace is not None):
         raise problem
@@ -157,15 +157,15 @@ def _check_setup(gravity: float, setup: Setup) -> None:
     require_one_of("motion", setup.motion, MOTIONS, TrackError)
     if setup.base is not None and (setup.motion == "moving" or setup.trace is not None):
         raise TrackError(
-            "a height of the base is that of one at a constant level, whereas a trace or the "
-            "motion 'moving' says that it moves: leave the height out"
+            "a height of the base belongs to one at a constant level, but a trace or the motion "
+            "'moving' says that it moves: leave the height out"
         )
     if setup.trace is None:
         return
     if setup.motion == "level":
         raise TrackError(
-            "a trace is that of a base that moves, whereas the motion 'level' says that it does "
-            "not: leave one of them out"
+            "a trace belongs to a base that moves, but the motion 'level' says that it does not: "
+            "leave one of them out"
         )
     traced = float(setup.trace.values[2])
     apart = 0.0 if setup.frequency is None else abs(setup.frequency - traced)
@@ -184,5 +184,5 @@ def _check_base(tracks: xr.Dataset, base: float | None) -> None:
         where = "above the whole track" if base > top else "above half of the positions"
         raise TrackError(
             f"{tracks.attrs['source']}: the base at {base:g} m lies {where} (the highest position "
-            f"is {top:.4g} m): give the height at which particles land, or leave it to be found"
+            f"is {top:.4g} m): give the height at which particles land, or leave it out"
         )

@@ -92,9 +92,9 @@ def find_flights(
         refuse_gravity(found, error, gravity)
         fall = found  # parabolas of the wrong curvature would miss the landings
     raise TrackError(
-        f"flights fall with {found:.4g} ± {error:.2g} m s-2 where {flights.curvature:.4g} m s-2 "
-        f"was taken, and gravity is {gravity:g} m s-2: no scale describes all of them; check the "
-        f"heights, or film faster or closer"
+        f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with "
+        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale describes all "
+        f"of them; check the heights, or film faster or closer"
     )
 
 
@@ -191,8 +191,8 @@ def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
         falls, scatter = _rough_gravity(turned, None if base is None else -base)
         if _shows_gravity(falls, scatter, gravity):
             raise TrackError(
-                f"heights grow downwards: with the axis turned, what is tracked falls with "
-                f"{falls:.3g} m s-2, as gravity, {gravity:g} m s-2, demands; turn the axis"
+                f"heights grow downwards: with the axis turned, the particles fall with "
+                f"{falls:.3g} m s-2, and gravity is {gravity:g} m s-2; turn the axis"
             )
     refuse_gravity(found, error, gravity)
 
@@ -217,9 +217,9 @@ def refuse_gravity(found: float, error: float, gravity: float) -> None:
         return
     units = f"multiply the scale by about {gravity / found:.2g}, or " if found > 0.0 else ""
     raise TrackError(
-        f"what is tracked falls with {found:.3g} m s-2 instead of {gravity:g} m s-2: {units}turn "
-        f"the axis, or correct the frame rate, or film faster where flights last fewer than five "
-        f"frames; what hardly leaves its base does not show gravity"
+        f"the particles fall with {found:.3g} m s-2 instead of {gravity:g} m s-2: {units}turn the "
+        f"axis, or correct the frame rate, or film faster where flights last fewer than five "
+        f"frames; particles that hardly leave the base do not show gravity"
     )
 
 

@@ -62,7 +62,7 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
     )
     remarks_on_fit = [text for text in (law_text(found), found.attrs["warning"]) if text]
     if not int(found["determined"]):
-        return ["the base moves, but how is not determined", *remarks_on_fit]
+        return ["the base moves, but its motion is not determined", *remarks_on_fit]
     return [
         f"the base moves: displacement {1e3 * size[0]:.4g} ± {1e3 * size[1]:.2g} mm at "
         f"{float(found['frequency_used']):.6g} Hz, acceleration {gamma[0]:.4g} ± {gamma[1]:.2g} "

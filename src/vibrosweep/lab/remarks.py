@@ -37,8 +37,8 @@ def why_undetermined(signal: float, values: Array, covariance: Array, misfit: fl
     if misfit > WORST_MISFIT:
         return (
             f"no restitution and forcing describe the bounces: misfit {misfit:.3g} where noise "
-            f"alone makes about 1; check the frequency, and whether the base moves and as a sine: "
-            f"if not, give its trace, or the track of a mark on it"
+            f"alone makes about 1; check the frequency, and whether the base moves; if its motion "
+            f"is no sine, give its trace or the track of a mark on it"
         )
     if error[0] > WORST_RESTITUTION or error[1] > WORST_AMPLITUDE * values[1]:
         return "restitution and amplitude are hardly determined: film for longer, or closer"

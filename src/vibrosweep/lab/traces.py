@@ -1,12 +1,14 @@
-"""Measured motion of the base, from its track or an accelerometer, fitted by harmonics.
+"""Measured motion of the base, from its track or an accelerometer, fitted with harmonics.
 
-The trace is a constant and harmonics 1 to H of one frequency.  H, from 1 (a sine) to 16, and the
-frequency among simple fractions of that of the sine, make Schwarz's information criterion
+The fit consists of a constant and harmonics 1 to H of one frequency.  H, from 1 (a sine) to 16, and
+the frequency, among simple fractions of that of the strongest harmonic, minimise Schwarz's
+criterion
 
-    n ln(residual / n) + (2 H + 2) ln n
+    n ln s^2 + (2 H + 2) ln n
 
-of n values least; the residual is never taken below that of values rounded to the resolution of the
-trace, whose steps repeat with the motion and look like harmonics.
+for n values, where s^2 is the variance of the residuals.  It is not taken below that of values
+rounded to the resolution of the trace, because rounding that repeats with the motion looks like
+harmonics.
 """
 
 from __future__ import annotations
@@ -32,13 +34,13 @@ from vibrosweep.scene.traces import waves
 __all__ = ["QUANTITIES", "make_trace", "read_trace"]
 
 QUANTITIES: Final = ("height", "acceleration")
-FEWEST: Final = 20
-# Largest share of the variance that harmonics may leave unexplained.
+FEWEST: Final = 20  # values of a trace
+# Largest share of the variance that harmonics may leave unexplained
 UNEXPLAINED: Final = 0.1
 FEWEST_PERIODS: Final = 2.0  # of a motion that is no sine
 STEPS: Final = 20  # most steps towards the frequency
 CLOSE: Final = 1e-10  # last step, in periods over the length of the trace
-SAME: Final = 1e-9  # difference of two values, relative to their range, that is rounding
+SAME: Final = 1e-9  # difference of two values, relative to their range, that rounding may make
 LEAST: Final = 1e-30  # least change of a height (m) or acceleration (m s-2) that counts
 
 
@@ -54,15 +56,15 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
     Returns
     -------
     Trace
-        The fitted motion, for the argument `trace` of `find_impacts`: ``values`` S, C (m s-1) and f
-        (Hz), and of a motion that is no sine S and C of other harmonics; their ``covariance``; and
-        the ``numbers`` h of the harmonics, that of the strongest first.  The base has the velocity
-        sum S sin 2 pi h f t + C cos 2 pi h f t.
+        The fitted motion, for the argument `trace` of `find_impacts`: ``values`` are S, C (m s-1)
+        and f (Hz), then S and C of other harmonics if the motion is no sine; ``covariance`` is
+        theirs; ``numbers`` are those of the harmonics, h, the strongest first.  The base has the
+        velocity sum S sin 2 pi h f t + C cos 2 pi h f t.
 
     Raises
     ------
     TrackError
-        The file cannot be read, has other columns, or does not repeat.
+        The file cannot be read or has other columns, or the motion does not repeat.
 
     Examples
     --------
@@ -99,9 +101,9 @@ def make_trace(
 ) -> Trace:
     """Fit harmonics and a constant to the measured height (m) or acceleration (m s-2) of a base.
 
-    Times (s) rise, at a nearly steady rate; `quantity` is one of `QUANTITIES`, `source` a name in
-    messages.  Raises a TrackError where there are too few values, the times do not rise, or no
-    harmonics describe them.
+    Times (s) rise at a nearly steady rate; `quantity` is one of `QUANTITIES`, `source` a name in
+    messages.  Raises a TrackError if there are too few values, if times do not rise, or if no
+    harmonics describe the values.
     """
     when, measured = (np.asarray(v, dtype=np.float64) for v in (time, values))
     require_one_of("quantity", quantity, QUANTITIES, TrackError)
@@ -118,14 +120,14 @@ def make_trace(
             f"stays at its level"
         )
     rates, power = periodogram(measured - measured.mean(), sampled)
-    first = float(rates[1:][np.argmax(power[1:])])
-    middle = float(when.mean())  # the errors of phase and frequency are then almost independent
-    first, harmonics = _chosen(when - middle, measured, first, sampled)
-    fit = _fit(when - middle, measured, first, harmonics)
-    if fit.rate * np.ptp(when) < 1.0:  # a part of a period also fits a drift, for example
+    strongest = float(rates[1:][np.argmax(power[1:])])
+    middle = float(when.mean())  # makes the errors of phase and frequency almost independent
+    rate, harmonics = _choose_harmonics(when - middle, measured, strongest, sampled)
+    fit = _fit(when - middle, measured, rate, harmonics)
+    if fit.rate * np.ptp(when) < 1.0:  # part of a period may also fit a drift
         raise TrackError(
             f"{source}: the {quantity} goes through no whole period of a sine: check the columns, "
-            f"take a longer trace, or leave it out and let the landings tell"
+            f"take a longer trace, or leave it out and let the landings determine the motion"
         )
     if not fit.variance < UNEXPLAINED * measured.var():
         raise TrackError(
@@ -133,45 +135,45 @@ def make_trace(
             f"{100.0 * fit.variance / measured.var():.0f} % of the variance of the {quantity}; at "
             f"most {100.0 * UNEXPLAINED:.0f} % is taken for noise. Only a base whose motion "
             f"repeats can be used: check the columns, or leave the trace out and let the "
-            f"landings tell"
+            f"landings determine the motion"
         )
     return _velocities(fit, middle, quantity)
 
 
 def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
-    """Fit harmonics to the ``base_height`` of tracks, the mean over an exposure (s) at each frame.
+    """Fit harmonics to the ``base_height`` of tracks, and undo the average over an exposure (s).
 
     Raises the errors of `make_trace`.
     """
     height = tracks["base_height"].values
     seen, source = np.isfinite(height), f"{tracks.attrs['source']}, the mark on the base"
-    one = make_trace(tracks["time"].values[seen], height[seen], "height", source)
-    left = np.sinc(np.repeat(one.numbers, 2) * one.values[2] * exposure)  # of each harmonic
-    left = np.insert(left, 2, 1.0)
-    return Trace(one.values / left, one.covariance / np.outer(left, left), one.numbers)
+    mean = make_trace(tracks["time"].values[seen], height[seen], "height", source)
+    share = np.sinc(np.repeat(mean.numbers, 2) * mean.values[2] * exposure)  # left by the average
+    share = np.insert(share, 2, 1.0)
+    return Trace(mean.values / share, mean.covariance / np.outer(share, share), mean.numbers)
 
 
 class _Fit(NamedTuple):
     """Harmonics fitted to a trace."""
 
     rate: float  # Hz
-    coefficients: Array  # of the constant, then of cosine and sine of each harmonic
-    slopes: Array  # derivatives of the fitted values by these and by the frequency
-    parts: Array  # of the values along the same waves, made orthonormal one after the other
-    variance: float  # of the residuals
+    coefficients: Array  # factors of the constant, then of cosine and sine of each harmonic
+    slopes: Array  # derivatives of the fitted values by the coefficients and by the frequency
+    parts: Array  # components of the values along the same waves, orthonormalised in this order
+    variance: float  # variance of the residuals
 
 
 def _fit(since: Array, measured: Array, rate: float, harmonics: int) -> _Fit:
-    """Fit harmonics of a frequency near `rate` by steps of Gauss and Newton."""
+    """Fit harmonics of a frequency near `rate` by the Gauss-Newton method."""
     numbers = np.arange(1, harmonics + 1)
     for _ in range(STEPS):
         design = np.column_stack([np.ones_like(since), waves(since, rate, harmonics)])
-        # they are nearly orthogonal, so that their normal equations lose no digits
+        # the columns are nearly orthogonal, so that the normal equations lose no digits
         root = np.linalg.cholesky(_products(design, design))
         parts = solve_triangular(root, _products(design, measured), lower=True)
         found = solve_triangular(root.T, parts)
         turned = np.column_stack([numbers * found[2::2], -numbers * found[1::2]]).ravel()
-        # of the fitted values by the frequency; einsum, unlike BLAS, starts no threads
+        # derivative of the fitted values by the frequency; einsum, unlike BLAS, starts no threads
         slope = TWO_PI * since * np.einsum("nk,k->n", design[:, 1:], turned)
         along = solve_triangular(root, _products(design, slope), lower=True)
         change = float((slope @ measured - along @ parts) / (slope @ slope - along @ along))
@@ -184,48 +186,51 @@ def _fit(since: Array, measured: Array, rate: float, harmonics: int) -> _Fit:
     return _Fit(rate, found, slopes, parts, float(left @ left / freedom))
 
 
-def _chosen(since: Array, measured: Array, first: float, sampled: float) -> tuple[float, int]:
-    """Frequency near which the motion repeats, and number of its harmonics.
+def _choose_harmonics(
+    since: Array, measured: Array, strongest: float, sampled: float
+) -> tuple[float, int]:
+    """Choose the frequency near which the motion repeats, and the number of its harmonics.
 
-    `first` is the frequency of the strongest one, `sampled` the number of values per second.
+    `strongest` is the frequency of the strongest one, `sampled` the number of values per second.
     """
     number, span = since.size, float(np.ptp(since))
     measured = measured - measured.mean()
     steps = np.diff(np.unique(measured))
     floor = float(steps[steps > SAME * np.ptp(measured)].min()) ** 2 / 12.0
-    trials = [(_schwarz(_fit(since, measured, first, 1).variance, floor, number, 1), first, 1)]
+    sine = _fit(since, measured, strongest, 1)
+    trials = [(_schwarz(sine.variance, floor, number, 1), strongest, 1)]
     for part in range(1, MOST_HARMONICS + 1):
-        rate = first / part
+        rate = strongest / part
         # as many harmonics as there are values in a period, less one
         most = min(MOST_HARMONICS, int((sampled / rate - 1.0) / 2.0), (number - 3) // 4)
         if most < max(part, 2) or rate * span < FEWEST_PERIODS:
             continue
-        one = _fit(since, measured, rate, most)
-        held = np.cumsum(one.parts**2)
+        fit = _fit(since, measured, rate, most)
+        held = np.cumsum(fit.parts**2)
         for harmonics in range(max(part, 2), most + 1):
             residual = measured @ measured - held[2 * harmonics]
             variance = float(residual) / (number - 2 * harmonics - 2)
-            trials.append((_schwarz(variance, floor, number, harmonics), one.rate, harmonics))
+            trials.append((_schwarz(variance, floor, number, harmonics), fit.rate, harmonics))
     _, rate, harmonics = min(trials)
     return rate, harmonics
 
 
 def _products(columns: Array, others: Array) -> Array:
-    """Products of columns with columns, by pieces so short that BLAS starts no threads."""
+    """Multiply columns with columns, in pieces so short that BLAS starts no threads."""
     pieces = len(columns) // 250 + 1
     pairs = zip(np.array_split(columns, pieces), np.array_split(others, pieces), strict=True)
     return np.asarray(sum(piece.T @ other for piece, other in pairs))
 
 
 def _schwarz(variance: float, floor: float, number: int, harmonics: int) -> float:
-    """Schwarz's criterion of a fit that leaves a variance of the residuals."""
+    """Schwarz's criterion of a fit whose residuals have a variance, at least `floor`."""
     return float(number * np.log(max(variance, floor)) + (2 * harmonics + 2) * np.log(number))
 
 
 def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
-    """Harmonics of the velocity on the clock of the trace, from those of the quantity.
+    """Convert the harmonics of the quantity to those of the velocity, on the clock of the trace.
 
-    The clock of the fit is zero in the `middle`.
+    Times of the fit are counted from the `middle` of the trace (s).
     """
     pairs, rate = fit.coefficients[1:].reshape(-1, 2), fit.rate
     # y = c cos + s sin has V = w (s cos - c sin); a = c cos + s sin has V = (c sin - s cos) / w
