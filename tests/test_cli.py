@@ -319,7 +319,7 @@ def test_damaged_data_is_named(refused, result, tmp_path):
 
 def test_figures_that_cannot_be_written(refused, result, tmp_path):
     (tmp_path / "taken").touch()
-    assert "cannot make the directory" in refused("figures", result, "-o", tmp_path / "taken")
+    assert "cannot be made" in refused("figures", result, "-o", tmp_path / "taken")
 
 
 # accidents

@@ -116,7 +116,7 @@ def test_without_data_nothing_is_written(tmp_path):
 def test_a_directory_that_cannot_be_made_is_named(sweep, tmp_path):
     occupied = tmp_path / "taken"
     occupied.write_text("a file")
-    with pytest.raises(OutputError, match=r"taken .*choose another"):
+    with pytest.raises(OutputError, match=r"taken: .*choose another"):
         save_all(sweep, None, occupied)
 
 

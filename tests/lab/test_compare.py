@@ -92,7 +92,7 @@ def test_prediction_follows_each_particle_from_its_first_flight(irregular, found
     assert refused == 0
     assert among.any()
     means = measured_means(found, among)
-    np.testing.assert_allclose(foretold.period[0][among], means["period"][among], rtol=0.01)
+    np.testing.assert_allclose(foretold["period"][0][among], means["period"][among], rtol=0.01)
 
 
 def test_a_particle_that_never_flew_is_not_launched(found, workers):
@@ -105,7 +105,7 @@ def test_a_particle_that_never_flew_is_not_launched(found, workers):
     assert flights.particle.tolist() == [0, 2]
     assert flights.sets["phase"].size == 2
     foretold = predict(still, sets, shapes, scene, workers)
-    assert np.isnan(foretold.height[0]).tolist() == [False, True, False]
+    assert np.isnan(foretold["height"][0]).tolist() == [False, True, False]
 
 
 def test_draws_stay_physical_or_are_refused(found):

@@ -76,7 +76,7 @@ def _copy(files: dict[str, Path], directory: Path, *, force: bool) -> None:
     """Copy files below a directory, with the traces that they read; all of them or none."""
     import re
 
-    from vibrosweep.store.disk import check_output, replacing, reporting
+    from vibrosweep.store.disk import check_output, make_directory, replacing
 
     copies = {directory / f"{name}.toml": path for name, path in files.items()}
     copies |= {
@@ -85,8 +85,7 @@ def _copy(files: dict[str, Path], directory: Path, *, force: bool) -> None:
         for trace in re.findall(r'trace = "([^"/]+)"', path.read_text(encoding="utf-8"))
     }
     for copy in copies:
-        with reporting(copy):
-            copy.parent.mkdir(parents=True, exist_ok=True)
+        make_directory(copy.parent)
         check_output(copy, force=force)
     for copy, path in copies.items():
         with replacing(copy, force=force) as file:

@@ -12,11 +12,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibrosweep.errors import OutputError
 from vibrosweep.figures import data, height_curves, plane, restitution, returns, separations, style
 from vibrosweep.figures.data import Needs
 from vibrosweep.model.parameters import NOISE
-from vibrosweep.store.disk import replacing
+from vibrosweep.store.disk import make_directory, replacing
 from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
@@ -239,15 +238,8 @@ def save_formats(figure: Figure, directory: str | Path, stem: str) -> list[Path]
 
     Raises an OutputError if the directory or a file cannot be written.
     """
-    target = Path(directory)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"cannot make the directory {target} for the figures ({error.strerror}): choose "
-            f"another one or free this path"
-        ) from error
-    return [save(figure, target / f"{stem}.{kind}") for kind in FORMATS]
+    make_directory(Path(directory))
+    return [save(figure, Path(directory) / f"{stem}.{kind}") for kind in FORMATS]
 
 
 def save(figure: Figure, path: Path, *, force: bool = True) -> Path:

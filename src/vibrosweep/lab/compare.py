@@ -19,7 +19,6 @@ from vibrosweep.lab.prediction import (
     DRAWS,
     USED,
     ComparisonOptions,
-    Prediction,
     draw_parameters,
     parameters_of,
     predict,
@@ -202,7 +201,7 @@ def _compare_recording(
     numbers, scene, estimated = parameters_of(by_fit, options)
     sets, shapes, refused = draw_parameters(numbers, scene, estimated, options.draws, options.seed)
     found = predict(by_fit, sets, shapes, scene, workers)
-    best = {"height": found.height[0], "period": found.period[0]}
+    best = {name: means[0] for name, means in found.items()}
     if not np.isfinite(best["period"][among]).any():
         raise ParameterError(
             f"{tracks.attrs['source']}: with these parameters none of the particles makes a whole "
@@ -256,12 +255,12 @@ def _table(
     )
 
 
-def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> Array:
+def _spreads(found: dict[str, Array], means: dict[str, Array], among: Flags) -> Array:
     """Standard deviation over the draws in per cent of the measured means, zero without draws.
 
     Its shape is (quantity, reading).
     """
-    drawn = np.stack(found)[:, 1:, among]
+    drawn = np.stack(list(found.values()))[:, 1:, among]
     if not drawn.shape[1]:
         return np.zeros((len(QUANTITIES), len(READINGS)))
     spread = 100.0 * drawn.std(axis=1) / [means[q][among] for q in QUANTITIES]

@@ -15,6 +15,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.lab.base_harmonics import polar, with_values
+from vibrosweep.lab.comparison import QUANTITIES
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import Setup
 from vibrosweep.lab.impacts import harmonic_numbers
@@ -26,20 +27,12 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.waveform import stored
 
 DRAWS: Final = 64
+MEANS: Final = ("rebound_height_mean", "flight_time_mean")  # the names of `QUANTITIES` in a sweep
 USED: Final = ("restitution", "amplitude", "frequency", SPEED)
 # Name of the base by its motion in a recording
 BASE_OF_MOTION: Final = {"level": HIGH_BOUNCE, "moving": MOVING}
 # Number by which refused draws may exceed the draws asked for, by chance
 CHANCE: Final = 10
-
-
-class Prediction(NamedTuple):
-    """Predicted means of each particle."""
-
-    # height, period: apex (m) and duration (s) of the flights, shape (draw, particle); NaN for a
-    # particle without a whole flight
-    height: Array
-    period: Array
 
 
 @dataclass(frozen=True)
@@ -207,14 +200,16 @@ def predict(
     waveforms: Sequence[Waveform],
     scene: Scene,
     workers: Workers,
-) -> Prediction:
-    """Predict the means of each particle from its first whole flight to the end of the film.
+) -> dict[str, Array]:
+    """Predict mean height (m) and period (s) from a particle's first flight to the end of the film.
 
-    Parameters and waveforms are those of `draw_parameters`, the scene that of `scene_of`.  A
-    particle that appears late is followed for as long as the others.
+    The shape is (draw, particle), with NaN for a particle without a whole flight.  Parameters and
+    waveforms are those of `draw_parameters`, the scene that of `scene_of`.  A particle that appears
+    late is followed for as long as the others.
     """
     draws = parameters["frequency"].size
-    height, period = np.full((2, draws, impacts.sizes["particle"]), np.nan)
+    size = draws, impacts.sizes["particle"]
+    means = {quantity: np.full(size, np.nan) for quantity in QUANTITIES}
     flown, start, _, sets = first_flights(impacts, parameters)
     if flown.size:
         length = impacts.attrs["end"] - float(start.min())
@@ -223,6 +218,6 @@ def predict(
             chosen = {name: values[np.repeat(alike, flown.size)] for name, values in sets.items()}
             lasting = replace(scene, duration=length, waveform=shape)
             found = measure(all_parameters(chosen), lasting, workers)
-            for mean, name in ((height, "rebound_height_mean"), (period, "flight_time_mean")):
+            for mean, name in zip(means.values(), MEANS, strict=True):
                 mean[np.ix_(alike, flown)] = found[name].reshape(-1, flown.size)
-    return Prediction(height, period)
+    return means

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from vibrosweep.errors import OutputError
 from vibrosweep.lab.experiment import Experiment
 from vibrosweep.lab.trials import perform_trials
-from vibrosweep.store.disk import check_output, replacing
+from vibrosweep.store.disk import check_output, make_directory, replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,12 +28,7 @@ def write_experiments(
     height) and that of the true landings.  Raises an OutputError if a file exists and `force` is
     false, or if it cannot be written.
     """
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{directory}: cannot be made ({error.strerror}); choose another"
-        ) from error
+    make_directory(directory)
     experiments = list(experiments)
     paths = [
         directory / f"{name}_{experiment.scene.particles:03d}_trial{k + 1}{end}"

@@ -250,6 +250,15 @@ def unwritten(path: Path, error: OSError) -> OutputError:
     )
 
 
+def make_directory(directory: Path) -> None:
+    """Make a directory, with those above it, or raise an OutputError."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        problem = f"{directory}: cannot be made ({error.strerror})"
+        raise OutputError(f"{problem}; choose another directory, or free this path") from error
+
+
 def flush_directory(directory: Path) -> None:
     """Flush the entries of a directory to the disk, on systems that can."""
     with suppress(OSError):
