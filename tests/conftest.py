@@ -1,10 +1,14 @@
 """Shared by all tests: threads, sets of parameters, and random scenes over wide ranges."""
 
 import gc
+import os
 import signal
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+
+# Threads of linear algebra of several processes at once wait for each other, busily.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
 import pytest
@@ -24,6 +28,23 @@ gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
 
 # A shell makes what it runs in the background ignore SIGINT, and commands that tests begin too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+# Files that need the same expensive kernels run one after the other in one process: two processes
+# would compile them at the same time.
+OF_LINES = {"tests/analysis/test_branches.py", "tests/proof/test_windows.py"}
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByKernels(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return "lines of orbits" if file in OF_LINES else file
+
+    return ByKernels(config, log) if config.getoption("dist") == "loadfile" else None
 
 
 @pytest.fixture(scope="session")

@@ -93,9 +93,9 @@ def test_an_edit_never_runs_stale_machine_code(tmp_path):
 
     def run(source, **environment):
         (tmp_path / SOURCE.name).write_text(source)
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), **environment}
         words = [sys.executable, "-W", "ignore", "-c", SCRIPT, str(tmp_path)]
-        done = subprocess.run(words, env=environment, capture_output=True, text=True)
+        of_run = {**os.environ, **environment}
+        done = subprocess.run(words, env=of_run, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return int(done.stdout)
 

@@ -71,11 +71,11 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
 ):
     # all products are fused where the source says so and nowhere else; nothing divides by zero
     # otherwise
-    rng, size = np.random.default_rng(6), 7
+    rng, size = np.random.default_rng(6), 4
     scene = random_scenes(seed=70, size=size, contact_time=0.02, launch_velocity=2.0)
     thrown = 10.0 ** rng.uniform(-1.0, 1.0, size) * (1.0 + scene["restitution"])
     scene["amplitude"] = thrown * scene["gravity"] / (2.0 * np.pi * scene["frequency"])
-    scene["amplitude"][6], scene["launch_velocity"][4] = 0.0, 0.0
+    scene["amplitude"][3], scene["launch_velocity"][2] = 0.0, 0.0
     late = parameters(restitution=0.3, amplitude=3.857, launch_velocity=4.905)
     measures = {"regimes": True, "lyapunov": True, "trust": True, "tolerance": 1e-9}
     measures |= {"ordering": True}

@@ -13,10 +13,9 @@ from vibrosweep.model.parameters import dimensionless, mounts
 FALLING = ("plastic", "viscoelastic")
 
 
-@pytest.mark.parametrize("name", FALLING)
-def test_without_mass_particles_move_as_over_the_moving_base(name):
+def test_without_mass_particles_move_as_over_the_moving_base():
     scene = {"restitution": 0.8, "amplitude": 1.4, "launch_time": [0.0, 0.3], "duration": 6.0}
-    scene |= {"restitution_law": name, "restitution_speed": 1.0}
+    scene |= {"restitution_law": "plastic", "restitution_speed": 1.0}
     moving = vs.simulate(base="moving", **scene)
     sprung = vs.simulate(base="sprung", mass_ratio=0.0, mount_frequency=0.4, **scene)
     assert sprung.impact_count.equals(moving.impact_count)

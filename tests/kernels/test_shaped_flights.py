@@ -32,9 +32,8 @@ def test_no_first_landing_is_missed():
 
 def test_a_known_trajectory():
     """Of 40 digits, computed apart from this program."""
-    one = vs.simulate(
-        restitution=0.85, base_velocity=0.7, phase=0.3, base="moving", waveform=TWO_TONES
-    )
+    scene = {"restitution": 0.85, "phase": 0.3, "base": "moving", "waveform": TWO_TONES}
+    one = vs.simulate(**scene, base_velocity=[0.7, 3.0])
     lands, speeds = (one[name].values[0, 0, :2] for name in ("landing_time", "rebound_velocity"))
     assert lands == pytest.approx([1.017557260259823, 2.078479057686624], abs=1e-14)
     assert speeds == pytest.approx([5.238099419590123, 5.544664747235231], abs=1e-14)

@@ -9,7 +9,7 @@ import vibrosweep as vs
 from vibrosweep.proof.observables import Rounded
 from vibrosweep.proof.reference._flint import arb
 
-SPRUNG = {"mass_ratio": 0.05, "mount_frequency": 4.0, "mount_damping": 0.1}
+SPRUNG = {"mass_ratio": 0.05, "mount_frequency": 4.0, "mount_damping": 0.1, "duration": 4.0}
 BASES = {"high-bounce": {}, "moving": {}, "sprung": SPRUNG}
 SWEEP = {
     "restitution": [0.6, 0.8],

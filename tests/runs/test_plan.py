@@ -137,7 +137,7 @@ spec = replace(spec, scene=replace(spec.scene, duration=1.0))
 chunk = int(sys.argv[4])  # a plan of its own would depend on how busy the machine is
 if sys.argv[2] == "plan":
     with Workers(2) as workers:
-        print(estimate(spec, make_plan(spec, workers, chunk, seconds=1.0), workers).memory)
+        print(estimate(spec, make_plan(spec, workers, chunk, seconds=0.1), workers).memory)
 else:
     run_sweep(spec, Path(sys.argv[3]), threads=2, chunk=chunk)
     # not that of getrusage, which knows the process that started this one

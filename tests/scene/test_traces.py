@@ -11,7 +11,7 @@ from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import parse_spec, read_spec
 from vibrosweep.scene.traces import Traced, measured
 
-TWO = Waveform("harmonics", ((1, 1.0, 0.3), (2, 0.4, 1.1)))
+TWO = Waveform("harmonics", ((1, 1.0, 0.3), (2, 0.4, 1.7)))
 FREQUENCY, VELOCITY = 19.73, 0.31
 
 
