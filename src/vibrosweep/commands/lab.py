@@ -40,22 +40,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     impacts = parts.add_parser("impacts", help="find the landings of tracks")
     _add_tracks(impacts)
-    impacts.add_argument("--frequency", metavar="HZ", type=float, help="of the forcing")
-    impacts.add_argument("--phase", metavar="RAD", type=float, default=0.0, help="at t = 0")
+    impacts.add_argument("--frequency", metavar="HZ", type=float, help="frequency of the forcing")
+    impacts.add_argument(
+        "--phase", metavar="RAD", type=float, default=0.0, help="phase of the forcing at t = 0"
+    )
     impacts.set_defaults(part=_impacts)
 
     compare = parts.add_parser("compare", help="compare tracks with prediction")
     _add_tracks(compare)
     for name, unit in (("frequency", "HZ"), ("restitution", "E"), ("amplitude", "M/S")):
-        compare.add_argument(f"--{name}", metavar=unit, type=float, help="estimated by default")
-    compare.add_argument("--phase", metavar="RAD", type=float, help="at t = 0; by default found")
+        compare.add_argument(f"--{name}", metavar=unit, type=float, help="default: estimated")
+    compare.add_argument("--phase", metavar="RAD", type=float, help="at t = 0; default: estimated")
     compare.add_argument(
-        "--restitution-law", metavar="LAW", default="constant", help="of a given restitution"
+        "--restitution-law", metavar="LAW", default="constant", help="law of a given restitution"
     )
-    compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="of this law")
+    compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="its speed")
     compare.add_argument("--contact-time", metavar="S", type=float, help="default: 1e-4")
     compare.add_argument(
-        "--draws", metavar="N", type=positive, default=64, help="sets within the errors; default 64"
+        "--draws", metavar="N", type=positive, default=64, help="parameter sets drawn; default: 64"
     )
     compare.add_argument("--seed", metavar="S", type=whole, default=0, help="default: 0")
     compare.set_defaults(part=_compare)
@@ -68,16 +70,16 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--frame-rate", metavar="HZ", type=float, help="of the camera")
     parser.add_argument("--scale", metavar="M", type=float, help="m per unit of the file")
-    parser.add_argument("--axis", choices=("up", "down"), help="where heights grow in the file")
-    parser.add_argument("--base", metavar="Y", type=float, help="base, in units of the file")
+    parser.add_argument("--axis", choices=("up", "down"), help="direction in which heights grow")
+    parser.add_argument("--base", metavar="Y", type=float, help="height of the base in the file")
     parser.add_argument(
         "--base-motion",
         choices=("detect", "level", "moving"),
         default="detect",
-        help="whether the base moves; default: as the landings say",
+        help="motion of the base; by default the landings decide",
     )
     parser.add_argument(
-        "--base-trace", metavar="CSV", type=Path, help="its measured height or acceleration"
+        "--base-trace", metavar="CSV", type=Path, help="measured height or acceleration of the base"
     )
     parser.add_argument("--base-track", metavar="NAME", help="particle that is a mark on the base")
     parser.add_argument("--exposure", metavar="S", type=float, default=0.0, help="default: 0")
@@ -110,7 +112,7 @@ def _synthesize(options: argparse.Namespace) -> None:
 
 
 def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
-    """Read the tracks, and refuse what no recording can have, before anything is computed."""
+    """Read the tracks; refuse impossible options before anything is computed."""
     from vibrosweep.lab.track_files import read_tracks
     from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
     from vibrosweep.store.disk import check_output
@@ -142,7 +144,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
 
 
 def _setup(options: argparse.Namespace) -> Setup:
-    """Facts known beside the tracks."""
+    """Return what the options say about the recordings."""
     from vibrosweep.lab.fitting import Setup
     from vibrosweep.lab.traces import read_trace
 
@@ -169,13 +171,13 @@ def _impacts(options: argparse.Namespace) -> None:
             f"{options.output}: holds the landings of one recording, but there are "
             f"{len(recordings)}; write them one by one, or add --together"
         )
-    setup, each = _setup(options), []
+    setup, summaries = _setup(options), []
     for tracks in recordings:
         fitted = fit_tracks(tracks, options.gravity, setup)
         found = impacts_of(tracks, fitted, options.gravity, options.method)
         print("\n".join(impact_lines(found)))
-        each.append(quantities(found, frequency=options.frequency, phase=options.phase))
-    print("\n".join(agreement_lines(agreement(each))))
+        summaries.append(quantities(found, frequency=options.frequency, phase=options.phase))
+    print("\n".join(agreement_lines(agreement(summaries))))
     if options.output is not None:
         save_result(found, options.output, IMPACTS, force=options.force)
         print(f"written to {options.output}")

@@ -89,10 +89,10 @@ def bounces_of(impacts: xr.Dataset) -> Bounces:
         covariance.append(link[single])
         place = np.cumsum(single.ravel())[::2] - 1 + passed
         sound = (quality != DOUBTFUL) & np.isfinite(column["landing_time"])
-        whole = np.isfinite(column["flight_time"])
+        seen = np.isfinite(column["flight_time"])
         good = bounced.copy()
-        good[1:] &= whole[:-1] & sound[:-1]
-        good[:-1] &= whole[:-1] & sound[1:]
+        good[1:] &= seen[:-1] & sound[:-1]
+        good[:-1] &= seen[:-1] & sound[1:]
         good[[0, -1]] = False
         middle.append(place[good])
         passed += int(single.sum())

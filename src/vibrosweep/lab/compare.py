@@ -216,7 +216,7 @@ def _compare_recording(
         shares = np.full((2, len(QUANTITIES), len(READINGS)), np.nan)
         warnings.append(f"the errors of the camera are not known: {error}")
     errors = [errors_of(impacts, best, among), *shares, _spreads(found, means, among)]
-    both = [[np.nanmean(of[q][among]) for q in QUANTITIES] for of in (means, best)]
+    both = [[np.nanmean(mean[q][among]) for q in QUANTITIES] for mean in (means, best)]
     columns = _parameter_columns(estimated, used, scene.waveform)
     columns["compared"] = among.mean(), "1", "share of the particles that could be compared"
     texts = {

@@ -160,17 +160,17 @@ class Experiment:
         return replace(self.scene.recorded(), duration=self.window[1])
 
 
-def with_defaults(given: Mapping[str, Any]) -> dict[str, Any]:
+def with_defaults(keywords: Mapping[str, Any]) -> dict[str, Any]:
     """Complete the keywords of a scene with the defaults of the laboratory."""
     alternatives: dict[str, Collection[str]] = {
         "amplitude": FORCINGS,
         "transient": ("transient_periods",),
         "duration": ("duration_periods",),
-        "particles": () if isinstance(given.get("launch"), str) else ("launch", "launch_time"),
+        "particles": () if isinstance(keywords.get("launch"), str) else ("launch", "launch_time"),
     }
     defaults = {
         name: value
         for name, value in DEFAULTS.items()
-        if given.keys().isdisjoint(alternatives.get(name, ()))
+        if keywords.keys().isdisjoint(alternatives.get(name, ()))
     }
-    return {**defaults, **given}
+    return {**defaults, **keywords}
