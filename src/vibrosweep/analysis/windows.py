@@ -100,9 +100,9 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     )
     orbits = any(_of_orbits(c) for c in conditions)
     scene = settling(sweep, float(e.max())) if orbits else sweep.scene
-    replicas, asked = _replicas(sweep, conditions), sweep.windows or {}
-    tolerance = asked.get("tolerance", NOISY_TOLERANCE if replicas else TOLERANCE)
-    continuation = asked.get("continuation", False)
+    replicas, keys = _replicas(sweep, conditions), sweep.windows or {}
+    tolerance = keys.get("tolerance", NOISY_TOLERANCE if replicas else TOLERANCE)
+    continuation = keys.get("continuation", False)
     directions = DIRECTIONS if continuation else FRESH
     states = BYTES_PER_STATE * scene.particles if continuation else 0
     require_memory("points of the scan", e.size * a.size, BYTES_PER_POINT + states)
@@ -151,8 +151,8 @@ def _replicas(sweep: Sweep, conditions: list[Condition | Locked]) -> int:
 
     Raises a SpecError for keys that have no meaning with, or without, noise.
     """
-    asked, noise = sweep.windows or {}, sweep.scene.noise(sweep.design.sampled)
-    given = asked.get("noise_replicas")
+    keys, noise = sweep.windows or {}, sweep.scene.noise(sweep.design.sampled)
+    given = keys.get("noise_replicas")
     if not noise:
         if given is None:
             return 0
@@ -160,8 +160,8 @@ def _replicas(sweep: Sweep, conditions: list[Condition | Locked]) -> int:
         raise sweep.refusal(Mistake("windows.noise_replicas", rule, given))
     rule = f"looks for orbits that repeat: leave it out, or {' and '.join(noise)}"
     for key in ("continuation", "prove"):
-        if asked.get(key):
-            raise sweep.refusal(Mistake(f"windows.{key}", rule, asked[key]))
+        if keys.get(key):
+            raise sweep.refusal(Mistake(f"windows.{key}", rule, keys[key]))
     if repeats := [c.name for c in conditions if isinstance(c, Condition) and _of_orbits(c)]:
         raise sweep.refusal(Mistake("windows.conditions", rule, repeats[0]))
     return int(given or REPLICAS)

@@ -84,8 +84,9 @@ def separations(
             raise ParameterError(f"{', '.join(keywords)}: cannot be given beside a result")
         result = spec
     else:
-        asked: dict[str, Any] = {"separation": True, **keywords} if spec is None else {**keywords}
-        result = sweep(spec, threads=threads, **asked)
+        needed = {"separation": True} if spec is None else {}
+        complete: dict[str, Any] = needed | dict(keywords)
+        result = sweep(spec, threads=threads, **complete)
     if against is None:
         return separation_distribution(result, measure=measure, quantiles=quantiles)
     return separation_against(result, against, bins=bins, measure=measure, quantiles=quantiles)

@@ -161,9 +161,9 @@ def simulate(
         scene, arrays = batch(keywords, *SECTIONS["measure"])
     else:
         scene, arrays = replayed(result, keywords)
-    asked = {key: bool(keywords.get(key)) for key in MEASURES}
-    asked["impact_speed"] |= scene.restitution_law == VISCOELASTIC
-    measured, scene = scene.with_measures(**asked, observables=()), scene.recorded()
+    chosen = {key: bool(keywords.get(key)) for key in MEASURES}
+    chosen["impact_speed"] |= scene.restitution_law == VISCOELASTIC
+    measured, scene = scene.with_measures(**chosen, observables=()), scene.recorded()
     recorded = {**RECORD, **IMPACTS, **_variables_of(measured)}
     require_room(max((v.size for v in arrays.values()), default=1), scene.particles)
     quantities = scene.timed(arrays)
@@ -173,7 +173,7 @@ def simulate(
     with Workers(thread_count(threads)) as workers:
         found = record_landings(parameters, scene, workers, Form(ragged, BYTES_IN_MEMORY))
         found |= impacts(found, parameters, scene)
-        if any(asked.values()):
+        if any(chosen.values()):
             found = measure_all(parameters, measured, workers) | found
     varied = scene.varying(arrays)
     fixed = {n: ((), v[0], attributes_of(n)) for n, v in quantities.items() if n not in varied}

@@ -193,8 +193,8 @@ def run(
     50
     """
     path = path_of("output", output)
-    asked = as_sweep(spec, {}, kept=lambda: kept_text(path))
-    checked = _with_observables(asked, observables)
+    given = as_sweep(spec, {}, kept=lambda: kept_text(path))
+    checked = _with_observables(given, observables)
     chunk = None if chunk is None else count("chunk", chunk)
     require_switch("force", force)
     require_switch("progress", progress)

@@ -124,9 +124,9 @@ class Choice:
     def observe(self) -> xr.Dataset:
         """Measures over the window of the result, as `vibrosweep.sweep` returns them."""
         begin, end = self.window or (0.0, self.scene.duration)
-        observed = replace(self, scene=replace(self.scene, duration=end))
+        until_end = replace(self, scene=replace(self.scene, duration=end))
         coupled = {"joint": True} if self.scene.base == SPRUNG else {}
-        return observed._sweep(separation=True, **_timed("transient", begin), **coupled)
+        return until_end._sweep(separation=True, **_timed("transient", begin), **coupled)
 
     def settle(self) -> xr.Dataset:
         """Regimes and exponents after `OBSERVED_PERIODS`, as `vibrosweep.sweep` returns them."""

@@ -28,10 +28,10 @@ def parameters_line(choice: Choice) -> str:
 
 
 def facts(
-    choice: Choice, observed: xr.Dataset, settled: xr.Dataset | None
+    choice: Choice, measured: xr.Dataset, settled: xr.Dataset | None
 ) -> Iterator[tuple[str, str]]:
     """Yield names and values of the properties of a realization."""
-    one = observed.isel(realization=0)
+    one = measured.isel(realization=0)
     begin, end = (float(one[n]) * choice.inputs["frequency"] for n in ("transient", "duration"))
     yield "base", choice.scene.base
     yield "acceleration of the base Γ", f"{float(one['base_acceleration']):.5g} g"

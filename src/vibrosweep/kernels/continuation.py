@@ -82,8 +82,8 @@ def _locate(
         if k % 2 == 0:
             put_between(middle, low, high, below / (below - above) if straight else 0.5)
         put_ahead(tried, middle, 0.0, middle)
-        asked = kind if k % 2 == 0 else ALONG
-        good = correct(base, problem, span, tried, asked, middle, direction, work)
+        condition = kind if k % 2 == 0 else ALONG
+        good = correct(base, problem, span, tried, condition, middle, direction, work)
         if k % 2 == 0:
             off = 0.0
             for c in range(n):

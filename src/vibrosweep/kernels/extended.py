@@ -168,14 +168,14 @@ def _equations(
 ) -> None:
     """Write the equations of the orbit, and those of the line and of one more condition."""
     p, q, n = span.p, span.q, span.p + 2
-    for row, asked in ((p, span.condition), (p + 1, condition)):
-        if asked >= SADDLE_NODE:
-            _row(base, problem, span, z, asked, work, row)
+    for row, fixes in ((p, span.condition), (p + 1, condition)):
+        if fixes >= SADDLE_NODE:
+            _row(base, problem, span, z, fixes, work, row)
             continue
         work.off[row] = 0.0
         for c in range(n):
-            at = direction[c] if asked == ALONG else 0.0
-            if (asked == FIX_E and c == p) or (asked == FIX_DRIVE and c == p + 1):
+            at = direction[c] if fixes == ALONG else 0.0
+            if (fixes == FIX_E and c == p) or (fixes == FIX_DRIVE and c == p + 1):
                 at = 1.0
             work.matrix[row, c] = at
             work.off[row] += at * (z[c] - held[c])

@@ -59,11 +59,10 @@ class Measures:
     def variables(self) -> tuple[Variable, ...]:
         """Variables of a result, in their order."""
         taken = (measure for key, measure in MEASURES.items() if getattr(self, key))
-        observed = (observable.variable for observable in self.observables)
         return (
             *ALWAYS,
             *(variable for measure in taken for variable in measure.variables),
-            *observed,
+            *(observable.variable for observable in self.observables),
         )
 
     @property

@@ -96,7 +96,7 @@ def _drawn(
     if size < total:
         chosen = rows = np.sort(np.random.default_rng(seed).choice(total, size, replace=False))
     here = provenance(threads=1)
-    observed = [one.name for one in observables]
+    known = (*VARIABLES, *SWEEP_COORDINATES, *(observable.name for observable in observables))
     names = [n for n in VARIABLES if n in file.variables]
     scene = _scene(file, file.attrs)
     return Sample(
@@ -107,7 +107,7 @@ def _drawn(
         current=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
         coordinates=_coordinates(file, chosen),
-        others=_others(file, (*VARIABLES, *SWEEP_COORDINATES, *observed), identity),
+        others=_others(file, known, identity),
         observables={one: read_rows(file, one.name, chosen) for one in observables},
     )
 

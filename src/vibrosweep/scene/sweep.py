@@ -81,10 +81,8 @@ class Sweep:
     @property
     def sizes(self) -> dict[str, int]:
         """Lengths of the dimensions of a result, apart from that of realizations."""
-        observed = {
-            along: len(values) for along, values in self.scene.measures.observable_dims.items()
-        }
-        return {"particle": self.scene.particles, **observed}
+        along = self.scene.measures.observable_dims
+        return {"particle": self.scene.particles} | {dim: len(along[dim]) for dim in along}
 
 
 def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = None) -> Sweep:

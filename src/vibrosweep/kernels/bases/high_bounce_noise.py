@@ -126,15 +126,15 @@ def _wake_lanes(on: int | None, noise: Noise, shape: Shape, s: Floats, lanes: in
         for j in range(lanes):
             a, r = s[ROW.CONSTANTS + STRIDE + j], s[ROW.CONSTANTS + 2 * STRIDE + j]
             n, x, origin = s[ROW.N + j], s[ROW.X + j], s[ROW.ORIGIN + j]
-            asked = s[ROW.ASLEEP + j]
+            tried = s[ROW.ASLEEP + j]
             period = period_of(n + origin, x)
             kick = driven(noise, a, s[ROW.DRIVE + j])
-            rests = asked > 0.0
+            rests = tried > 0.0
             lifts, after = lift_in(shape, kick, r, x + (n + origin - period), rests)
-            given_up = rests & (asked >= LONGEST) & (not lifts)
+            given_up = rests & (tried >= LONGEST) & (not lifts)
             whole = np.rint(after) if lifts else 1.0
             x_off = after - whole if lifts else 0.0
             s[ROW.N + j] = period + whole - origin if rests else n
             s[ROW.X + j] = (np.nan if given_up else x_off) if rests else x
             s[ROW.AGE + j] = np.inf if given_up else s[ROW.AGE + j]
-            s[ROW.ASLEEP + j] = (-1.0 if lifts else asked + 1.0) if rests else asked
+            s[ROW.ASLEEP + j] = (-1.0 if lifts else tried + 1.0) if rests else tried
