@@ -102,7 +102,7 @@ def note_turn(memory: Turns, order: Order, landing: Listed, late: bool) -> Order
     return Order(changes, gaps)
 
 
-@jit
+@part
 def write_order(out: Orders, i: int, memory: Turns, order: Order, known: bool) -> None:
     """Write the order of realization i, whose landings up to the end are all `known` or not."""
     out.changes[i] = order.changes if known else UNDETERMINED
