@@ -5,7 +5,7 @@ v = g (t - previous lift-off) / 2 and v' = g (next landing - t) / 2, and the map
 
     v' = e v + S sin(2 pi f t) + C cos(2 pi f t),      S = A cos phi,   C = A sin phi
 
-involves three neighbouring instants, all of which carry errors.
+involves three neighbouring instants, which all have errors.
 """
 
 from __future__ import annotations

@@ -235,7 +235,7 @@ def _landings_by_fit(
 def _landings_by_sign(
     fitted: FittedTracks, frame_rate: float, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
-    """The same by frames: a landing is the lowest frame, an apex the highest between two."""
+    """Find particles and columns by frames: the lowest are landings, the highest apexes."""
     samples, flights, _, _ = fitted
     above = replace(samples, height=samples.height - flights.levels[samples.particle])
     low, _ = low_points(above, flights.noise, 0.0)
