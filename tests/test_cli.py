@@ -331,7 +331,7 @@ def test_memory_that_runs_out(refused, monkeypatch, spec, tmp_path):
     def measure(*arguments, **options):
         raise MemoryError("Unable to allocate 1 TiB")
 
-    monkeypatch.setattr("vibrosweep.runs.describe.describe", measure)
+    monkeypatch.setattr("vibrosweep.commands.describe.describe", measure)
     monkeypatch.setattr("vibrosweep.scene.sweep.read_spec", measure)
     output = tmp_path / "out.h5"
     for command, chunked in (("run", True), ("windows", False), ("basins", False)):
@@ -472,7 +472,7 @@ def test_an_interruption_inside_is_130(vibrosweep, monkeypatch):
     def describe(path):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("vibrosweep.runs.describe.describe", describe)
+    monkeypatch.setattr("vibrosweep.commands.describe.describe", describe)
     code, _, message = vibrosweep("info", "x.h5")
     assert code == 130
     assert message.count("\n") == 1

@@ -8,9 +8,9 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
+from vibrosweep.commands.describe import describe
 from vibrosweep.commands.figures import perform
 from vibrosweep.errors import DataError
-from vibrosweep.runs.describe import describe
 from vibrosweep.store.seal import LENGTH
 
 SCENES = {

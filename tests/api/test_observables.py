@@ -8,10 +8,10 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.api.given_sweep import as_sweep
+from vibrosweep.commands.describe import describe
 from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, TableError
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.runs.chunks import in_process
-from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.scene.keywords import keyword_spec

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.runs.describe import describe
+from vibrosweep.commands.describe import describe
 
 TABLE = """restitution,amplitude,frequency
 0.9,0.0,1.0

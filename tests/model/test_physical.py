@@ -13,6 +13,7 @@ IMPOSSIBLE = {
     "gravity": (0.0, -9.81),
     "contact_time": (0.0,),
     "k": (0, -1),
+    "turns": (),
 }
 FUNCTIONS = {n: f for n, f in vars(vs.theory).items() if n in vs.theory.__all__ and callable(f)}
 

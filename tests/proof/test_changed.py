@@ -68,12 +68,17 @@ def all_caught(many, edited):
     """Change each of some variables in a realization of its own; every one is found, there only."""
 
     def change_all(names, new):
-        places = {}
+        places, honest = {}, everything(many).variables()
         with edited(many) as (path, file):
             rows = list(np.argsort(file["landing_time_error"][...]))  # the best known first
             for name in names:
                 values = file[name]
-                row = next(i for i in rows if np.isfinite(values[i]).any())
+                row = next(
+                    i
+                    for i in rows
+                    if np.isfinite(values[i]).any()
+                    and f"realization {i}" not in honest[name].undecided
+                )
                 rows.remove(row)
                 where = (row, int(np.argmax(np.isfinite(values[row]))))[: values.ndim]
                 values[where] = new(values[where])

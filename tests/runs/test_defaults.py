@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 from vibrosweep.cli import main
-from vibrosweep.runs.describe import describe
+from vibrosweep.commands.describe import describe
 
 SHAKER = "[scene]\nfrequency = 17.0\nrestitution = 0.8\nphase = 0.0\n"
 TABLE = '[scene]\nphase = 0.0\n[sample]\ndesign = "rows.csv"\n'

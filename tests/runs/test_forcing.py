@@ -8,10 +8,10 @@ import pytest
 import xarray as xr
 
 from vibrosweep import simulate
+from vibrosweep.commands.describe import describe
 from vibrosweep.errors import RunError
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.proof.verifying import verify
-from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.retry import retry_failed

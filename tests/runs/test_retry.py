@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from vibrosweep.commands.describe import describe
 from vibrosweep.errors import DataError, Interruption, RunError
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.runs.chunks import in_process
-from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.runs.summary import unsettled

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vibrosweep as vs
+from vibrosweep.commands.describe import describe
 from vibrosweep.proof.sampling import read_sample
-from vibrosweep.runs.describe import describe
 from vibrosweep.store import rows
 from vibrosweep.store.rows import boxes, flat, read_rows, row_count, row_dims
 

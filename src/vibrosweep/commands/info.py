@@ -15,6 +15,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.runs.describe import describe
+    from vibrosweep.commands.describe import describe
 
     print("\n".join(describe(options.result)))

@@ -30,6 +30,7 @@ _ARGUMENTS: Final[Mapping[str, Parameter]] = {
     **OF_RESTITUTION,
     "k": Parameter("k", "k", "1", "forcing periods between impacts", math.nan, SMALLEST, LARGEST),
     "natural": Parameter("natural", "nu", "1", "natural frequency", math.nan, SMALLEST, LARGEST),
+    "turns": Parameter("turns", "X", "1", "phases in turns", math.nan, -LARGEST, LARGEST),
     **{
         name: Parameter(name, name, "1", name.replace("_", " "), math.nan, 0.0, LARGEST)
         for name in (

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import toml
+from vibrosweep.model.physical import physical
 from vibrosweep.model.turns import turns_of_radians
 
 PARABOLIC_NAME: Final = "parabolic"
@@ -170,6 +171,7 @@ def given_shape(waveform: str | Mapping[str, Any]) -> Waveform:
         raise ParameterError(f"waveform = {waveform!r}: {''.join(error.args)}") from None
 
 
+@physical
 def base_motion(
     turns: ArrayLike, waveform: str | Mapping[str, Any] = SINE_NAME
 ) -> tuple[Array, Array]:
@@ -193,7 +195,7 @@ def base_motion(
     Raises
     ------
     ParameterError
-        The waveform is not one of these.
+        The waveform is not one of these, or a phase is not finite.
 
     Examples
     --------

@@ -14,13 +14,12 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.mistakes import FORCE, IMPACT_BUDGET
 from vibrosweep.runs.chunks import Job, Runner, Stream, batch_size, column_kinds
-from vibrosweep.runs.describe import summary_of
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.kept import KeptRun, continued
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import identity_in
-from vibrosweep.runs.summary import SETTLING, Summary, unsettled
+from vibrosweep.runs.summary import SETTLING, Summary, summary_of, unsettled
 from vibrosweep.scene.realizations import Realizations, open_design
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import reporting

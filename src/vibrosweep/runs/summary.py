@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.model.measures import OF_REALIZATIONS, VARIABLES, Variable, known
 from vibrosweep.model.status import Status
+from vibrosweep.store.rows import read_rows, row_count, slices
 
 # Variables that show whether a larger impact budget would change a result
 SETTLING: Final = ("status", *(v.name for v in VARIABLES.values() if v.open_by_budget))
@@ -116,3 +117,12 @@ def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
         if name in columns:
             failed = failed | ~known(name, columns)
     return np.asarray(failed)
+
+
+def summary_of(file: Any) -> Summary:
+    """Summarise an open result file."""
+    summary = Summary()
+    names = [name for name in OF_REALIZATIONS if name in file.variables]
+    for rows in slices(row_count(file)):
+        summary.add({name: read_rows(file, name, rows) for name in names})
+    return summary

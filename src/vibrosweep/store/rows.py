@@ -26,6 +26,8 @@ REALIZATION: Final = "realization"
 UNSTORABLE: Final = re.compile("[\0\ud800-\udfff]")
 # Rows of a grid that are read at once: one row takes as long as thousands
 ROWS_AT_A_TIME: Final = 1 << 14
+# Rows of which a file is read when all are needed, but not at once
+ROWS_OF_A_SLICE: Final = 1 << 18
 
 Box = tuple[slice, ...]
 
@@ -87,6 +89,12 @@ def row_dims(file: Any) -> tuple[str, ...]:
 def row_count(file: Any) -> int:
     """Return the number of realizations in an open result file."""
     return math.prod(file.dimensions[dim].size for dim in row_dims(file))
+
+
+def slices(rows: int) -> Iterator[slice]:
+    """Return slices that cover a number of realizations one after the other."""
+    for start in range(0, rows, ROWS_OF_A_SLICE):
+        yield slice(start, min(start + ROWS_OF_A_SLICE, rows))
 
 
 def read_rows(file: Any, name: str, rows: slice | NDArray[np.int64]) -> NDArray[Any]:

@@ -3,9 +3,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from vibrosweep.commands.describe import describe
 from vibrosweep.errors import DataError
-from vibrosweep.runs import describe as inspect
-from vibrosweep.runs.describe import describe
 
 
 def test_what_a_result_holds(paper):
@@ -28,7 +27,7 @@ def test_what_a_result_holds(paper):
 
 def test_rows_at_a_time_say_the_same(paper, monkeypatch):
     expected = list(describe(paper))
-    monkeypatch.setattr(inspect, "ROWS_AT_A_TIME", 64)
+    monkeypatch.setattr("vibrosweep.store.rows.ROWS_OF_A_SLICE", 64)
     assert list(describe(paper)) == expected
 
 

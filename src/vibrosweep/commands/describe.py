@@ -10,20 +10,19 @@ from typing import Any, Final
 import numpy as np
 
 from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.measures import OF_REALIZATIONS, RESERVED
+from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.model.status import Status
-from vibrosweep.runs.summary import SETTLING, Summary, unsettled
+from vibrosweep.runs.summary import SETTLING, summary_of, unsettled
 from vibrosweep.store.kinds import SWEEP, ResultKind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, result_file, using
-from vibrosweep.store.rows import read_rows, row_count
+from vibrosweep.store.rows import read_rows, row_count, slices
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import State, state_of
 
-ROWS_AT_A_TIME: Final = 1 << 18
 # Largest number of incomplete realizations that are listed
 LISTED: Final = 20
 PROVENANCE: Final = ("source", "created", "git_revision", "libraries", "python", "cpu", "threads")
@@ -121,17 +120,8 @@ def _provenance(attributes: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _range(variable: Any) -> tuple[float, float]:
-    ends = [(v.min(), v.max()) for v in (variable[rows] for rows in _rows(variable.shape[0]))]
+    ends = [(v.min(), v.max()) for v in (variable[rows] for rows in slices(variable.shape[0]))]
     return min(low for low, _ in ends), max(high for _, high in ends)
-
-
-def summary_of(file: Any) -> Summary:
-    """Summarise an open result file."""
-    summary = Summary()
-    names = [name for name in OF_REALIZATIONS if name in file.variables]
-    for rows in _rows(row_count(file)):
-        summary.add({name: read_rows(file, name, rows) for name in names})
-    return summary
 
 
 def _unsettled(file: Any) -> Iterator[str]:
@@ -142,7 +132,7 @@ def _unsettled(file: Any) -> Iterator[str]:
     sampled = [name for name in varied if name not in FORCINGS or name == forcing]
     lines: list[str] = []
     total = mendable = 0
-    for rows in _rows(row_count(file)):
+    for rows in slices(row_count(file)):
         codes = {name: read_rows(file, name, rows) for name in names}
         places = np.flatnonzero(unsettled(codes))
         total += places.size
@@ -162,8 +152,3 @@ def _unsettled(file: Any) -> Iterator[str]:
         yield from lines
     if total > len(lines):
         yield f"  ... and {total - len(lines)} more"
-
-
-def _rows(realizations: int) -> Iterator[slice]:
-    for start in range(0, realizations, ROWS_AT_A_TIME):
-        yield slice(start, min(start + ROWS_AT_A_TIME, realizations))
