@@ -106,11 +106,12 @@ def simulate(
         impact_budget
             Number of landings after which a particle is given up, rounded up to a multiple of 6;
             its status says so.
-        regimes, lyapunov, trust, separation, per_particle, ordering, undecided, joint,
-        impact_speed
+        regimes, lyapunov, trust, separation, per_particle, ordering, joint, impact_speed
             True to measure as `vibrosweep.sweep` does, from ``transient`` or ``transient_periods``
             on: ``regimes=True`` gives the regime of each particle and the period of its cycle,
             ``lyapunov=True`` exponents as well.
+        undecided
+            True to count decisions over a base of finite mass that rounding may have changed.
 
     Returns
     -------

@@ -95,9 +95,10 @@ def sweep(
             Columns of the table to use, all by default.
         transient, transient_periods
             Beginning of the window in which quantities are measured, in s or in forcing periods.
-        separation, per_particle, regimes, lyapunov, trust, ordering, undecided, joint,
-        impact_speed
+        separation, per_particle, regimes, lyapunov, trust, ordering, joint, impact_speed
             Measures beside landings, heights and flight times: True or False.
+        undecided
+            True to count decisions over a base of finite mass that rounding may have changed.
         tolerance, impact_budget
             Largest error of a landing time, in s, that ``trust`` accepts; number of impacts after
             which a particle is given up.
