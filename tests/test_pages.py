@@ -57,7 +57,7 @@ def test_every_key_of_a_sweep_file_is_explained():
 def test_every_command_is_listed():
     """In the README, whose table the page on commands includes."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert {c.NAME for c in COMMANDS if not re.search(rf"`vibrosweep {c.NAME}[ `]", text)} == set()
+    assert [name for name in COMMANDS if not re.search(rf"`vibrosweep {name}[ `]", text)] == []
 
 
 @pytest.mark.parametrize(

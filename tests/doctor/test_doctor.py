@@ -11,8 +11,7 @@ import pytest
 from llvmlite import binding
 
 from vibrosweep.cli import main
-from vibrosweep.doctor import compiled, libraries, machine
-from vibrosweep.doctor.finding import Finding
+from vibrosweep.doctor import Finding, compiled, libraries, machine
 from vibrosweep.kernels import _jit
 from vibrosweep.runs.driver import available_threads
 

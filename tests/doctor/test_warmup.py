@@ -1,11 +1,13 @@
 """Warming up compiles what commands use, and only that once."""
 
+from collections import Counter
+
 import numba
 import pytest
 
 from vibrosweep import simulate
 from vibrosweep.cli import main
-from vibrosweep.doctor.warmup import KERNELS, warm_up
+from vibrosweep.doctor.warmup import kernels, warm_up
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 
@@ -28,15 +30,23 @@ SWEEPS = [
 ]
 
 
+# kernels of `windows` alone, and one that no command calls
+COLD = {"conditions", "end_errors", "orbits_hold", "draw"}
+
+
 def signatures():
-    return [len(kernel.dispatcher.signatures) for kernel in KERNELS]
+    counts = Counter()
+    for kernel in kernels():
+        counts[kernel.__name__] += len(kernel.dispatcher.signatures)
+    return counts
 
 
 def test_no_command_compiles_after_warming_up(compute, tmp_path, capsys):
     assert main(["warmup"]) == 0
     assert "found on disk, in " in capsys.readouterr().out
     warm = signatures()
-    assert all(warm)
+    assert len(warm) > 20
+    assert {name for name, count in warm.items() if not count} <= COLD
     (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1.2\n0.8,1.1\n")
     simulate(restitution=0.8, launch_time=[0.0, 0.1], duration=2.0)
     simulate(amplitude=[0.8, 1.0], duration=2.0, rebound="reflect")
@@ -49,7 +59,7 @@ def test_no_command_compiles_after_warming_up(compute, tmp_path, capsys):
 def test_all_machine_code_is_on_disk_afterwards():
     warm_up()
     done = warm_up()
-    assert done.made + done.kept == sum(signatures())
+    assert done.made + done.kept == signatures().total()
     assert done.directory == _jit.cache_directory
 
 

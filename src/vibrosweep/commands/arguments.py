@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 
@@ -18,6 +19,20 @@ def whole(text: str, low: int = 0, high: int | None = None) -> int:
         upper = "" if high is None else f" and at most {high}"
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least {low}{upper}")
     return value
+
+
+def add_sweep(parser: argparse.ArgumentParser) -> None:
+    """Add the sweep file and the result that is computed from it."""
+    parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
+    )
+
+
+def output_of(options: argparse.Namespace) -> Path:
+    """Return the result that the options of `add_sweep` name."""
+    output: Path = options.output or Path(f"{options.spec.stem}.h5")
+    return output
 
 
 def add_lines(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,6 @@ from typing import Final
 
 from vibrosweep.commands.picture import add_common, produce
 
-NAME: Final = "basins"
 HELP: Final = "find the attractor that each launch leads to, and draw the basins"
 
 

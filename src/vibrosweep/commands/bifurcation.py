@@ -8,7 +8,6 @@ from typing import Final
 from vibrosweep.commands.arguments import positive
 from vibrosweep.commands.picture import add_common, produce
 
-NAME: Final = "bifurcation"
 HELP: Final = "follow orbits up and down the forcing, and draw them"
 
 

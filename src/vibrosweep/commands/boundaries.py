@@ -9,7 +9,6 @@ from typing import Final
 from vibrosweep.commands.arguments import add_lines, lines_of
 from vibrosweep.commands.picture import add_common, produce
 
-NAME: Final = "boundaries"
 HELP: Final = "trace bifurcations of periodic orbits over a plane"
 
 

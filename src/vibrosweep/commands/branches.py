@@ -9,7 +9,6 @@ from typing import Final
 from vibrosweep.commands.arguments import add_lines, lines_of
 from vibrosweep.commands.picture import add_common, produce
 
-NAME: Final = "branches"
 HELP: Final = "follow periodic orbits along a parameter, and find their bifurcations"
 
 

@@ -109,19 +109,14 @@ def _spread(variable: Any) -> str:
     unit = "" if units == "1" else f" {units}"
     if not variable.dimensions:
         return f"{variable[()]:g}{unit}"
-    low, high = _range(variable)
-    return f"{low:g} ... {high:g}{unit}"
+    ends = [(v.min(), v.max()) for v in (variable[rows] for rows in slices(variable.shape[0]))]
+    return f"{min(low for low, _ in ends):g} ... {max(high for _, high in ends):g}{unit}"
 
 
 def _provenance(attributes: Mapping[str, Any]) -> Iterator[str]:
     for name in PROVENANCE:
         if name in attributes:
             yield f"{name:32}{attributes[name]}"
-
-
-def _range(variable: Any) -> tuple[float, float]:
-    ends = [(v.min(), v.max()) for v in (variable[rows] for rows in slices(variable.shape[0]))]
-    return min(low for low, _ in ends), max(high for _, high in ends)
 
 
 def _unsettled(file: Any) -> Iterator[str]:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-NAME: Final = "examples"
 HELP: Final = "list the example sweeps, or copy some of them"
 
 # In an installed package, and in its source tree

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -12,7 +12,6 @@ from vibrosweep.errors import DataError
 if TYPE_CHECKING:
     import xarray as xr
 
-NAME: Final = "figures"
 HELP: Final = "draw the figures of a result file"
 
 
@@ -43,7 +42,13 @@ def _draw(path: Path, directory: Path) -> None:
         print("\n".join(map(str, save_formats(figure, directory, kind.stem or kind.name))))
         return
     needed = {name for entry in FIGURES.values() for name in entry.needs.variables}
-    sweep = _loaded(path, open_sweep, lambda sweep: _without_particles(sweep, needed))
+
+    def without_particles(sweep: xr.Dataset) -> xr.Dataset:
+        """Leave out variables of single particles that no figure needs, since they may be large."""
+        single = {name for name, one in sweep.variables.items() if "particle" in one.dims}
+        return sweep.drop_vars(single - needed)
+
+    sweep = _loaded(path, open_sweep, without_particles)
     record = _loaded(path, open_record, as_rectangle) if has_record(path) else None
     for written in save_all(sweep, record, directory):
         print(written)
@@ -51,18 +56,10 @@ def _draw(path: Path, directory: Path) -> None:
         print(f"left out: {sentence}")
 
 
-def _without_particles(sweep: xr.Dataset, needed: Collection[str]) -> xr.Dataset:
-    """Leave out variables of single particles that no figure needs, since they may be large."""
-    of_particles = [name for name, one in sweep.variables.items() if "particle" in one.dims]
-    return sweep.drop_vars([name for name in of_particles if name not in needed])
-
-
 def _loaded(
-    path: Path,
-    opener: Callable[[Path], xr.Dataset],
-    part: Callable[[xr.Dataset], xr.Dataset] = lambda dataset: dataset,
+    path: Path, opener: Callable[[Path], xr.Dataset], part: Callable[[xr.Dataset], xr.Dataset]
 ) -> xr.Dataset:
-    """Load a dataset from which figures are drawn, or the part of it that they need."""
+    """Load the part of a dataset that figures need."""
     with opener(path) as dataset:
         try:
             return part(dataset).load()

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-NAME: Final = "info"
 HELP: Final = "show what a result file holds"
 
 

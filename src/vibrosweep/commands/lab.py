@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -14,10 +14,12 @@ from vibrosweep.errors import ParameterError, TrackError
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
 
+    from vibrosweep.figures.canvas import Panels
     from vibrosweep.lab.fitting import Setup
+    from vibrosweep.store.kinds import ResultKind
 
-NAME: Final = "lab"
 HELP: Final = "measure camera tracks and compare them with prediction"
 
 # Options that are physical parameters of a scene
@@ -161,9 +163,8 @@ def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import IMPACTS
     from vibrosweep.lab.fitting import fit_tracks
     from vibrosweep.lab.impacts import impacts_of
-    from vibrosweep.lab.lines import agreement_lines, impact_lines
+    from vibrosweep.lab.lines import agreement_lines, flights_of, impact_lines
     from vibrosweep.lab.repeats import agreement, quantities
-    from vibrosweep.store.saving import save_result
 
     recordings = _recordings(options)
     if options.output is not None and len(recordings) > 1:
@@ -178,18 +179,13 @@ def _impacts(options: argparse.Namespace) -> None:
         print("\n".join(impact_lines(found)))
         summaries.append(quantities(found, frequency=options.frequency, phase=options.phase))
     print("\n".join(agreement_lines(agreement(summaries))))
-    if options.output is not None:
-        save_result(found, options.output, IMPACTS, force=options.force)
-        print(f"written to {options.output}")
-    if options.figures is not None:
-        from vibrosweep.figures.laboratory import fitted_track
-        from vibrosweep.figures.registry import save_formats
-        from vibrosweep.figures.style import for_file
-        from vibrosweep.lab.lines import flights_of
 
-        with drawing(options.output):
-            figure = for_file(fitted_track, flights_of(tracks, fitted))
-            _announce(save_formats(figure, options.figures, "lab_track"))
+    def draw() -> Panels:
+        from vibrosweep.figures.laboratory import fitted_track
+
+        return fitted_track(flights_of(tracks, fitted))
+
+    _keep(options, found, IMPACTS, draw, "lab_track")
 
 
 def _compare(options: argparse.Namespace) -> None:
@@ -199,7 +195,6 @@ def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.lab.lines import table_lines
     from vibrosweep.lab.prediction import ComparisonOptions
     from vibrosweep.runs.driver import available_threads
-    from vibrosweep.store.saving import save_result
 
     recordings = _recordings(options)
     known = {n: getattr(options, n) for n in PHYSICAL if getattr(options, n) is not None}
@@ -214,19 +209,26 @@ def _compare(options: argparse.Namespace) -> None:
     with Workers(available_threads()) as workers:
         table = compare(recordings, how, workers)
     print("\n".join(table_lines(table)))
+    _keep(options, table, COMPARISON, lambda: COMPARISON.axes(table), COMPARISON.stem)
+
+
+def _keep(
+    options: argparse.Namespace,
+    result: xr.Dataset,
+    kind: ResultKind,
+    draw: Callable[[], Axes | Panels],
+    stem: str,
+) -> None:
+    """Write a result and draw its figure, if the options ask for them."""
     if options.output is not None:
-        save_result(table, options.output, COMPARISON, force=options.force)
+        from vibrosweep.store.saving import save_result
+
+        save_result(result, options.output, kind, force=options.force)
         print(f"written to {options.output}")
     if options.figures is not None:
-        from vibrosweep.figures.laboratory import errors_by_case
         from vibrosweep.figures.registry import save_formats
         from vibrosweep.figures.style import for_file
 
         with drawing(options.output):
-            figure = for_file(errors_by_case, table)
-            _announce(save_formats(figure, options.figures, "lab_table4"))
-
-
-def _announce(paths: Sequence[Path]) -> None:
-    for path in paths:
-        print(path)
+            for path in save_formats(for_file(draw), options.figures, stem):
+                print(path)

@@ -9,7 +9,6 @@ from typing import Final
 from vibrosweep.commands.arguments import positive
 from vibrosweep.commands.picture import add_common, produce
 
-NAME: Final = "orbits"
 HELP: Final = "find all periodic orbits, whether they attract or not"
 
 

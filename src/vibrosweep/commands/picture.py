@@ -100,17 +100,16 @@ def _check(options: argparse.Namespace, spec: Sweep, output: Path, picture: Path
 @contextmanager
 def drawing(written: Path | None) -> Iterator[None]:
     """Add to any error or interruption during drawing that the dataset itself is written."""
+    if written is None:
+        yield
+        return
     try:
         yield
     except KeyboardInterrupt as error:
-        if written is None:
-            raise
         raise Interruption(
             f"interrupted; {written} is written and complete, but not its picture"
         ) from error
     except Exception as error:  # drawing may fail in any way
-        if written is None:
-            raise
         reason = str(error) if isinstance(error, VibrosweepError) else repr(error)
         raise OutputError(
             f"{written}: is written and complete, but its picture failed: {reason}"

@@ -5,26 +5,21 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.commands.arguments import positive, some
+from vibrosweep.commands.arguments import add_sweep, output_of, positive, some
 
 if TYPE_CHECKING:
     from vibrosweep.runs.forecast import Needs
     from vibrosweep.runs.plan import Plan
 
-NAME: Final = "plan"
 HELP: Final = "estimate what a sweep will take, from a few of its realizations"
 
 SECONDS: Final = 2.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
-    parser.add_argument(
-        "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
-    )
+    add_sweep(parser)
     parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
     parser.add_argument("--chunk", metavar="N", type=positive, help="realizations in a chunk")
 
@@ -39,7 +34,7 @@ def perform(options: argparse.Namespace) -> None:
     from vibrosweep.runs.notes import notes
     from vibrosweep.runs.plan import make_plan
 
-    output = options.output or Path(f"{options.spec.stem}.h5")
+    output = output_of(options)
     with Workers(options.threads or available_threads()) as workers:
         plan = make_plan(spec, workers, options.chunk, seconds=SECONDS, enough=0.0)
         needs = estimate(spec, plan, workers)

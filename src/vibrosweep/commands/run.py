@@ -5,25 +5,34 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from vibrosweep.commands.arguments import positive, some
-from vibrosweep.commands.place import add_place, opened_place
+from vibrosweep.commands.arguments import add_sweep, output_of, positive, some
 
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-NAME: Final = "run"
 HELP: Final = "compute a sweep file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
-    parser.add_argument(
-        "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
+    add_sweep(parser)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
+    where.add_argument(
+        "--workers",
+        metavar="N",
+        type=positive,
+        help="compute in N processes of a thread each (Dask)",
     )
-    add_place(parser)
+    where.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="compute on the Dask cluster of this scheduler, as tcp://host:8786",
+    )
     parser.add_argument(
         "--chunk",
         metavar="N",
@@ -47,8 +56,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def perform(options: argparse.Namespace) -> None:
     from vibrosweep.scene.sweep import read_spec
 
-    output = options.output or Path(f"{options.spec.stem}.h5")
-    spec = read_spec(options.spec, lambda: _kept(output))
+    output = output_of(options)
+
+    def kept() -> str:
+        from vibrosweep.runs.finished import kept_text
+
+        return kept_text(output)
+
+    spec = read_spec(options.spec, kept)
     if not _to_compute(options, spec, output):
         print(
             f"{output}: is the finished result of exactly this sweep; the parts that its run left "
@@ -60,15 +75,8 @@ def perform(options: argparse.Namespace) -> None:
 
     print(spec.title)
     began = time.perf_counter()
-    with opened_place(options) as place, reporting(sys.stderr) as advance:
-        settings: dict[str, Any] = {
-            "threads": place.threads,
-            "chunk": options.chunk,
-            "force": options.force,
-            "advance": advance,
-            "runner": place.runner,
-            "at_least": place.at_least,
-        }
+    with _opened_place(options) as (place, settings), reporting(sys.stderr) as advance:
+        settings |= {"chunk": options.chunk, "force": options.force, "advance": advance}
         if options.retry_failed:
             from vibrosweep.runs.retry import retry_failed
 
@@ -81,7 +89,7 @@ def perform(options: argparse.Namespace) -> None:
         print(f"{some(again, 'realization')} computed again")
     print(
         f"{some(summary.realizations, 'realization')} of {some(spec.scene.particles, 'particle')}, "
-        f"{some(summary.landings, 'landing')} in {seconds:.3g} s on {place.name}"
+        f"{some(summary.landings, 'landing')} in {seconds:.3g} s on {place}"
     )
     if summary.repaired:
         print(f"{some(summary.repaired, 'damaged part')} found and computed again")
@@ -90,11 +98,33 @@ def perform(options: argparse.Namespace) -> None:
     print(f"{output} is unchanged" if unchanged else f"written to {output}")
 
 
-def _kept(output: Path) -> str:
-    """Text of the sweep file in an output, or in its unfinished run."""
-    from vibrosweep.runs.finished import kept_text
+@contextmanager
+def _opened_place(options: argparse.Namespace) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Provide threads of this process, or workers of a Dask cluster.
 
-    return kept_text(output)
+    Yields their description, and the arguments of `run_sweep` that choose them.
+    """
+    if options.workers is None and options.scheduler is None:
+        from vibrosweep.runs.driver import available_threads
+
+        threads = options.threads or available_threads()
+        yield some(threads, "thread"), {"threads": threads}
+        return
+    from vibrosweep.runs import cluster
+
+    if options.workers is not None:
+        opened, absence = cluster.local_workers(options.workers), cluster.LOCAL_ABSENCE
+        place = some(options.workers, "worker")
+    else:
+        opened, absence = cluster.connected(options.scheduler), cluster.ABSENCE
+        place = f"the workers of {options.scheduler}"
+    with opened as client:
+        threads = sum(client.nthreads().values())
+        if not threads:
+            print("the cluster has no workers yet: waiting for them", file=sys.stderr, flush=True)
+        chunks = max(1, cluster.CHUNKS_PER_THREAD * threads)
+        runner = cluster.on_dask(client, absence)
+        yield place, {"threads": 1, "runner": runner, "at_least": chunks}
 
 
 def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:

@@ -9,7 +9,6 @@ from typing import Final
 
 from vibrosweep.commands.arguments import positive, whole
 
-NAME: Final = "verify"
 HELP: Final = "compare a result file with proved values"
 
 

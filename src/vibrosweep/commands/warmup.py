@@ -8,7 +8,6 @@ from typing import Final
 
 from vibrosweep.commands.arguments import some
 
-NAME: Final = "warmup"
 HELP: Final = "compile every variant of the kernels once and keep the machine code"
 
 

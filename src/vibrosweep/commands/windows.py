@@ -7,7 +7,6 @@ from typing import Final
 
 from vibrosweep.commands.picture import add_common, produce
 
-NAME: Final = "windows"
 HELP: Final = "find the intervals of the forcing in which conditions hold"
 
 

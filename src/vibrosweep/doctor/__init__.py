@@ -1,24 +1,22 @@
 """Checks of `vibrosweep doctor`: libraries, processor, kernels, disk and memory."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
-from pathlib import Path
+from typing import NamedTuple
 
 import vibrosweep.kernels  # noqa: F401  (before numba: it reads the environment)
-from vibrosweep.doctor.compiled import kernel_cache, vector_registers
-from vibrosweep.doctor.finding import Finding
-from vibrosweep.doctor.libraries import hdf5_libraries, versions
-from vibrosweep.doctor.machine import disk, memory, processors
-
-__all__ = ["Finding", "examine"]
 
 
-def examine(directory: Path) -> Iterator[Finding]:
-    """Check everything that a run in `directory` depends on, in about two seconds."""
-    yield from versions()
-    space = disk(directory)
-    yield hdf5_libraries(None if space.trouble else directory)
-    yield processors()
-    yield vector_registers()
-    yield kernel_cache()
-    yield memory()
-    yield space
+class Finding(NamedTuple):
+    """The result of one check."""
+
+    subject: str
+    state: str
+    trouble: str = ""  # the trouble and its remedy; empty if there is none
+
+    def lines(self) -> Iterator[str]:
+        """Yield the finding as lines of text."""
+        yield f"{self.subject:20}{self.state}"
+        if self.trouble:
+            yield f"{'':20}WRONG: {self.trouble}"

@@ -9,7 +9,7 @@ from typing import Final
 import numba
 from numba.core.registry import cpu_target
 
-from vibrosweep.doctor.finding import Finding
+from vibrosweep.doctor import Finding
 from vibrosweep.kernels._cache import variants
 from vibrosweep.kernels._jit import cache_directory
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits

@@ -15,7 +15,7 @@ from typing import Final
 from packaging.requirements import Requirement
 
 from vibrosweep._version import __version__
-from vibrosweep.doctor.finding import Finding
+from vibrosweep.doctor import Finding
 
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "scipy", "xarray", "h5py", "h5netcdf")
 # Libraries that extras of the package add, and the extra of each

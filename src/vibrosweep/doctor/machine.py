@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from vibrosweep.doctor.finding import Finding
+from vibrosweep.doctor import Finding
 from vibrosweep.runs.chunks import TRAJECTORIES_PER_BATCH
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
@@ -23,9 +23,11 @@ LITTLE_MEMORY: Final = (1 << 29) + BYTES_PER_TRAJECTORY * TRAJECTORIES_PER_BATCH
 
 def processors(group: Path = GROUP) -> Finding:
     """Check the processors, and the limit of a control group (a container) on CPU time."""
-    usable, quota = available_threads(), _processor_quota(group)
+    usable, words = available_threads(), _group_limit(group, "cpu.max")
+    limited = len(words) == 2 and words[0] != "max"
+    quota = int(words[0]) / int(words[1]) if limited else usable
     state = f"{usable} of {os.cpu_count()} may be used; vibrosweep run takes {usable} threads"
-    if quota is None or quota > usable - 0.5:
+    if quota > usable - 0.5:
         return Finding("processors", state)
     advice = f"give --threads {max(1, round(quota))}, or raise the limit of the container"
     return Finding(
@@ -33,13 +35,8 @@ def processors(group: Path = GROUP) -> Finding:
     )
 
 
-def _processor_quota(group: Path) -> float | None:
-    """Limit of a control group on CPU time, in processors; None without a limit."""
-    words = _group_limit(group, "cpu.max")
-    return int(words[0]) / int(words[1]) if len(words) == 2 and words[0] != "max" else None
-
-
 def _group_limit(group: Path, name: str) -> list[str]:
+    """Read a limit of a control group, in words; none without a control group."""
     try:
         return (group / name).read_text(encoding="ascii").split()
     except OSError:

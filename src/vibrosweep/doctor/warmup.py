@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,51 +23,13 @@ from vibrosweep.engine.trajectories import PERIODS_TO_RECUR
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
-from vibrosweep.kernels.advance import advance
-from vibrosweep.kernels.continuation import follow_line
-from vibrosweep.kernels.coupled.follow import follow
-from vibrosweep.kernels.coupled.motion_record import trace
-from vibrosweep.kernels.coupled.settling import settle_jointly
-from vibrosweep.kernels.distinct import first_of_each
-from vibrosweep.kernels.extended import FIX_E, correct_point, directions, splitting
-from vibrosweep.kernels.fixed import find_fixed
+from vibrosweep.kernels.extended import FIX_E
 from vibrosweep.kernels.impact import KIND_OF
-from vibrosweep.kernels.landing_order import find_order
-from vibrosweep.kernels.orbit_search import find_closed
-from vibrosweep.kernels.recorder import leave_rest_empty
-from vibrosweep.kernels.separation import separate
-from vibrosweep.kernels.settle import settle
-from vibrosweep.kernels.shortest import shortest_flights
-from vibrosweep.kernels.sine import waves
-from vibrosweep.kernels.totals import combine
-from vibrosweep.kernels.trust import trust
 from vibrosweep.model.forcing import AMPLITUDE
 from vibrosweep.model.parameters import LAWS, SPRUNG
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.keywords import batch, keyword_spec
 from vibrosweep.scene.scene import Scene
-
-KERNELS: Final[tuple[Any, ...]] = (
-    advance,
-    combine,
-    correct_point,
-    directions,
-    find_closed,
-    find_fixed,
-    find_order,
-    first_of_each,
-    follow,
-    follow_line,
-    leave_rest_empty,
-    separate,
-    settle,
-    settle_jointly,
-    shortest_flights,
-    splitting,
-    trace,
-    trust,
-    waves,
-)
 
 
 class Compiled(NamedTuple):
@@ -116,6 +79,14 @@ def warm_up() -> Compiled:
         coupled = Scene(2, "staggered", 2.0, base=SPRUNG).recorded(1000)
         measure(parameters, replace(coupled, measures=Measures(joint=True)), workers)
         base_track(parameters, coupled, workers).at(np.array([1.0]))
-    made = sum(sum(kernel.dispatcher.stats.cache_misses.values()) for kernel in KERNELS)
-    kept = sum(sum(kernel.dispatcher.stats.cache_hits.values()) for kernel in KERNELS)
+    counts = [kernel.dispatcher.stats for kernel in kernels()]
+    made = sum(sum(count.cache_misses.values()) for count in counts)
+    kept = sum(sum(count.cache_hits.values()) for count in counts)
     return Compiled(made, kept, _jit.cache_directory)
+
+
+def kernels() -> list[_jit.Deferred]:
+    """Return all kernels of the modules that are imported, each once."""
+    modules = [vars(m) for n, m in sys.modules.items() if n.startswith("vibrosweep.kernels.")]
+    found = [value for names in modules for value in names.values()]
+    return [*dict.fromkeys(one for one in found if isinstance(one, _jit.Deferred))]
