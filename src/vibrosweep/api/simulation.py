@@ -24,7 +24,7 @@ from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ShortObservationWarning
 from vibrosweep.model.forcing import ACCELERATION, only_parameters, refuse_extreme
-from vibrosweep.model.measures import IMPACTS, MEASURES, RECORD, Variable
+from vibrosweep.model.measures import ALWAYS, IMPACTS, MEASURES, RECORD
 from vibrosweep.model.ragged_arrays import ragged_columns, wasted
 from vibrosweep.model.restitution_laws import VISCOELASTIC
 from vibrosweep.model.status import Status
@@ -47,7 +47,7 @@ def simulate(
     threads: int | None = None,
     **keywords: Unpack[BatchKeywords],
 ) -> xr.Dataset:
-    """Every landing of a small scene, or of realizations of a sweep.
+    """Compute every landing of a small scene, or of realizations of a sweep.
 
     Parameters
     ----------
@@ -61,57 +61,26 @@ def simulate(
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        The scene, as for `vibrosweep.sweep`:
+        The scene and its measures, as for `vibrosweep.sweep`, except that a physical parameter is a
+        number, or a list or 1-D array with one entry per realization; these are broadcast together.
+        In addition, or with another meaning:
 
-        restitution, frequency, phase, gravity, launch_velocity, contact_time
-            Physical parameters (1, Hz, rad, m s-2, m s-1, s): a number, or a list or 1-D array with
-            one entry per realization; these are broadcast together.
-        amplitude, base_velocity, base_displacement, base_acceleration
-            The forcing, as a physical parameter in one of four ways: amplitude A of the kick
-            (m s-1), or peak velocity V0 (m s-1), displacement B (m) or acceleration Gamma (in units
-            of gravity) of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.  By
-            default the amplitude of Table 1.
         launch_time
-            Launch times in s: a number, or a list with one entry per particle.
-        particles, launch
-            Instead of `launch_time`, the number of particles, and ``"staggered"`` launches
-            (particle j at j / (particles * frequency)) or a list of launch times in s.
+            Launch times in s: a number, or a list with one entry per particle; instead of
+            ``particles`` and ``launch``.
         duration, duration_periods
             Landings up to this time are recorded: in s, 12 by default, or in forcing periods of
             each realization.
-        base, rebound
-            The base: ``"high-bounce"``, which stays at height zero and kicks, ``"moving"``, or
-            ``"sprung"``, a moving base of finite mass, which recoils.  The law of rebound:
-            ``"rest"``, or, over the high-bounce base only, ``"reflect"``.
-        waveform
-            Shape of the motion of the base: ``"sine"``, ``"parabolic"``, or the harmonics of its
-            velocity with number, weight and phase in rad,
-            ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
-        restitution_law, restitution_speed
-            Law by which the restitution depends on the impact speed, and a speed (m s-1):
-            ``"constant"``; ``"plastic"``, in which it falls above the speed, where yielding begins;
-            ``"viscoelastic"``, where ``restitution`` is that at the speed; or a law registered with
-            `vibrosweep.register_law`.
-        mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
-            For the sprung base, as physical parameters: the mass of one particle in units of that
-            of the base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by
-            default) of its mount.
-        restitution_noise, kick_noise, drive_noise
-            Standard deviations, as physical parameters: of the restitution at each impact (1); of
-            the velocity of the base at each impact (m s-1); of the amplitude in each forcing
-            period, in units of the amplitude (1).
-        noise_seed, noise_stream
-            Seed of the random numbers, 0 by default, and the stream of each realization: a whole
-            number, or a list with one entry per realization; their indices by default.
+        noise_stream
+            Stream of random numbers of each realization: a whole number, or a list with one entry
+            per realization; by default their indices.
         impact_budget
             Number of landings after which a particle is given up, rounded up to a multiple of 6;
             its status says so.
-        regimes, lyapunov, trust, separation, per_particle, ordering, joint, impact_speed
-            True to measure as `vibrosweep.sweep` does, from ``transient`` or ``transient_periods``
-            on: ``regimes=True`` gives the regime of each particle and the period of its cycle,
-            ``lyapunov=True`` exponents as well.
-        undecided
-            True to count decisions over a base of finite mass that rounding may have changed.
+        transient, transient_periods
+            Beginning of the window of measures such as ``regimes`` and ``lyapunov``, which give the
+            regime, the cycle and the exponents of each particle; landings are recorded from the
+            launch on.
 
     Returns
     -------
@@ -124,10 +93,10 @@ def simulate(
         lift-off of a particle that rests permanently, or until a forcing period past the end.  The
         attribute ``notes`` says if particles were given up, if more than half of the places are
         empty, if the base is driven more strongly than by any shaker, and if the observation is too
-        short for the regimes.  If
-        `ragged`, the dim landing replaces (realization, particle, impact), and trajectory replaces
-        (realization, particle), with ``realization_index`` and ``particle_index``.  Parameters that
-        differ between realizations are coordinates, the others variables without dims.
+        short for the regimes.  If `ragged`, the dim landing replaces (realization, particle,
+        impact), and trajectory replaces (realization, particle), with ``realization_index`` and
+        ``particle_index``.  Parameters that differ between realizations are coordinates, the others
+        variables without dims.
 
     Raises
     ------
@@ -165,7 +134,8 @@ def simulate(
     chosen = {key: bool(keywords.get(key)) for key in MEASURES}
     chosen["impact_speed"] |= scene.restitution_law == VISCOELASTIC
     measured, scene = scene.with_measures(**chosen, observables=()), scene.recorded()
-    recorded = {**RECORD, **IMPACTS, **_variables_of(measured)}
+    asked = {v.name: v for v in measured.measures.variables if v not in ALWAYS}
+    recorded = {**RECORD, **IMPACTS, **asked}
     require_room(max((v.size for v in arrays.values()), default=1), scene.particles)
     quantities = scene.timed(arrays)
     forcing, frequency = scene.forcing(), quantities["frequency"]
@@ -222,9 +192,3 @@ def _short(scene: Scene, quantities: Mapping[str, Array]) -> str:
     if note := short_observation(scene, *ends):
         warnings.warn(note, ShortObservationWarning, stacklevel=3)
     return note
-
-
-def _variables_of(scene: Scene) -> Mapping[str, Variable]:
-    """Return the variables of the measures of a scene."""
-    measures = (measure for key, measure in MEASURES.items() if getattr(scene.measures, key))
-    return {variable.name: variable for measure in measures for variable in measure.variables}

@@ -60,7 +60,8 @@ def sweep(
         amplitude, base_velocity, base_displacement, base_acceleration
             The forcing, a physical parameter given in one of four ways: amplitude A of the kick
             (m s-1), or peak velocity V0 (m s-1), displacement B (m) or acceleration Gamma (in units
-            of gravity) of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.
+            of gravity) of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.  By
+            default the amplitude of Table 1.
         particles, launch
             Number of particles in each realization, and ``"staggered"`` launches (particle j at
             j / (particles * frequency)) or a list of launch times in s.
@@ -82,10 +83,11 @@ def sweep(
         restitution_noise, kick_noise, drive_noise, noise_seed
             Standard deviations, as physical parameters: of the restitution at each impact (1); of
             the velocity of the base at each impact (m s-1); of the amplitude in each forcing
-            period, in units of the amplitude (1).  The seed of the random numbers.
+            period, in units of the amplitude (1).  The seed of the random numbers, 0 by default.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
             For the sprung base, as physical parameters: the mass of one particle in units of that
-            of the base, or both masses (kg); natural frequency (Hz) and damping ratio of its mount.
+            of the base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by
+            default) of its mount.
         design, realizations, seed
             ``"uniform"``, ``"latin"`` or ``"sobol"`` for ranges, with the number of realizations
             and a seed; ``"grid"`` for axes; or a table of realizations, as pandas.DataFrame,
