@@ -65,7 +65,9 @@ def test_the_results_of_a_chunk_have_the_bytes_that_are_planned(workers):
     spec = parse_spec(WIDE.format(50) + "separation = true\nregimes = true\nper_particle = true\n")
     design = chunks.open_design(spec)
     columns = next(chunks.compute_rows(spec, design, 0, 50, workers))
-    assert sum(v.nbytes for v in columns.values()) == 50 * plan.bytes_per_realization(spec, design)
+    assert sum(v.nbytes for v in columns.values()) == 50 * chunks.bytes_per_realization(
+        spec, design
+    )
 
 
 def test_the_sample_is_drawn_from_all_over_a_grid(workers, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
@@ -15,7 +16,7 @@ from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.parts import Columns, Manifest, Parts, kinds
+from vibrosweep.store.parts import Columns, Parts
 
 Tick = Callable[[int], object]
 
@@ -30,8 +31,7 @@ class Job:
     """Data from which a process on any machine computes a chunk; can be pickled."""
 
     spec: Sweep
-    manifest: Manifest  # identity of the run and division into chunks
-    parts: Parts  # files of the finished chunks
+    parts: Parts  # files of the finished chunks, and the manifest of the run
     rows: tuple[int, ...] = ()  # indices of the realizations to compute; all if empty
 
     def open(self) -> Realizations:
@@ -97,7 +97,7 @@ def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) 
     or the version is not that of the run.  If the computation fails twice, raises its error.
     """
     design = _design(job)
-    start, stop = job.manifest.bounds(index)
+    start, stop = job.parts.manifest.bounds(index)
     with Workers(threads) as workers:
 
         def pieces() -> Iterator[Columns]:
@@ -119,8 +119,8 @@ def _design(job: Job) -> Realizations:
     global _opened  # opening a table or a Latin hypercube may take a second
     opened = _opened
     if opened is None or opened[0] != job:
-        same = {key: job.manifest.identity.get(key, "") for key in identity(job.spec)}
-        changes = differences(same, identity(job.spec))
+        began, now = job.parts.manifest.identity, identity(job.spec)
+        changes = differences({key: began.get(key, "") for key in now}, now)
         if changes:
             raise RunError(
                 f"{job.parts.directory}: this process would compute another sweep than the run "
@@ -130,13 +130,19 @@ def _design(job: Job) -> Realizations:
     return opened[1]
 
 
-def column_kinds(spec: Sweep, design: Realizations) -> dict[str, str]:
-    """Return the type of each column of a sweep, in the form of `vibrosweep.store.parts.kinds`."""
+def no_rows(spec: Sweep, design: Realizations) -> Columns:
+    """Return the columns of a sweep without any rows, which show their types and shapes."""
     sizes = {"realization": 0, **spec.sizes}
     columns = {name: np.empty(0) for name in spec.scene.varying(design.sampled)}
     for variable in spec.scene.measures.variables:
         columns[variable.name] = np.empty([sizes[d] for d in variable.dims], variable.dtype)
-    return kinds(columns)
+    return columns
+
+
+def bytes_per_realization(spec: Sweep, design: Realizations) -> int:
+    """Return the bytes of the results of a realization in memory and in parts."""
+    columns = no_rows(spec, design).values()
+    return sum(values.itemsize * math.prod(values.shape[1:]) for values in columns)
 
 
 def compute_rows(
@@ -152,7 +158,7 @@ def compute_rows(
     Yields
     ------
     dict
-        Columns as in `column_kinds`: parameters that vary and measured variables, each of shape
+        Columns as in `no_rows`: parameters that vary and measured variables, each of shape
         (realization, ...).
     """
     size = min(most or stop, batch_size(spec))

@@ -236,7 +236,7 @@ class _Chunks:
         from distributed import KilledWorker
 
         if future.status == "finished":
-            start, stop = self._job.manifest.bounds(index)
+            start, stop = self._job.parts.manifest.bounds(index)
             return stop - start
         if future.status in ("pending", "lost"):  # its worker has died since it ended
             self._queue.append(index)

@@ -11,19 +11,19 @@ import numpy as np
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, RunError, VibrosweepError
-from vibrosweep.runs.chunks import Job, Runner, column_kinds, compute_rows
-from vibrosweep.runs.forecast import estimate, has_room, record_bytes, require_disk
+from vibrosweep.runs.chunks import Job, Runner, bytes_per_realization, compute_rows, no_rows
+from vibrosweep.runs.forecast import estimate, free_bytes, record_bytes, require_disk
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.kept import KeptRun, continued
-from vibrosweep.runs.plan import Plan, bytes_per_realization, make_plan
+from vibrosweep.runs.plan import Plan, make_plan
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import write_result
 from vibrosweep.runs.summary import Summary
 from vibrosweep.scene.realizations import Realizations, open_design
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.disk import check_output, reporting
-from vibrosweep.store.parts import Columns, Manifest, Parts, write_manifest
-from vibrosweep.store.rundir import empty, holding
+from vibrosweep.store.disk import check_output
+from vibrosweep.store.parts import Columns, Manifest, Parts, kinds, write_manifest
+from vibrosweep.store.rundir import holding
 
 
 def available_threads() -> int:
@@ -97,10 +97,7 @@ def run_sweep(
         The file cannot be written, a table cannot be used, or the sweep does not fit into memory.
     """
     with holding(output) as directory:
-        if force:
-            with reporting(output):
-                empty(directory)
-        manifest = continued(output, directory, lambda: identity(spec))
+        manifest = continued(output, directory, lambda: identity(spec), force=force)
         replaces = force or (manifest is not None and manifest.replaces)
         check_output(output, force=replaces)
         if manifest is None:
@@ -112,13 +109,13 @@ def run_sweep(
                     return write_result(
                         output, directory, spec, design, pieces, workers, force=force
                     )
-            columns = column_kinds(spec, design)
+            columns = kinds(no_rows(spec, design))
             size = design.realizations, plan.chunk
             manifest = Manifest(identity(spec), *size, columns, force, spec.text)
             write_manifest(directory, manifest)
         else:
             design = open_design(spec)
-        run = KeptRun(output, design, Job(spec, manifest, Parts(directory, manifest)), threads)
+        run = KeptRun(output, design, Job(spec, Parts(directory, manifest)), threads)
         return run.complete(runner, advance, run.columns(), force=replaces)
 
 
@@ -134,7 +131,7 @@ def _planned(
     record, _ = record_bytes(spec, workers)
     # uncompressed, with all parts next to the result
     most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
-    if not has_room(output, most):
+    if most > free_bytes(output):
         needs = estimate(spec, plan, workers)
         require_disk(output, needs.result + needs.parts)
     return plan

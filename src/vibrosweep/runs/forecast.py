@@ -18,9 +18,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.mistakes import CHUNK, OUTPUT
 from vibrosweep.model.ragged_arrays import IN_FILE
-from vibrosweep.runs.chunks import batch_size
+from vibrosweep.runs.chunks import batch_size, bytes_per_realization
 from vibrosweep.runs.pilot import memory_per_realization
-from vibrosweep.runs.plan import Plan, bytes_per_realization
+from vibrosweep.runs.plan import Plan
 from vibrosweep.runs.result import declare, write_record, write_rows
 from vibrosweep.scene.design import Axis
 from vibrosweep.scene.sweep import Sweep
@@ -90,15 +90,15 @@ def record_bytes(spec: Sweep, workers: Workers) -> tuple[int, int]:
     return landings.record_bytes(spec.record.parameters({}), spec.record, workers, form)
 
 
-def has_room(output: Path, needed: float) -> bool:
-    """Return whether the disk of an output has this many bytes free."""
-    return needed <= shutil.disk_usage(target_of(output).parent).free
+def free_bytes(output: Path) -> int:
+    """Return how many bytes are free on the disk of an output."""
+    return shutil.disk_usage(target_of(output).parent).free
 
 
 def require_disk(output: Path, needed: float) -> None:
     """Raise an OutputError if the files of a run do not fit on the disk of its output."""
-    if not has_room(output, needed):
-        free = shutil.disk_usage(target_of(output).parent).free
+    free = free_bytes(output)
+    if needed > free:
         raise OutputError(
             f"{output}: the sweep needs {needed / 2**30:.3g} GiB of disk, but "
             f"{target_of(output).parent} has {free / 2**30:.3g} GiB free: make room, choose "

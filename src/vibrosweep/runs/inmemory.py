@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.runs.chunks import column_kinds, compute_rows
-from vibrosweep.runs.plan import bytes_per_realization
+from vibrosweep.runs.chunks import bytes_per_realization, compute_rows, no_rows
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import declare, write_rows
 from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.memory import InMemory
-from vibrosweep.store.parts import Columns
+from vibrosweep.store.parts import Columns, kinds
+from vibrosweep.store.writer import Attributes, Writer
 from vibrosweep.system import physical_memory
 
 if TYPE_CHECKING:
@@ -23,6 +25,32 @@ if TYPE_CHECKING:
 # Approximate number of progress reports; smaller pieces would cost time
 PIECES: Final = 100
 TRAJECTORIES_PER_PIECE: Final = 1 << 14
+
+
+class InMemory(Writer):
+    """A result in memory, written like a file and returned as a dataset."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._attributes: dict[str, Any] = {}
+
+    def _create(
+        self, name: str, shape: tuple[int, ...], dtype: Any, attributes: Attributes, blank: float
+    ) -> NDArray[Any]:
+        return np.full(shape, blank, dtype)
+
+    def attributes(self, values: Attributes) -> None:
+        """Set attributes of the result."""
+        self._attributes.update(values)
+
+    def dataset(self) -> xr.Dataset:
+        """Return the dataset; a RunError if rows of a variable are missing."""
+        import xarray as xr
+
+        self._require_written("the result")
+        coordinates = {name: self._arrays[name] for name in self._coordinates}
+        others = {name: array for name, array in self._arrays.items() if name not in coordinates}
+        return xr.Dataset(others, coordinates, self._attributes)
 
 
 def sweep_in_memory(
@@ -55,5 +83,5 @@ def sweep_in_memory(
                 done += len(columns["status"])
                 advance(done, total)
 
-        write_rows(found, column_kinds(spec, design), piece, pieces())
+        write_rows(found, kinds(no_rows(spec, design)), piece, pieces())
     return found.dataset()

@@ -22,14 +22,15 @@ from vibrosweep.store.rundir import abandon, empty
 
 
 def continued(
-    output: Path, directory: Path, now: Callable[[], Mapping[str, str]]
+    output: Path, directory: Path, now: Callable[[], Mapping[str, str]], *, force: bool
 ) -> Manifest | None:
     """Return the manifest of an unfinished run of this sweep to resume, or None.
 
-    Without a manifest, all files in the directory are removed.  `now` returns the identity of the
-    sweep to run.  Raises a RunError if the directory holds an unfinished run of another sweep.
+    Without a manifest, or with `force`, all files in the directory are removed.  `now` returns the
+    identity of the sweep to run.  Raises a RunError if the directory holds an unfinished run of
+    another sweep.
     """
-    manifest = read_manifest(directory)
+    manifest = None if force else read_manifest(directory)
     if manifest is None:
         with reporting(output):
             empty(directory)
@@ -86,7 +87,7 @@ class KeptRun:
 
     def _compute(self, runner: Runner, advance: Advance) -> None:
         """Compute all missing chunks; then raise a RunError if any failed."""
-        manifest, finished = self.job.manifest, self.job.parts.finished()
+        manifest, finished = self.job.parts.manifest, self.job.parts.finished()
         missing = [index for index in range(manifest.chunks) if index not in finished]
         sizes = (stop - start for start, stop in map(manifest.bounds, missing))
         done = manifest.realizations - sum(sizes)
@@ -108,7 +109,7 @@ class KeptRun:
     def columns(self) -> Iterator[Columns]:
         """Yield the columns of each chunk, in order; damaged parts are computed again."""
         finished = self.job.parts.finished()
-        for index in range(self.job.manifest.chunks):
+        for index in range(self.job.parts.manifest.chunks):
             yield self._part(index, finished.get(index))
 
     def _part(self, index: int, path: Path | None) -> Columns:
@@ -144,15 +145,16 @@ class KeptRun:
             raise type(error)(*error.parts, "; ", self._remains()) from error
 
     def _remains(self) -> Text:
-        directory = self.job.parts.directory
+        """Say how many chunks are kept, and how to resume."""
+        manifest = self.job.parts.manifest
         try:
             finished = len(self.job.parts.finished())
         except OSError:
-            return f"the finished chunks were removed with {directory}"
-        again: Text = ("without ", FORCE, " ") if self.job.manifest.replaces else ""
+            return f"the finished chunks were removed with {self.directory}"
+        again: Text = ("without ", FORCE, " ") if manifest.replaces else ""
         return (
-            f"{finished} of {self.job.manifest.chunks} chunks are finished and kept in "
-            f"{directory}: run the same command ",
+            f"{finished} of {manifest.chunks} chunks are finished and kept in "
+            f"{self.directory}: run the same command ",
             again,
             "again to continue",
         )

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, VibrosweepError
 from vibrosweep.mistakes import CHUNK
-from vibrosweep.runs.chunks import batch_size
+from vibrosweep.runs.chunks import batch_size, bytes_per_realization
 from vibrosweep.runs.pilot import UNKNOWN, Cost, explore
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
@@ -100,13 +98,3 @@ def _require_memory(spec: Sweep, design: Realizations, chunk: int) -> None:
             CHUNK,
             " where it was given, or take fewer particles",
         )
-
-
-def bytes_per_realization(spec: Sweep, design: Realizations) -> int:
-    """Return the bytes of the results of a realization in memory and in parts."""
-    sizes = {"realization": 1, **spec.sizes}
-    measured = sum(
-        np.dtype(v.dtype).itemsize * int(np.prod([sizes[d] for d in v.dims]))
-        for v in spec.scene.measures.variables
-    )
-    return 8 * len(spec.scene.varying(design.sampled)) + measured

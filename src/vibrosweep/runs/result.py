@@ -21,7 +21,7 @@ from vibrosweep.model.parameters import STREAM, Parameter
 from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
 from vibrosweep.model.restitution_laws import range_of
 from vibrosweep.model.times import Periods
-from vibrosweep.runs.chunks import Stream, batch_size, column_kinds
+from vibrosweep.runs.chunks import Stream, batch_size, no_rows
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
 from vibrosweep.runs.summary import Summary
@@ -38,15 +38,12 @@ from vibrosweep.store.writer import Writer
 Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
-DURATION: Final = {"units": "s", "long_name": "end of the observation"}
 IDENTITY: Final = "identity"  # group and attribute that hold the identity of the sweep
 KERNELS: Final = "kernels"  # attribute that holds a digest of the kernels
-TRANSIENT: Final = {
-    "units": OPTIONS["transient"].units,
-    "long_name": OPTIONS["transient"].meaning,
+TIMES: Final[Mapping[str, Mapping[str, str]]] = {
+    "duration": {"units": "s", "long_name": "end of the observation"},
+    "transient": {"units": OPTIONS["transient"].units, "long_name": OPTIONS["transient"].meaning},
 }
-STREAMS: Final = {"units": "1", "long_name": "stream of random numbers"}
-TIMES: Final[Mapping[str, Mapping[str, str]]] = {"duration": DURATION, "transient": TRANSIENT}
 
 
 def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
@@ -121,7 +118,7 @@ def write_result(
     with creating(output, directory, force=force) as file:
         declare(file, spec, design, workers.threads)
         file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
-        write_rows(file, column_kinds(spec, design), batch_size(spec), summarized())
+        write_rows(file, kinds(no_rows(spec, design)), batch_size(spec), summarized())
         if spec.record is not None:
             note = write_record(file.group(IN_FILE), spec, workers)
             summary.notes = {**summary.notes, **({IN_FILE: note} if note else {})}
@@ -198,7 +195,7 @@ def attributes_of_scene(scene: Scene, varied: Collection[str] = ()) -> dict[str,
 
 def attributes_of(name: str) -> Mapping[str, str]:
     """Return the CF attributes of a physical parameter, a time of the observation, or streams."""
-    others = {**TIMES, STREAM: STREAMS}
+    others = {**TIMES, STREAM: {"units": "1", "long_name": "stream of random numbers"}}
     return others[name] if name in others else coordinate_attributes(INPUTS[name])
 
 
@@ -257,7 +254,7 @@ def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
         elif name in INPUTS:
             file.fixed(name, attributes_of(name), quantities[name][0])
     _declare_launches(file, record.launch, record.particles, record.inputs["frequency"])
-    file.fixed("duration", DURATION, quantities["duration"][0])
+    file.fixed("duration", TIMES["duration"], quantities["duration"][0])
     for name, (dims, values, attributes) in variables.items():
         if form.ragged:
             file.array(name, dims, attributes, values)

@@ -13,20 +13,19 @@ from numpy.typing import NDArray
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.mistakes import FORCE, IMPACT_BUDGET
-from vibrosweep.runs.chunks import Job, Runner, Stream, batch_size, column_kinds
+from vibrosweep.runs.chunks import Job, Runner, Stream, batch_size, no_rows
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.kept import KeptRun, continued
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import identity_in
 from vibrosweep.runs.summary import SETTLING, Summary, summary_of, unsettled
-from vibrosweep.scene.realizations import Realizations, open_design
+from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.disk import reporting
-from vibrosweep.store.parts import Columns, Manifest, Parts, read_manifest, write_manifest
+from vibrosweep.store.parts import Columns, Manifest, Parts, kinds, read_manifest, write_manifest
 from vibrosweep.store.reading import result_file
 from vibrosweep.store.rows import read_rows
-from vibrosweep.store.rundir import abandon, empty, holding
+from vibrosweep.store.rundir import abandon, holding
 
 BUDGET = "measure.impact_budget"
 AGAIN = "rows computed again"
@@ -87,23 +86,21 @@ def retry_failed(
         if not output.exists() and read_manifest(directory) is not None:
             raise RunError(f"{output}: is not finished; finish the run before any of it is retried")
         before, rows = _rows(spec, output)
-        if force:
-            with reporting(output):
-                empty(directory)
         design = open_design(spec)
         now = {**identity(spec), AGAIN: _digest(rows)}
-        _abandon_merged(directory, before, now)
-        manifest = continued(output, directory, lambda: now)
+        if not force:
+            _abandon_merged(directory, before, now)
+        manifest = continued(output, directory, lambda: now, force=force)
         if manifest is None and rows:
             with Workers(threads) as workers:
                 plan = make_plan(spec, workers, chunk, at_least=at_least, rows=rows)
-            columns = column_kinds(spec, design)
+            columns = kinds(no_rows(spec, design))
             manifest = Manifest(now, len(rows), plan.chunk, columns, force, spec.text)
             write_manifest(directory, manifest)
         if manifest is None:
             with result_file(output) as file:
                 return summary_of(file), 0
-        job = Job(spec, manifest, Parts(directory, manifest), rows)
+        job = Job(spec, Parts(directory, manifest), rows)
         run = KeptRun(output, design, job, threads)
         summary = run.complete(runner, advance, _merged(run, np.asarray(rows)), force=True)
     return summary, len(rows)
@@ -154,23 +151,15 @@ def _digest(rows: tuple[int, ...]) -> str:
     return f"{len(rows)} (digest {digest})"
 
 
-def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Iterator[Columns]:
+def _merged(run: KeptRun, retried: NDArray[np.int64]) -> Iterator[Columns]:
     """Yield the rows of the old result in blocks, with the retried ones in their places."""
-    spec, fresh = run.job.spec, Stream(run.columns())
-    block = batch_size(spec)
-    for start, columns in _blocks(run.output, spec, run.design, block):
-        first, last = np.searchsorted(rows, (start, start + block))
-        for name, values in fresh.take(int(last - first)).items():
-            columns[name][rows[first:last] - start] = values
-        yield columns
-
-
-def _blocks(
-    path: Path, spec: Sweep, design: Realizations, size: int
-) -> Iterator[tuple[int, Columns]]:
-    """Yield the rows of a result in blocks, each with the index of its first row."""
-    names = [*spec.scene.varying(design.sampled), *(v.name for v in spec.scene.measures.variables)]
-    with result_file(path) as file:
+    spec, design, fresh = run.job.spec, run.design, Stream(run.columns())
+    names, size = list(no_rows(spec, design)), batch_size(spec)
+    with result_file(run.output) as file:
         for start in range(0, design.realizations, size):
             rows = slice(start, min(start + size, design.realizations))
-            yield start, {name: read_rows(file, name, rows) for name in names}
+            columns = {name: read_rows(file, name, rows) for name in names}
+            first, last = np.searchsorted(retried, (rows.start, rows.stop))
+            for name, values in fresh.take(int(last - first)).items():
+                columns[name][retried[first:last] - start] = values
+            yield columns

@@ -29,8 +29,10 @@ from vibrosweep.system import locked
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-# Signals that terminate a program, on systems that have them.
-ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+# Signals that end a program; Windows has no SIGHUP
+ENDINGS: Final = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
 
 
 def path_of(name: str, value: object) -> Path:
@@ -127,9 +129,9 @@ def undisturbed() -> Iterator[None]:
 
     handlers = {}
     if threading.current_thread() is threading.main_thread():
-        for number in (getattr(signal, name, None) for name in ENDINGS):
-            handler = None if number is None else signal.getsignal(number)
-            if number is not None and callable(handler):
+        for number in ENDINGS:
+            handler = signal.getsignal(number)
+            if callable(handler):
                 handlers[int(number)] = handler
                 signal.signal(number, hold)
     try:
@@ -215,11 +217,10 @@ def _named(partial: Path, name: Path) -> bool:
 
 def _named_beside(partial: Path, target: Path) -> Path:
     """Rename a finished file to the first free variant of the target's name."""
-    for number in itertools.count(1):
-        name = target.with_name(f"{target.stem[:200]}-{number}{target.suffix}")
-        if _named(partial, name):
-            return name
-    raise AssertionError
+    names = (
+        target.with_name(f"{target.stem[:200]}-{k}{target.suffix}") for k in itertools.count(1)
+    )
+    return next(name for name in names if _named(partial, name))
 
 
 @contextmanager

@@ -54,7 +54,7 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextmanager
 def result_file(path: str | os.PathLike[str]) -> Iterator[Any]:
-    """Open a result file, any failure to read which is one clear DataError."""
+    """Open a result file; any failure to read it becomes one clear DataError."""
     # without phony_dims a foreign file makes h5netcdf warn
     with reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
         yield file

@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from vibrosweep.store.trial import require_file
+from vibrosweep.store.trial import version_of
 
 DIGITS: Final = 64
 PATTERN: Final = re.compile(rb"\nvibrosweep seal sha256 ([0-9a-f]{%d})\n" % DIGITS)
@@ -42,13 +42,12 @@ def state_of(path: Path) -> State:
 
     Raises a ValueError for anything but an ordinary file.
     """
-    found = require_file(path)
-    return _state(path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns)
+    return _state(*version_of(path))
 
 
 @lru_cache(maxsize=16)
 def _state(path: Path, inode: int, size: int, modified: int) -> State:
-    """Compare once: a changed file has another modification time or inode."""
+    """Compare once for each version of a file."""
     with path.open("rb") as file:
         file.seek(max(0, size - LENGTH))
         seal = PATTERN.fullmatch(file.read())

@@ -22,13 +22,12 @@ ROWS_AT_A_TIME: Final = 1 << 16
 
 def require_readable(path: Path) -> None:
     """Raise a ValueError if HDF5 cannot read all of a file, crashes or is not done in time."""
-    found = require_file(path)
-    _try(path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns)
+    _try(*version_of(path))
 
 
 @lru_cache(maxsize=16)
 def _try(path: Path, inode: int, size: int, modified: int) -> None:
-    """Try once if reading succeeds: a changed file has another modification time or inode."""
+    """Try once for each version of a file."""
     patience = PATIENCE + size / BYTES_PER_SECOND
     # -P: modules in this directory must not shadow others of the same name
     command = [sys.executable, "-P", "-W", "ignore", __file__, str(path)]
@@ -50,15 +49,16 @@ def _try(path: Path, inode: int, size: int, modified: int) -> None:
         raise ValueError(done.stdout.strip() or "HDF5 cannot read it")
 
 
-def require_file(path: Path) -> os.stat_result:
-    """Return the status of an ordinary file; a ValueError for anything else.
+def version_of(path: Path) -> tuple[Path, int, int, int]:
+    """Return path, inode, size and modification time of a file, one of which every change changes.
 
-    Reading a pipe or a device might never end.
+    Raises a ValueError for anything but an ordinary file: reading a pipe or a device might never
+    end.
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
         raise ValueError("it is no ordinary file")
-    return found
+    return path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def require_whole(file: Any) -> None:

@@ -8,7 +8,7 @@ from vibrosweep.errors import RunError
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.status import Status
 from vibrosweep.runs import inmemory
-from vibrosweep.store.memory import InMemory
+from vibrosweep.runs.inmemory import InMemory
 
 
 @pytest.mark.parametrize("rows", [0, 3])
