@@ -19,6 +19,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from typing import Final
 
 from vibrosweep._version import __version__
@@ -138,14 +139,14 @@ def _leave_kernels() -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="vibrosweep",
-        description="Parameter sweeps of the bouncing ball (vibro-impact).",
+        prog="vibrosweep", description="Parameter sweeps of the bouncing ball (vibro-impact)."
     )
     parser.add_argument("--version", action="version", version=f"vibrosweep {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    for name, command in COMMANDS.items():
-        added = commands.add_parser(name, help=command.HELP, description=command.HELP)
+    for name, words in COMMANDS.items():
+        command = import_module(f"vibrosweep.commands.{name}")
+        added = commands.add_parser(name, help=words, description=words)
         command.add_arguments(added)
         added.set_defaults(perform=command.perform)
     return parser

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import Final
 
 from vibrosweep.commands.picture import add_common, produce
-
-HELP: Final = "find the attractor that each launch leads to, and draw the basins"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import Final
 
 from vibrosweep.commands.arguments import positive
 from vibrosweep.commands.picture import add_common, produce
-
-HELP: Final = "follow orbits up and down the forcing, and draw them"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

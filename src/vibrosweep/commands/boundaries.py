@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from typing import Final
 
 from vibrosweep.commands.arguments import add_lines, lines_of
 from vibrosweep.commands.picture import add_common, produce
-
-HELP: Final = "trace bifurcations of periodic orbits over a plane"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

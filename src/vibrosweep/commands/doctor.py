@@ -5,14 +5,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from vibrosweep.commands.arguments import some
 
 if TYPE_CHECKING:
     from vibrosweep.doctor import Finding
-
-HELP: Final = "examine the installation and this machine; exit code 1 if anything is wrong"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

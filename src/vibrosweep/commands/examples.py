@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-HELP: Final = "list the example sweeps, or copy some of them"
-
 # In an installed package, and in its source tree
 PLACES: Final = (Path(__file__).parents[1] / "sweeps", Path(__file__).parents[3] / "sweeps")
 

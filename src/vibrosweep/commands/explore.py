@@ -9,7 +9,6 @@ from typing import Final
 from vibrosweep.commands.arguments import whole
 from vibrosweep.errors import VibrosweepError
 
-HELP: Final = "look at a result in a browser, and at the motion behind every point of it"
 LAST_PORT: Final = 65535
 
 

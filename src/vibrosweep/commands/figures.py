@@ -5,14 +5,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from vibrosweep.errors import DataError
 
 if TYPE_CHECKING:
     import xarray as xr
-
-HELP: Final = "draw the figures of a result file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

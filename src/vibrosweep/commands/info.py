@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Final
-
-HELP: Final = "show what a result file holds"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from vibrosweep.lab.fitting import Setup
     from vibrosweep.store.kinds import ResultKind
 
-HELP: Final = "measure camera tracks and compare them with prediction"
 
 # Options that are physical parameters of a scene
 PHYSICAL: Final = (
@@ -132,17 +131,8 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     if options.output is not None:
         check_output(options.output, force=options.force, inputs=options.tracks)
     groups = [options.tracks] if options.together else [[path] for path in options.tracks]
-    return [
-        read_tracks(
-            group,
-            frame_rate=options.frame_rate,
-            scale=options.scale,
-            axis=options.axis,
-            base=options.base,
-            base_track=options.base_track,
-        )
-        for group in groups
-    ]
+    how = {n: getattr(options, n) for n in ("frame_rate", "scale", "axis", "base", "base_track")}
+    return [read_tracks(group, **how) for group in groups]
 
 
 def _setup(options: argparse.Namespace) -> Setup:

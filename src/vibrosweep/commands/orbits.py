@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from typing import Final
 
 from vibrosweep.commands.arguments import positive
 from vibrosweep.commands.picture import add_common, produce
-
-HELP: Final = "find all periodic orbits, whether they attract or not"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -35,9 +35,7 @@ def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
 
 
 def produce(
-    options: argparse.Namespace,
-    kind: ResultKind,
-    compute: Callable[[Sweep, int], xr.Dataset],
+    options: argparse.Namespace, kind: ResultKind, compute: Callable[[Sweep, int], xr.Dataset]
 ) -> None:
     """Compute a dataset, print its summary, and write it and its picture side by side.
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from vibrosweep.runs.forecast import Needs
     from vibrosweep.runs.plan import Plan
 
-HELP: Final = "estimate what a sweep will take, from a few of its realizations"
 
 SECONDS: Final = 2.0
 

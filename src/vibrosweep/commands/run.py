@@ -8,14 +8,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from vibrosweep.commands.arguments import add_sweep, output_of, positive, some
 
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
-
-HELP: Final = "compute a sweep file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,11 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Final
 
 from vibrosweep.commands.arguments import positive, whole
-
-HELP: Final = "compare a result file with proved values"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import Final
 
 from vibrosweep.commands.arguments import some
-
-HELP: Final = "compile every variant of the kernels once and keep the machine code"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import Final
 
 from vibrosweep.commands.picture import add_common, produce
-
-HELP: Final = "find the intervals of the forcing in which conditions hold"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
