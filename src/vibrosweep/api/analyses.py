@@ -12,11 +12,7 @@ from vibrosweep.analysis.bifurcation import OfImpacts
 from vibrosweep.analysis.bifurcation import bifurcation as follow_orbits
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.api.given_sweep import Spec, as_sweep, warned
-from vibrosweep.api.keyword_types import (
-    SweepKeywords,
-    WindowKeywords,
-    completed,
-)
+from vibrosweep.api.keyword_types import SweepKeywords, WindowKeywords, completed
 from vibrosweep.api.proved import windows_found
 from vibrosweep.runs.driver import count, thread_count
 

@@ -7,11 +7,7 @@ from typing import Any, Unpack
 
 import xarray as xr
 
-from vibrosweep.analysis.separations import (
-    QUANTILES,
-    separation_against,
-    separation_distribution,
-)
+from vibrosweep.analysis.separations import QUANTILES, separation_against, separation_distribution
 from vibrosweep.api.given_sweep import Spec
 from vibrosweep.api.keyword_types import RealizationKeywords, completed
 from vibrosweep.api.sweeps import sweep

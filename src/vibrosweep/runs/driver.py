@@ -106,9 +106,7 @@ def run_sweep(
                 design = plan.design
                 if plan.chunks == 1 and runner is None:
                     pieces = _pieces(output, spec, design, workers, advance)
-                    return write_result(
-                        output, directory, spec, design, pieces, workers, force=force
-                    )
+                    return write_result(output, spec, design, pieces, workers, force=force)
             columns = kinds(no_rows(spec, design))
             size = design.realizations, plan.chunk
             manifest = Manifest(identity(spec), *size, columns, force, spec.text)
@@ -119,13 +117,7 @@ def run_sweep(
         return run.complete(runner, advance, run.columns(), force=replaces)
 
 
-def _planned(
-    spec: Sweep,
-    output: Path,
-    workers: Workers,
-    chunk: int | None,
-    at_least: int,
-) -> Plan:
+def _planned(spec: Sweep, output: Path, workers: Workers, chunk: int | None, at_least: int) -> Plan:
     """Plan the chunks; raise an error if the files or the record would not fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
     record, _ = record_bytes(spec, workers)

@@ -91,7 +91,7 @@ def record_bytes(spec: Sweep, workers: Workers) -> tuple[int, int]:
 
 
 def free_bytes(output: Path) -> int:
-    """Return how many bytes are free on the disk of an output."""
+    """Return the number of free bytes on the disk of an output."""
     return shutil.disk_usage(target_of(output).parent).free
 
 

@@ -73,13 +73,7 @@ class KeptRun:
             self._compute(runner or in_process(self.threads), advance)
             with Workers(self.threads) as workers:
                 summary = write_result(
-                    self.output,
-                    self.directory,
-                    self.job.spec,
-                    self.design,
-                    pieces,
-                    workers,
-                    force=force,
+                    self.output, self.job.spec, self.design, pieces, workers, force=force
                 )
         abandon(self.directory)
         summary.repaired = self.repaired

@@ -38,7 +38,7 @@ def reporting(
         return
     from tqdm import tqdm  # imported only for a terminal
 
-    with _following(tqdm(file=stream, **_options(things, delay))) as advance:
+    with _following(tqdm(file=stream, unit=f" {things}", leave=False, delay=delay)) as advance:
         yield advance
 
 
@@ -56,12 +56,8 @@ def showing(wanted: bool | None) -> Iterator[Advance]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # without ipywidgets the bar is text
         from tqdm.auto import tqdm
-    with _following(tqdm(**_options("realizations", SECONDS_BEFORE_BAR))) as advance:
+    with _following(tqdm(unit=" realizations", leave=False, delay=SECONDS_BEFORE_BAR)) as advance:
         yield advance
-
-
-def _options(things: str, delay: float) -> dict[str, Any]:
-    return {"unit": f" {things}", "leave": False, "delay": delay}
 
 
 @contextmanager

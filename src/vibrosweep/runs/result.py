@@ -33,6 +33,7 @@ from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.rows import REALIZATION
+from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.writer import Writer
 
 Columns = Mapping[str, NDArray[Any]]
@@ -87,7 +88,6 @@ def _checked(pieces: Iterable[Columns], declared: Mapping[str, str]) -> Iterator
 
 def write_result(
     output: Path,
-    directory: Path,
     spec: Sweep,
     design: Realizations,
     pieces: Iterable[Columns],
@@ -99,8 +99,9 @@ def write_result(
 
     Parameters
     ----------
-    output, directory, force
-        Arguments of `vibrosweep.store.dataset.creating`.
+    output, force
+        Arguments of `vibrosweep.store.dataset.creating`; the run directory of the output holds the
+        unfinished file.
     spec, design
         The sweep.
     pieces
@@ -115,7 +116,7 @@ def write_result(
             yield columns
             summary.add(columns)
 
-    with creating(output, directory, force=force) as file:
+    with creating(output, run_directory(output), force=force) as file:
         declare(file, spec, design, workers.threads)
         file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
         write_rows(file, kinds(no_rows(spec, design)), batch_size(spec), summarized())

@@ -236,19 +236,11 @@ def reporting(path: Path) -> Iterator[None]:
 
 def unwritten(path: Path, error: OSError) -> OutputError:
     """Return the OutputError for an error of writing."""
+    reason = f" ({error.strerror or error}); free some space or choose another place with "
     if error.errno == errno.ENOENT:
-        return OutputError(
-            f"{path}: writing failed: {target_of(path).parent} was removed; make the directory "
-            f"again, or choose another place with ",
-            OUTPUT,
-            ", then run again",
-        )
-    return OutputError(
-        f"{path}: writing failed ({error.strerror or error}); free some space or choose another "
-        f"place with ",
-        OUTPUT,
-        ", then run again",
-    )
+        parent = target_of(path).parent
+        reason = f": {parent} was removed; make the directory again, or choose another place with "
+    return OutputError(f"{path}: writing failed{reason}", OUTPUT, ", then run again")
 
 
 def make_directory(directory: Path) -> None:

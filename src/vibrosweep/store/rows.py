@@ -72,7 +72,7 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
 
 
 def require_dataset(given: object) -> None:
-    """Raise a DataError for what is no dataset, as the path of a result."""
+    """Raise a DataError for anything but a dataset, such as the path of a result."""
     if not hasattr(given, "variables"):
         raise DataError(
             f"{type(given).__name__}: is not a dataset; give the result itself, opened as "
@@ -92,7 +92,7 @@ def row_count(file: Any) -> int:
 
 
 def slices(rows: int) -> Iterator[slice]:
-    """Return slices that cover a number of realizations one after the other."""
+    """Yield slices that together cover a number of realizations, in order."""
     for start in range(0, rows, ROWS_OF_A_SLICE):
         yield slice(start, min(start + ROWS_OF_A_SLICE, rows))
 

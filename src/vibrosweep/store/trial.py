@@ -50,7 +50,7 @@ def _try(path: Path, inode: int, size: int, modified: int) -> None:
 
 
 def version_of(path: Path) -> tuple[Path, int, int, int]:
-    """Return path, inode, size and modification time of a file, one of which every change changes.
+    """Return path, inode, size and modification time, by which a changed file is recognised.
 
     Raises a ValueError for anything but an ordinary file: reading a pipe or a device might never
     end.
