@@ -170,7 +170,6 @@ def test_a_bad_table_leaves_nothing(compute, tmp_path):
     assert not list(tmp_path.glob(".*"))
 
 
-# long ones, and those that are drawn by commands of their own
 # long, or the files of other commands, whose own tests run them
 NOT_RUN = re.compile("million|plane|basin|bifurcation|boundaries|branches|orbits|windows|shaker")
 # the same sweep for another number of particles, whose figures are drawn once

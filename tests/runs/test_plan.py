@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import OutputError, ParameterError, RunError
-from vibrosweep.runs import chunks, pilot, plan
-from vibrosweep.runs import forecast as estimate_module
+from vibrosweep.runs import chunks, forecast, pilot, plan
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.forecast import estimate, require_disk, require_memory
@@ -186,7 +185,7 @@ def test_the_memory_of_a_record_is_foreseen(tmp_path, scene):
 
 @pytest.mark.parametrize("scene", RECORDS.values(), ids=RECORDS)
 def test_the_disk_for_a_record_is_foreseen(workers, tmp_path, monkeypatch, scene):
-    monkeypatch.setattr(estimate_module, "SAMPLE_BYTES", 1 << 20)
+    monkeypatch.setattr(forecast, "SAMPLE_BYTES", 1 << 20)
     text = f'title = "x"\n[measure]\nimpact_budget = 200_000\n[record]\n{scene}\n'
     spec = parse_spec(text)
     needs = estimate(spec, make_plan(spec, workers), workers)

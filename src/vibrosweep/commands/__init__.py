@@ -1,4 +1,4 @@
-"""The commands, one file each, which has the name of its command.
+"""The commands; each has a file of its own name.
 
 Each file adds its arguments to a parser (``add_arguments``) and performs the command (``perform``),
 returning an exit code, or None for success.  Other modules are imported when the command runs.
