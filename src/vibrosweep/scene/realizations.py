@@ -20,7 +20,6 @@ from vibrosweep.model.parameters import STREAM
 from vibrosweep.scene.columns import Label
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.scene.table import read_table
 
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter
 Columns = Callable[[int, int], Sequence[Array]]
@@ -134,14 +133,17 @@ def _grid(axes: Sequence[tuple[float, ...]]) -> Columns:
 
 
 def _open_table(sweep: Sweep) -> Realizations:
-    table, design = read_table(sweep), sweep.design
-    count = len(next(iter(table.parameters.values())))
+    from vibrosweep.scene.table import read_table  # few sweeps have a table
+
+    design = sweep.design
+    parameters, labels = read_table(sweep)
+    count = len(next(iter(parameters.values())))
     if design.realizations not in (None, count):
         stated = f"realizations = {design.realizations}"
         key = f"sample.{stated} in {sweep.source}" if sweep.source else stated
         raise TableError(f"{design.table}: holds {count} rows, but {key}; leave that out")
-    return Realizations(count, tuple(table.parameters), _slices(table.parameters), table.labels)
 
+    def columns(start: int, stop: int) -> list[Array]:
+        return [values[start:stop].copy() for values in parameters.values()]
 
-def _slices(table: Mapping[str, Array]) -> Columns:
-    return lambda start, stop: [values[start:stop].copy() for values in table.values()]
+    return Realizations(count, tuple(parameters), columns, labels)
