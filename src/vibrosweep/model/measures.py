@@ -120,6 +120,10 @@ def _real(name: str, units: str, long_name: str, comment: str = "", **more: Any)
     return Variable(name, dims, "float64", units, long_name, comment=comment, **more)
 
 
+def _exponent(name: str, long_name: str, comment: str, **more: Any) -> Variable:
+    return _real(name, "1", long_name, comment, per="impact", **more)
+
+
 def _count(name: str, long_name: str, comment: str = "", **more: Any) -> Variable:
     dims = more.pop("dims", _R)
     return Variable(name, dims, "int64", "1", long_name, comment=comment, **more)
@@ -301,13 +305,11 @@ MEASURES: Final[Mapping[str, Measure]] = {
     "lyapunov": _measure(
         "Lyapunov exponents, distinct orbits and slots",
         "50 ns over 12 periods, 3 ns over 1000",
-        _real(
+        _exponent(
             "lyapunov_max",
-            "1",
             "largest Lyapunov exponent per impact",
             "over all particles for which it is defined",
             judged="exponent_max",
-            per="impact",
         ),
         _count("orbit_count", "distinct orbits on which particles settled", judged="orbit_count"),
         _count(
@@ -316,45 +318,37 @@ MEASURES: Final[Mapping[str, Measure]] = {
             "slots of all orbits, each counted once",
             judged="slot_count",
         ),
-        _real(
+        _exponent(
             "lyapunov_largest",
-            "1",
             "largest Lyapunov exponent per impact",
             "from the multipliers of the cycle, else the mean over the landings in the window; "
             "-inf where the regime is resting or at_rest; NaN without landings, and where the "
             "window has a rest but no cycle is known",
             dims=_RP,
             judged="exponent",
-            per="impact",
         ),
-        _real(
+        _exponent(
             "lyapunov_largest_error",
-            "1",
             "standard error of the largest Lyapunov exponent per impact",
             "from the means of blocks of impacts; of a cycle, its rounding error, infinite where "
             "the cycle is uncertain",
             dims=_RP,
             judged="exponent_error",
-            per="impact",
         ),
-        _real(
+        _exponent(
             "lyapunov_sum",
-            "1",
             "sum of both Lyapunov exponents per impact",
             "the logarithm of the restitution, over a moving base twice that; -inf and NaN as for "
             "lyapunov_largest",
             dims=_RP,
             judged="exponent_sum",
-            per="impact",
         ),
-        _real(
+        _exponent(
             "lyapunov_sum_error",
-            "1",
             "bound of the rounding error of the sum of both Lyapunov exponents per impact",
             "infinite where the cycle is uncertain",
             dims=_RP,
             judged="exponent_sum_error",
-            per="impact",
         ),
         _count(
             "orbit",

@@ -23,7 +23,7 @@ from vibrosweep.model.parameters import (
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# Ranges of pure numbers that are no parameters of a scene
+# Ranges of arguments that are no parameters of a scene
 _RANGES: Final = {
     "k": (SMALLEST, LARGEST),
     "natural": (SMALLEST, LARGEST),

@@ -56,7 +56,7 @@ class Trace(NamedTuple):
 
 @dataclass(frozen=True)
 class Waveform:
-    """A waveform of a kind of `WAVEFORMS`; harmonics are sorted by number, each once."""
+    """A waveform, one of `WAVEFORMS`; its harmonics are sorted by number, each once."""
 
     name: str = SINE_NAME
     tones: tuple[Tone, ...] = ()

@@ -73,12 +73,11 @@ def open_design(sweep: Sweep) -> Realizations:
 
 def _require_random(sweep: Sweep, noise: tuple[str, ...]) -> None:
     """Raise a TableError if the base, or a measure, does not support the noise of a table."""
-    base, measures = sweep.scene.base, sweep.scene.measures
-    keys = [key for key in MEASURES if getattr(measures, key)]
-    wrong = [refusal(base, noise=noise), *(refusal(base, measure=m, noise=noise) for m in keys)]
-    for about, text in zip(("", *(f"{key} " for key in keys)), wrong, strict=True):
-        if text:
-            raise TableError(f"{sweep.design.table}: {', '.join(noise)}: {about}{text}")
+    measures = sweep.scene.measures
+    for key in ("", *(key for key in MEASURES if getattr(measures, key))):
+        if wrong := refusal(sweep.scene.base, measure=key, noise=noise):
+            text = f"{key} {wrong}".lstrip()
+            raise TableError(f"{sweep.design.table}: {', '.join(noise)}: {text}")
 
 
 def _opened(sweep: Sweep) -> Realizations:
