@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from vibrosweep.mistakes import quoted
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS_OF, MOVING, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT
@@ -47,22 +48,16 @@ _BY_COUPLING: Final[Mapping[bool | None, Ability]] = {
         "(`vibrosweep verify` tells how exact a result is)",
     ),
 }
+# Analyses of orbits that repeat
+_OF_ORBITS: Final = ("bifurcation", "basins", "orbits", "branches", "boundaries")
 ANALYSES: Final[Mapping[str, Ability]] = {
-    "windows": Ability(APART, _FOLLOWED),
-    "bifurcation": Ability(APART, _FOLLOWED),
-    "basins": Ability(APART, _FOLLOWED),
-    "orbits": Ability(APART, _FOLLOWED),
-    "branches": Ability(APART, _FOLLOWED),
-    "boundaries": Ability(APART, _FOLLOWED),
-    "sobol": _ANYWHERE,
-    "separations": _ANYWHERE,
-    "record": _ANYWHERE,
-    "observables": _ANYWHERE,
-    "heights_against_restitution": Ability(APART, _INDEPENDENT),
-    **dict.fromkeys(("energy_balance", "slot_decay"), Ability(APART, _INDEPENDENT)),
-    "verify": _ANYWHERE,
-    "laboratory": _ANYWHERE,
-    "explore": _ANYWHERE,
+    **dict.fromkeys(("windows", *_OF_ORBITS), Ability(APART, _FOLLOWED)),
+    **dict.fromkeys(("sobol", "separations", "record", "observables"), _ANYWHERE),
+    **dict.fromkeys(
+        ("heights_against_restitution", "energy_balance", "slot_decay"),
+        Ability(APART, _INDEPENDENT),
+    ),
+    **dict.fromkeys(("verify", "laboratory", "explore"), _ANYWHERE),
     # imperfections of an experiment in the laboratory
     "frequency_jitter": Ability(
         (HIGH_BOUNCE,), "cannot be computed with base = {base}; leave it out"
@@ -87,14 +82,14 @@ OF_CONSTANT: Final[Mapping[str, str]] = {
 # may hold them for other commands
 _OF_SWEEPS: Final = (*MEASURES, "tolerance", "record", "windows")
 WITHOUT_MEANING: Final[Mapping[str, tuple[str, ...]]] = {
-    **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), _OF_SWEEPS),
+    **dict.fromkeys(_OF_ORBITS, _OF_SWEEPS),
     "windows": (*MEASURES, "record", "realizations", "seed"),
     "sobol": ("design", "record", "windows"),
 }
 # Measures and analyses that do not work with noise, each with the reason
 REPEATS: Final = "looks for orbits that repeat, and random motion never does"
 WHY_NOT_RANDOM: Final[Mapping[str, str]] = {
-    **dict.fromkeys(("bifurcation", "basins", "orbits", "branches", "boundaries"), REPEATS),
+    **dict.fromkeys(_OF_ORBITS, REPEATS),
     "joint": "describes orbits that repeat",
     "sobol": "would take noise for an effect of the parameters",
     "energy_balance": "takes the kick of every impact from the forcing alone",
@@ -125,7 +120,7 @@ def refusal(
     `ANALYSES`; `noise` holds keys of `vibrosweep.model.parameters.NOISE`.
     """
     if base not in BASES:
-        return f'base = "{base}": must be {_quoted(BASES)}'
+        return f'base = "{base}": must be {quoted(BASES)}'
     if law and law not in LAWS_OF[base]:
         return _refused_law(base, law)
     if restitution not in ("", CONSTANT) and analysis in OF_CONSTANT:
@@ -134,13 +129,13 @@ def refusal(
             f'restitution_law = "{CONSTANT}"'
         )
     if waveform and waveform not in WAVEFORMS:
-        return f'waveform = "{waveform}": must be {_quoted(WAVEFORMS)}'
+        return f'waveform = "{waveform}": must be {quoted(WAVEFORMS)}'
     wanted = [_BY_COUPLING[MEASURES[measure].coupled]] if measure else []
     wanted += [ANALYSES[analysis]] if analysis else []
     wanted += [_RANDOM[kind] for kind in noise] if not measure and not analysis else []
     for ability in wanted:
         if base not in ability.bases:
-            return ability.why.format(base=_quoted([base]), others=_quoted(ability.bases))
+            return ability.why.format(base=quoted([base]), others=quoted(ability.bases))
     name = measure or analysis
     if noise and name in WHY_NOT_RANDOM:
         return f"{WHY_NOT_RANDOM[name]}: leave out {' and '.join(noise)}"
@@ -150,12 +145,8 @@ def refusal(
 def _refused_law(base: str, law: str) -> str:
     others = [other for other, laws in LAWS_OF.items() if law in laws]
     remedy = " or ".join(f'rebound = "{known}"' for known in LAWS_OF[base])
-    remedy += f", or base = {_quoted(others)}" if others else ""
+    remedy += f", or base = {quoted(others)}" if others else ""
     reason = f'is not implemented with base = "{base}"'
     if law == "reflect":
         reason = f'has no meaning with base = "{base}", which a ball cannot be pushed into'
     return f'rebound = "{law}" {reason}: take {remedy}'
-
-
-def _quoted(bases: Collection[str]) -> str:
-    return " or ".join(f'"{base}"' for base in bases)

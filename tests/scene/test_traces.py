@@ -9,7 +9,8 @@ from vibrosweep.model.shapes import Waveform
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import parse_spec, read_spec
-from vibrosweep.scene.traces import Traced, measured
+from vibrosweep.scene.traces import measured
+from vibrosweep.scene.waveform import Traced
 
 TWO = Waveform("harmonics", ((1, 1.0, 0.3), (2, 0.4, 1.7)))
 FREQUENCY, VELOCITY = 19.73, 0.31
@@ -38,17 +39,15 @@ def written(path, time, values, column="height"):
 def test_what_was_put_in_comes_out(tmp_path, column, noise):
     time = np.arange(0.0, 1.5, 4e-4)
     written(tmp_path / "shaker.csv", time, motion(time, column, noise), column)
-    found = measured(Traced("shaker.csv", column, 4), tmp_path)
+    waveform, frequency, velocity = measured(Traced("shaker.csv", column, 4), tmp_path)
     close = 1e-7 if noise == 0.0 else 5e-3
-    assert found.frequency == pytest.approx(FREQUENCY, rel=max(close / 10.0, 1e-9))
-    assert found.velocity == pytest.approx(VELOCITY, rel=close)
+    assert frequency == pytest.approx(FREQUENCY, rel=max(close / 10.0, 1e-9))
+    assert velocity == pytest.approx(VELOCITY, rel=close)
     turns = np.linspace(0.0, 1.0, 500)
-    assert np.abs(found.waveform.velocity(turns)).max() == pytest.approx(1.0, abs=1e-4)
+    assert np.abs(waveform.velocity(turns)).max() == pytest.approx(1.0, abs=1e-4)
     size = np.abs(TWO.velocity(np.linspace(0.0, 1.0, 100001))).max()
-    assert found.waveform.velocity(turns) == pytest.approx(
-        TWO.velocity(turns) / size, abs=4 * close
-    )
-    assert found.waveform.trace.held == pytest.approx(1.0 / (1.0 + noise**2), abs=1e-3)
+    assert waveform.velocity(turns) == pytest.approx(TWO.velocity(turns) / size, abs=4 * close)
+    assert waveform.trace.held == pytest.approx(1.0 / (1.0 + noise**2), abs=1e-3)
 
 
 def test_a_result_needs_its_trace_no_more(tmp_path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tomllib
-from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -78,7 +77,7 @@ def _number(low: float, high: float, units: str, above: bool = False) -> Check:
     return check
 
 
-_COUNT: Final = partial(whole_number, f" from 1 to {MOST_PARTICLES}", 1, MOST_PARTICLES)
+_COUNT: Final = whole_number(1, MOST_PARTICLES)
 
 
 def _particles(value: object) -> tuple[int, ...]:
@@ -112,7 +111,7 @@ _SECTIONS: Final[Sections] = {
         )
     },
     "trials": {
-        "repeats": partial(whole_number, " from 1 to 1000", 1, 1000),
-        "seed": partial(whole_number, f" from 0 to {MAX_SEED}", 0, MAX_SEED),
+        "repeats": whole_number(1, 1000),
+        "seed": whole_number(0, MAX_SEED),
     },
 }

@@ -105,14 +105,6 @@ def recoil_deviation(natural: ArrayLike, damping: ArrayLike, spacing: ArrayLike 
         return np.asarray(after / determinant[..., np.newaxis] - unit)
 
 
-def _needed_velocity(
-    k: ArrayLike, restitution: ArrayLike, mass_ratio: ArrayLike, recoil_velocity: ArrayLike
-) -> Array:
-    """Return the velocity of the drive at the impacts of a locked orbit."""
-    k, e, mu = np.asarray(k), np.asarray(restitution), np.asarray(mass_ratio)
-    return np.asarray(k * (1.0 - e + 2.0 * mu) / (1.0 + e) - 2.0 * k * mu * recoil_velocity)
-
-
 @physical
 def locked_acceleration_min(
     k: ArrayLike,
@@ -154,8 +146,10 @@ def locked_acceleration_min(
     >>> float(vs.theory.sprung.locked_acceleration_min(1, 0.9, 0.003, 0.37, 0.05).round(6))
     0.166289
     """
-    velocity = recoil_deviation(natural, damping, k if spacing is None else spacing)[..., 1]
-    return np.asarray(np.pi * _needed_velocity(k, restitution, mass_ratio, velocity))
+    recoil = recoil_deviation(natural, damping, k if spacing is None else spacing)[..., 1]
+    k, e, mu = np.asarray(k), np.asarray(restitution), np.asarray(mass_ratio)
+    drive = k * (1.0 - e + 2.0 * mu) / (1.0 + e) - 2.0 * k * mu * recoil  # velocity at impacts
+    return np.asarray(np.pi * drive)
 
 
 @physical

@@ -32,6 +32,7 @@ from vibrosweep.model.parameters import (
     SPRUNG,
     STREAM,
     Parameter,
+    by_name,
 )
 from vibrosweep.model.restitution_laws import range_mistake
 from vibrosweep.model.shapes import SINE, Waveform
@@ -39,24 +40,24 @@ from vibrosweep.model.shapes import SINE, Waveform
 AMPLITUDE: Final = "amplitude"
 ACCELERATION: Final = "base_acceleration"
 
-FORCINGS: Final[Mapping[str, Parameter]] = {
-    p.name: p
-    for p in (
-        PARAMETERS[AMPLITUDE],
-        # so that A <= 2 V0 is at most LARGEST; for the other two, A depends on f and g
-        Parameter("base_velocity", "V0", "m s-1", "peak base velocity", math.nan, 0.0, LARGEST / 2),
-        Parameter("base_displacement", "B", "m", "peak base displacement", math.nan, 0.0, LARGEST),
-        Parameter(ACCELERATION, "Gamma", "1", "peak base acceleration (g)", math.nan, 0.0, LARGEST),
-    )
-}
+FORCINGS: Final = by_name(
+    PARAMETERS[AMPLITUDE],
+    # so that A <= 2 V0 is at most LARGEST; for the other two, A depends on f and g
+    Parameter("base_velocity", "V0", "m s-1", "peak base velocity", math.nan, 0.0, LARGEST / 2),
+    Parameter("base_displacement", "B", "m", "peak base displacement", math.nan, 0.0, LARGEST),
+    Parameter(ACCELERATION, "Gamma", "1", "peak base acceleration (g)", math.nan, 0.0, LARGEST),
+)
 
 # All inputs of a realization, in the order of files: the parameters, with the four forcings in
 # place of the amplitude, then those of a law of restitution and of a mount, and noise
 INPUTS: Final[Mapping[str, Parameter]] = {
-    name: parameter
-    for key, single in PARAMETERS.items()
-    for name, parameter in (FORCINGS if key == AMPLITUDE else {key: single}).items()
-} | {**OF_RESTITUTION, **OF_MOUNT, **NOISE}
+    "restitution": PARAMETERS["restitution"],
+    **FORCINGS,
+    **PARAMETERS,
+    **OF_RESTITUTION,
+    **OF_MOUNT,
+    **NOISE,
+}
 
 # Parameters that relate each forcing to V0
 _SOURCES: Final[Mapping[str, frozenset[str]]] = {

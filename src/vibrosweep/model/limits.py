@@ -1,6 +1,6 @@
-"""Answers to words for effects that are modelled under another key, or not at all.
+"""Answers to words that are no keys: parameters that were meant, and effects that are not modelled.
 
-The page docs/limits.md gives the same answers at length.
+The page docs/limits.md answers at length.
 """
 
 from __future__ import annotations
@@ -8,7 +8,10 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Final
 
-from vibrosweep.model.likely import another_name
+from vibrosweep.mistakes import nearest
+from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.mount import OF_MOUNT
+from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG, Parameter
 
 _PAGE: Final = "; the page of limits says what to use then"
 _RANDOM: Final = (
@@ -60,3 +63,25 @@ def answer_to(word: str, known: Collection[str]) -> str:
     meant = another_name(word)
     question = f'did you mean "{meant}"?' if meant in known else ""
     return ANSWERS.get(word.lower().replace("-", "_"), question)
+
+
+def another_name(word: str, base: str = HIGH_BOUNCE) -> str | None:
+    """Return the parameter of which a word is the symbol, the beginning or a part of the name."""
+    short, known = word.lower(), _known(base)
+    for name, parameter in known.items():
+        if word == parameter.symbol:  # v0 is not V0
+            return name
+    for name, parameter in known.items():
+        if short and (short == parameter.symbol.lower() or name.startswith(short)):
+            return name
+    parts = [name for name in known if short in name.split("_")]
+    return parts[0] if len(parts) == 1 else None
+
+
+def likely_parameter(word: str, base: str = HIGH_BOUNCE) -> str | None:
+    """Return the parameter of a base that an unknown word probably means."""
+    return another_name(word, base) or nearest(word, _known(base))
+
+
+def _known(base: str) -> dict[str, Parameter]:
+    return {n: p for n, p in INPUTS.items() if base == SPRUNG or n not in OF_MOUNT}

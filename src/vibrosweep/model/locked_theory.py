@@ -37,12 +37,6 @@ def _kick(amplitude: ArrayLike, frequency: ArrayLike, gravity: ArrayLike) -> Arr
     return np.asarray(2.0 * np.asarray(frequency) * np.asarray(amplitude) / np.asarray(gravity))
 
 
-def _contraction(restitution: ArrayLike, base: str) -> Array:
-    """Return the product of the multipliers of a locked orbit, p of the module's text."""
-    e = np.asarray(restitution, dtype=np.float64)
-    return e * e if moves(base) else e
-
-
 def _steepest(restitution: ArrayLike, base: str) -> Array:
     """Return s_m of the module's text, -Gamma cos(2 pi x) at the loss of stability."""
     e = np.asarray(restitution, dtype=np.float64)
@@ -338,7 +332,7 @@ def multipliers(
     array([0.948683, 0.948683])
     """
     e = np.asarray(restitution, dtype=np.float64)
-    p = _contraction(e, base)
+    p = e * e if moves(base) else e
     slope = _kick_cosine(k, e, amplitude, frequency, gravity) * TWO_PI / (1.0 + e)
     trace = (1.0 + p) * (1.0 + slope / _steepest(e, base))
     with np.errstate(invalid="ignore"):

@@ -114,65 +114,64 @@ _BOUND = (
 )
 
 
-def _real(
-    name: str, dims: tuple[str, ...], units: str, long_name: str, comment: str = "", **more: Any
-) -> Variable:
+# A variable has one number for each realization, unless `more` gives other `dims`.
+def _real(name: str, units: str, long_name: str, comment: str = "", **more: Any) -> Variable:
+    dims = more.pop("dims", _R)
     return Variable(name, dims, "float64", units, long_name, comment=comment, **more)
 
 
-def _count(
-    name: str, dims: tuple[str, ...], long_name: str, comment: str = "", **more: Any
-) -> Variable:
+def _exponent(name: str, long_name: str, comment: str, **more: Any) -> Variable:
+    return _real(name, "1", long_name, comment, per="impact", **more)
+
+
+def _count(name: str, long_name: str, comment: str = "", **more: Any) -> Variable:
+    dims = more.pop("dims", _R)
     return Variable(name, dims, "int64", "1", long_name, comment=comment, **more)
 
 
 def _code(
-    name: str,
-    dims: tuple[str, ...],
-    long_name: str,
-    flags: tuple[tuple[int, str], ...],
-    comment: str = "",
-    **more: Any,
+    name: str, long_name: str, flags: tuple[tuple[int, str], ...], comment: str = "", **more: Any
 ) -> Variable:
-    return Variable(name, dims, "int8", "1", long_name, flags, comment, **more)
+    return Variable(name, more.pop("dims", _R), "int8", "1", long_name, flags, comment, **more)
+
+
+def _measure(meaning: str, cost: str, *variables: Variable, **more: Any) -> Measure:
+    return Measure(meaning, cost, variables, **more)
+
+
+def _by_name(*variables: Variable) -> Mapping[str, Variable]:
+    return {variable.name: variable for variable in variables}
 
 
 # Statistics of the landings in the window, [transient, duration], of all particles or of each
 _STATISTICS: Final = (
-    _count("impact_count", _R, "landings", judged="total"),
-    _count("rest_count", _R, "landings after which the particle rested", judged="total"),
-    _real("rebound_height_mean", _R, "m", "mean rebound height", f"{_APEX} {_AFTER}"),
+    _count("impact_count", "landings", judged="total"),
+    _count("rest_count", "landings after which the particle rested", judged="total"),
+    _real("rebound_height_mean", "m", "mean rebound height", f"{_APEX} {_AFTER}"),
     _real(
         "rebound_height_max",
-        _R,
         "m",
         "maximum rebound height",
         f"{_APEX} {_AFTER}; the launch is left out",
         judged="greatest",
     ),
-    _real("flight_time_mean", _R, "s", "mean flight time", f"from lift-off to landing, {_AFTER}"),
+    _real("flight_time_mean", "s", "mean flight time", f"from lift-off to landing, {_AFTER}"),
 )
 
 ALWAYS: Final = (
     *_STATISTICS,
     _count(
         "at_rest_count",
-        _R,
         "particles that came to rest for good",
         "over a base of finite mass: only if its motion at the end shows that it lifts none of "
         "them",
         judged="total",
     ),
     _real(
-        "flight_height_max",
-        _R,
-        "m",
-        "maximum height of any flight",
-        "launches in the window included",
+        "flight_height_max", "m", "maximum height of any flight", "launches in the window included"
     ),
     _code(
         "status",
-        _R,
         "worst status of the particles",
         _STATUS,
         " ".join(f"{s.meaning}: {s.sentence}" for s in Status),
@@ -180,13 +179,13 @@ ALWAYS: Final = (
     ),
 )
 
-_SEPARATION: Final = Measure(
-    "time between landings of different particles, and whether two were on the base at once",
-    "10 ns over 12 periods, 2 ns over 1000",
-    (
+
+MEASURES: Final[Mapping[str, Measure]] = {
+    "separation": _measure(
+        "time between landings of different particles, and whether two were on the base at once",
+        "10 ns over 12 periods, 2 ns over 1000",
         _real(
             "dt_min",
-            _R,
             "s",
             "smallest separation",
             "between landings of different particles; NaN without two of them, or where the impact "
@@ -194,7 +193,6 @@ _SEPARATION: Final = Measure(
         ),
         _code(
             "dt_min_resolved",
-            _R,
             "dt_min is above the resolution of the arithmetic",
             (*_UNDECIDED, (0, "below_resolution"), (1, "resolved")),
             f"below {RESOLUTION:.1g} forcing periods, rounding alone can merge two particles",
@@ -202,14 +200,12 @@ _SEPARATION: Final = Measure(
         ),
         _real(
             "dt_min_same_index",
-            _R,
             "s",
             "smallest separation between landings of different particles with equal impact number",
             "numbered from the launch; NaN without two of them in the window",
         ),
         _code(
             "base_shared",
-            _R,
             "two particles were on the base at once",
             (*_UNDECIDED, (0, "never"), (1, "shared")),
             "at some instant of the window; a stay lasts from landing to lift-off, at least the "
@@ -218,18 +214,14 @@ _SEPARATION: Final = Measure(
         ),
         _code(
             "collision_free",
-            _R,
             "no two particles were ever on the base at once",
             (*_UNDECIDED, (0, "collisions"), (1, "collision_free")),
             judged="negation",
         ),
     ),
-)
-
-_PER_PARTICLE: Final = Measure(
-    "the same statistics of each particle",
-    "3 ns over 12 periods, next to nothing over 1000; disk",
-    (
+    "per_particle": _measure(
+        "the same statistics of each particle",
+        "3 ns over 12 periods, next to nothing over 1000; disk",
         *(
             replace(
                 v,
@@ -242,22 +234,18 @@ _PER_PARTICLE: Final = Measure(
         ),
         _code(
             "particle_at_rest",
-            _RP,
             "the particle came to rest for good",
             (*_UNDECIDED, (0, "bouncing"), (1, "at_rest")),
+            dims=_RP,
         ),
-        _code("particle_status", _RP, "status of the particle", _STATUS),
+        _code("particle_status", "status of the particle", _STATUS, dims=_RP),
     ),
-)
-
-_REGIMES: Final = Measure(
-    "regime and cycle of the orbit of each particle",
-    "20 ns over 12 periods, 2 ns over 1000",
-    (
+    "regimes": _measure(
+        "regime and cycle of the orbit of each particle",
+        "20 ns over 12 periods, 2 ns over 1000",
         *(
             _count(
                 f"{regime.meaning}_count",
-                _R,
                 f"particles whose regime is {regime.meaning}",
                 regime.sentence,
                 judged="regime_count",
@@ -267,21 +255,27 @@ _REGIMES: Final = Measure(
         ),
         _count(
             "uncertain_cycle_count",
-            _R,
             "particles whose cycle may be due to rounding",
             "see cycle_uncertain",
             judged="uncertain_count",
         ),
         _code(
             "regime",
-            _RP,
             "regime of the particle's orbit",
             (*_UNDECIDED, *((int(r), r.meaning) for r in Regime)),
             " ".join(f"{r.meaning}: {r.sentence}" for r in Regime),
+            dims=_RP,
             judged="regime",
         ),
         *(
-            _count(f"cycle_{name}", _RP, words, _WITHOUT, judged="cycle", cycle="cycle_impacts")
+            _count(
+                f"cycle_{name}",
+                words,
+                _WITHOUT,
+                dims=_RP,
+                judged="cycle",
+                cycle="cycle_impacts",
+            )
             for name, words in (
                 ("impacts", "impacts in a cycle"),
                 ("periods", "forcing periods in a cycle"),
@@ -290,116 +284,124 @@ _REGIMES: Final = Measure(
         ),
         _code(
             "cycle_uncertain",
-            _RP,
             "rounding may have changed a decision along the cycle",
             ((UNDETERMINED, "no_cycle"), (0, "certain"), (1, "uncertain")),
             "the error bound of an impact reaches the threshold of rest or a graze: the exact "
             "model may have another cycle",
+            dims=_RP,
             judged="uncertain",
         ),
         _real(
             "recurrent_from",
-            _RP,
             "s",
             "time by which the orbit had entered its cycle",
             "if the cycle has a rest, the first lift-off from rest; NaN where no recurrence was "
             "found",
+            dims=_RP,
             judged="recurrent_from",
         ),
+        coupled=False,
     ),
-    coupled=False,
-)
-
-_LYAPUNOV: Final = Measure(
-    "Lyapunov exponents, distinct orbits and slots",
-    "50 ns over 12 periods, 3 ns over 1000",
-    (
-        _real(
+    "lyapunov": _measure(
+        "Lyapunov exponents, distinct orbits and slots",
+        "50 ns over 12 periods, 3 ns over 1000",
+        _exponent(
             "lyapunov_max",
-            _R,
-            "1",
             "largest Lyapunov exponent per impact",
             "over all particles for which it is defined",
             judged="exponent_max",
-            per="impact",
         ),
-        _count(
-            "orbit_count", _R, "distinct orbits on which particles settled", judged="orbit_count"
-        ),
+        _count("orbit_count", "distinct orbits on which particles settled", judged="orbit_count"),
         _count(
             "slot_count",
-            _R,
             "slots that particles occupy",
             "slots of all orbits, each counted once",
             judged="slot_count",
         ),
-        _real(
+        _exponent(
             "lyapunov_largest",
-            _RP,
-            "1",
             "largest Lyapunov exponent per impact",
             "from the multipliers of the cycle, else the mean over the landings in the window; "
             "-inf where the regime is resting or at_rest; NaN without landings, and where the "
             "window has a rest but no cycle is known",
+            dims=_RP,
             judged="exponent",
-            per="impact",
         ),
-        _real(
+        _exponent(
             "lyapunov_largest_error",
-            _RP,
-            "1",
             "standard error of the largest Lyapunov exponent per impact",
             "from the means of blocks of impacts; of a cycle, its rounding error, infinite where "
             "the cycle is uncertain",
+            dims=_RP,
             judged="exponent_error",
-            per="impact",
         ),
-        _real(
+        _exponent(
             "lyapunov_sum",
-            _RP,
-            "1",
             "sum of both Lyapunov exponents per impact",
             "the logarithm of the restitution, over a moving base twice that; -inf and NaN as for "
             "lyapunov_largest",
+            dims=_RP,
             judged="exponent_sum",
-            per="impact",
         ),
-        _real(
+        _exponent(
             "lyapunov_sum_error",
-            _RP,
-            "1",
             "bound of the rounding error of the sum of both Lyapunov exponents per impact",
             "infinite where the cycle is uncertain",
+            dims=_RP,
             judged="exponent_sum_error",
-            per="impact",
         ),
         _count(
             "orbit",
-            _RP,
             "number of the particle's orbit within the realization",
             _NO_ORBIT,
+            dims=_RP,
             judged="orbit",
         ),
         _count(
             "slot",
-            _RP,
             "slot of the particle: copy of its orbit, shifted by whole periods",
             _NO_ORBIT,
+            dims=_RP,
             judged="slot",
         ),
+        coupled=False,
+        requires=("regimes",),  # the exponents of a cycle are those of its multipliers
     ),
-    coupled=False,
-    requires=("regimes",),  # the exponents of a cycle are those of its multipliers
-)
-
-_ORDERING: Final = Measure(
-    "order of the landings; always measured over a base of finite mass",
-    "25 ns over 12 periods, 17 ns over 1000; nothing over a base of finite mass",
-    (
+    "trust": _measure(
+        "bounds of the errors of landings",
+        "40 ns over 12 periods, 30 ns over 1000",
+        _real(
+            "landing_time_error",
+            "s",
+            "bound of the error of every landing time",
+            _BOUND,
+            judged="bound",
+            open_by_budget=True,
+        ),
+        _real(
+            "rebound_velocity_error",
+            "m s-1",
+            "bound of the error of every rebound velocity",
+            _BOUND,
+            judged="bound",
+        ),
+        _real(
+            "trusted_until",
+            "s",
+            "time up to which the error of every landing is at most measure.tolerance",
+            "the duration if this holds for all landings, NaN if for none; it ends where the "
+            "impact budget does",
+            dims=_RP,
+            judged="trusted_until",
+        ),
+        coupled=False,
+    ),
+    "ordering": _measure(
+        "order of the landings; always measured over a base of finite mass",
+        "25 ns over 12 periods, 17 ns over 1000; nothing over a base of finite mass",
         *(
             _real(
                 f"order_{name}",
-                _R,
                 "1",
                 f"order parameter of the last landings at {words} forcing frequency",
                 "absolute value of the mean of exp(2 pi i F t), F that frequency, over the last "
@@ -416,7 +418,6 @@ _ORDERING: Final = Measure(
         ),
         _real(
             "gap_median",
-            _R,
             "s",
             "median time between neighbouring landings of different particles in the last period",
             "NaN without two such landings, with more than 4096, or where the landings exceed the "
@@ -424,45 +425,36 @@ _ORDERING: Final = Measure(
         ),
         _real(
             "gap_min",
-            _R,
             "s",
             "shortest time between neighbouring landings of different particles in the last period",
             "NaN as for gap_median",
         ),
         _count(
             "order_changes",
-            _R,
             "landings out of turn",
             "of another particle than the one whose last landing was longest ago; particles that "
             "land at one instant do so in the order of their numbers; -1 where the landings exceed "
             "the impact budget",
         ),
     ),
-)
-
-_UNDECIDED_COUNT: Final = Measure(
-    "decisions that rounding may have changed over a base of finite mass; always measured there",
-    "nothing",
-    (
+    "undecided": _measure(
+        "decisions that rounding may have changed over a base of finite mass; always measured "
+        "there",
+        "nothing",
         _count(
             "undecided_count",
-            _R,
             "decisions that rounding may have changed",
             "between bouncing and sticking, or landing and passing, where the difference is below "
             "1e-12 of the speed of lift-off",
             judged="recomputed",
         ),
+        coupled=True,
     ),
-    coupled=True,
-)
-
-_JOINT: Final = Measure(
-    "orbit on which the joint state of all particles and a base of finite mass settles",
-    "as much as the landings themselves",
-    (
+    "joint": _measure(
+        "orbit on which the joint state of all particles and a base of finite mass settles",
+        "as much as the landings themselves",
         _code(
             "joint_regime",
-            _R,
             "regime of the joint state",
             (*_UNDECIDED, *((int(r), r.meaning) for r in Regime)),
             "as for a particle, but of the state of all particles and the base; see regime",
@@ -471,7 +463,6 @@ _JOINT: Final = Measure(
         *(
             _count(
                 f"joint_cycle_{name}",
-                _R,
                 f"{words} in a cycle of the joint state",
                 comment,
                 judged="recomputed",
@@ -489,7 +480,6 @@ _JOINT: Final = Measure(
         ),
         _real(
             "joint_recurrent_from",
-            _R,
             "s",
             "time by which the joint state had entered its cycle",
             "NaN where no recurrence was found",
@@ -497,7 +487,6 @@ _JOINT: Final = Measure(
         ),
         _real(
             "joint_exponent",
-            _R,
             "1",
             "largest Lyapunov exponent of the joint state per forcing period",
             "mean over the window; NaN if a sixteenth of it has no event",
@@ -506,32 +495,26 @@ _JOINT: Final = Measure(
         ),
         _real(
             "joint_exponent_error",
-            _R,
             "1",
             "standard error of the largest Lyapunov exponent of the joint state per forcing period",
             "from slow waves of the growth, and from the scatter of sixteenths of the window",
             judged="recomputed",
             per="period",
         ),
+        coupled=True,
     ),
-    coupled=True,
-)
-
-_IMPACT_SPEED: Final = Measure(
-    "greatest speed of impact, and whether the law of restitution holds there; always measured "
-    'with restitution_law = "viscoelastic"',
-    "0.1 ns over 12 periods, next to nothing over 1000",
-    (
+    "impact_speed": _measure(
+        "greatest speed of impact, and whether the law of restitution holds there; always measured "
+        'with restitution_law = "viscoelastic"',
+        "0.1 ns over 12 periods, next to nothing over 1000",
         _real(
             "impact_speed_max",
-            _R,
             "m s-1",
             "greatest speed of impact",
             "relative to the base, of the landings in the window; NaN without any",
         ),
         _code(
             "law_in_range",
-            _R,
             "every impact is within the range of the law of restitution",
             (*_UNDECIDED, (0, "outside"), (1, "inside")),
             "of the landings in the window: outside where the viscoelastic law gives "
@@ -539,53 +522,6 @@ _IMPACT_SPEED: Final = Measure(
             judged="in_range",
         ),
     ),
-)
-
-_TRUST: Final = Measure(
-    "bounds of the errors of landings",
-    "40 ns over 12 periods, 30 ns over 1000",
-    (
-        _real(
-            "landing_time_error",
-            _R,
-            "s",
-            "bound of the error of every landing time",
-            _BOUND,
-            judged="bound",
-            open_by_budget=True,
-        ),
-        _real(
-            "rebound_velocity_error",
-            _R,
-            "m s-1",
-            "bound of the error of every rebound velocity",
-            _BOUND,
-            judged="bound",
-        ),
-        _real(
-            "trusted_until",
-            _RP,
-            "s",
-            "time up to which the error of every landing is at most measure.tolerance",
-            "the duration if this holds for all landings, NaN if for none; it ends where the "
-            "impact budget does",
-            judged="trusted_until",
-        ),
-    ),
-    coupled=False,
-)
-
-
-MEASURES: Final[Mapping[str, Measure]] = {
-    "separation": _SEPARATION,
-    "per_particle": _PER_PARTICLE,
-    "regimes": _REGIMES,
-    "lyapunov": _LYAPUNOV,
-    "trust": _TRUST,
-    "ordering": _ORDERING,
-    "undecided": _UNDECIDED_COUNT,
-    "joint": _JOINT,
-    "impact_speed": _IMPACT_SPEED,
 }
 OPTIONS: Final[Mapping[str, Option]] = {
     "transient": Option(
@@ -615,9 +551,7 @@ OPTIONS: Final[Mapping[str, Option]] = {
 }
 
 # Every variable that a sweep may measure
-VARIABLES: Final[Mapping[str, Variable]] = {
-    v.name: v for v in (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
-}
+VARIABLES: Final = _by_name(*ALWAYS, *(v for m in MEASURES.values() for v in m.variables))
 # Key of each variable that is not always measured
 MEASURE_OF: Final[Mapping[str, str]] = {
     v.name: key for key, measure in MEASURES.items() for v in measure.variables
@@ -646,58 +580,52 @@ def known(name: str, held: Mapping[Any, Any]) -> NDArray[np.bool_]:
 
 
 # Variables of a record
-RECORD: Final[Mapping[str, Variable]] = {
-    v.name: v
-    for v in (
-        _real("landing_time", _RPI, "s", "time of landing"),
-        _real(
-            "liftoff_time",
-            _RPI,
-            "s",
-            "time of lift-off",
-            "equal to the landing time unless the particle rests, and then perhaps after the end "
-            "of the observation; NaN if it rests for good, or for a forcing period past the end",
-        ),
-        _real(
-            "rebound_velocity",
-            _RPI,
-            "m s-1",
-            "velocity at lift-off, upwards",
-            "absolute, not relative to the base; negative if the particle leaves a falling base "
-            "downwards; NaN without a time of lift-off",
-        ),
-        _code(
-            "rested",
-            _RPI,
-            "the particle rested after the landing",
-            ((0, "bounced"), (1, "rested")),
-        ),
-        _count("impact_count", _RP, "landings of the particle"),
-        _code("status", _RP, "status of the particle", _STATUS),
-    )
-}
+RECORD: Final = _by_name(
+    _real("landing_time", "s", "time of landing", dims=_RPI),
+    _real(
+        "liftoff_time",
+        "s",
+        "time of lift-off",
+        "equal to the landing time unless the particle rests, and then perhaps after the end "
+        "of the observation; NaN if it rests for good, or for a forcing period past the end",
+        dims=_RPI,
+    ),
+    _real(
+        "rebound_velocity",
+        "m s-1",
+        "velocity at lift-off, upwards",
+        "absolute, not relative to the base; negative if the particle leaves a falling base "
+        "downwards; NaN without a time of lift-off",
+        dims=_RPI,
+    ),
+    _code(
+        "rested",
+        "the particle rested after the landing",
+        ((0, "bounced"), (1, "rested")),
+        dims=_RPI,
+    ),
+    _count("impact_count", "landings of the particle", dims=_RP),
+    _code("status", "status of the particle", _STATUS, dims=_RP),
+)
 
 # Further variables of each landing in results of `simulate`
-IMPACTS: Final[Mapping[str, Variable]] = {
-    v.name: v
-    for v in (
-        _real(
-            "impact_phase",
-            _RPI,
-            "1",
-            "phase of the forcing at landing, turns",
-            "-1/2 to 1/2, 0 where the velocity of the base rises through zero; computed from the "
-            "landing time and its rounding",
-        ),
-        _real(
-            "arrival_speed",
-            _RPI,
-            "m s-1",
-            "velocity of arrival, downwards",
-            "absolute, not relative to the base; negative if the base hits a rising particle",
-        ),
-    )
-}
+IMPACTS: Final = _by_name(
+    _real(
+        "impact_phase",
+        "1",
+        "phase of the forcing at landing, turns",
+        "-1/2 to 1/2, 0 where the velocity of the base rises through zero; computed from the "
+        "landing time and its rounding",
+        dims=_RPI,
+    ),
+    _real(
+        "arrival_speed",
+        "m s-1",
+        "velocity of arrival, downwards",
+        "absolute, not relative to the base; negative if the base hits a rising particle",
+        dims=_RPI,
+    ),
+)
 
 # Names of a result that no label of a table may take
 RESERVED: Final = frozenset(

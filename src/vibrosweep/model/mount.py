@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from typing import Final
 
-from vibrosweep.model.parameters import LARGEST, MOUNT, SMALLEST, SPRUNG, Parameter
+from vibrosweep.model.parameters import LARGEST, MOUNT, SMALLEST, SPRUNG, Parameter, by_name
 
 MASS_RATIO: Final = "mass_ratio"
 
 # Both masses together may replace their ratio
-MASSES: Final[Mapping[str, Parameter]] = {
-    p.name: p
-    for p in (
-        Parameter("particle_mass", "m", "kg", "mass of one particle", math.nan, 0.0, LARGEST),
-        Parameter("base_mass", "M", "kg", "mass of the base", math.nan, SMALLEST, LARGEST),
-    )
-}
+MASSES: Final = by_name(
+    Parameter("particle_mass", "m", "kg", "mass of one particle", math.nan, 0.0, LARGEST),
+    Parameter("base_mass", "M", "kg", "mass of the base", math.nan, SMALLEST, LARGEST),
+)
 
 # All parameters by which a mount may be given, in the order of files
-OF_MOUNT: Final[Mapping[str, Parameter]] = {
-    name: parameter
-    for key, single in MOUNT.items()
-    for name, parameter in ({key: single, **MASSES} if key == MASS_RATIO else {key: single}).items()
-}
+OF_MOUNT: Final = {MASS_RATIO: MOUNT[MASS_RATIO], **MASSES, **MOUNT}
 
 
 def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:

@@ -86,62 +86,43 @@ class Parameter:
         return np.asarray((array >= self.low) & (array <= self.high))
 
 
-PARAMETERS: Final[Mapping[str, Parameter]] = {
-    p.name: p
-    for p in (
-        Parameter("restitution", "e", "1", "coefficient of restitution", 0.90, 0.0, 1.0),
-        Parameter("amplitude", "A", "m s-1", "amplitude of the kick", 1.20, 0.0, LARGEST),
-        Parameter("frequency", "f", "Hz", "forcing frequency", 1.0, SMALLEST, 1e9),
-        Parameter("phase", "phi", "rad", "forcing phase at t = 0", 0.0, -1e9, 1e9),
-        Parameter("gravity", "g", "m s-2", "free-fall acceleration", 9.81, SMALLEST, LARGEST),
-        Parameter("launch_velocity", "v0", "m s-1", "speed at launch", 5.0, 0.0, LARGEST),
-        Parameter("contact_time", "tau_c", "s", "contact time", 1e-4, SMALLEST, LARGEST),
-    )
-}
+def by_name(*parameters: Parameter) -> Mapping[str, Parameter]:
+    """Return parameters by their names, in the same order."""
+    return {parameter.name: parameter for parameter in parameters}
+
+
+PARAMETERS: Final = by_name(
+    Parameter("restitution", "e", "1", "coefficient of restitution", 0.90, 0.0, 1.0),
+    Parameter("amplitude", "A", "m s-1", "amplitude of the kick", 1.20, 0.0, LARGEST),
+    Parameter("frequency", "f", "Hz", "forcing frequency", 1.0, SMALLEST, 1e9),
+    Parameter("phase", "phi", "rad", "forcing phase at t = 0", 0.0, -1e9, 1e9),
+    Parameter("gravity", "g", "m s-2", "free-fall acceleration", 9.81, SMALLEST, LARGEST),
+    Parameter("launch_velocity", "v0", "m s-1", "speed at launch", 5.0, 0.0, LARGEST),
+    Parameter("contact_time", "tau_c", "s", "contact time", 1e-4, SMALLEST, LARGEST),
+)
 
 # Parameters of a sprung base; a default of NaN means none
-MOUNT: Final[Mapping[str, Parameter]] = {
-    p.name: p
-    for p in (
-        Parameter("mass_ratio", "mu", "1", "particle mass / base mass", math.nan, 0.0, 1e3),
-        Parameter(
-            "mount_frequency", "f0", "Hz", "mount natural frequency", math.nan, SMALLEST, 1e9
-        ),
-        Parameter("mount_damping", "zeta", "1", "damping ratio of the mount", 0.05, 0.0, 1e3),
-    )
-}
+MOUNT: Final = by_name(
+    Parameter("mass_ratio", "mu", "1", "particle mass / base mass", math.nan, 0.0, 1e3),
+    Parameter("mount_frequency", "f0", "Hz", "mount natural frequency", math.nan, SMALLEST, 1e9),
+    Parameter("mount_damping", "zeta", "1", "damping ratio of the mount", 0.05, 0.0, 1e3),
+)
 
 # Standard deviations of noise, all optional
-NOISE: Final[Mapping[str, Parameter]] = {
-    p.name: p
-    for p in (
-        Parameter(
-            "restitution_noise", "sigma_e", "1", "noise of the restitution", 0.0, 0.0, LARGEST
-        ),
-        Parameter("kick_noise", "sigma_V", "m s-1", "noise of the kick", 0.0, 0.0, LARGEST / 4),
-        Parameter("drive_noise", "sigma_A", "1", "noise of the amplitude", 0.0, 0.0, 1e6),
-    )
-}
+NOISE: Final = by_name(
+    Parameter("restitution_noise", "sigma_e", "1", "noise of the restitution", 0.0, 0.0, LARGEST),
+    Parameter("kick_noise", "sigma_V", "m s-1", "noise of the kick", 0.0, 0.0, LARGEST / 4),
+    Parameter("drive_noise", "sigma_A", "1", "noise of the amplitude", 0.0, 0.0, 1e6),
+)
 STREAM: Final = "noise_stream"  # index of the random stream of each realization
 # Numbers of streams, and of particles in each, that the counter of `vibrosweep.kernels.noise` holds
 STREAMS: Final = 2**36
 STREAM_PARTICLES: Final = 2**26
 
 # Parameters of a law of restitution that depends on the speed; a default of NaN means none
-OF_RESTITUTION: Final[Mapping[str, Parameter]] = {
-    p.name: p
-    for p in (
-        Parameter(
-            "restitution_speed",
-            "v_r",
-            "m s-1",
-            "speed of the law",
-            math.nan,
-            SMALLEST,
-            LARGEST,
-        ),
-    )
-}
+OF_RESTITUTION: Final = by_name(
+    Parameter("restitution_speed", "v_r", "m s-1", "speed of the law", math.nan, SMALLEST, LARGEST),
+)
 
 
 def refuse_masked(name: str, values: object) -> None:

@@ -23,25 +23,20 @@ from vibrosweep.model.parameters import (
 P = ParamSpec("P")
 R = TypeVar("R")
 
+# Ranges of arguments that are no parameters of a scene
+_RANGES: Final = {
+    "k": (SMALLEST, LARGEST),
+    "natural": (SMALLEST, LARGEST),
+    "turns": (-LARGEST, LARGEST),
+    **dict.fromkeys(("acceleration", "kick", "velocity"), (0.0, LARGEST)),
+    **dict.fromkeys(("launch_speed", "launch_flight", "rest_flight"), (0.0, LARGEST)),
+}
 _ARGUMENTS: Final[Mapping[str, Parameter]] = {
     **PARAMETERS,
+    **OF_RESTITUTION,
     "mass_ratio": MOUNT["mass_ratio"],
     "damping": MOUNT["mount_damping"],
-    **OF_RESTITUTION,
-    "k": Parameter("k", "k", "1", "forcing periods between impacts", math.nan, SMALLEST, LARGEST),
-    "natural": Parameter("natural", "nu", "1", "natural frequency", math.nan, SMALLEST, LARGEST),
-    "turns": Parameter("turns", "X", "1", "phases in turns", math.nan, -LARGEST, LARGEST),
-    **{
-        name: Parameter(name, name, "1", name.replace("_", " "), math.nan, 0.0, LARGEST)
-        for name in (
-            "acceleration",
-            "kick",
-            "launch_speed",
-            "launch_flight",
-            "rest_flight",
-            "velocity",
-        )
-    },
+    **{name: Parameter(name, name, "1", name, math.nan, *ends) for name, ends in _RANGES.items()},
 }
 
 

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, require_one_of
+from vibrosweep.mistakes import quoted
 from vibrosweep.model.parameters import OF_RESTITUTION
 from vibrosweep.model.physical import physical
 
@@ -139,7 +140,7 @@ def speed_mistakes(law: str, given: Collection[str]) -> dict[str, str]:
     Each text says what to change.
     """
     if law == CONSTANT and SPEED in given:
-        others = " or ".join(f'"{name}"' for name in RESTITUTION_LAWS if name != CONSTANT)
+        others = quoted(name for name in RESTITUTION_LAWS if name != CONSTANT)
         text = f"belongs to a law that depends on the speed: write restitution_law = {others}"
         return {SPEED: f"{text}, or leave it out"}
     if law != CONSTANT and SPEED not in given:

@@ -36,14 +36,9 @@ class Measures:
     observables: tuple[Observable, ...] = ()
 
     def __post_init__(self) -> None:
-        for key in MEASURES:
-            if getattr(self, key):
-                self._switch_on(key)
-
-    def _switch_on(self, key: str) -> None:
-        object.__setattr__(self, key, True)
-        for other in MEASURES[key].requires:
-            self._switch_on(other)
+        taken = [measure for key, measure in MEASURES.items() if getattr(self, key)]
+        for required in {key for measure in taken for key in measure.requires}:
+            object.__setattr__(self, required, True)
 
     def over(self, base: str, restitution_law: str) -> Measures:
         """Return these measures with those that this base, or this law, always includes."""

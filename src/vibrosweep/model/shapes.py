@@ -56,7 +56,7 @@ class Trace(NamedTuple):
 
 @dataclass(frozen=True)
 class Waveform:
-    """A waveform of a kind of `WAVEFORMS`; harmonics are sorted by number, each once."""
+    """A waveform, one of `WAVEFORMS`; its harmonics are sorted by number, each once."""
 
     name: str = SINE_NAME
     tones: tuple[Tone, ...] = ()
@@ -77,45 +77,41 @@ class Waveform:
 
     def height(self, x: ArrayLike) -> Array:
         """Return W at phases in turns."""
-        if self.name == PARABOLIC_NAME:
-            y, rises = _folded(x)
-            return np.asarray(np.where(rises, 2.0 * y * y - 0.125, 0.125 - 2.0 * y * y))
         return self.derivative(x, -1)
 
     def velocity(self, x: ArrayLike) -> Array:
         """Return w at phases in turns."""
-        if self.name == PARABOLIC_NAME:
-            y, rises = _folded(x)
-            return np.asarray(np.where(rises, 4.0 * y, -4.0 * y))
         return self.derivative(x, 0)
 
     def slope(self, x: ArrayLike) -> Array:
         """Return the derivative of w by the phase in turns."""
-        if self.name == PARABOLIC_NAME:
-            return np.asarray(np.where(_folded(x)[1], 4.0, -4.0))
         return self.derivative(x, 1)
 
     def area(self, x: ArrayLike) -> Array:
         """Return the integral of W by the phase in turns, with mean zero."""
-        if self.name == PARABOLIC_NAME:
-            y, rises = _folded(x)
-            return np.asarray(np.where(rises, 1.0, -1.0) * y * (2.0 * y * y / 3.0 - 0.125))
         return self.derivative(x, -2)
 
-    @property
+    @functools.cached_property
     def highest(self) -> float:
         """Largest velocity, in units of V0."""
-        return _sizes(self).highest
+        if self.name != HARMONICS_NAME:
+            return 1.0
+        return float(self.velocity(zeros(self, 1)).max())
 
-    @property
+    @functools.cached_property
     def per_displacement(self) -> float:
         """V0 / (f B), where B is half the height from the lowest to the highest level."""
-        return _sizes(self).per_displacement
+        if self.name != HARMONICS_NAME:
+            return TWO_PI if self.name == SINE_NAME else 8.0
+        levels = self.height(zeros(self, 0))
+        return 2.0 / float(levels.max() - levels.min())
 
-    @property
+    @functools.cached_property
     def fall(self) -> float:
         """Greatest downward acceleration in units of f V0."""
-        return _sizes(self).fall
+        if self.name != HARMONICS_NAME:
+            return TWO_PI if self.name == SINE_NAME else 4.0
+        return -float(np.min(self.slope(zeros(self, 2))))
 
     def sum_of(self, power: int) -> float:
         """Return the sum of (2 pi h)^power |c_h|, a bound of the derivative of w of this order."""
@@ -129,6 +125,8 @@ class Waveform:
     def derivative(self, x: ArrayLike, order: int) -> Array:
         """Return the derivative of w of an order; a negative order is an integral of mean zero."""
         x = np.asarray(x, dtype=np.float64)
+        if self.name == PARABOLIC_NAME:
+            return _parabolic(x, order)
         found = np.zeros_like(x)
         for h, weight, phase in self.harmonics:
             angle = TWO_PI * (h * x - np.rint(h * x)) + phase
@@ -238,35 +236,17 @@ def name_in(attributes: Mapping[str, Any]) -> str:
     return given if given in WAVEFORMS else HARMONICS_NAME
 
 
-@dataclass(frozen=True)
-class _Sizes:
-    highest: float
-    per_displacement: float
-    fall: float
-
-
-@functools.lru_cache(maxsize=64)
-def _sizes(waveform: Waveform) -> _Sizes:
-    if waveform.name == SINE_NAME:
-        return _Sizes(1.0, TWO_PI, TWO_PI)
-    if waveform.name == PARABOLIC_NAME:
-        return _Sizes(1.0, 8.0, 4.0)
-    velocities = waveform.velocity(zeros(waveform, 1))
-    levels = waveform.height(zeros(waveform, 0))
-    fall = -float(np.min(waveform.slope(zeros(waveform, 2))))
-    return _Sizes(
-        highest=float(velocities.max()),
-        per_displacement=2.0 / float(levels.max() - levels.min()),
-        fall=fall,
-    )
-
-
-def _folded(x: ArrayLike) -> tuple[Array, Array]:
-    """Return the phase from the middle of the half period, and whether w rises in it."""
-    x = np.asarray(x, dtype=np.float64)
+def _parabolic(x: Array, order: int) -> Array:
+    """Return the derivative of the parabolic shape of an order from -2 to 1."""
     near = x - np.rint(x)
     rises = np.abs(near) <= 0.25
-    return np.where(rises, near, near - np.copysign(0.5, near)), rises
+    y = np.where(rises, near, near - np.copysign(0.5, near))  # from the middle of the half period
+    sign = np.where(rises, 1.0, -1.0)
+    if order == -2:
+        return sign * y * (2.0 * y * y / 3.0 - 0.125)
+    if order == -1:
+        return sign * (2.0 * y * y - 0.125)
+    return sign * (4.0 * y if order == 0 else 4.0)
 
 
 def zeros(waveform: Waveform, order: int) -> Array:

@@ -6,11 +6,22 @@ A bad realization never ends a sweep; it gets a code, and the code has a sentenc
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Final
+from typing import Final, Self
+
+# Landings in the window that a Lyapunov exponent takes at least
+LANDINGS_OF_AN_EXPONENT: Final = 64
 
 
 class _Code(IntEnum):
-    """A code that a dataset holds."""
+    """A code that a dataset holds, with a sentence that explains it."""
+
+    sentence: str
+
+    # The default is for type checkers, which take Status(1) for a call of this function.
+    def __new__(cls, code: int, sentence: str = "") -> Self:
+        member = int.__new__(cls, code)
+        member._value_, member.sentence = code, sentence
+        return member
 
     @property
     def meaning(self) -> str:
@@ -21,6 +32,11 @@ class _Code(IntEnum):
 class Status(_Code):
     """End of the computation of one particle, or the worst end in a realization.
 
+    Attributes
+    ----------
+    sentence
+        Description and advice, in one sentence.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -29,23 +45,33 @@ class Status(_Code):
     'The trajectory is known up to the end of the observation.'
     """
 
-    COMPLETED = 0
-    BUDGET_EXCEEDED = 1
-    NON_FINITE = 2
-    REFUSED = 3
-
-    @property
-    def sentence(self) -> str:
-        """Description and advice, in one sentence."""
-        return _SENTENCES[self]
-
-
-# Landings in the window that a Lyapunov exponent takes at least
-LANDINGS_OF_AN_EXPONENT: Final = 64
+    COMPLETED = 0, "The trajectory is known up to the end of the observation."
+    BUDGET_EXCEEDED = (
+        1,
+        "The impact budget ran out: measures cover only the landings found; raise "
+        "measure.impact_budget, or shorten scene.duration.",
+    )
+    NON_FINITE = (
+        2,
+        "A value became infinite or undefined: the parameters are too extreme for double "
+        "precision, whatever the impact budget; lower the forcing or the launch velocity, or take "
+        "a mount further from resonance.",
+    )
+    REFUSED = (
+        3,
+        "A time is more than 2^51 forcing periods, which cannot be counted exactly, or the "
+        "amplitude is above 1e30 m s-1; nothing was measured, and counts are -1: lower frequency "
+        "or forcing, or shorten scene.duration.",
+    )
 
 
 class Regime(_Code):
     """Regime of a particle's orbit at the end of the observation.
+
+    Attributes
+    ----------
+    sentence
+        Meaning of the regime, in one sentence.
 
     Examples
     --------
@@ -55,46 +81,16 @@ class Regime(_Code):
     'locked'
     """
 
-    AT_REST = 0
-    RESTING = 1
-    LOCKED = 2
-    UNSETTLED = 3
-    APERIODIC = 4
-
-    @property
-    def sentence(self) -> str:
-        """Meaning of the regime, in one sentence."""
-        return _REGIMES[self]
-
-
-_REGIMES = {
-    Regime.AT_REST: "The particle came to rest for good.",
-    Regime.RESTING: "The orbit repeats exactly and rests at least once in its cycle.",
-    Regime.LOCKED: "The orbit repeats exactly and never rests.",
-    Regime.UNSETTLED: (
+    AT_REST = 0, "The particle came to rest for good."
+    RESTING = 1, "The orbit repeats exactly and rests at least once in its cycle."
+    LOCKED = 2, "The orbit repeats exactly and never rests."
+    UNSETTLED = (
+        3,
         "No exact repetition was found, and nothing shows that there is none: the orbit may still "
-        "be settling; observe for longer."
-    ),
-    Regime.APERIODIC: (
+        "be settling; observe for longer.",
+    )
+    APERIODIC = (
+        4,
         f"No exact repetition was found, and the largest Lyapunov exponent, over "
-        f"{LANDINGS_OF_AN_EXPONENT} landings or more, exceeds zero by three standard errors."
-    ),
-}
-
-_SENTENCES = {
-    Status.COMPLETED: "The trajectory is known up to the end of the observation.",
-    Status.BUDGET_EXCEEDED: (
-        "The impact budget ran out: measures cover only the landings found; raise "
-        "measure.impact_budget, or shorten scene.duration."
-    ),
-    Status.NON_FINITE: (
-        "A value became infinite or undefined: the parameters are too extreme for double "
-        "precision, whatever the impact budget; lower the forcing or the launch velocity, or take "
-        "a mount further from resonance."
-    ),
-    Status.REFUSED: (
-        "A time is more than 2^51 forcing periods, which cannot be counted exactly, or the "
-        "amplitude is above 1e30 m s-1; nothing was measured, and counts are -1: lower frequency "
-        "or forcing, or shorten scene.duration."
-    ),
-}
+        f"{LANDINGS_OF_AN_EXPONENT} landings or more, exceeds zero by three standard errors.",
+    )

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from vibrosweep import theory
 from vibrosweep.model.forcing import ACCELERATION, INPUTS, completed, inputs_of
+from vibrosweep.model.orbit_theory import FIXED, recognition_periods
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT
 from vibrosweep.model.times import Periods, in_periods
@@ -77,9 +77,9 @@ def observation_of_orbits(spec: Sweep, design: Realizations) -> str:
 
 def short_observation(scene: Scene, restitution: float, frequency: float) -> str:
     """Return a remark if a scene is too short to recognise locked orbits; else empty."""
-    if scene.base not in theory.FIXED or scene.restitution_law != CONSTANT:
+    if scene.base not in FIXED or scene.restitution_law != CONSTANT:
         return ""  # the time that such orbits take to return is not known
-    needed = float(theory.recognition_periods(restitution, base=scene.base))
+    needed = float(recognition_periods(restitution, base=scene.base))
     periods = float(in_periods(scene.duration, np.array([frequency]))[0])
     if periods >= needed:
         return ""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePath
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from vibrosweep.mistakes import (
     RANGE,
@@ -27,8 +27,7 @@ from vibrosweep.mistakes import (
     table,
 )
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.likely import another_name, likely_parameter
-from vibrosweep.model.limits import answer_to
+from vibrosweep.model.limits import another_name, answer_to, likely_parameter
 from vibrosweep.model.measures import OPTIONS, Option
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
 from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
@@ -165,12 +164,15 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
     raise ValueError("must be ", Word(f"a table: write [{name}] on a line of its own", "a mapping"))
 
 
-def whole_number(allowed: str, low: int, high: int, value: object) -> int:
-    """Return a whole number within a range, or raise ValueError."""
-    integer = isinstance(value, int) and not isinstance(value, bool)
-    if integer and low <= value <= high:  # type: ignore[operator]
-        return int(value)  # type: ignore[call-overload, no-any-return]
-    raise ValueError(f"must be a whole number{allowed}")
+def whole_number(low: int, high: int) -> Check:
+    """Return the check of a whole number in a range."""
+
+    def check(value: object) -> int:
+        if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high:
+            return int(value)
+        raise ValueError(f"must be a whole number, at least {low} and at most {high}")
+
+    return check
 
 
 def flag(value: object) -> bool:
@@ -181,15 +183,14 @@ def flag(value: object) -> bool:
 
 
 def _positive(units: str, value: object) -> float:
-    if _is_finite_number(value) and value > 0:  # type: ignore[operator]
-        return float(value)  # type: ignore[arg-type]
+    if _is_finite_number(value) and value > 0:
+        return float(value)
     raise ValueError(f"must be a number, finite and above 0 {units}")
 
 
-def _option(option: Option, kind: type, value: object) -> float:
-    right = _is_finite_number(value) and (kind is float or isinstance(value, int))
-    if right and option.accepts(value):  # type: ignore[arg-type]
-        return kind(value)  # type: ignore[no-any-return]
+def _option(option: Option, kind: type[float], value: object) -> float:
+    if _is_finite_number(value) and option.accepts(value) and isinstance(value, int | kind):
+        return kind(value)
     raise ValueError(f"must be {option.allowed}")
 
 
@@ -269,7 +270,7 @@ def _columns(value: object) -> tuple[str, ...]:
     return tuple(sorted(value, key=[*INPUTS, *value].index))
 
 
-def _is_finite_number(value: object) -> bool:
+def _is_finite_number(value: object) -> TypeGuard[float]:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     try:
@@ -283,7 +284,7 @@ def _within(parameter: Parameter, value: object) -> float:
     if not _is_finite_number(value):
         rule = f" is not a finite number (allowed: {parameter.allowed})"
         raise ValueError(Value(value), rule)
-    number = float(value)  # type: ignore[arg-type]
+    number = float(value)
     if not parameter.accepts(number):
         rule = f" is out of range: the {parameter.long_name} must be {parameter.allowed}"
         raise ValueError(Value(value), rule)
@@ -305,12 +306,10 @@ def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
     return Steps(start, stop, num)
 
 
-_SEED: Final = partial(whole_number, ", at least 0 and at most 2**63 - 1", 0, MAX_SEED)
+_SEED: Final = whole_number(0, MAX_SEED)
 _SCENE: Final[Mapping[str, Check]] = {
     **{name: partial(_within, parameter) for name, parameter in INPUTS.items()},
-    "particles": partial(
-        whole_number, f", at least 1 and at most {MAX_PARTICLES}", 1, MAX_PARTICLES
-    ),
+    "particles": whole_number(1, MAX_PARTICLES),
     "launch": _launch,
     "duration": partial(_positive, "s"),
     "duration_periods": partial(_positive, "forcing periods"),
@@ -324,9 +323,7 @@ SECTIONS: Final[Sections] = {
     "scene": _SCENE,
     "sample": {
         "design": _design,
-        "realizations": partial(
-            whole_number, f", at least 1 and at most {MAX_REALIZATIONS}", 1, MAX_REALIZATIONS
-        ),
+        "realizations": whole_number(1, MAX_REALIZATIONS),
         "seed": _SEED,
         "columns": _columns,
         **{name: partial(_spread, parameter) for name, parameter in INPUTS.items()},
@@ -343,6 +340,6 @@ SECTIONS: Final[Sections] = {
         "continuation": flag,
         "tolerance": _bracket,
         "prove": flag,
-        "noise_replicas": partial(whole_number, ", at least 1 and at most 1000000", 1, 10**6),
+        "noise_replicas": whole_number(1, 10**6),
     },
 }

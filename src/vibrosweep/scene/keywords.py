@@ -6,10 +6,8 @@ is a fixed value.  Keywords become the tables of a sweep file, which are then ch
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -18,15 +16,13 @@ from vibrosweep.abilities import WITHOUT_MEANING
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.likely import another_name, likely_parameter
-from vibrosweep.model.limits import answer_to
+from vibrosweep.model.limits import another_name, answer_to, likely_parameter
 from vibrosweep.model.parameters import NOISE, STREAM, STREAMS, refuse_masked
 from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import DESIGNS, GRID
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS
 from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.sweep import Sweep, checked, kept_for, lacks_trace
-from vibrosweep.scene.text import text_of
+from vibrosweep.scene.sweep import Sweep, checked, text_of
 
 _RANGE: Final = "is a range, because it is a tuple, and nothing is drawn from a range here"
 BUDGET: Final = "impact_budget"
@@ -59,9 +55,7 @@ def keyword_spec(
             mistakes.add_broken(next(homes, name), rule, stated.pop(name), "leave it out")
     first = [analysis] if analysis in SECTIONS else []
     data = _tables(stated, (*first, *HOMES), mistakes)
-    if kept is not None and lacks_trace(data, Path()) and (held := kept_for(text_of(data), kept)):
-        return checked(tomllib.loads(held), held, None, mistakes)
-    sweep = checked(data, "", None, mistakes)
+    sweep = checked(data, "", None, mistakes, kept)
     return sweep if sweep.text else replace(sweep, text=text_of(data))
 
 

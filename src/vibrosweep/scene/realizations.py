@@ -20,7 +20,6 @@ from vibrosweep.model.parameters import STREAM
 from vibrosweep.scene.columns import Label
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.scene.table import read_table
 
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter
 Columns = Callable[[int, int], Sequence[Array]]
@@ -74,12 +73,11 @@ def open_design(sweep: Sweep) -> Realizations:
 
 def _require_random(sweep: Sweep, noise: tuple[str, ...]) -> None:
     """Raise a TableError if the base, or a measure, does not support the noise of a table."""
-    base, measures = sweep.scene.base, sweep.scene.measures
-    keys = [key for key in MEASURES if getattr(measures, key)]
-    wrong = [refusal(base, noise=noise), *(refusal(base, measure=m, noise=noise) for m in keys)]
-    for about, text in zip(("", *(f"{key} " for key in keys)), wrong, strict=True):
-        if text:
-            raise TableError(f"{sweep.design.table}: {', '.join(noise)}: {about}{text}")
+    measures = sweep.scene.measures
+    for key in ("", *(key for key in MEASURES if getattr(measures, key))):
+        if wrong := refusal(sweep.scene.base, measure=key, noise=noise):
+            text = f"{key} {wrong}".lstrip()
+            raise TableError(f"{sweep.design.table}: {', '.join(noise)}: {text}")
 
 
 def _opened(sweep: Sweep) -> Realizations:
@@ -134,14 +132,17 @@ def _grid(axes: Sequence[tuple[float, ...]]) -> Columns:
 
 
 def _open_table(sweep: Sweep) -> Realizations:
-    table, design = read_table(sweep), sweep.design
-    count = len(next(iter(table.parameters.values())))
+    from vibrosweep.scene.table import read_table  # few sweeps have a table
+
+    design = sweep.design
+    parameters, labels = read_table(sweep)
+    count = len(next(iter(parameters.values())))
     if design.realizations not in (None, count):
         stated = f"realizations = {design.realizations}"
         key = f"sample.{stated} in {sweep.source}" if sweep.source else stated
         raise TableError(f"{design.table}: holds {count} rows, but {key}; leave that out")
-    return Realizations(count, tuple(table.parameters), _slices(table.parameters), table.labels)
 
+    def columns(start: int, stop: int) -> list[Array]:
+        return [values[start:stop].copy() for values in parameters.values()]
 
-def _slices(table: Mapping[str, Array]) -> Columns:
-    return lambda start, stop: [values[start:stop].copy() for values in table.values()]
+    return Realizations(count, tuple(parameters), columns, labels)

@@ -12,7 +12,7 @@ import numpy as np
 
 from vibrosweep.abilities import refusal
 from vibrosweep.errors import ParameterError
-from vibrosweep.mistakes import RANGE, Key, Mistakes, Text, Value, Word
+from vibrosweep.mistakes import PYTHON, RANGE, Key, Mistakes, Text, Value, Word
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
@@ -37,7 +37,7 @@ from vibrosweep.model.restitution_laws import CONSTANT, speed_mistakes
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, Range
-from vibrosweep.scene.keys import MAX_REALIZATIONS, Steps, inputs_in
+from vibrosweep.scene.keys import MAX_REALIZATIONS, Steps, Tables, inputs_in
 from vibrosweep.scene.scene import Scene
 
 # The base and the law of restitution, with the parameters that only some of them need
@@ -209,6 +209,31 @@ def _range(key: str, value: tuple[float, ...] | Steps, design: str, mistakes: Mi
         rule = f"the range is reversed: low must be less than high (allowed: {allowed})"
         mistakes.add(key, rule, value, ("write ", Value((high, low))))
     return Range(low, high)
+
+
+def check_unused(tables: Tables, mistakes: Mistakes, *, every: bool) -> None:
+    """Report keys that have no meaning because another key is missing.
+
+    If `every` is False, only keywords are reported: the text that a result of an earlier version
+    holds may have such keys.
+    """
+    scene, sample, measure = (tables.get(name, {}) for name in ("scene", "sample", "measure"))
+    design, unless = kind(sample), " as well, or leave it out"
+    unused: dict[str, tuple[Text, Text]] = {}
+    if "seed" in sample and design in (GRID, TABLE):
+        rule = f"nothing is drawn under a {design}"
+        unused["sample.seed"] = (rule, "leave it out, or take a design that draws")
+    random = NOISE.keys() & {*scene, *sample, *sample.get("columns", ())}
+    if "noise_seed" in scene and not random and (design != TABLE or "columns" in sample):
+        unused["scene.noise_seed"] = ("nothing is random", f"give {', '.join(NOISE)}{unless}")
+    if "tolerance" in measure and "trust" not in measure:
+        rule = "bounds the error up to which landings are trusted"
+        unused["measure.tolerance"] = (rule, ("give ", Key("measure.trust"), unless))
+    for key, (words, remedy) in unused.items():
+        table, _, name = key.partition(".")
+        if every or PYTHON.key(key) in mistakes.given:
+            value = tables[table][name]
+            mistakes.add(key, words, value, remedy, involves=["sample.design", "measure.trust"])
 
 
 def columns(sample: Table, numbers: Collection[str], mistakes: Mistakes) -> tuple[str, ...] | None:

@@ -59,9 +59,7 @@ class Scene:
     noise_seed: int = 0
 
     def __post_init__(self) -> None:
-        wrong = refusal(self.base, law=self.rebound)
-        wrong = wrong or refusal(self.base, waveform=self.waveform.name)
-        if wrong:
+        if wrong := refusal(self.base, law=self.rebound, waveform=self.waveform.name):
             raise ParameterError(wrong)
 
     def with_measures(self, **changes: Any) -> Scene:

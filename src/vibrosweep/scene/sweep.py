@@ -11,17 +11,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from vibrosweep.errors import SpecError, refuse
-from vibrosweep.mistakes import TOML, Mistakes, Text
+from vibrosweep.mistakes import TOML, Mistakes, Text, toml
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.observables import Observable, observables_of
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene import rules
 from vibrosweep.scene.design import TABLE, Design
-from vibrosweep.scene.keys import Tables, read_tables
+from vibrosweep.scene.keys import SECTIONS, Tables, read_tables
 from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.text import text_of
-from vibrosweep.scene.traces import Traced, measured
-from vibrosweep.scene.unused import check_unused
+from vibrosweep.scene.waveform import Traced
 
 # Fields of a scene, apart from its inputs, that [record] takes from [scene] by default
 SHARED: Final = (
@@ -92,33 +90,7 @@ def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = Non
     holds, and its harmonics are used, provided that it was written for the same sweep file.
     """
     source = Path(path)
-    text = read_text(source)
-    if kept is not None and _lacks_trace(text, source.parent):
-        text = kept_for(text, kept) or text
-    return parse_spec(text, source)
-
-
-def kept_for(text: str, kept: Callable[[], str]) -> str:
-    """Return the text with harmonics that a run holds, or "" if it belongs to another sweep."""
-    held = kept()
-    _, _, written = held.partition(WRITTEN_FOR)
-    return held if written and written == _quoted(text) else ""
-
-
-def _lacks_trace(text: str, folder: Path) -> bool:
-    """Return whether a sweep file names a trace whose file is missing."""
-    try:
-        return lacks_trace(tomllib.loads(text), folder)
-    except (ValueError, RecursionError):  # a mistake that is reported later
-        return False
-
-
-def lacks_trace(data: Mapping[str, Any], folder: Path) -> bool:
-    """Return whether tables name a trace, relative to a folder, whose file is missing."""
-    try:
-        return not (folder / data["scene"]["waveform"]["trace"]).exists()
-    except (KeyError, TypeError, ValueError):  # no trace, or a mistake that is reported later
-        return False
+    return parse_spec(read_text(source), source, kept)
 
 
 def _quoted(text: str) -> str:
@@ -145,30 +117,44 @@ def read_text(source: Path) -> str:
         raise SpecError(f"{source}: cannot be read: {reason}") from error
 
 
-def parse_spec(text: str, source: Path | None = None) -> Sweep:
+def parse_spec(
+    text: str, source: Path | None = None, kept: Callable[[], str] | None = None
+) -> Sweep:
     """Validate the TOML text of a sweep file; a SpecError lists all mistakes.
 
-    Messages name the file `source`; the path of a table is relative to its folder.
+    Messages name the file `source`; the path of a table is relative to its folder.  `kept` is that
+    of `read_spec`.
     """
     mistakes = Mistakes("the sweep's text" if source is None else str(source))
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # too many digits, too deeply nested
         raise SpecError(f"{mistakes.where}: is not valid TOML: {error}") from error
-    return checked(data, text, source, mistakes)
+    return checked(data, text, source, mistakes, kept)
 
 
-def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: Mistakes) -> Sweep:
+def checked(
+    data: Mapping[str, Any],
+    text: str,
+    source: Path | None,
+    mistakes: Mistakes,
+    kept: Callable[[], str] | None = None,
+) -> Sweep:
     """Validate the data of a sweep file as `tomllib` reads them.
 
-    `text` and `source` are those of `Sweep`.  Raises a SpecError that lists all `mistakes`, those
-    that this function adds included.
+    `text` and `source` are those of `Sweep`, and `kept` is that of `read_spec`.  Raises a SpecError
+    that lists all `mistakes`, those that this function adds included.
     """
+    folder = (source or Path()).parent
+    if kept is not None and _lacks_trace(data, folder):
+        held = kept()
+        if held.partition(WRITTEN_FOR)[2] == _quoted(text or text_of(data)):
+            data, text = tomllib.loads(held), held
     title, tables = read_tables(data, mistakes)
     if title is None:
         remedy = 'begin with title = "..." that says what the sweep shows'
         mistakes.add("title", "is missing", remedy=remedy)
-    traced = _measured(tables, source, mistakes)
+    traced = _measured(tables, folder, mistakes)
     if traced:  # so that the text needs no trace
         scene = {**data["scene"], **traced}
         quoted = WRITTEN_FOR + _quoted(text or text_of(data))
@@ -184,7 +170,24 @@ def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: M
     return sweep
 
 
-def _measured(tables: Tables, source: Path | None, mistakes: Mistakes) -> dict[str, Any]:
+def _lacks_trace(data: Mapping[str, Any], folder: Path) -> bool:
+    """Return whether the scene has a trace, relative to a folder, whose file is missing."""
+    try:
+        return not (folder / data["scene"]["waveform"]["trace"]).exists()
+    except (KeyError, TypeError, ValueError):  # no trace, or a mistake that is reported later
+        return False
+
+
+def text_of(data: Mapping[str, Any]) -> str:
+    """Return the text of a sweep file that holds a title and tables."""
+    lines = [f"title = {toml(data['title'])}"]
+    for section in SECTIONS:
+        if section in data:
+            lines += [f"[{section}]", *(f"{key} = {toml(v)}" for key, v in data[section].items())]
+    return "\n".join(lines) + "\n"
+
+
+def _measured(tables: Tables, folder: Path, mistakes: Mistakes) -> dict[str, Any]:
     """Replace the trace in [scene] by its harmonics, frequency and velocity; return these keys."""
     scene, sample = tables.get("scene", {}), tables.get("sample", {})
     if isinstance(tables.get("record", {}).get("waveform"), Traced):
@@ -193,20 +196,22 @@ def _measured(tables: Tables, source: Path | None, mistakes: Mistakes) -> dict[s
         mistakes.add_broken("record.waveform", rule, traced.trace)
     if not isinstance(scene.get("waveform"), Traced):
         return {}
+    from vibrosweep.scene.traces import measured  # few sweeps have a trace
+
     traced = scene.pop("waveform")
     try:
-        found = measured(traced, (source or Path()).parent)
+        waveform, frequency, velocity = measured(traced, folder)
     except ValueError as error:
         mistakes.add_broken("scene.waveform", error.args, traced.trace)
         return {}
-    replaced = {"frequency": found.frequency, "base_velocity": found.velocity}
+    replaced = {"frequency": frequency, "base_velocity": velocity}
     given = {*scene, *sample, *sample.get("columns", ())}
     if "frequency" in given:
         del replaced["frequency"]
     if not given.isdisjoint(FORCINGS):
         del replaced["base_velocity"]
-    scene |= {"waveform": found.waveform, **replaced}
-    return {"waveform": found.waveform.value, **replaced}
+    scene |= {"waveform": waveform, **replaced}
+    return {"waveform": waveform.value, **replaced}
 
 
 def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep:
@@ -222,7 +227,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     base = settings["base"]
     rules.check_given(base, settings["restitution_law"], scene, sample, mistakes)
     measures = Measures(**tables.get("measure", {}))
-    check_unused(tables, mistakes, every=source is not None)
+    rules.check_unused(tables, mistakes, every=source is not None)
     noise = rules.noise_homes(numbers, sample, varied)
     rules.check_measures(base, noise, measures, mistakes)
     # only the first forcing, even if two were given and reported

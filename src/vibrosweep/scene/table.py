@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +17,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import TableError, refuse
 from vibrosweep.mistakes import PYTHON, TOML, Key, Mistakes, Text, separator_mistake, table
 from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.likely import likely_parameter
+from vibrosweep.model.limits import likely_parameter
 from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.model.restitution_laws import range_mistake, speed_mistakes
@@ -40,18 +39,11 @@ COLUMNS: Final = Key("sample.columns")
 SCENE: Final = table("scene")
 
 
-@dataclass(frozen=True)
-class Table:
-    """A table of realizations."""
+def read_table(sweep: Sweep) -> tuple[dict[str, Array], dict[str, Label]]:
+    """Read the whole table of a sweep; return its parameters and its other columns, by name.
 
-    # Parameter name -> array of shape (realization,), in the order of
-    # `vibrosweep.model.forcing.INPUTS`, each value within the parameter's range
-    parameters: Mapping[str, Array]
-    labels: Mapping[str, Label]  # the other columns by their names
-
-
-def read_table(sweep: Sweep) -> Table:
-    """Read the whole table of a sweep.
+    Parameters have the order of `vibrosweep.model.forcing.INPUTS`, the shape (realization,) and
+    values within their ranges.
 
     Raises
     ------
@@ -88,7 +80,7 @@ def read_table(sweep: Sweep) -> Table:
     if wrong := range_mistake(law, restitution):
         mistakes.add("", wrong)
     refuse(mistakes, TableError, _LISTED)
-    return Table(parameters, labels)
+    return parameters, labels
 
 
 def _source(sweep: Sweep) -> str:

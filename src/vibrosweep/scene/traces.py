@@ -14,7 +14,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -23,8 +22,8 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import separator_mistake
 from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, Trace, Waveform, zeros
+from vibrosweep.scene.waveform import Traced
 
-COLUMNS: Final = ("height", "acceleration")
 FEWEST_PERIODS: Final = 2.0
 LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain
 DRIFT: Final = 0.05  # largest drift in one period, relative to the range
@@ -32,26 +31,11 @@ FRACTIONS: Final = 6  # the frequency is that of the highest peak, divided by 1,
 AS_GOOD: Final = 1.05  # residual, relative to the least one, up to which a fit is as good
 
 
-@dataclass(frozen=True)
-class Traced:
-    """A waveform that is given by the path of a trace."""
+def measured(traced: Traced, folder: Path) -> tuple[Waveform, float, float]:
+    """Read a trace and fit its harmonics; return the waveform, f (Hz) and V0 (m s-1).
 
-    trace: str
-    column: str
-    harmonics: int
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A waveform from a trace."""
-
-    waveform: Waveform
-    frequency: float  # Hz
-    velocity: float  # V0, m s-1
-
-
-def measured(traced: Traced, folder: Path) -> Measured:
-    """Read a trace and fit its harmonics; a ValueError says why it cannot be used."""
+    A ValueError says why the trace cannot be used.
+    """
     path = folder / traced.trace
     try:
         content = path.read_bytes()
@@ -74,7 +58,7 @@ def measured(traced: Traced, folder: Path) -> Measured:
     scaled = tuple((k, w / velocity, p) for k, w, p in tones)
     digest = hashlib.blake2b(content, digest_size=8).hexdigest()
     trace = Trace(traced.trace, traced.column, digest, round(share, 6))
-    return Measured(Waveform(HARMONICS_NAME, scaled, trace), frequency, velocity)
+    return Waveform(HARMONICS_NAME, scaled, trace), frequency, velocity
 
 
 def _columns(content: bytes, column: str) -> tuple[Array, Array]:
