@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import moves, recoils, restitution_law, waveform_name
+from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.analysis.records import per_realization
-from vibrosweep.analysis.requirements import refused_ragged, remedy
+from vibrosweep.analysis.requirements import differing, refused_ragged, remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import known
 from vibrosweep.model.parameters import MOUNT, NOISE, OF_RESTITUTION
-from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME
+from vibrosweep.model.restitution_laws import CONSTANT, law_in
+from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -78,11 +78,7 @@ class Needs:
                 return f"a value of {name}, which is undefined in every realization"
         for name in self.varied:
             if not (np.ptp(kick(dataset)) > 0 if name == KICK else varies(dataset, name)):
-                wanted = "amplitude" if name == KICK else name
-                return (
-                    f"realizations that differ in {wanted}: sample it, for example "
-                    f"{wanted} = [low, high], in the [sample] section of the sweep file"
-                )
+                return differing("amplitude" if name == KICK else name)
         return None
 
     def check(self, figure: str, dataset: xr.Dataset) -> None:
@@ -216,9 +212,9 @@ def conditions(dataset: xr.Dataset) -> str:
         parts.append(f"${SYMBOLS[name]}$ = {values}{unit}")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
-    if restitution_law(dataset) != CONSTANT:
-        parts.append(f"{restitution_law(dataset)} restitution")
-    if (shape := waveform_name(dataset)) != SINE_NAME:
+    if (law := law_in(dataset.attrs)) != CONSTANT:
+        parts.append(f"{law} restitution")
+    if (shape := name_in(dataset.attrs)) != SINE_NAME:
         parts.append("base of harmonics" if shape == HARMONICS_NAME else f"{shape} base")
     if recoils(dataset):
         parts.append("sprung base")
