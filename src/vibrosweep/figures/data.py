@@ -22,7 +22,7 @@ from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
 
 if TYPE_CHECKING:
     import xarray as xr
-
+    from matplotlib.axes import Axes
 
 KICK: Final = "kick"
 MINUS_INFINITY: Final = r"$-\infty$ (rests)"  # of an exponent
@@ -146,16 +146,9 @@ def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
     return record.isel(realization=realization)
 
 
-def pick(record: xr.Dataset, name: str) -> float:
-    """Value of a physical parameter in a record of one realization."""
-    return float(record[name].values)
-
-
 def format_units(units: str) -> str:
     """Units with raised exponents, in brackets: 'm s-1' becomes '(m s$^{-1}$)'."""
-    if units in ("", "1"):
-        return ""
-    return f" ({_raised(units)})"
+    return "" if units in ("", "1") else f" ({_raised(units)})"
 
 
 def _raised(units: str) -> str:
@@ -169,20 +162,20 @@ def symbol(name: str) -> str:
 
 def label(dataset: xr.Dataset, name: str) -> str:
     """Axis label of words, symbol and units, from the attributes of the dataset if it has them."""
-    words, units = name.replace("_", " "), str(dataset[name].attrs.get("units", ""))
-    if name in FORCINGS:
-        return forcing_label(name)
+    words = name.replace("_", " ")
     if name in INPUTS:
-        units = INPUTS[name].units
+        units = _units(name)
+        if name in FORCINGS:
+            words = FORCINGS[name].long_name.removesuffix(" (g)")
     else:
+        units = str(dataset[name].attrs.get("units", ""))
         words = str(dataset[name].attrs.get("long_name", words))
     return f"{textwrap.fill(words, LABEL_WIDTH)}{symbol(name)}{format_units(units)}"
 
 
-def forcing_label(name: str) -> str:
-    """Axis label of a forcing."""
-    words = FORCINGS[name].long_name.removesuffix(" (g)")
-    return f"{textwrap.fill(words, LABEL_WIDTH)}{symbol(name)}{format_units(_units(name))}"
+def name_axes(axes: Axes, dataset: xr.Dataset, across: str, up: str) -> None:
+    """Label both axes with the quantities along them."""
+    axes.set(xlabel=label(dataset, across), ylabel=label(dataset, up))
 
 
 def _units(name: str) -> str:
