@@ -64,11 +64,6 @@ def base_name(dataset: xr.Dataset) -> str:
     return str(dataset.attrs.get("base", HIGH_BOUNCE))
 
 
-def restitution_law(dataset: xr.Dataset) -> str:
-    """Return the law of restitution of a dataset; by default the constant one."""
-    return law_in(dataset.attrs)
-
-
 def moves(dataset: xr.Dataset) -> bool:
     """Return whether the base of a dataset moves."""
     return base_name(dataset) != HIGH_BOUNCE
@@ -79,22 +74,18 @@ def recoils(dataset: xr.Dataset) -> bool:
     return base_name(dataset) == SPRUNG
 
 
-def waveform_name(dataset: xr.Dataset) -> str:
-    """Return the waveform of a dataset, one of `WAVEFORMS`; by default the sine."""
-    return name_in(dataset.attrs)
-
-
 def has_closed_forms(dataset: xr.Dataset) -> bool:
-    """Return whether closed forms, which assume a sine and a constant restitution, hold."""
-    return waveform_name(dataset) == SINE_NAME and restitution_law(dataset) == CONSTANT
+    """Return whether closed forms hold: for a sine, a constant restitution, no coupling."""
+    plain = name_in(dataset.attrs) == SINE_NAME and law_in(dataset.attrs) == CONSTANT
+    return plain and not recoils(dataset)
 
 
 def require_scene(dataset: xr.Dataset, analysis: str) -> None:
     """Raise a DataError if an analysis cannot take the scene of a dataset."""
     wrong = refusal(
         base_name(dataset),
-        restitution=restitution_law(dataset),
-        waveform=waveform_name(dataset),
+        restitution=law_in(dataset.attrs),
+        waveform=name_in(dataset.attrs),
         analysis=analysis,
         noise=[name for name in NOISE if name in dataset.variables],
     )

@@ -15,7 +15,6 @@ from vibrosweep.analysis.common import (
     attributes,
     grid_axes,
     meaning,
-    note_of,
     require_ability,
     require_memory,
     settling,
@@ -35,6 +34,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
 from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
+from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
 
@@ -73,14 +73,19 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     if len(axes) > 1:
         other = [*axes][-1]
         raise sweep.refusal(Mistake(f"sample.{other}", f"basins take one axis beside {PLANE[0]}"))
-    fixed = sweep.scene.inputs.get("restitution")
-    highest = float(axes["restitution"][-1]) if fixed is None else fixed
+    scanned = axes.get("restitution")
+    highest = sweep.scene.inputs["restitution"] if scanned is None else float(scanned[-1])
     scene = settling(sweep, highest)
-    times = np.unique(launch_times(scene.launch, scene.particles, scene.inputs["frequency"]))
+    frequency = scene.inputs["frequency"]
+    times = np.unique(launch_times(scene.launch, scene.particles, frequency))
     steps = max((values.size for values in axes.values()), default=1)
     bytes_each = BYTES_PER_LAUNCH + steps * BYTES_KEPT
     require_memory("launches", speeds.size * times.size, bytes_each)
-    coordinates = _coordinates(times, speeds)
+    words = coordinate_attributes(PARAMETERS["launch_velocity"])
+    coordinates = {
+        "launch_time": ("launch_time", times, meaning("time of launch", "s")),
+        "launch_velocity": ("launch_velocity", speeds, words),
+    }
     with Workers(threads) as workers:
         planes = [
             _basins_at(scene, {n: v[k] for n, v in axes.items()}, coordinates, workers)
@@ -89,18 +94,17 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     (found,) = planes if not axes else (_along(planes, axes),)
     total = speeds.size * times.size
     counted = found["launches"]
-    shares = {"fraction": ("fraction of launches in the basin", counted.values / total)}
+    share = counted.values / total
+    shares = {"fraction": (counted.dims, share, meaning("fraction of launches in the basin"))}
     for side, values in share_interval(counted.values, total).items():
-        words = f"{side} end of the Wilson 95 % interval of the fraction of launches"
-        shares[f"fraction_{side}"] = words, values
-    attrs = attributes(scene, "Basins of attraction") | {"notes": note_of(scene, highest)}
-    attrs |= {"title": sweep.title, "sweep_file": sweep.text}
-    attrs |= dict(zip(("along",), axes, strict=False))
+        end = f"{side} end of the Wilson 95 % interval of the fraction of launches"
+        shares[f"fraction_{side}"] = (counted.dims, values, meaning(end))
+    notes = short_observation(scene, highest, frequency)
+    along = dict(zip(("along",), axes, strict=False))
     return (
         found.drop_vars("launches")
-        .assign({n: (counted.dims, v, meaning(w)) for n, (w, v) in shares.items()})
-        .assign(shared(scene, ["launch_velocity", *axes]))
-        .assign_attrs(attrs)
+        .assign(shares | shared(scene, ["launch_velocity", *axes]))
+        .assign_attrs(attributes(sweep, scene, notes, **along))
     )
 
 
@@ -117,13 +121,14 @@ def _basins_at(
     launch = Launches(whole[:, np.newaxis], phase[:, np.newaxis])
     alone = replace(scene.only(), particles=1, launch=tuple(times))
     orbits = find_orbits(problem, launch, alone, workers)
-    first, index, count = _by_frequency(_labels(orbits), orbits.regime != Regime.UNSETTLED)
+    labels = label_orbits(orbits, 1)[0]
+    # orbits without a cycle have a label for each regime
+    labels = np.where(labels == NO_ORBIT, -1 - orbits.regime.astype(np.int64), labels)
+    first, index, count = _by_frequency(labels, orbits.regime != Regime.UNSETTLED)
     landed, speed = _shortest(scene, problem, orbits, first, workers)
     plane = index.reshape(shape)
-    attrs = {
-        **meaning("index of the attractor that the launch leads to"),
-        "comment": f"{UNSETTLED} for an unsettled launch",
-    }
+    attrs = meaning("index of the attractor that the launch leads to")
+    attrs["comment"] = f"{UNSETTLED} for an unsettled launch"
     data: dict[str, Any] = {
         "basin": (PLANE, plane, attrs),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
@@ -246,12 +251,6 @@ def summary(found: xr.Dataset) -> Iterator[str]:
             )
 
 
-def _labels(orbits: Orbits) -> Codes:
-    """Label of the orbit of each launch; below zero, and one for each regime, without a cycle."""
-    labels = label_orbits(orbits, 1)[0]
-    return np.where(labels == NO_ORBIT, -1 - orbits.regime.astype(np.int64), labels)
-
-
 def _by_frequency(labels: Codes, settled: NDArray[np.bool_]) -> tuple[Codes, Codes, Codes]:
     """First launch of each label, index of each launch among labels, and launches of each label.
 
@@ -300,33 +299,18 @@ def _attractors(
     """Variables along the dim attractor, computed from the first launch that leads to each."""
     recurs = orbits.impacts[first] > 0
     same = recurs | (orbits.regime[first] == Regime.AT_REST)
-    exponent = np.where(same, orbits.largest[first], np.nan)
     values = {
-        "regime": (orbits.regime[first], VARIABLES["regime"].attributes),
-        "cycle_impacts": (orbits.impacts[first], VARIABLES["cycle_impacts"].attributes),
-        "cycle_periods": (orbits.periods[first], VARIABLES["cycle_periods"].attributes),
-        "cycle_rests": (orbits.rests[first], VARIABLES["cycle_rests"].attributes),
-        "launches": (count, {}),
-        "lyapunov_largest": (
-            exponent,
-            VARIABLES["lyapunov_largest"].attributes
-            | {"comment": "NaN where orbits do not repeat, since each has its own"},
-        ),
-        "impact_phase": (
-            landed,
-            meaning("phase in turns of the impact before the shortest flight"),
-        ),
-        "rebound_velocity": (
-            speed,
-            meaning("speed at the lift-off to the shortest flight", "m s-1"),
-        ),
+        "regime": orbits.regime[first],
+        "cycle_impacts": orbits.impacts[first],
+        "cycle_periods": orbits.periods[first],
+        "cycle_rests": orbits.rests[first],
+        "lyapunov_largest": np.where(same, orbits.largest[first], np.nan),
     }
-    return {name: ("attractor", *value) for name, value in values.items()}
-
-
-def _coordinates(times: Array, speeds: Array) -> dict[str, Any]:
-    words = coordinate_attributes(PARAMETERS["launch_velocity"])
-    return {
-        "launch_time": ("launch_time", times, meaning("time of launch", "s")),
-        "launch_velocity": ("launch_velocity", speeds, words),
-    }
+    data: dict[str, Any] = {n: ("attractor", v, VARIABLES[n].attributes) for n, v in values.items()}
+    comment = "NaN where orbits do not repeat, since each has its own"
+    data["lyapunov_largest"][2]["comment"] = comment
+    words = meaning("phase in turns of the impact before the shortest flight")
+    data["impact_phase"] = ("attractor", landed, words)
+    words = meaning("speed at the lift-off to the shortest flight", "m s-1")
+    data["rebound_velocity"] = ("attractor", speed, words)
+    return data | {"launches": ("attractor", count)}

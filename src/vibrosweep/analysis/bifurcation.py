@@ -15,7 +15,7 @@ from vibrosweep.analysis.common import KEPT as ALWAYS_HELD
 from vibrosweep.analysis.common import (
     attributes,
     grid_axes,
-    note_of,
+    meaning,
     require_ability,
     require_memory,
     settling,
@@ -35,6 +35,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
 from vibrosweep.model.shapes import SINE, TWO_PI
 from vibrosweep.model.status import Regime
+from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
 
@@ -90,7 +91,11 @@ def bifurcation(
     forcing = forcing_of(sweep.design.sampled)
     a = grid_axes(sweep, "bifurcation diagrams", forcing)[forcing]
     scene = settling(sweep, sweep.scene.inputs["restitution"])
-    name, (function, units, words) = _observable(observable)
+    if not callable(observable) and observable not in tuple(OBSERVABLES):
+        known = f"{', '.join(OBSERVABLES)}, or a function"
+        raise ParameterError(f"observable = {observable!r}: must be one of {known}")
+    name = "observable" if callable(observable) else observable
+    field, units, words = OBSERVABLES.get(name, ("", "1", name))
     order = np.stack([a, a[::-1]])
     shape = (len(DIRECTIONS), a.size, scene.particles)
     bytes_each = BYTES_PER_ORBIT + BYTES_PER_IMPACT * samples
@@ -105,16 +110,28 @@ def bifurcation(
             states = reached(orbits, scene.particles)
             impacts = _impacts(scene, parameters, orbits, samples, workers)
             at = (np.arange(len(DIRECTIONS)), np.array([i, a.size - 1 - i]))
-            values[at] = function(impacts, scene.inputs["gravity"])
+            if callable(observable):
+                values[at] = observable(impacts.phase, impacts.speed, scene.inputs["gravity"])
+            else:
+                values[at] = getattr(impacts, field)
             found = orbit_variables(orbits, parameters["frequency"])
             for kept in KEPT:
                 array = measured.setdefault(kept, unwritten(shape, found[kept].dtype))
                 array[at] = found[kept]
-    data = {n: (VARIABLES[n].attributes, v) for n, v in measured.items()}
-    data[name] = ({"units": units, "long_name": words}, values)
-    diagram = _dataset(scene, forcing, a, data)
-    return diagram.assign_attrs(
-        observable=name, notes=note_of(scene), title=sweep.title, sweep_file=sweep.text
+    dims = ("direction", forcing, "particle", "sample")
+    data: dict[str, Any] = {n: (dims[:-1], v, VARIABLES[n].attributes) for n, v in measured.items()}
+    data[name] = (dims, values, meaning(words, units))
+    quantities = scene.quantities({forcing: a})
+    coordinates: dict[str, Any] = {
+        n: (forcing, quantities[n], coordinate_attributes(FORCINGS[n]))
+        for n in (forcing, *ALWAYS_HELD)
+    }
+    inputs = scene.inputs
+    notes = short_observation(scene, inputs["restitution"], inputs["frequency"])
+    return xr.Dataset(
+        data | shared(scene, [forcing]),
+        {"direction": list(DIRECTIONS), **coordinates},
+        attributes(sweep, scene, notes, forcing=forcing, observable=name),
     )
 
 
@@ -129,20 +146,6 @@ def summary(diagram: xr.Dataset) -> Iterator[str]:
             if np.any(regimes == one)
         ]
         yield f"{f'{along} {direction}':24}{', '.join(parts)}"
-
-
-def _observable(
-    observable: str | OfImpacts,
-) -> tuple[str, tuple[Callable[[Impacts, float], Array], str, str]]:
-    if callable(observable):
-        function = observable
-        return "observable", (lambda i, g: function(i.phase, i.speed, g), "1", "observable")
-    if not isinstance(observable, str) or observable not in OBSERVABLES:
-        raise ParameterError(
-            f"observable = {observable!r}: must be one of {', '.join(OBSERVABLES)}, or a function"
-        )
-    field, units, words = OBSERVABLES[observable]
-    return observable, (lambda i, g: getattr(i, field), units, words)
 
 
 def _impacts(
@@ -176,23 +179,3 @@ def _impacts(
     landed = np.where(np.isnan(left), np.nan, out.landing_time[:, :samples])
     phase = landed - np.rint(landed)
     return Impacts(*(values.reshape(shape) for values in (phase, speed, height, time)))
-
-
-def _dataset(
-    scene: Scene, forcing: str, scan: Array, data: dict[str, tuple[dict[str, Any], NDArray[Any]]]
-) -> xr.Dataset:
-    dims = ("direction", forcing, "particle", "sample")
-    quantities = scene.quantities({forcing: scan})
-    along = dict.fromkeys((forcing, *ALWAYS_HELD))
-    variables = {n: (dims[: v.ndim], v, words) for n, (words, v) in data.items()}
-    return xr.Dataset(
-        variables | shared(scene, [forcing]),
-        {
-            "direction": list(DIRECTIONS),
-            **{n: (forcing, quantities[n], coordinate_attributes(FORCINGS[n])) for n in along},
-        },
-        {
-            **attributes(scene, "Bifurcation diagram along the forcing, up and down"),
-            "forcing": forcing,
-        },
-    )

@@ -71,12 +71,7 @@ def find_edges(
     row, left = np.nonzero(codes[:, 1:] != codes[:, :-1])
     near, far = (left, left + 1) if upward else (left + 1, left)
     brackets = _Brackets(
-        row,
-        axis[near],
-        axis[far],
-        codes[row, near],
-        codes[row, far],
-        states[row, near],
+        row, axis[near], axis[far], codes[row, near], codes[row, far], states[row, near]
     )
     done = _bisect(evaluate, brackets, tolerance)
     swap = done.near > done.far

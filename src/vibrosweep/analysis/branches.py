@@ -7,24 +7,19 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from vibrosweep.analysis.closed_orbits import MOST_IMPACTS, MOST_PERIODS, cycle_name, multipliers
 from vibrosweep.analysis.common import (
     KEPT,
     attributes,
+    coded,
     grid_axes,
     meaning,
     require_ability,
     shared,
 )
-from vibrosweep.analysis.orbit_lines import (
-    ENDS,
-    EVENTS,
-    Line,
-    Plane,
-    branches_along,
-    curves_of,
-)
+from vibrosweep.analysis.orbit_lines import ENDS, EVENTS, Line, Plane, branches_along, curves_of
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
@@ -32,7 +27,7 @@ from vibrosweep.kernels.closed import MEETS_BASE, RESTS
 from vibrosweep.kernels.continuation import BORN
 from vibrosweep.kernels.extended import FIX_DRIVE, FIX_E
 from vibrosweep.model.forcing import FORCINGS, INPUTS, forcing_of
-from vibrosweep.model.measures import VARIABLES, Variable
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:
@@ -68,14 +63,12 @@ def branches(
     condition = FIX_E if along == forcing else FIX_DRIVE
     with Workers(threads) as workers:
         lines = branches_along(plane, condition, wanted, doublings, workers)
-    data = _lines(lines, plane, "branch", [along], spec) | _events(lines, plane, along, spec)
-    dims = ("branch",)
+    data = _lines(lines, plane, "branch", [along], spec) | _events(lines, plane, along)
     parents = np.array([line.parent for line in lines], np.int64)
     words = "branch whose orbit doubles where this one is born, -1 without any"
-    data["parent"] = (dims, parents, meaning(words))
+    data["parent"] = ("branch", parents, meaning(words))
     data |= shared(spec.scene, [along])
-    attrs = attributes(spec.scene, "Periodic orbits along a parameter") | {"along": along}
-    return xr.Dataset(data, attrs=attrs | _source(spec))
+    return xr.Dataset(data, attrs=attributes(spec, spec.scene, along=along))
 
 
 def boundaries(
@@ -110,9 +103,8 @@ def boundaries(
     plane = Plane(spec.scene, forcing, e, drive, points)
     curves = curves_of(plane, lines, e)
     data = _lines(curves, plane, "curve", ["restitution", forcing], spec)
-    kinds = np.array([curve.kind for curve in curves], np.int8)
-    kind = Variable("bifurcation", ("curve",), "int8", "1", "kind of bifurcation", flags=OF_CURVES)
-    data["bifurcation"] = (kind.dims, kinds, kind.attributes)
+    kinds = [curve.kind for curve in curves]
+    data["bifurcation"] = coded(["curve"], kinds, "kind of bifurcation", OF_CURVES)
     varied = ("restitution", forcing)
     quantities = spec.scene.quantities({name: data[name][1].ravel() for name in varied})
     dims, values, _ = data[forcing]
@@ -120,12 +112,7 @@ def boundaries(
         words = coordinate_attributes(FORCINGS[name])
         data[name] = (dims, quantities[name].reshape(values.shape), words)
     data |= shared(spec.scene, varied)
-    attrs = attributes(spec.scene, "Curves of bifurcations") | {"forcing": forcing}
-    return xr.Dataset(data, attrs=attrs | _source(spec))
-
-
-def _source(spec: Sweep) -> dict[str, str]:
-    return {"notes": "", "title": spec.title, "sweep_file": spec.text}
+    return xr.Dataset(data, attrs=attributes(spec, spec.scene, forcing=forcing))
 
 
 def _require(wanted: tuple[int, int], doublings: int, points: int) -> None:
@@ -162,17 +149,9 @@ def _lines(
     trace = _padded([line.trace for line in lines], points)
     determinant = _padded([line.determinant for line in lines], points)
     real, imaginary = multipliers(trace, determinant)
-    present = np.isfinite(trace)
-    stable = np.where(present, np.hypot(real, imaginary)[..., 0] < 1.0, -1)
-    admissible = np.full(trace.shape, NONE)
-    for i, line in enumerate(lines):
-        admissible[i, : line.admissible.size] = line.admissible
-    speed = np.full((*trace.shape, impacts), np.nan)
-    phase = speed.copy()
-    for i, line in enumerate(lines):
-        times = line.z[:, : line.p]
-        phase[i, : times.shape[0], : line.p] = times - np.rint(times)
-        speed[i, : times.shape[0], : line.p] = line.speed
+    stable = np.where(np.isfinite(trace), np.hypot(real, imaginary)[..., 0] < 1.0, -1)
+    speed = _padded([line.speed for line in lines], points, impacts)
+    phase = _padded([_phases(line.z, line.p) for line in lines], points, impacts)
     unit = spec.scene.inputs["gravity"] / (2.0 * spec.scene.inputs["frequency"])
     dims, landing = (dim, "point"), (dim, "point", "impact")
     data: dict[str, Any] = {
@@ -183,24 +162,21 @@ def _lines(
         )
         for name in along
     }
-    for name in ("cycle_impacts", "cycle_periods"):
-        values = [line.p if name == "cycle_impacts" else line.q for line in lines]
-        data[name] = ((dim,), np.array(values, np.int64), VARIABLES[name].attributes)
-    flags = {
-        "stable": (stable, ((-1, "no_point"), (0, "no"), (1, "yes")), "whether it attracts"),
-        "admissible": (
-            admissible,
-            ((NONE, "no_point"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
-            "whether a particle takes the orbit: no earlier landing, no rest",
-        ),
-    }
-    for name, (codes, meanings, words) in flags.items():
-        flagged = Variable(name, dims, "int8", "1", words, flags=meanings)
-        data[name] = (dims, codes.astype(np.int8), flagged.attributes)
-    ends = Variable("ends", (dim, "end"), "int8", "1", "why the line ends", flags=ENDS)
-    codes = np.array([line.ends for line in lines], np.int8).reshape(len(lines), 2)
+    cycles = np.array([(line.p, line.q) for line in lines], np.int64).reshape(-1, 2)
+    for name, values in zip(("cycle_impacts", "cycle_periods"), cycles.T, strict=True):
+        data[name] = (dim, values, VARIABLES[name].attributes)
+    ends = np.array([line.ends for line in lines]).reshape(-1, 2)
     return data | {
-        "ends": (ends.dims, codes, ends.attributes),
+        "stable": coded(
+            dims, stable, "whether it attracts", ((-1, "no_point"), (0, "no"), (1, "yes"))
+        ),
+        "admissible": coded(
+            dims,
+            _padded([line.admissible for line in lines], points, blank=NONE),
+            "whether a particle takes the orbit: no earlier landing, no rest",
+            ((NONE, "no_point"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
+        ),
+        "ends": coded((dim, "end"), ends, "why the line ends", ENDS),
         "multiplier_real": ((*dims, "multiplier"), real, meaning("multiplier, real part")),
         "multiplier_imaginary": (
             (*dims, "multiplier"),
@@ -218,37 +194,35 @@ def _values(line: Line, plane: Plane, name: str, z: Array) -> Array:
     return e if name == "restitution" else np.asarray(drive / plane.scale)
 
 
-def _padded(rows: Sequence[Array], length: int) -> Array:
-    found = np.full((len(rows), length), np.nan)
+def _phases(z: Array, p: int) -> Array:
+    """Phases of the p impacts at points of a line, in [-1/2, 1/2] turns."""
+    times = z[:, :p]
+    return times - np.rint(times)
+
+
+def _padded(rows: Sequence[NDArray[Any]], *shape: int, blank: float = np.nan) -> Array:
+    """Stack arrays of different sizes, each padded to one shape."""
+    found = np.full((len(rows), *shape), blank)
     for i, row in enumerate(rows):
-        found[i, : row.size] = row
+        found[i][tuple(slice(size) for size in row.shape)] = row
     return found
 
 
-def _events(lines: Sequence[Line], plane: Plane, along: str, spec: Sweep) -> dict[str, Any]:
+def _events(lines: Sequence[Line], plane: Plane, along: str) -> dict[str, Any]:
     """Bifurcations on lines, in their order along each line."""
+    impacts = max((line.p for line in lines), default=1)
     most = max((len(line.events) for line in lines), default=0)
-    kinds = np.full((len(lines), most), NONE, np.int8)
-    phase = np.full((len(lines), most, max((line.p for line in lines), default=1)), np.nan)
-    values = np.full((len(lines), most), np.nan)
-    for i, line in enumerate(lines):
-        for k, event in enumerate(line.events):
-            kinds[i, k] = event.kind
-            times = event.z[: line.p]
-            phase[i, k, : line.p] = times - np.rint(times)
-            values[i, k] = _values(line, plane, along, event.z)
+    points = [np.array([e.z for e in line.events]).reshape(-1, line.p + 2) for line in lines]
+    pairs = list(zip(lines, points, strict=True))
+    kinds = [np.array([event.kind for event in line.events]) for line in lines]
+    values = _padded([_values(line, plane, along, z) for line, z in pairs], most)
+    phases = _padded([_phases(z, line.p) for line, z in pairs], most, impacts)
     dims = ("branch", "event")
     flags = ((NONE, "none"), *EVENTS)
-    kind = Variable("bifurcation", dims, "int8", "1", "kind of bifurcation", flags=flags)
-    words = coordinate_attributes(INPUTS[along])
     return {
-        "bifurcation": (dims, kinds, kind.attributes),
-        f"bifurcation_{along}": (dims, values, words),
-        "bifurcation_phase": (
-            (*dims, "impact"),
-            phase,
-            meaning("phase of the impact, turns"),
-        ),
+        "bifurcation": coded(dims, _padded(kinds, most, blank=NONE), "kind of bifurcation", flags),
+        f"bifurcation_{along}": (dims, values, coordinate_attributes(INPUTS[along])),
+        "bifurcation_phase": ((*dims, "impact"), phases, meaning("phase of the impact, turns")),
     }
 
 

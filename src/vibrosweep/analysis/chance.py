@@ -159,13 +159,11 @@ def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
     require(sweep, "separations_against_chance", *needed)
     dt = sweep["dt_min"].values
     count = sweep["particle_impact_count"].values.astype(np.float64)
-    window, frequency = (
-        per_realization(sweep, "duration") - per_realization(sweep, "transient"),
-        per_realization(sweep, "frequency"),
-    )
+    window = per_realization(sweep, "duration") - per_realization(sweep, "transient")
+    most = OFTEN * (per_realization(sweep, "frequency") * window)
     rate = (count.sum(axis=1) ** 2 - (count**2).sum(axis=1)) / window
     known = (sweep["rest_count"].values == 0) & (sweep["at_rest_count"].values == 0)
-    known &= (count <= OFTEN * (frequency * window)[:, np.newaxis]).all(axis=1)
+    known &= (count <= most[:, np.newaxis]).all(axis=1)
     if "locked_count" in sweep:
         known &= sweep["locked_count"].values == 0
     z = np.where(known, rate * dt, np.nan)
@@ -193,8 +191,7 @@ def _against_chance(
             f"the window earlier, or record for longer"
         )
     landing = record["landing_time"].values[realization]
-    with np.errstate(invalid="ignore"):
-        inside = (landing >= since) & (landing < since + periods / frequency)
+    inside = (landing >= since) & (landing < since + periods / frequency)
     who = np.nonzero(inside)[0]
     time = (landing[inside] - since) * frequency
     phase = frequency * landing[inside] + turns / (2.0 * np.pi)
@@ -272,10 +269,6 @@ def _phases(window: _Window) -> dict[str, float]:
         return dict.fromkeys(("order_over_chance", "order_chance", "gap_chance"), np.nan)
     z = n * float(abs(np.exp(2j * np.pi * phases).mean())) ** 2
     gap = float(np.diff(np.sort(phases), append=phases.min() + 1.0).min())
-    return {
-        "order_over_chance": z,
-        "order_chance": float(
-            np.clip(np.exp(-z) * (1.0 + (2.0 * z - z * z) / (4.0 * n)), 0.0, 1.0)
-        ),
-        "gap_chance": 1.0 - max(0.0, 1.0 - n * gap) ** (n - 1),
-    }
+    above = float(np.clip(np.exp(-z) * (1.0 + (2.0 * z - z * z) / (4.0 * n)), 0.0, 1.0))
+    below = 1.0 - max(0.0, 1.0 - n * gap) ** (n - 1)
+    return {"order_over_chance": z, "order_chance": above, "gap_chance": below}

@@ -6,7 +6,7 @@ orbit (slots) count as one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.common import (
     attributes,
+    coded,
     meaning,
     require_ability,
     require_memory,
@@ -27,7 +28,7 @@ from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.orbit_search import NO_ORBIT, Closed, Wanted, empty_closed, find_closed
 from vibrosweep.kernels.unwritten import require_written
-from vibrosweep.model.measures import VARIABLES, Variable
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless, taken
 from vibrosweep.runs.result import attributes_of
 from vibrosweep.scene.realizations import open_design
@@ -47,42 +48,14 @@ PROBLEMS_PER_TASK: Final = 4
 BYTES_PER_IMPACT: Final = 40
 OF_ORBITS: Final = Closed._fields[1 : Closed._fields.index("seeds")]
 ABSENT: Final = -1
-FLAGS: Final = {
-    "admissible": Variable(
-        "admissible",
-        ("realization", "orbit"),
-        "int8",
-        "1",
-        "whether a particle takes the orbit: no earlier landing, no rest",
-        ((NO_ORBIT, "no_orbit"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
-    ),
-    "stable": Variable(
-        "stable",
-        ("realization", "orbit"),
-        "int8",
-        "1",
-        "whether both multipliers are inside the unit circle",
-        ((ABSENT, "no_orbit"), (0, "no"), (1, "yes")),
-    ),
-    "balanced": Variable(
-        "balanced",
-        ("realization", "impacts", "periods"),
-        "int8",
-        "1",
-        "whether points with a real multiplier above 1 are as many as the others",
-        ((ABSENT, "unknown"), (0, "no"), (1, "yes")),
-    ),
-}
 
 
 def orbits(sweep: Sweep, threads: int, *, impacts: int, periods: int, seeds: int) -> xr.Dataset:
     """Closed orbits of all realizations of a sweep, as `vibrosweep.orbits`."""
     scene, design = sweep.scene, open_design(sweep)
     require_ability("orbits", scene, design.sampled)
-    for name, value, most in (
-        ("impacts", impacts, MOST_IMPACTS),
-        ("periods", periods, MOST_PERIODS),
-    ):
+    bounds = (("impacts", impacts, MOST_IMPACTS), ("periods", periods, MOST_PERIODS))
+    for name, value, most in bounds:
         if value > most:
             raise ParameterError(
                 f"{name} = {value}: must be at most {most}, since the number of orbits grows "
@@ -94,43 +67,33 @@ def orbits(sweep: Sweep, threads: int, *, impacts: int, periods: int, seeds: int
     balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
     wanted = Wanted(impacts, periods, seeds, balances)
     with Workers(threads) as workers:
-        base = base_of(*scene.mechanics)
-        found = find_all(base, problem, wanted, workers)
-    unit = {"speed": quantities["gravity"] / (2.0 * quantities["frequency"])}
-    unit["time"] = 1.0 / quantities["frequency"]
-    data = _orbits(found, unit) | _searched(found, wanted, problem.restitution < 1.0)
-    data |= shared(scene, [*varied])
-    names = {n: ("realization", quantities[n], attributes_of(n)) for n in scene.varying(varied)}
-    attrs = attributes(scene, "Closed orbits") | {"notes": "", "seeds_of_each_phase": seeds}
-    attrs |= {"title": sweep.title, "sweep_file": sweep.text}
-    numbers = {"impacts": ("impacts of an orbit", impacts), "periods": ("its periods", periods)}
-    coordinates = {
-        name: (name, np.arange(1, most + 1), {"long_name": words})
-        for name, (words, most) in numbers.items()
+        found = find_all(base_of(*scene.mechanics), problem, wanted, workers)
+    unit_speed = quantities["gravity"] / (2.0 * quantities["frequency"])
+    data = _orbits(found, unit_speed, 1.0 / quantities["frequency"])
+    data |= _searched(found, wanted, problem.restitution < 1.0) | shared(scene, [*varied])
+    coordinates: dict[str, Any] = {
+        n: ("realization", quantities[n], attributes_of(n)) for n in scene.varying(varied)
     }
-    dataset = xr.Dataset(data, names | coordinates, attrs)
-    return _on_axes(dataset, sweep) if design.sampled else dataset.isel(realization=0)
+    places = (("impacts", impacts, "impacts of an orbit"), ("periods", periods, "its periods"))
+    for name, most, words in places:
+        coordinates[name] = (name, np.arange(1, most + 1), {"long_name": words})
+    attrs = attributes(sweep, scene, seeds_of_each_phase=seeds)
+    dataset = xr.Dataset(data, coordinates, attrs)
+    if not design.sampled:
+        return dataset.isel(realization=0)
+    return _on_axes(dataset, sweep.design.axes) if sweep.design.axes else dataset
 
 
-def _on_axes(found: xr.Dataset, spec: Sweep) -> xr.Dataset:
+def _on_axes(found: xr.Dataset, axes: Mapping[str, Sequence[float]]) -> xr.Dataset:
     """Return the dataset with the axes of a grid as dims."""
-    axes = spec.design.axes
-    if not axes:
-        return found
-    follows = {n: found[n] for n in found.coords if found[n].dims == ("realization",)}
-    sizes = [len(values) for values in axes.values()]
-    shaped: dict[str, Any] = {}
-    for name, one in {**follows, **found.data_vars}.items():
+    sizes = {name: len(values) for name, values in axes.items()}
+    variables: dict[Any, Any] = {}
+    for name, one in found.variables.items():
+        variables[name] = one
         if "realization" in one.dims:
-            values = one.values.reshape(*sizes, *one.shape[1:])
-            shaped[str(name)] = ((*axes, *one.dims[1:]), values, one.attrs)
-        else:
-            shaped[str(name)] = one
-    coordinates = {n: (n, np.array(v), attributes_of(n)) for n, v in axes.items()}
-    kept = {n: shaped.pop(str(n)) for n in follows if n not in axes}
-    data = {n: v for n, v in shaped.items() if n not in axes}
-    places = {n: found[n] for n in ("impacts", "periods")}
-    return xr.Dataset(data, {**coordinates, **kept, **places}, found.attrs)
+            variables[name] = one.unstack(realization=sizes).transpose(*sizes, ...)
+    variables |= {n: (n, np.array(v), attributes_of(n)) for n, v in axes.items()}
+    return xr.Dataset(variables, attrs=found.attrs).set_coords([*found.coords])
 
 
 def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers) -> Closed:
@@ -190,13 +153,8 @@ def _padded(values: NDArray[Any], most: int, name: str) -> NDArray[Any]:
     return np.pad(values, shape, constant_values=blank)
 
 
-def _flagged(name: str, values: NDArray[Any]) -> tuple[Any, ...]:
-    flagged = FLAGS[name]
-    return flagged.dims, values.astype(flagged.dtype), flagged.attributes
-
-
-def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
-    """Variables of the orbits, in physical units."""
+def _orbits(found: Closed, unit_speed: Array, unit_time: Array) -> dict[str, Any]:
+    """Variables of the orbits, from the units of speed (m s-1) and time (s) of each realization."""
     dims, landing = ("realization", "orbit"), ("realization", "orbit", "impact")
     present = found.impacts > 0
     at = np.arange(found.times.shape[2])
@@ -204,14 +162,24 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
     ends[..., :-1] = times[..., 1:]
     last = at == found.impacts[..., np.newaxis] - 1
     ends = np.where(last, times[..., :1] + found.periods[..., np.newaxis], ends)
-    speed, period = (unit[name][:, np.newaxis, np.newaxis] for name in ("speed", "time"))
+    speed, time = (unit[:, np.newaxis, np.newaxis] for unit in (unit_speed, unit_time))
     real, imaginary = multipliers(found.trace, found.determinant)
     modulus = np.hypot(real, imaginary)[..., 0]
     return {
         "cycle_impacts": (dims, found.impacts, VARIABLES["cycle_impacts"].attributes),
         "cycle_periods": (dims, found.periods, VARIABLES["cycle_periods"].attributes),
-        "admissible": _flagged("admissible", found.admissible),
-        "stable": _flagged("stable", np.where(present, modulus < 1.0, ABSENT)),
+        "admissible": coded(
+            dims,
+            found.admissible,
+            "whether a particle takes the orbit: no earlier landing, no rest",
+            ((NO_ORBIT, "no_orbit"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
+        ),
+        "stable": coded(
+            dims,
+            np.where(present, modulus < 1.0, ABSENT),
+            "whether both multipliers are inside the unit circle",
+            ((ABSENT, "no_orbit"), (0, "no"), (1, "yes")),
+        ),
         "multiplier_real": (
             (*dims, "multiplier"),
             real,
@@ -222,14 +190,10 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
             imaginary,
             meaning("multiplier of the orbit, imaginary part"),
         ),
-        "impact_phase": (
-            landing,
-            times - np.rint(times),
-            meaning("phase of the impact, turns"),
-        ),
+        "impact_phase": (landing, times - np.rint(times), meaning("phase of the impact, turns")),
         "flight_time": (
             landing,
-            (ends - times) * period,
+            (ends - times) * time,
             meaning("duration of the flight after the impact", "s"),
         ),
         "rebound_velocity": (
@@ -240,11 +204,8 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
         "arrival_velocity": (
             landing,
             found.arrival * speed,
-            {
-                "units": "m s-1",
-                "long_name": "speed at the end of the flight that follows the impact",
-                "comment": "relative to the base",
-            },
+            meaning("speed at the end of the flight that follows the impact", "m s-1")
+            | {"comment": "relative to the base"},
         ),
     }
 
@@ -280,8 +241,12 @@ def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> di
     }
     for name in ("saddle_points", "other_points"):
         data[name][2]["comment"] = comment
-    balanced = np.where(balances, found.saddles == found.others, ABSENT)
-    data["balanced"] = _flagged("balanced", balanced)
+    data["balanced"] = coded(
+        dims,
+        np.where(balances, found.saddles == found.others, ABSENT),
+        "whether points with a real multiplier above 1 are as many as the others",
+        ((ABSENT, "unknown"), (0, "no"), (1, "yes")),
+    )
     count = meaning("number of orbits")
     return {"orbit_count": (("realization",), found.orbits, count), **data}
 

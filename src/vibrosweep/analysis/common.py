@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -14,15 +14,17 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import ABSENT, Mistake, Word
 from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
+from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import STREAM
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.times import Periods, in_seconds
-from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes
 from vibrosweep.scene.design import GRID
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.system import physical_memory
+
+Flags = tuple[tuple[int, str], ...]  # codes and their meanings
 
 # Forcings that every result holds
 KEPT: Final = ("amplitude", "base_acceleration")
@@ -50,26 +52,29 @@ def settling(spec: Sweep, restitution: float) -> Scene:
     return replace(scene, duration=Periods(float(np.ceil(min(periods, LONGEST)))))
 
 
-def note_of(scene: Scene, restitution: float | None = None) -> str:
-    """Return a remark if orbits at that restitution may not be recognised in time, else ""."""
-    highest = scene.inputs["restitution"] if restitution is None else restitution
-    return short_observation(scene, highest, scene.inputs["frequency"])
-
-
-def attributes(scene: Scene, title: str) -> dict[str, Any]:
-    """Attributes of a dataset: its title, and the scene apart from its parameters."""
+def attributes(sweep: Sweep, scene: Scene, notes: str = "", **others: Any) -> dict[str, Any]:
+    """Attributes of a result: its sweep, its scene apart from the inputs, remarks, and others."""
     return {
-        "title": title,
+        "title": sweep.title,
         "particles": scene.particles,
         "launch": scene.launch if isinstance(scene.launch, str) else np.asarray(scene.launch),
         "impact_budget": scene.measures.impact_budget,
         **attributes_of_scene(scene),
+        **others,
+        "notes": notes,
+        "sweep_file": sweep.text,
     }
 
 
 def meaning(long_name: str, units: str = "1") -> dict[str, str]:
     """Attributes of a variable: its meaning and its units."""
     return {"units": units, "long_name": long_name}
+
+
+def coded(dims: Sequence[str], codes: object, long_name: str, flags: Flags) -> tuple[Any, ...]:
+    """Variable of codes: its dims, values and attributes, with the meaning of each code."""
+    variable = Variable("", tuple(dims), "int8", "1", long_name, flags=flags)
+    return variable.dims, np.asarray(codes, np.int8), variable.attributes
 
 
 def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:

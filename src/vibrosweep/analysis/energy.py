@@ -7,13 +7,11 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import moves, require_scene, restitution_law
-from vibrosweep.analysis.record_flights import arrival_speeds, base_motion
+from vibrosweep.analysis.base_motion import BaseMotion, moves, require_scene
+from vibrosweep.analysis.record_flights import arrival_speeds, base_motion, restitutions
 from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
-from vibrosweep.model.shapes import SINE
 from vibrosweep.scene.waveform import stored
 
 __all__ = ["energy_balance"]
@@ -125,17 +123,12 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
     base = base_motion(one, "energy_balance")
     time, liftoff = one["landing_time"].values, one["liftoff_time"].values
     before, after = arrival_speeds(one, "energy_balance"), one["rebound_velocity"].values
-    known = np.isfinite(before) & np.isfinite(after)
-    with np.errstate(invalid="ignore"):
-        known &= time >= since
+    known = np.isfinite(before) & np.isfinite(after) & (time >= since)
     if impacts is not None:
         known &= np.cumsum(known[:, ::-1], axis=1)[:, ::-1] <= impacts
-    e = _restitution(one, nominal, before + base.velocity(time))
-    shape = stored(one.attrs)
-    if shape == SINE:
-        kick = amplitude * np.sin(2.0 * np.pi * frequency * time + phase)
-    else:
-        kick = amplitude * shape.velocity(frequency * time + phase / (2.0 * np.pi))
+    relative = before + base.velocity(time)
+    e = restitutions(one, np.nan_to_num(np.maximum(relative, 0.0)))
+    kick = BaseMotion(amplitude, frequency, phase, waveform=stored(one.attrs)).velocity(time)
     if moves(record):  # the peak velocity of the base is A / (1 + e) with the nominal e
         kick = kick * ((1.0 + e) / (1.0 + nominal))
     rested = (one["rested"].values == 1) & known
@@ -145,7 +138,7 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
     gain = (after**2 - before**2) / 2.0
     gain += gravity * (base.height(liftoff) - base.height(time))
     kept = np.where(rested, 0.0, e)  # share of the relative speed
-    dissipated = (1.0 - kept**2) * (before + base.velocity(time)) ** 2 / 2.0
+    dissipated = (1.0 - kept**2) * relative**2 / 2.0
     count = known.sum(axis=1).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = [
@@ -162,12 +155,3 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
             )
         ]
     return np.stack([*mean, count, rested.sum(axis=1)])
-
-
-def _restitution(one: xr.Dataset, e: float, relative: Array) -> Array:
-    """Restitution of impacts with these relative speeds."""
-    law = restitution_law(one)
-    if law == CONSTANT:
-        return np.full_like(relative, e)
-    speed = float(one["restitution_speed"])
-    return restitution_at(np.nan_to_num(np.maximum(relative, 0.0)), e, law, speed)

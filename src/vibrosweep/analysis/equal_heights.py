@@ -6,8 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import Flights, flights, per_realization, variable
-from vibrosweep.arrays import Array
+from vibrosweep.analysis.records import Flights, flights, per_realization, table, variable
 
 __all__ = ["crossings"]
 
@@ -67,18 +66,23 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     particles = record.sizes["particle"]
     low, high = np.minimum(first, second)[crosses], np.maximum(first, second)[crosses]
     meeting = np.unique(low * particles + high)
-    return _dataset(
-        flown.start[j][crosses] + since[crosses],
-        (flown.height[j] + since * (flown.velocity[j] - 0.5 * gravity * since))[crosses],
-        first[crosses],
-        second[crosses],
-        {
-            "flight_overlaps": (i.size, "pairs of flights that are in the air together"),
-            "flights_alike": (int(np.count_nonzero(alike)), "pairs of flights that are the same"),
-            "pairs": (particles * (particles - 1) // 2, "pairs of particles"),
-            "pairs_crossing": (meeting.size, "pairs of particles that cross"),
-        },
-    )
+    time = flown.start[j] + since
+    height = flown.height[j] + since * (flown.velocity[j] - 0.5 * gravity * since)
+    chosen = np.flatnonzero(crosses)
+    chosen = chosen[np.argsort(time[chosen], kind="stable")]
+    counts = {
+        "flight_overlaps": (i.size, "pairs of flights that are in the air together"),
+        "flights_alike": (int(np.count_nonzero(alike)), "pairs of flights that are the same"),
+        "pairs": (particles * (particles - 1) // 2, "pairs of particles"),
+        "pairs_crossing": (meeting.size, "pairs of particles that cross"),
+    }
+    return table(
+        "crossing",
+        time=(time[chosen], "time of crossing", "s"),
+        height=(height[chosen], "height of crossing", "m"),
+        first=(first[chosen], "particle whose flight began earlier"),
+        second=(second[chosen], "particle whose flight began later"),
+    ).assign({name: variable((), *count) for name, count in counts.items()})
 
 
 def _overlapping(flown: Flights) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -90,23 +94,3 @@ def _overlapping(flown: Flights) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     j = i + 1 + (np.arange(i.size) - np.repeat(np.cumsum(count) - count, count))
     other = flown.particle[i] != flown.particle[j]
     return i[other], j[other]
-
-
-def _dataset(
-    time: Array,
-    height: Array,
-    first: NDArray[np.int64],
-    second: NDArray[np.int64],
-    counts: dict[str, tuple[int, str]],
-) -> xr.Dataset:
-    order = np.argsort(time, kind="stable")
-    dims = ("crossing",)
-    return xr.Dataset(
-        {
-            "time": variable(dims, time[order], "time of crossing", "s"),
-            "height": variable(dims, height[order], "height of crossing", "m"),
-            "first": variable(dims, first[order], "particle whose flight began earlier"),
-            "second": variable(dims, second[order], "particle whose flight began later"),
-            **{name: variable((), count, text) for name, (count, text) in counts.items()},
-        }
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
@@ -109,12 +110,18 @@ def law_errors(scene: Scene, condition: Locked, points: Points) -> Array:
 
 def launched(scene: Scene, condition: Condition, points: Points, workers: Workers) -> Codes:
     """Code of a condition for the scene's launches at each point; shape (point,)."""
-    size = max(1, TRAJECTORIES_AT_A_TIME // scene.particles)
-    held = []
-    for start in range(0, points["restitution"].size, size):
-        piece = {name: values[start : start + size] for name, values in points.items()}
-        held.append(condition_codes(scene, condition, scene.parameters(piece), workers))
+    held = [
+        condition_codes(scene, condition, scene.parameters(piece), workers)
+        for piece in in_pieces(points, scene.particles)
+    ]
     return np.concatenate(held)
+
+
+def in_pieces(points: Points, trajectories: int) -> Iterator[Points]:
+    """Yield the points, of so many trajectories each, in pieces that take little memory."""
+    size = max(1, TRAJECTORIES_AT_A_TIME // trajectories)
+    for start in range(0, points["restitution"].size, size):
+        yield {name: values[start : start + size] for name, values in points.items()}
 
 
 def condition_codes(
@@ -185,11 +192,7 @@ def settle_from(
 
 
 def continued(
-    scene: Scene,
-    condition: Condition,
-    points: Points,
-    states: States,
-    workers: Workers,
+    scene: Scene, condition: Condition, points: Points, states: States, workers: Workers
 ) -> tuple[Codes, States]:
     """Code of a condition for orbits continued from given states, and their final states.
 

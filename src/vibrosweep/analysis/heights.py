@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from vibrosweep import theory
 from vibrosweep.analysis.base_motion import moves, require_scene
-from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.records import equal_parts, per_realization, table, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError
 from vibrosweep.model.status import Status
 from vibrosweep.store.rows import flat
 
@@ -71,53 +70,39 @@ def heights_against_restitution(
     sweep = flat(sweep)
     require_scene(sweep, "heights_against_restitution")
     require(sweep, "heights_against_restitution", *names)
-    e = per_realization(sweep, "restitution")
     known = np.isfinite(sweep["rebound_height_max"].values)
     if "status" in sweep.variables:
         known &= sweep["status"].values == Status.COMPLETED
     highest, mean = (np.where(known, sweep[name].values, np.nan) for name in names[3:])
     mode, distance = _nearest_plateau(sweep, np.where(known, highest, 0.0))
     on = known & (mode > 0.0) & (distance <= tolerance)
-    edges = np.unique(np.quantile(e, np.linspace(0.0, 1.0, bins + 1)))
-    if edges.size < 3:
-        raise DataError(
-            "heights_against_restitution needs realizations that differ in restitution: sample "
-            "it, for example restitution = [low, high], in the [sample] section of the sweep file"
-        )
-    part = np.clip(np.searchsorted(edges, e, side="right") - 1, 0, edges.size - 2)
-    parts = [known & (part == i) for i in range(edges.size - 1)]
+    parts, ends = equal_parts(sweep, "restitution", bins, "heights_against_restitution", fewest=2)
+    parts = [known & part for part in parts]
     medians = [np.array([_reduced(np.median, h[p]) for p in parts]) for h in (highest, mean)]
-    correlation = spearmanr(e[known], highest[known])
-    dims = ("part",)
-    return xr.Dataset(
-        {
-            "height_max_median": variable(dims, medians[0], "median maximum rebound height", "m"),
-            "height_mean_median": variable(dims, medians[1], "median mean rebound height", "m"),
-            "plateau_fraction": variable(
-                dims, [_reduced(np.mean, on[p]) for p in parts], "fraction of heights on a plateau"
-            ),
-            "mode": variable(
-                ("realization",),
-                np.where(on, mode, np.where(known, 0.0, -1.0)).astype(np.int64),
-                "mode of the plateau",
-                comment="0 on no plateau, -1 without a height",
-            ),
-            "relative_change": variable(
-                (), medians[0][-1] / medians[0][0] - 1.0, "change of the median maximum height"
-            ),
-            "rank_correlation": variable(
-                (), float(correlation.statistic), "rank correlation of height and restitution"
-            ),
-            "p_value": variable((), float(correlation.pvalue), "its p-value"),
-            "plateau_deviation": variable(
-                (), float(np.max(distance[on], initial=0.0)), "largest distance from a plateau"
-            ),
-        },
-        coords={
-            "restitution_low": variable(dims, edges[:-1], "lower end, restitution"),
-            "restitution_high": variable(dims, edges[1:], "upper end, restitution"),
-        },
+    on_plateaus = [_reduced(np.mean, on[p]) for p in parts]
+    change = medians[0][-1] / medians[0][0] - 1.0
+    correlation = spearmanr(per_realization(sweep, "restitution")[known], highest[known])
+    deviation = float(np.max(distance[on], initial=0.0))
+    of_parts = table(
+        "part",
+        height_max_median=(medians[0], "median maximum rebound height", "m"),
+        height_mean_median=(medians[1], "median mean rebound height", "m"),
+        plateau_fraction=(on_plateaus, "fraction of heights on a plateau"),
     )
+    return of_parts.assign(
+        mode=variable(
+            "realization",
+            np.where(on, mode, np.where(known, 0.0, -1.0)).astype(np.int64),
+            "mode of the plateau",
+            comment="0 on no plateau, -1 without a height",
+        ),
+        relative_change=variable((), change, "change of the median maximum height"),
+        rank_correlation=variable(
+            (), float(correlation.statistic), "rank correlation of height and restitution"
+        ),
+        p_value=variable((), float(correlation.pvalue), "its p-value"),
+        plateau_deviation=variable((), deviation, "largest distance from a plateau"),
+    ).assign_coords(ends)
 
 
 def _reduced(function: Callable[[Any], Any], values: NDArray[Any]) -> float:

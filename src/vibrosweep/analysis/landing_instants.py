@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.records import variable
+from vibrosweep.analysis.records import table
 from vibrosweep.analysis.requirements import require
 
 __all__ = ["landing_phases", "landing_separations"]
@@ -45,13 +45,11 @@ def landing_phases(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     landed = np.isfinite(time)
     particle, time = np.nonzero(landed)[0], time[landed]
     turns = float(one["frequency"]) * time + float(one["phase"]) / (2.0 * np.pi)
-    dims = ("landing",)
-    return xr.Dataset(
-        {
-            "landing_time": variable(dims, time, "time of landing", "s"),
-            "phase": variable(dims, turns % 1.0, "phase of landing in turns"),
-            "particle": variable(dims, particle, "particle"),
-        }
+    return table(
+        "landing",
+        landing_time=(time, "time of landing", "s"),
+        phase=(turns % 1.0, "phase of landing in turns"),
+        particle=(particle, "particle"),
     )
 
 
@@ -91,16 +89,10 @@ def landing_separations(record: xr.Dataset, *, realization: int = 0) -> xr.Datas
     order = np.argsort(time, kind="stable")
     particle, time = particle[order], time[order]
     other = particle[1:] != particle[:-1]
-    dims = ("landing",)
-    return xr.Dataset(
-        {
-            "separation": variable(
-                dims, np.diff(time)[other], "time since another particle landed", "s"
-            ),
-            "landing_time": variable(dims, time[1:][other], "time of landing", "s"),
-            "particle": variable(dims, particle[1:][other], "particle"),
-            "previous_particle": variable(
-                dims, particle[:-1][other], "particle that landed before"
-            ),
-        }
+    return table(
+        "landing",
+        separation=(np.diff(time)[other], "time since another particle landed", "s"),
+        landing_time=(time[1:][other], "time of landing", "s"),
+        particle=(particle[1:][other], "particle"),
+        previous_particle=(particle[:-1][other], "particle that landed before"),
     )

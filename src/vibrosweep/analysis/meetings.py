@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.records import per_realization, table
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 
@@ -49,26 +49,22 @@ def first_shared_base(record: xr.Dataset) -> xr.Dataset:
     contact = per_realization(record, "contact_time")
     landing, liftoff = record["landing_time"].values, record["liftoff_time"].values
     found = [_first(*one) for one in zip(landing, liftoff, contact, strict=True)]
-    dims = ("realization",)
-    return xr.Dataset(
-        {
-            "first_shared_time": variable(
-                dims, [f[0] for f in found], "first time at which two particles share the base", "s"
-            ),
-            "occupant": variable(dims, [f[1] for f in found], "particle that was on the base"),
-            "newcomer": variable(dims, [f[2] for f in found], "particle that landed beside it"),
-        }
+    times = [one[0] for one in found]
+    return table(
+        "realization",
+        first_shared_time=(times, "first time at which two particles share the base", "s"),
+        occupant=([one[1] for one in found], "particle that was on the base"),
+        newcomer=([one[2] for one in found], "particle that landed beside it"),
     )
 
 
 def _first(landing: Array, liftoff: Array, contact_time: float) -> tuple[float, int, int]:
     """Time, occupant and newcomer; arrays of shape (particle, impact)."""
     known = np.isfinite(landing)
-    who: NDArray[np.int64] = np.repeat(np.arange(len(landing)), known.sum(axis=1))
     # a particle without a lift-off stays on the base
     leaves = np.where(np.isnan(liftoff), np.inf, np.maximum(liftoff, landing + contact_time))
     order = np.argsort(landing[known], kind="stable")
-    who, begin, end = who[order], landing[known][order], leaves[known][order]
+    who, begin, end = np.nonzero(known)[0][order], landing[known][order], leaves[known][order]
     # stays of one particle never overlap, so the latest end so far is another one's
     latest = np.maximum.accumulate(end)[:-1]
     sharing = np.flatnonzero((begin[1:] < latest) & _another(who, end))

@@ -14,14 +14,7 @@ from vibrosweep.analysis.closed_orbits import SEEDS, find_all
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.closed import ADMISSIBLE, SAME
-from vibrosweep.kernels.continuation import (
-    BORN,
-    LEFT,
-    LOST,
-    RETURNED,
-    TOUCHED,
-    follow_line,
-)
+from vibrosweep.kernels.continuation import BORN, LEFT, LOST, RETURNED, TOUCHED, follow_line
 from vibrosweep.kernels.continuation import DOUBLED as AT_DOUBLING
 from vibrosweep.kernels.continuation import SPENT as OUT_OF_POINTS
 from vibrosweep.kernels.extended import (

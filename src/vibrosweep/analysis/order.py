@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import variable
+from vibrosweep.analysis.records import table
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 
@@ -51,26 +50,19 @@ def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
     """
     require(record, "order_of_landings", "landing_time")
     times = record["landing_time"].values
-    with np.errstate(invalid="ignore"):
-        times = np.where(times >= since, times, np.nan)
+    times = np.where(times >= since, times, np.nan)
     sequence = np.array([_sequence_changes(one) for one in times]).reshape(-1, 2)
     impacts = np.array([_overtakings(one) for one in times]).reshape(-1, 2)
-    dims = ("realization",)
     with np.errstate(invalid="ignore"):
         fractions = [pair[:, 0] / pair[:, 1] for pair in (sequence, impacts)]
-    return xr.Dataset(
-        {
-            "sequence_changes": variable(dims, sequence[:, 0], "changes of the landing sequence"),
-            "sequence_pairs": variable(dims, sequence[:, 1], "landings N places apart compared"),
-            "sequence_change_fraction": variable(
-                dims, fractions[0], "fraction of landings that change the sequence"
-            ),
-            "overtakings": variable(dims, impacts[:, 0], "overtakings between two impacts"),
-            "impact_pairs": variable(dims, impacts[:, 1], "pairs of successive impacts compared"),
-            "overtaking_fraction": variable(
-                dims, fractions[1], "fraction of successive impacts with an overtaking"
-            ),
-        }
+    return table(
+        "realization",
+        sequence_changes=(sequence[:, 0], "changes of the landing sequence"),
+        sequence_pairs=(sequence[:, 1], "landings N places apart compared"),
+        sequence_change_fraction=(fractions[0], "fraction of landings that change the sequence"),
+        overtakings=(impacts[:, 0], "overtakings between two impacts"),
+        impact_pairs=(impacts[:, 1], "pairs of successive impacts compared"),
+        overtaking_fraction=(fractions[1], "fraction of successive impacts with an overtaking"),
     )
 
 
@@ -78,10 +70,7 @@ def _sequence_changes(times: Array) -> tuple[int, int]:
     """Changes and comparisons of one realization; times of shape (particle, impact)."""
     particles = times.shape[0]
     known = np.isfinite(times)
-    who: NDArray[np.int64] = np.broadcast_to(np.arange(particles)[:, np.newaxis], times.shape)[
-        known
-    ]
-    sequence = who[np.argsort(times[known], kind="stable")]
+    sequence = np.nonzero(known)[0][np.argsort(times[known], kind="stable")]
     pairs = max(sequence.size - particles, 0)
     return int(np.count_nonzero(sequence[particles:] != sequence[:pairs])), pairs
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.records import per_realization, table
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 
@@ -52,21 +52,16 @@ def separation_changes(
     """
     require(record, "separation_changes", "landing_time", "contact_time")
     times = record["landing_time"].values[..., landed_before:]
-    with np.errstate(invalid="ignore"):
-        times = np.where(times >= since, times, np.nan)
+    times = np.where(times >= since, times, np.nan)
     contact = per_realization(record, "contact_time")
     found = [_summary(_changes(one), tau) for one, tau in zip(times, contact, strict=True)]
     largest, middle, preserved, steps = np.array(found).reshape(-1, 4).T
-    dims = ("realization",)
-    return xr.Dataset(
-        {
-            "change_max": variable(dims, largest, "largest change of a separation", "s"),
-            "change_median": variable(dims, middle, "median change of a separation", "s"),
-            "preserved_fraction": variable(
-                dims, preserved, "fraction of separations preserved to the contact time"
-            ),
-            "steps": variable(dims, steps.astype(np.int64), "separations compared"),
-        }
+    return table(
+        "realization",
+        change_max=(largest, "largest change of a separation", "s"),
+        change_median=(middle, "median change of a separation", "s"),
+        preserved_fraction=(preserved, "fraction of separations preserved to the contact time"),
+        steps=(steps.astype(np.int64), "separations compared"),
     )
 
 

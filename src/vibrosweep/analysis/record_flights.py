@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.base_motion import BaseMotion, moves, recoils
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.model.restitution_laws import CONSTANT, law_in, restitution_at
 from vibrosweep.model.status import Status
 from vibrosweep.scene.waveform import stored
 
@@ -57,23 +58,25 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
     A flight whose landing is not recorded lasts until the end.  Over a moving base the flight after
     the last landing of a particle that was given up is left out: its end is not known.
     """
-    landing = one["landing_time"].values
-    particles = landing.shape[0]
-    column = np.ones((particles, 1))
-    launch = np.broadcast_to(one["launch_time"].values, (particles,))[:, np.newaxis]
-    speed, gravity = float(one["launch_velocity"]), float(one["gravity"])
-    start = np.concatenate([launch, one["liftoff_time"].values], axis=1)
-    velocity = np.concatenate([speed * column, one["rebound_velocity"].values], axis=1)
-    end = np.concatenate([landing, np.nan * column], axis=1)
+    start = _begun(one, "launch_time", "liftoff_time")
+    velocity = _begun(one, "launch_velocity", "rebound_velocity")
+    end = np.pad(one["landing_time"].values, ((0, 0), (0, 1)), constant_values=np.nan)
     if moves(one):
         followed = one["status"].values[:, np.newaxis] == Status.COMPLETED
         unrecorded = np.where(followed, until, start)
     else:
-        unrecorded = start + 2.0 * velocity / gravity
+        unrecorded = start + 2.0 * velocity / float(one["gravity"])
     end = np.minimum(np.where(np.isnan(end), unrecorded, end), until)
     # no flight: the particle rests permanently, or lands at once
     flies = (start < until) & ((end > start) if moves(one) else (velocity > 0.0))
     return Course(start, end, velocity, base.height(start), flies)
+
+
+def _begun(one: xr.Dataset, at_launch: str, after_landing: str) -> Array:
+    """Values at the start of each flight, of which the first begins with the launch."""
+    later = one[after_landing].values
+    first = np.broadcast_to(one[at_launch].values, later.shape[:1])
+    return np.concatenate([first[:, np.newaxis], later], axis=1)
 
 
 def arrival_speeds(one: xr.Dataset, analysis: str) -> Array:
@@ -84,12 +87,16 @@ def arrival_speeds(one: xr.Dataset, analysis: str) -> Array:
     a DataError that names the `analysis` if the record lacks a variable.
     """
     require(one, analysis, "landing_time", "rebound_velocity", "launch_velocity")
-    landing = one["landing_time"].values
-    speed = np.full((landing.shape[0], 1), float(one["launch_velocity"]))
-    begun = np.concatenate([speed, one["rebound_velocity"].values[:, :-1]], axis=1)
+    begun = _begun(one, "launch_velocity", "rebound_velocity")[:, :-1]
     if not moves(one):
         return begun
     require(one, analysis, "liftoff_time", "launch_time", "gravity")
-    launch = np.broadcast_to(one["launch_time"].values, (landing.shape[0],))[:, np.newaxis]
-    left = np.concatenate([launch, one["liftoff_time"].values[:, :-1]], axis=1)
-    return np.asarray(float(one["gravity"]) * (landing - left) - begun)
+    left = _begun(one, "launch_time", "liftoff_time")[:, :-1]
+    return np.asarray(float(one["gravity"]) * (one["landing_time"].values - left) - begun)
+
+
+def restitutions(one: xr.Dataset, speed: Array) -> Array:
+    """Restitution of impacts of one realization at relative speeds in m s-1."""
+    law, e = law_in(one.attrs), float(one["restitution"])
+    of_law = () if law == CONSTANT else (law, float(one["restitution_speed"]))
+    return restitution_at(speed, e, *of_law)

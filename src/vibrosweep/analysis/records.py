@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.record_flights import base_motion, course
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.requirements import differing, require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 
@@ -53,14 +53,36 @@ def per_realization(dataset: xr.Dataset, name: str) -> Array:
 
 
 def variable(
-    dims: Sequence[str],
-    values: object,
-    long_name: str,
-    units: str = "1",
-    **attributes: object,
+    dims: Sequence[str], values: object, long_name: str, units: str = "1", **attributes: object
 ) -> xr.Variable:
     """Return a variable with its CF attributes."""
-    return xr.Variable(tuple(dims), values, {"long_name": long_name, "units": units, **attributes})
+    return xr.Variable(dims, values, {"long_name": long_name, "units": units, **attributes})
+
+
+def table(dim: str, **columns: tuple[Any, ...]) -> xr.Dataset:
+    """Return a dataset along one dim; each column has values, a long name and units, or none."""
+    return xr.Dataset({name: variable(dim, *column) for name, column in columns.items()})
+
+
+def equal_parts(
+    sweep: xr.Dataset, parameter: str, bins: int, analysis: str, fewest: int = 1
+) -> tuple[list[NDArray[np.bool_]], dict[str, xr.Variable]]:
+    """Bins of a parameter that hold equally many realizations: the members of each, and its ends.
+
+    The ends are coordinates along the dim ``part``.  Raises a DataError that names the `analysis`
+    if the parameter takes too few values for the `fewest` bins.
+    """
+    values = per_realization(sweep, parameter)
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, bins + 1)))
+    if edges.size <= fewest:
+        raise DataError(f"{analysis} needs {differing(parameter)}")
+    part = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+    units = str(sweep[parameter].attrs.get("units", "1"))
+    ends = {
+        f"{parameter}_low": variable("part", edges[:-1], f"lower end, {parameter}", units),
+        f"{parameter}_high": variable("part", edges[1:], f"upper end, {parameter}", units),
+    }
+    return [part == i for i in range(edges.size - 1)], ends
 
 
 def flights(record: xr.Dataset, realization: int, analysis: str) -> Flights:
@@ -71,8 +93,8 @@ def flights(record: xr.Dataset, realization: int, analysis: str) -> Flights:
     require(record, analysis, *FLIGHTS)
     one = record.isel(realization=realization)
     rows = course(one, base_motion(one, analysis), float(one["duration"]))
-    particle = np.broadcast_to(np.arange(len(rows.start))[:, np.newaxis], rows.start.shape)
     chosen = np.flatnonzero(rows.flies)
     order = chosen[np.argsort(rows.start.ravel()[chosen], kind="stable")]
     fields = (rows.start, rows.end, rows.velocity, rows.height)
-    return Flights(particle.ravel()[order], *(values.ravel()[order] for values in fields))
+    particle = order // rows.start.shape[1]
+    return Flights(particle, *(values.ravel()[order] for values in fields))

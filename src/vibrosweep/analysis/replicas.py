@@ -7,22 +7,18 @@ parameters.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from vibrosweep.analysis.conditions import FAILS, HOLDS, UNDETERMINED, Codes, Condition, Locked
-from vibrosweep.analysis.evaluate import (
-    TRAJECTORIES_AT_A_TIME,
-    Points,
-    condition_codes,
-    fixed_orbits,
-)
+from vibrosweep.analysis.evaluate import Points, condition_codes, fixed_orbits, in_pieces
+from vibrosweep.analysis.records import variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.statistics import LONGEST, RESTS, SHORTEST
-from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import STREAM, Dimensionless, Launches, dimensionless
 from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
@@ -31,20 +27,9 @@ REPLICAS: Final = 100
 NEAR: Final = 0.25  # forcing periods by which a flight of a locked particle may differ from k
 LEVEL: Final = 0.95  # confidence level of the interval of a share
 DIMS: Final = ("condition", "direction", "restitution", "scan")
-SHARE: Final = Variable(
-    "share",
-    DIMS,
-    "float64",
-    "1",
-    "share of replicas in which the condition holds",
-    comment="for locked(k) the share of replicas and particles that begin on the orbit and are "
-    "locked at the end, 0 where there is no orbit; NaN where no replica is decided",
-)
-LOW: Final = Variable(
-    "share_low", DIMS, "float64", "1", "lower end of the interval of 95 % of the share"
-)
-HIGH: Final = Variable(
-    "share_high", DIMS, "float64", "1", "upper end of the interval of 95 % of the share"
+COMMENT: Final = (
+    "for locked(k) the share of replicas and particles that begin on the orbit and are locked at "
+    "the end, 0 where there is no orbit; NaN where no replica is decided"
 )
 
 
@@ -63,7 +48,7 @@ class Share(NamedTuple):
         half = np.where(2.0 * self.held >= self.tried, HOLDS, FAILS)
         return np.where(self.tried > 0.0, half, UNDETERMINED)
 
-    def variables(self, shape: tuple[int, ...]) -> Mapping[str, Any]:
+    def variables(self, shape: tuple[int, ...]) -> dict[str, xr.Variable]:
         """Shares with their intervals (Clopper & Pearson 1934), as variables of a dataset."""
         from scipy.stats import beta  # slow to import
 
@@ -73,10 +58,13 @@ class Share(NamedTuple):
         tail = 0.5 * (1.0 - LEVEL)
         low = np.where(self.held > 0.0, beta.ppf(tail, self.held, missed + 1.0), 0.0)
         high = np.where(missed > 0.0, beta.ppf(1.0 - tail, self.held + 1.0, missed), 1.0)
-        values = zip((SHARE, LOW, HIGH), (share, low, high), strict=True)
+        share, low, high = np.where(self.tried > 0.0, (share, low, high), np.nan).reshape(3, *shape)
+        words = "share of replicas in which the condition holds"
+        ends = "end of the interval of 95 % of the share"
         return {
-            one.name: (DIMS, np.where(self.tried > 0.0, v, np.nan).reshape(shape), one.attributes)
-            for one, v in values
+            "share": variable(DIMS, share, words, comment=COMMENT),
+            "share_low": variable(DIMS, low, f"lower {ends}"),
+            "share_high": variable(DIMS, high, f"upper {ends}"),
         }
 
 
@@ -84,12 +72,10 @@ def share_of(
     scene: Scene, condition: Condition | Locked, points: Points, replicas: int, workers: Workers
 ) -> Share:
     """Count the trials in which a condition holds at each point."""
-    particles = scene.particles * replicas
-    size, total = max(1, TRAJECTORIES_AT_A_TIME // particles), points["restitution"].size
     share = _locked if isinstance(condition, Locked) else _launched
     found = [
-        share(scene, condition, {n: v[i : i + size] for n, v in points.items()}, replicas, workers)  # type: ignore[arg-type]
-        for i in range(0, total, size)
+        share(scene, condition, piece, replicas, workers)  # type: ignore[arg-type]
+        for piece in in_pieces(points, scene.particles * replicas)
     ]
     return Share(*(np.concatenate(part) for part in zip(*found, strict=True)))
 

@@ -65,6 +65,14 @@ def refused_ragged(dataset: xr.Dataset) -> str:
     return "takes no ragged record: give it vibrosweep.rectangle(record)" if ragged else ""
 
 
+def differing(parameter: str) -> str:
+    """Return what a sweep lacks whose realizations share a parameter, and the way to get it."""
+    return (
+        f"realizations that differ in {parameter}: sample it, for example {parameter} = [low, "
+        f"high], in the [sample] section of the sweep file"
+    )
+
+
 def remedy(name: str) -> str:
     """Return the way to get a variable that a dataset lacks."""
     if name in MEASURE_OF:

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
-
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.base_motion import moves, restitution_law
-from vibrosweep.analysis.record_flights import arrival_speeds
-from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.base_motion import moves
+from vibrosweep.analysis.record_flights import arrival_speeds, restitutions
+from vibrosweep.analysis.records import table, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
 
-__all__ = ["NEEDS", "return_map", "return_points"]
-
-NEEDS: Final = (
-    "landing_time",
-    "rebound_velocity",
-    "launch_velocity",
-    "restitution",
-    "amplitude",
-    "duration",
-)
+__all__ = ["return_map", "return_points"]
 
 
 def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) -> xr.Dataset:
@@ -61,40 +49,29 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     >>> bool((abs(points.kick.where(points.rested == 0).dropna("point")) <= 1.2).all())
     True
     """
-    require(record, "return_map", *NEEDS, "rested")
+    needed = ("landing_time", "rebound_velocity", "launch_velocity", "restitution", "rested")
+    require(record, "return_map", *needed)
     one = record.isel(realization=realization)
     before, after, known = return_points(one)
-    law: dict[str, Any] = {"law": restitution_law(record)}
-    restitution = float(per_realization(record, "restitution")[realization])
-    if law["law"] != CONSTANT:
-        law["restitution_speed"] = float(per_realization(record, "restitution_speed")[realization])
     time, leaving = one["landing_time"].values, one["rebound_velocity"].values
-    with np.errstate(invalid="ignore"):
-        known = known & (time >= since)
+    known &= time >= since
     # over a moving base a particle may still be rising when it lands
-    kept = restitution_at(np.abs(before[known]), restitution, **law) * before[known]
-    particle = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
-    dims = ("point",)
-    return xr.Dataset(
-        {
-            "arrival_speed": variable(
-                dims, before[known], "velocity of arrival, downwards", "m s-1"
-            ),
-            "next_arrival_speed": variable(
-                dims, after[known], "next velocity of arrival, downwards", "m s-1"
-            ),
-            "kick": variable(dims, leaving[known] - kept, "kick w - e v", "m s-1"),
-            "landing_time": variable(dims, time[known], "time of landing", "s"),
-            "particle": variable(dims, particle[known], "particle"),
-            "rested": variable(
-                dims,
-                one["rested"].values[known],
-                "the particle rested between the two",
-                flag_values=np.array([0, 1], np.int8),
-                flag_meanings="bounced rested",
-            ),
-        }
+    kept = restitutions(one, np.abs(before[known])) * before[known]
+    rested = variable(
+        "point",
+        one["rested"].values[known],
+        "the particle rested between the two",
+        flag_values=np.array([0, 1], np.int8),
+        flag_meanings="bounced rested",
     )
+    return table(
+        "point",
+        arrival_speed=(before[known], "velocity of arrival, downwards", "m s-1"),
+        next_arrival_speed=(after[known], "next velocity of arrival, downwards", "m s-1"),
+        kick=(leaving[known] - kept, "kick w - e v", "m s-1"),
+        landing_time=(time[known], "time of landing", "s"),
+        particle=(np.nonzero(known)[0], "particle"),
+    ).assign(rested=rested)
 
 
 def return_points(one: xr.Dataset) -> tuple[Array, Array, NDArray[np.bool_]]:

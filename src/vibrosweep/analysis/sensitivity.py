@@ -10,19 +10,13 @@ import xarray as xr
 
 from vibrosweep.abilities import refusal
 from vibrosweep.analysis.common import require_ability
-from vibrosweep.analysis.records import variable
+from vibrosweep.analysis.records import table, variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.mistakes import RANGE
-from vibrosweep.model.measures import (
-    MEASURE_OF,
-    OF_REALIZATIONS,
-    UNDETERMINED,
-    VARIABLES,
-    known,
-)
+from vibrosweep.model.measures import MEASURE_OF, OF_REALIZATIONS, UNDETERMINED, VARIABLES, known
 from vibrosweep.model.status import Status
 from vibrosweep.runs.notes import observation_of_orbits
 from vibrosweep.scene.design import Range
@@ -76,14 +70,13 @@ def sobol_indices(
     with Workers(threads) as workers:
         found = _measured(sampled, scene.with_measures(**needed), workers, outputs)
     parts = found.reshape(len(outputs), 2 + low.size, base)
-    first, total = _indices(parts)
     random = np.random.default_rng(seed + 1)
     resampled = np.array(
         [_indices(parts[:, :, random.integers(base, size=base)]) for _ in range(RESAMPLES)]
     )
     tail = (1.0 - confidence) / 2.0
     ends = np.quantile(resampled, [tail, 1.0 - tail], axis=0)
-    indices = _index_dataset(first, total, ends, parts, tuple(outputs), tuple(ranges))
+    indices = _index_dataset(_indices(parts), ends, parts, outputs, [*ranges])
     recognised = needed.keys() & {"regimes", "lyapunov"}
     note = observation_of_orbits(sweep, open_design(sweep)) if recognised else ""
     return indices.assign_attrs(title=sweep.title, sweep_file=sweep.text, notes=note)
@@ -146,8 +139,8 @@ def _measured(
     return values
 
 
-def _indices(parts: Array) -> tuple[Array, Array]:
-    """First-order and total indices, each of shape (output, parameter)."""
+def _indices(parts: Array) -> Array:
+    """First-order and total indices, shape (2, output, parameter)."""
     from scipy.stats import sobol_indices as scipy_indices
 
     functions: dict[Literal["f_A", "f_B", "f_AB"], Array] = {
@@ -156,33 +149,24 @@ def _indices(parts: Array) -> tuple[Array, Array]:
         "f_AB": np.moveaxis(parts[:, 2:], 1, 0),
     }
     found = scipy_indices(func=functions, n=parts.shape[2])
-    shape = (parts.shape[0], parts.shape[1] - 2)  # scipy drops the axis of a single output
-    return found.first_order.reshape(shape), found.total_order.reshape(shape)
+    shape = (2, parts.shape[0], parts.shape[1] - 2)  # scipy drops the axis of a single output
+    return np.reshape([found.first_order, found.total_order], shape)
 
 
 def _index_dataset(
-    first: Array,
-    total: Array,
-    ends: Array,
-    parts: Array,
-    outputs: tuple[str, ...],
-    names: tuple[str, ...],
+    indices: Array, ends: Array, parts: Array, outputs: Sequence[str], names: Sequence[str]
 ) -> xr.Dataset:
     dims = ("output", "parameter")
     sample = parts[:, :2].reshape(len(outputs), -1)
     variables = {}
-    for i, (name, values) in enumerate((("first_order", first), ("total_order", total))):
+    for i, name in enumerate(("first_order", "total_order")):
         words = f"{name.replace('_', '-')} Sobol' index"
-        variables[name] = variable(dims, values, words)
+        variables[name] = variable(dims, indices[i], words)
         for end, side in ((0, "low"), (1, "high")):
             variables[f"{name}_{side}"] = variable(dims, ends[end, i], f"{side} end, {words}")
-    return xr.Dataset(
-        {
-            **variables,
-            "mean": variable(("output",), sample.mean(axis=1), "mean, in the output's own unit"),
-            "standard_deviation": variable(
-                ("output",), sample.std(axis=1), "standard deviation, in the output's own unit"
-            ),
-        },
-        coords={"output": list(outputs), "parameter": list(names)},
+    of_outputs = table(
+        "output",
+        mean=(sample.mean(axis=1), "mean, in the output's own unit"),
+        standard_deviation=(sample.std(axis=1), "standard deviation, in the output's own unit"),
     )
+    return xr.Dataset({**variables, **of_outputs}, {"output": [*outputs], "parameter": [*names]})

@@ -9,22 +9,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.basin_shape import share_interval
+from vibrosweep.analysis.records import equal_parts, table, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError, require_one_of
 from vibrosweep.model.measures import UNDETERMINED, VARIABLES
 from vibrosweep.store.rows import flat
 
-__all__ = [
-    "QUANTILES",
-    "compare_separations",
-    "separation_against",
-    "separation_distribution",
-]
+__all__ = ["QUANTILES", "compare_separations", "separation_against", "separation_distribution"]
 
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
-CONFIDENCE: Final = 0.95
 MEASURES: Final = ("dt_min", "dt_min_same_index")
 
 
@@ -66,22 +61,17 @@ def separation_distribution(
     >>> found.separation.dims, found.separation_quantile.attrs["units"]
     (('rank',), 's')
     """
-    sweep = flat(sweep)
-    _require_separations(sweep, "separation_distribution", measure, quantiles)
+    sweep = _checked(sweep, "separation_distribution", measure, quantiles)
     values = sweep[measure].values
     rank = np.sort(values[np.isfinite(values)])
-    found = xr.Dataset(
-        {
-            "separation": variable(("rank",), rank, VARIABLES[measure].long_name, "s"),
-            "cumulative_fraction": variable(
-                ("rank",),
-                np.arange(1, rank.size + 1) / max(rank.size, 1),
-                "fraction of realizations with at most this separation",
-            ),
-        }
+    share = np.arange(1, rank.size + 1) / max(rank.size, 1)
+    found = table(
+        "rank",
+        separation=(rank, VARIABLES[measure].long_name, "s"),
+        cumulative_fraction=(share, "fraction of realizations with at most this separation"),
     )
     parts = [_statistics(values, sweep["collision_free"].values, quantiles)]
-    return xr.merge([found, _table(parts, measure, quantiles).squeeze("part", drop=True)])
+    return xr.merge([found, _parts(parts, measure, quantiles).squeeze("part", drop=True)])
 
 
 def separation_against(
@@ -124,33 +114,16 @@ def separation_against(
     >>> separation_against(sweep, "amplitude", bins=5).separation_quantile.dims
     ('part', 'quantile')
     """
-    sweep = flat(sweep)
-    _require_separations(sweep, "separation_against", measure, quantiles)
+    sweep = _checked(sweep, "separation_against", measure, quantiles)
     require(sweep, "separation_against", parameter)
-    values = per_realization(sweep, parameter)
-    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, bins + 1)))
-    if edges.size < 2:
-        raise DataError(
-            f"separation_against needs realizations that differ in {parameter}: sample it, for "
-            f"example {parameter} = [low, high], in the [sample] section of the sweep file"
-        )
-    part = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+    parts, ends = equal_parts(sweep, parameter, bins, "separation_against")
     dt, free = sweep[measure].values, sweep["collision_free"].values
-    parts = [_statistics(dt[part == i], free[part == i], quantiles) for i in range(edges.size - 1)]
-    units = str(sweep[parameter].attrs.get("units", "1"))
-    return _table(parts, measure, quantiles).assign_coords(
-        {
-            f"{parameter}_low": variable(("part",), edges[:-1], f"lower end, {parameter}", units),
-            f"{parameter}_high": variable(("part",), edges[1:], f"upper end, {parameter}", units),
-        }
-    )
+    found = [_statistics(dt[part], free[part], quantiles) for part in parts]
+    return _parts(found, measure, quantiles).assign_coords(ends)
 
 
 def compare_separations(
-    sweeps: Sequence[xr.Dataset],
-    *,
-    measure: str = "dt_min",
-    quantiles: Sequence[float] = QUANTILES,
+    sweeps: Sequence[xr.Dataset], *, measure: str = "dt_min", quantiles: Sequence[float] = QUANTILES
 ) -> xr.Dataset:
     """Separation against the number of particles and the time of observation.
 
@@ -181,9 +154,8 @@ def compare_separations(
     >>> found.particles.values.tolist()
     [2, 5]
     """
-    sweeps = [flat(sweep) for sweep in sweeps]
+    sweeps = [_checked(sweep, "compare_separations", measure, quantiles) for sweep in sweeps]
     for sweep in sweeps:
-        _require_separations(sweep, "compare_separations", measure, quantiles)
         if "particles" not in sweep.attrs:
             raise DataError(
                 "compare_separations needs the number of particles, which the dataset does not "
@@ -192,15 +164,10 @@ def compare_separations(
     parts = [_statistics(s[measure].values, s["collision_free"].values, quantiles) for s in sweeps]
     particles = np.array([int(s.attrs["particles"]) for s in sweeps])
     durations = np.array([_duration(s) for s in sweeps])
-    return _table(parts, measure, quantiles).assign_coords(
-        particles=variable(("part",), particles, "particles"),
-        duration=variable(
-            ("part",),
-            durations,
-            "end of the observation",
-            "s",
-            comment="NaN where it differs between realizations",
-        ),
+    comment = "NaN where it differs between realizations"
+    return _parts(parts, measure, quantiles).assign_coords(
+        particles=variable("part", particles, "particles"),
+        duration=variable("part", durations, "end of the observation", "s", comment=comment),
     )
 
 
@@ -209,9 +176,11 @@ def _duration(sweep: xr.Dataset) -> float:
     return float(values[0]) if values.size == 1 else np.nan
 
 
-def _require_separations(
+def _checked(
     sweep: xr.Dataset, analysis: str, measure: str, quantiles: Sequence[float]
-) -> None:
+) -> xr.Dataset:
+    """Return a sweep along one dim; raises an error for a wrong argument or lacking separations."""
+    sweep = flat(sweep)
     require_one_of("measure", measure, MEASURES)
     levels = np.asarray(quantiles)
     numeric = levels.ndim == 1 and levels.dtype.kind in "iuf"
@@ -220,12 +189,11 @@ def _require_separations(
             f"quantiles = {quantiles!r}: must be a list of numbers, at least 0 and at most 1"
         )
     require(sweep, analysis, measure, "collision_free", "duration")
+    return sweep
 
 
 def _statistics(dt: Array, free: NDArray[np.int8], quantiles: Sequence[float]) -> Array:
     """Known, zero fraction, collision-free fraction and its interval, then the quantiles."""
-    from scipy.stats import binomtest
-
     known = dt[np.isfinite(dt)]
     # take a separation that occurs: interpolation would fill the gap above the separation zero
     at = (
@@ -237,35 +205,24 @@ def _statistics(dt: Array, free: NDArray[np.int8], quantiles: Sequence[float]) -
     decided = free[free != UNDETERMINED]
     if not decided.size:
         return np.array([known.size, zero, np.nan, np.nan, np.nan, *at])
-    count = int(np.count_nonzero(decided == 1))
-    interval = binomtest(count, decided.size).proportion_ci(CONFIDENCE, method="wilson")
-    fraction = count / decided.size
-    return np.array([known.size, zero, fraction, interval.low, interval.high, *at])
+    count = np.count_nonzero(decided == 1)
+    low, high = share_interval(np.asarray(count), decided.size).values()
+    return np.array([known.size, zero, count / decided.size, low, high, *at])
 
 
-def _table(parts: Sequence[Array], measure: str, quantiles: Sequence[float]) -> xr.Dataset:
-    table = np.array(parts)
-    dims = ("part",)
-    ends = {"low": "lower", "high": "upper"}
-    return xr.Dataset(
-        {
-            "known": variable(dims, table[:, 0].astype(np.int64), "realizations with a separation"),
-            "zero_fraction": variable(dims, table[:, 1], "fraction with separation zero"),
-            "collision_free_fraction": variable(
-                dims, table[:, 2], "fraction in which no two particles share the base"
-            ),
-            **{
-                f"collision_free_{end}": variable(
-                    dims, table[:, 3 + i], f"{words} end of its Wilson 95 % interval"
-                )
-                for i, (end, words) in enumerate(ends.items())
-            },
-            "separation_quantile": variable(
-                ("part", "quantile"),
-                table[:, 5:],
-                f"quantile of: {VARIABLES[measure].long_name}",
-                "s",
-            ),
-        },
-        coords={"quantile": variable(("quantile",), np.asarray(quantiles), "quantile")},
+def _parts(parts: Sequence[Array], measure: str, quantiles: Sequence[float]) -> xr.Dataset:
+    """Dataset of the `_statistics` of parts of the realizations."""
+    statistics = np.array(parts)
+    known, zero, free, free_low, free_high = statistics[:, :5].T
+    words = f"quantile of: {VARIABLES[measure].long_name}"
+    found = table(
+        "part",
+        known=(known.astype(np.int64), "realizations with a separation"),
+        zero_fraction=(zero, "fraction with separation zero"),
+        collision_free_fraction=(free, "fraction in which no two particles share the base"),
+        collision_free_low=(free_low, "lower end of its Wilson 95 % interval"),
+        collision_free_high=(free_high, "upper end of its Wilson 95 % interval"),
     )
+    return found.assign(
+        separation_quantile=variable(("part", "quantile"), statistics[:, 5:], words, "s")
+    ).assign_coords(quantile=variable("quantile", np.asarray(quantiles), "quantile"))

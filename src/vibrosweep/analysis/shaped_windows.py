@@ -27,14 +27,7 @@ from vibrosweep.kernels.fixed import (
 )
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.forcing import AMPLITUDE
-from vibrosweep.model.locked_shapes import (
-    FOLD,
-    NONE,
-    LockedWindow,
-    Mode,
-    mode_of,
-    windows_of,
-)
+from vibrosweep.model.locked_shapes import FOLD, NONE, LockedWindow, Mode, mode_of, windows_of
 from vibrosweep.model.orbit_theory import moves
 from vibrosweep.model.parameters import dimensionless
 from vibrosweep.model.restitution_laws import CONSTANT

@@ -22,21 +22,13 @@ from vibrosweep.analysis.bisection import Window, find_edges, windows_of_row
 from vibrosweep.analysis.common import (
     attributes,
     grid_axes,
-    note_of,
+    meaning,
     require_ability,
     require_memory,
     settling,
     shared,
 )
-from vibrosweep.analysis.conditions import (
-    FAILS,
-    HOLDS,
-    NAMED,
-    NAMES,
-    Condition,
-    Locked,
-    named,
-)
+from vibrosweep.analysis.conditions import FAILS, HOLDS, NAMED, NAMES, Condition, Locked, named
 from vibrosweep.analysis.replicas import REPLICAS, Share, share_of
 from vibrosweep.analysis.shaped_windows import rows_of_shape
 from vibrosweep.analysis.window_codes import ENDS, FRESH, HELD, NO_WINDOW, code_of_ends
@@ -50,6 +42,7 @@ from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
 from vibrosweep.model.parameters import NOISE, PARAMETERS
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE
+from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
 
@@ -57,11 +50,7 @@ if TYPE_CHECKING:
     from vibrosweep.analysis.bisection import Codes
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = [
-    "DIRECTIONS",
-    "TOLERANCE",
-    "find_windows",
-]
+__all__ = ["DIRECTIONS", "TOLERANCE", "find_windows"]
 
 
 TOLERANCE: Final = 1e-9
@@ -71,6 +60,10 @@ RESTITUTIONS, POINTS = 25, 150  # of a scan over ranges
 # Relative error of the amplitude that `model.forcing.completed` computes from another forcing: at
 # most six roundings, including that of pi
 FORCING_ERROR: Final = 6.0 * HALF_ULP
+OF_ENDS: Final = (  # comment on the ends of windows
+    "NaN where the window reaches the end of the scan, which is not an edge of the condition; "
+    f"where {ENDS.name} says undetermined, the condition is known to hold only up to here"
+)
 BYTES_PER_POINT: Final = 200
 BYTES_PER_STATE: Final = 16  # of a continued particle at a point
 
@@ -95,9 +88,7 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     if a.size < 2:
         raise sweep.refusal(Mistake(f"sample.{forcing}", "must be two or more values", a.tolist()))
     defined = [c for c in conditions if isinstance(c, Condition) and c not in NAMED.values()]
-    code = (
-        {"condition_code": "\n\n".join(condition.code for condition in defined)} if defined else {}
-    )
+    codes = "\n\n".join(condition.code for condition in defined)
     orbits = any(_of_orbits(c) for c in conditions)
     scene = settling(sweep, float(e.max())) if orbits else sweep.scene
     replicas, keys = _replicas(sweep, conditions), sweep.windows or {}
@@ -118,20 +109,25 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
                 for direction in directions
             ]
     shape = (len(conditions), len(directions), e.size)
-    table = _table(found, shape)
     held = np.array([row.codes for rows in found for row in rows], np.int8)
     held = held.reshape(*shape, a.size)
-    dataset = _dataset(scene, conditions, directions, scan, table)
+    dataset = _dataset(scene, conditions, directions, scan, _table(found, shape))
     dataset[HELD.name] = (HELD.dims, held, HELD.attributes)
+    others: dict[str, Any] = {"tolerance": tolerance}
     if replicas:
         joined = Share(*(np.concatenate(part) for part in zip(*shares, strict=True)))
-        dataset = dataset.assign(joined.variables((*shape, a.size)))
-        dataset = dataset.assign_attrs(noise_replicas=replicas, noise_seed=scene.noise_seed)
-    attributes = {"tolerance": tolerance, "notes": note_of(scene, float(e.max())) if orbits else ""}
+        dataset = dataset.assign(joined.variables(held.shape))
+        others |= {"noise_replicas": replicas, "noise_seed": scene.noise_seed}
     if not sweep.design.axes:
         sizes = f"{e.size} restitutions and {POINTS} values of {forcing} in even steps"
-        attributes["grid"] = f"{sizes} over the ranges of the {sweep.design.name} design"
-    return dataset.assign_attrs({**attributes, **code}, title=sweep.title, sweep_file=sweep.text)
+        others["grid"] = f"{sizes} over the ranges of the {sweep.design.name} design"
+    if defined:
+        others["condition_code"] = codes
+    frequency = scene.inputs["frequency"]
+    notes = short_observation(scene, float(e.max()), frequency) if orbits else ""
+    meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)
+    others |= {"forcing": forcing, "meaning": meanings}
+    return dataset.assign_attrs(attributes(sweep, scene, notes, **others))
 
 
 def _conditions(sweep: Sweep) -> list[Condition | Locked]:
@@ -280,9 +276,9 @@ def _dataset(
     top, bottom = np.where(np.isnan(upper), a[-1], upper), np.where(np.isnan(lower), a[0], lower)
     covered = np.where(ends == NO_WINDOW, -1.0, top - bottom)
     widest = np.where(count > 0, np.argmax(covered, axis=-1), -1)
-    comment = "-1 without any; an open end counts as the end of the scan"
+    units, comment = FORCINGS[forcing].units, {"comment": OF_ENDS}
     data: dict[str, Any] = {
-        f"{symbol}_{name}": (dims, values, _attributes(words, FORCINGS[forcing].units))
+        f"{symbol}_{name}": (dims, values, meaning(words, units) | comment)
         for name, values, words in (
             ("min", lower, "lower end of the window"),
             ("max", upper, "upper end of the window"),
@@ -290,41 +286,25 @@ def _dataset(
             ("max_bracket", upper_bracket, "width of the upper bracket"),
         )
     }
+    words = meaning("index of the widest window")
+    words["comment"] = "-1 without any; an open end counts as the end of the scan"
     data |= {
         ENDS.name: (dims, ends.astype(np.int8), ENDS.attributes),
-        "window_count": (dims[:-1], count, {"units": "1", "long_name": "number of windows"}),
-        "widest": (
-            dims[:-1],
-            widest,
-            {"units": "1", "long_name": "index of the widest window", "comment": comment},
-        ),
+        "window_count": (dims[:-1], count, meaning("number of windows")),
+        "widest": (dims[:-1], widest, words),
     }
     varied = {"restitution": np.repeat(e, a.size), forcing: np.tile(a, e.size)}
     acceleration = scene.quantities(varied)["base_acceleration"].reshape(e.size, a.size)
-    words = {
-        **coordinate_attributes(FORCINGS[forcing]),
-        "comment": "points of the coarse scan",
-    }
+    words = {**coordinate_attributes(FORCINGS[forcing]), "comment": "points of the coarse scan"}
     coordinates = {
         "condition": [condition.name for condition in conditions],
         "direction": list(directions),
-        "restitution": (("restitution",), e, coordinate_attributes(PARAMETERS["restitution"])),
-        "scan": (("scan",), a, words),
+        "restitution": ("restitution", e, coordinate_attributes(PARAMETERS["restitution"])),
+        "scan": ("scan", a, words),
         "base_acceleration": (
             ("restitution", "scan"),
             acceleration,
             coordinate_attributes(FORCINGS["base_acceleration"]),
         ),
     }
-    data |= shared(scene, ["restitution", forcing])
-    meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)
-    attrs = attributes(scene, "Intervals of the forcing in which conditions hold")
-    return xr.Dataset(data, coordinates, {**attrs, "forcing": forcing, "meaning": meanings})
-
-
-def _attributes(long_name: str, units: str) -> dict[str, str]:
-    comment = (
-        "NaN where the window reaches the end of the scan, which is not an edge of the condition; "
-        f"where {ENDS.name} says undetermined, the condition is known to hold only up to here"
-    )
-    return {"units": units, "long_name": long_name, "comment": comment}
+    return xr.Dataset(data | shared(scene, ["restitution", forcing]), coordinates)

@@ -78,8 +78,7 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     if unsettled > 0.0:
         label = f"unsettled, {100.0 * unsettled:.3g} %"
         axes.plot([], [], "s", color="white", markeredgecolor="0.5", label=label, markersize=5.0)
-    axes.set_xlabel(data.label(basins, "launch_time"))
-    axes.set_ylabel(data.label(basins, "launch_velocity"))
+    data.name_axes(axes, basins, "launch_time", "launch_velocity")
     style.beside(axes, data.conditions(basins))
     return axes
 

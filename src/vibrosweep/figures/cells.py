@@ -12,6 +12,7 @@ from vibrosweep.arrays import Array
 
 PER_CELL: Final = 20
 MOST_CELLS: Final = 200
+ALONE: Final = 0.01  # half the width of the cell of a single value
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def grid_cells(x: Array, y: Array) -> Cells | None:
     index = row * columns.size + column
     if np.unique(index).size != columns.size * rows.size:
         return None
-    return Cells(_between(columns), _between(rows), index)
+    return Cells(between(columns), between(rows), index)
 
 
 def equal_cells(x: Array, y: Array) -> Cells:
@@ -77,8 +78,10 @@ def commonest(cells: Cells, values: Array, codes: Array) -> Array:
     return np.asarray(best.reshape(cells.shape), dtype=np.float64)
 
 
-def _between(values: Array) -> Array:
+def between(values: Array) -> Array:
     """Edges half-way between sorted values; the outer cells are symmetric about their values."""
+    if values.size == 1:
+        return np.array([values[0] - ALONE, values[0] + ALONE])
     middle = (values[1:] + values[:-1]) / 2.0
     first, last = values[0] - (middle[0] - values[0]), values[-1] + (values[-1] - middle[-1])
     return np.concatenate([[first], middle, [last]])

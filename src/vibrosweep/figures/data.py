@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import moves, recoils, restitution_law, waveform_name
+from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.analysis.records import per_realization
-from vibrosweep.analysis.requirements import refused_ragged, remedy
+from vibrosweep.analysis.requirements import differing, refused_ragged, remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import known
 from vibrosweep.model.parameters import MOUNT, NOISE, OF_RESTITUTION
-from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME
+from vibrosweep.model.restitution_laws import CONSTANT, law_in
+from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
 
 if TYPE_CHECKING:
     import xarray as xr
-
+    from matplotlib.axes import Axes
 
 KICK: Final = "kick"
 MINUS_INFINITY: Final = r"$-\infty$ (rests)"  # of an exponent
@@ -78,11 +78,7 @@ class Needs:
                 return f"a value of {name}, which is undefined in every realization"
         for name in self.varied:
             if not (np.ptp(kick(dataset)) > 0 if name == KICK else varies(dataset, name)):
-                wanted = "amplitude" if name == KICK else name
-                return (
-                    f"realizations that differ in {wanted}: sample it, for example "
-                    f"{wanted} = [low, high], in the [sample] section of the sweep file"
-                )
+                return differing("amplitude" if name == KICK else name)
         return None
 
     def check(self, figure: str, dataset: xr.Dataset) -> None:
@@ -150,16 +146,9 @@ def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
     return record.isel(realization=realization)
 
 
-def pick(record: xr.Dataset, name: str) -> float:
-    """Value of a physical parameter in a record of one realization."""
-    return float(record[name].values)
-
-
 def format_units(units: str) -> str:
     """Units with raised exponents, in brackets: 'm s-1' becomes '(m s$^{-1}$)'."""
-    if units in ("", "1"):
-        return ""
-    return f" ({_raised(units)})"
+    return "" if units in ("", "1") else f" ({_raised(units)})"
 
 
 def _raised(units: str) -> str:
@@ -173,20 +162,20 @@ def symbol(name: str) -> str:
 
 def label(dataset: xr.Dataset, name: str) -> str:
     """Axis label of words, symbol and units, from the attributes of the dataset if it has them."""
-    words, units = name.replace("_", " "), str(dataset[name].attrs.get("units", ""))
-    if name in FORCINGS:
-        return forcing_label(name)
+    words = name.replace("_", " ")
     if name in INPUTS:
-        units = INPUTS[name].units
+        units = _units(name)
+        if name in FORCINGS:
+            words = FORCINGS[name].long_name.removesuffix(" (g)")
     else:
+        units = str(dataset[name].attrs.get("units", ""))
         words = str(dataset[name].attrs.get("long_name", words))
     return f"{textwrap.fill(words, LABEL_WIDTH)}{symbol(name)}{format_units(units)}"
 
 
-def forcing_label(name: str) -> str:
-    """Axis label of a forcing."""
-    words = FORCINGS[name].long_name.removesuffix(" (g)")
-    return f"{textwrap.fill(words, LABEL_WIDTH)}{symbol(name)}{format_units(_units(name))}"
+def name_axes(axes: Axes, dataset: xr.Dataset, across: str, up: str) -> None:
+    """Label both axes with the quantities along them."""
+    axes.set(xlabel=label(dataset, across), ylabel=label(dataset, up))
 
 
 def _units(name: str) -> str:
@@ -216,9 +205,9 @@ def conditions(dataset: xr.Dataset) -> str:
         parts.append(f"${SYMBOLS[name]}$ = {values}{unit}")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
-    if restitution_law(dataset) != CONSTANT:
-        parts.append(f"{restitution_law(dataset)} restitution")
-    if (shape := waveform_name(dataset)) != SINE_NAME:
+    if (law := law_in(dataset.attrs)) != CONSTANT:
+        parts.append(f"{law} restitution")
+    if (shape := name_in(dataset.attrs)) != SINE_NAME:
         parts.append("base of harmonics" if shape == HARMONICS_NAME else f"{shape} base")
     if recoils(dataset):
         parts.append("sprung base")

@@ -108,16 +108,20 @@ def height_time(
     # A single particle, which is one curve, needs less height
     axes = style.axes_on(ax, style.PAGE, 2.3 if len(shown) == 1 else 2.8)
     colours = _colours(axes, shown)
-    _draw_flights(axes, drawn, colours, data.pick(one, "gravity"))
+    gravity = float(one["gravity"])
+    _draw_flights(axes, drawn, colours, gravity)
     _draw_rests(axes, drawn, colours, base)
     if mark_landings if mark_landings is not None else len(shown) == 1:
         _draw_landings(axes, drawn, colours, base)
-    top = max((highest(motion, data.pick(one, "gravity")) for motion in drawn), default=0.0)
-    top = max(top, base.reach) or 1.0
-    axes.set(xlim=(begin, stop), ylim=(-0.03 * top - base.reach, 1.05 * top))
-    if base.reach:
-        _draw_base(axes, base, begin, stop)
+    top = max([base.reach, *(highest(motion, gravity) for motion in drawn)]) or 1.0
+    floor = -0.03 * top - base.reach
+    axes.set(xlim=(begin, stop), ylim=(floor, 1.05 * top))
     axes.set(xlabel="time $t$ (s)", ylabel="height $y$ (m)")
+    if base.reach:  # shade what is under the base
+        t = _sampled(base, begin, stop)
+        axes.fill_between(
+            t, base.height(t), floor, facecolor="0.9", edgecolor="0.55", linewidth=0.6
+        )
     if 1 < len(shown) <= len(style.OKABE_ITO):
         for i, colour in zip(shown, colours, strict=True):
             axes.plot([], [], color=colour, label=f"particle {i}")
@@ -129,7 +133,7 @@ def readable_until(record: xr.Dataset) -> float:
     """End of the interval, in s, that is readable on a page: at most 40 forcing periods."""
     one = data.one_realization(record, 0)
     begin = float(one["launch_time"].values.min())
-    return min(begin + READABLE_PERIODS / data.pick(one, "frequency"), data.pick(one, "duration"))
+    return min(begin + READABLE_PERIODS / float(one["frequency"]), float(one["duration"]))
 
 
 def _shown(one: xr.Dataset, particles: Sequence[int] | None) -> list[int]:
@@ -144,7 +148,7 @@ def _shown(one: xr.Dataset, particles: Sequence[int] | None) -> list[int]:
 
 
 def _window(one: xr.Dataset, until: float | None) -> tuple[float, float]:
-    duration = data.pick(one, "duration")
+    duration = float(one["duration"])
     begin = min(0.0, float(one["launch_time"].values.min(initial=0.0)))
     stop = duration if until is None else until
     if not begin < stop <= duration:
@@ -199,13 +203,6 @@ def _draw_flights(
     )
 
 
-def _draw_base(axes: Axes, base: BaseMotion, begin: float, stop: float) -> None:
-    """Draw the height of the base, and shade the area under it."""
-    t = _sampled(base, begin, stop)
-    floor = axes.get_ylim()[0]
-    axes.fill_between(t, base.height(t), floor, facecolor="0.9", edgecolor="0.55", linewidth=0.6)
-
-
 def _sampled(base: BaseMotion, begin: float, stop: float) -> Array:
     """Instants at which the curve of the base is sampled."""
     count = int(min(SAMPLES * base.frequency * (stop - begin), MOST_SAMPLES)) + 2
@@ -242,8 +239,7 @@ def _draw_landings(
         axes.plot(
             motion.landings,
             base.height(motion.landings),
-            linestyle="none",
-            marker="o",
+            "o",
             markersize=2.6,
             color=colour,
             label="landing" if motion is drawn[0] else None,

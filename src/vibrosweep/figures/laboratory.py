@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.figures import style
 from vibrosweep.figures.canvas import Panels
 
@@ -39,33 +41,29 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
     flown = flights["owner"].values == particle
     start, end = flights["start"].values[flown], flights["end"].values[flown]
     shown = min(SHOWN_FLIGHTS, start.size)
-    low, high = start[0], end[shown - 1]
+    low, high = float(start[0]), float(end[shown - 1])
     for k in range(shown):
         since = np.linspace(0.0, end[k] - start[k], CURVE_POINTS)
         speed = flights["speed"].values[flown][k]
         rise = since * (speed - 0.5 * flights.attrs["curvature"] * since)
         rise += flights["rise"].values[flown][k]
-        axes.plot(
-            start[k] + since,
-            1e3 * rise,
-            color=style.OKABE_ITO[0],
-            label="fitted flight" if k == 0 else None,
-        )
-    seen = (flights["particle"].values == particle) & (
-        (flights["time"].values >= low) & (flights["time"].values <= high)
-    )
+        name = "fitted flight" if k == 0 else None
+        axes.plot(start[k] + since, 1e3 * rise, color=style.OKABE_ITO[0], label=name)
+
+    def within(name: str) -> NDArray[np.bool_]:
+        time: Array = flights[name].values
+        return (time >= low) & (time <= high)
+
+    seen = (flights["particle"].values == particle) & within("time")
     axes.plot(
         flights["time"].values[seen],
         1e3 * flights["height"].values[seen],
-        linestyle="none",
-        marker="o",
+        "o",
         markersize=2.2,
         color=style.OKABE_ITO[6],
         label="tracked position",
     )
-    landed = (flights["landing_owner"].values == particle) & (
-        (flights["landing_time"].values >= low) & (flights["landing_time"].values <= high)
-    )
+    landed = (flights["landing_owner"].values == particle) & within("landing_time")
     axes.errorbar(
         flights["landing_time"].values[landed],
         1e3 * flights["landing_height"].values[landed],
@@ -79,7 +77,7 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
         zorder=4,
     )
     if "base_height" in flights:
-        near = (flights["base_time"].values >= low) & (flights["base_time"].values <= high)
+        near = within("base_time")
         level = flights["level"].values[flights["name"].values == particle]
         axes.plot(
             flights["base_time"].values[near],
@@ -95,13 +93,11 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
 def _draw_residuals(axes: Axes, flights: xr.Dataset) -> None:
     """Draw residuals over the place in the flight: blur and rests would show at its ends."""
     used = np.isfinite(flights["residual"].values)
-    place = flights["within"].values[used]
-    residual = flights["residual"].values[used]
+    place, residual = flights["within"].values[used], flights["residual"].values[used]
     axes.plot(
         place,
         residual,
-        linestyle="none",
-        marker=".",
+        ".",
         markersize=1.5,
         alpha=0.3,
         color=style.GREY,
@@ -132,12 +128,7 @@ def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
         label="samples",
     )
     grid = np.linspace(-5.0, 5.0, 201)
-    axes.plot(
-        grid,
-        np.exp(-(grid**2) / 2.0) / np.sqrt(2.0 * np.pi),
-        color="black",
-        label="normal",
-    )
+    axes.plot(grid, np.exp(-(grid**2) / 2.0) / np.sqrt(2.0 * np.pi), color="black", label="normal")
     axes.set(xlim=(-5.0, 5.0), xlabel="residual / standard error", ylabel="density")
     style.head(axes, "")
 
@@ -162,8 +153,7 @@ def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = No
             axes.plot(
                 cases + 0.12 * (k - 1.5),
                 error.sel(reading=reading).values,
-                linestyle="none",
-                marker="osD^"[k],
+                "osD^"[k],
                 markersize=4.5,
                 color=style.OKABE_ITO[k],
                 label=str(reading),

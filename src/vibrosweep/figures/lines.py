@@ -81,9 +81,8 @@ def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     for width, name in ((THICK, "stable"), (THIN, "unstable")) if kinds else ():
         axes.plot([], [], color=style.GREY, linewidth=width, label=name)
     _mark_events(axes, branches, along)
-    axes.set_xlabel(data.label(branches, along))
-    axes.set_ylabel(data.label(branches, "rebound_velocity"))
-    _explain(axes, branches)
+    data.name_axes(axes, branches, along, "rebound_velocity")
+    style.beside(axes, data.conditions(branches.drop_dims("point")))
     return axes
 
 
@@ -165,8 +164,7 @@ def orbit_boundaries(
     forcing = str(boundaries.attrs["forcing"])
     if sweep is None:
         axes = style.axes_on(ax, style.PAGE, 3.6)
-        axes.set_xlabel(data.label(boundaries, "restitution"))
-        axes.set_ylabel(data.label(boundaries, forcing))
+        data.name_axes(axes, boundaries, "restitution", forcing)
     else:
         forcing = data.drawn_forcing(sweep) or forcing
         data.Needs((forcing,)).check("orbit_boundaries", boundaries)
@@ -197,7 +195,7 @@ def orbit_boundaries(
                 )
             seen.add(name)
     if sweep is None:
-        _explain(axes, boundaries)
+        style.beside(axes, data.conditions(boundaries.drop_dims("point")))
     else:
         axes.axis(view)
         style.head(axes, style.remark_of(axes), columns=1)
@@ -211,7 +209,3 @@ def _by_kind(lines: xr.Dataset, dim: str) -> dict[tuple[int, int], list[int]]:
         kind = int(lines["cycle_impacts"][i]), int(lines["cycle_periods"][i])
         found.setdefault(kind, []).append(i)
     return dict(sorted(found.items()))
-
-
-def _explain(axes: Axes, lines: xr.Dataset) -> None:
-    style.beside(axes, data.conditions(lines.drop_dims("point")))

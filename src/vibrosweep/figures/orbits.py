@@ -81,8 +81,7 @@ def periodic_orbits(
     else:
         (along,) = varied or ("impact_phase",)
         _draw_points(axes, orbits, np.broadcast_to(*_aligned(orbits, along)))
-        axes.set_xlabel(data.label(orbits, along))
-        axes.set_ylabel(data.label(orbits, "rebound_velocity"))
+        data.name_axes(axes, orbits, along, "rebound_velocity")
         style.beside(axes, data.conditions(orbits))
     return axes
 
@@ -94,8 +93,8 @@ def _aligned(orbits: xr.Dataset, along: str) -> tuple[Array, tuple[int, ...]]:
 
 def _launch_times(orbits: xr.Dataset, basins: xr.Dataset) -> Array:
     """Times, within the period of the basins, at which the base has the phases of the impacts."""
-    first, frequency = float(basins["launch_time"][0]), data.pick(orbits, "frequency")
-    turns = orbits["impact_phase"].values - data.pick(orbits, "phase") / (2.0 * np.pi)
+    first, frequency = float(basins["launch_time"][0]), float(orbits["frequency"])
+    turns = orbits["impact_phase"].values - float(orbits["phase"]) / (2.0 * np.pi)
     return np.asarray(first + np.mod(turns - frequency * first, 1.0) / frequency)
 
 
@@ -137,8 +136,7 @@ def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
             axes.plot(
                 across[chosen].ravel(),
                 speed[chosen].ravel(),
-                linestyle="none",
-                marker="o",
+                "o",
                 markersize=size,
                 markeredgewidth=0.3 if many else 0.8,
                 markeredgecolor=colour,
@@ -166,6 +164,5 @@ def _draw_numbers(axes: Axes, orbits: xr.Dataset, plane: list[str]) -> None:
         vmax=most + 0.5,
         rasterized=True,
     )
-    axes.set_xlabel(data.label(orbits, across))
-    axes.set_ylabel(data.label(orbits, up))
+    data.name_axes(axes, orbits, across, up)
     axes.figure.colorbar(drawn, ax=axes, label="stable orbits")

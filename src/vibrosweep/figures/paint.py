@@ -176,8 +176,7 @@ def _paint_one_colour(
     axes.plot(
         [],
         [],
-        linestyle="none",
-        marker=marker if points.cells is None else "s",
+        marker if points.cells is None else "s",
         markersize=5.0,
         color=colour,
         markeredgecolor="0.6" if colour == "white" else colour,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from vibrosweep.analysis.base_motion import base_name, has_closed_forms, recoils
+from vibrosweep.analysis.base_motion import base_name, has_closed_forms
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.paint import Points
@@ -77,8 +77,7 @@ def parameter_plane(
     points = paint.scatter_points(data.quantity(sweep, "restitution"), vertical)
     axes.set(xlabel=data.label(sweep, "restitution"), ylabel=label)
     _set_view(axes, points)
-    plain = has_closed_forms(sweep)
-    if plain and not recoils(sweep):
+    if has_closed_forms(sweep):
         draw_windows(axes, forcing, over=points.cells is not None)
     _paint_variable(axes, points, values, sweep, variable)
     # a colour bar names its variable, but a legend does not

@@ -40,11 +40,15 @@ class FigureEntry:
     """One figure of the set."""
 
     name: str  # in messages
-    file_stem: str
-    title: str
     source: Literal["record", "sweep"]  # dataset from which it is drawn
     needs: Needs  # requirements on that dataset
     draw: Callable[[xr.Dataset], Axes]
+    number: int = 0  # of the figure of the study, 0 without one
+
+    @property
+    def file_stem(self) -> str:
+        """Name of its files without the ending."""
+        return f"fig{self.number}_{self.name}" if self.number else self.name
 
     def lacking(self, dataset: xr.Dataset | None) -> str | None:
         """Return a sentence on why the figure cannot be drawn; None if it can."""
@@ -98,62 +102,23 @@ def _separation_over_chance(sweep: xr.Dataset) -> Axes:
 FIGURES: Final[Mapping[str, FigureEntry]] = {
     entry.name: entry
     for entry in (
-        FigureEntry(
-            "height_time",
-            "fig1_height_time",
-            "height of one particle against time",
-            "record",
-            height_curves.NEEDS,
-            _height_time_one,
-        ),
-        FigureEntry(
-            "height_time_all",
-            "fig2_height_time_all",
-            "heights of all particles against time",
-            "record",
-            height_curves.NEEDS,
-            _height_time_all,
-        ),
+        FigureEntry("height_time", "record", height_curves.NEEDS, _height_time_one, number=1),
+        FigureEntry("height_time_all", "record", height_curves.NEEDS, _height_time_all, number=2),
         FigureEntry(
             "height_against_restitution",
-            "fig3_height_against_restitution",
-            "maximum rebound height against restitution",
             "sweep",
             restitution.NEEDS,
             restitution.height_against_restitution,
+            number=3,
+        ),
+        FigureEntry("return_map", "record", returns.NEEDS, returns.return_map, number=4),
+        FigureEntry(
+            "separation_distribution", "sweep", separations.NEEDS, _separation_distribution
         ),
         FigureEntry(
-            "return_map",
-            "fig4_return_map",
-            "return map of arrival speeds",
-            "record",
-            returns.NEEDS,
-            returns.return_map,
+            "separation_over_chance", "sweep", separations.NEEDS_FOR_CHANCE, _separation_over_chance
         ),
-        FigureEntry(
-            "separation_distribution",
-            "separation_distribution",
-            "distribution of the smallest separation",
-            "sweep",
-            separations.NEEDS,
-            _separation_distribution,
-        ),
-        FigureEntry(
-            "separation_over_chance",
-            "separation_over_chance",
-            "smallest separation in units of what chance gives",
-            "sweep",
-            separations.NEEDS_FOR_CHANCE,
-            _separation_over_chance,
-        ),
-        FigureEntry(
-            "parameter_plane",
-            "parameter_plane",
-            "separation or height over restitution and amplitude",
-            "sweep",
-            plane.NEEDS,
-            plane.parameter_plane,
-        ),
+        FigureEntry("parameter_plane", "sweep", plane.NEEDS, plane.parameter_plane),
     )
 }
 

@@ -93,7 +93,7 @@ def height_against_restitution(sweep: xr.Dataset, *, ax: Axes | None = None) -> 
         _draw_launches(axes, restitution, rebound, flight)
     if not moves(sweep):
         _draw_launch_height(axes, sweep, unit)
-    elif not recoils(sweep) and has_closed_forms(sweep):
+    elif has_closed_forms(sweep):
         _draw_bands(axes, one_height, top)
     if not recoils(sweep):
         _draw_plateaus(axes, one_height, top)
@@ -122,11 +122,11 @@ def plateaus(one_height: float, top: float) -> tuple[Array, Array]:
 
 def _height_unit(sweep: xr.Dataset) -> tuple[Array, float]:
     """Return the unit of height of each realization, and the height of mode 1 in that unit."""
-    frequency, gravity = data.fixed(sweep, "frequency"), data.fixed(sweep, "gravity")
-    if frequency is not None and gravity is not None:
-        return np.ones(()), float(theory.locked_height(1, frequency, gravity))
-    frequencies, gravities = (data.quantity(sweep, name) for name in ("frequency", "gravity"))
-    return theory.locked_height(1, frequencies, gravities), 1.0
+    frequency, gravity = (data.quantity(sweep, name) for name in ("frequency", "gravity"))
+    heights = theory.locked_height(1, frequency, gravity)
+    if data.varies(sweep, "frequency") or data.varies(sweep, "gravity"):
+        return heights, 1.0
+    return np.ones(()), float(heights[0])
 
 
 def _span(values: Array) -> tuple[float, float]:
@@ -203,7 +203,7 @@ def _draw_launch_height(axes: Axes, sweep: xr.Dataset, unit: Array) -> None:
         axes.axhline(
             float(heights[0]),
             color=style.OKABE_ITO[1],
-            linestyle=(0, (5, 2)),
+            linestyle=style.DASHED,
             linewidth=1.0,
             label="launch $v_0^2 / 2g$",
             zorder=2.3,
@@ -216,10 +216,7 @@ def _draw_plateaus(axes: Axes, one_height: float, top: float) -> None:
     for height in heights:
         axes.axhline(float(height), color="black", alpha=0.45, linewidth=0.6, zorder=1.5)
     if modes.size:
-        names = axes.secondary_yaxis("right")
-        names.set_yticks(heights, [f"$H_{{{int(k)}}}$" for k in modes])
-        names.tick_params(length=0, pad=2, labelcolor="0.25")
-        names.spines["right"].set_visible(False)
+        style.name_levels(axes, heights, [f"$H_{{{int(k)}}}$" for k in modes])
 
 
 def _draw_bands(axes: Axes, one_height: float, top: float) -> None:
@@ -233,8 +230,6 @@ def _draw_bands(axes: Axes, one_height: float, top: float) -> None:
 
 
 def _remark(sweep: xr.Dataset, height: Array) -> str:
-    parts = [data.conditions(sweep)] if data.conditions(sweep) else []
     unknown = int(np.count_nonzero(~np.isfinite(height)))
-    if unknown:
-        parts.append(f"no rebound in {unknown} of {height.size} realizations")
-    return ", ".join(parts)
+    absent = f"no rebound in {unknown} of {height.size} realizations" if unknown else ""
+    return ", ".join(part for part in (data.conditions(sweep), absent) if part)

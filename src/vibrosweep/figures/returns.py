@@ -9,12 +9,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import (
-    base_name,
-    has_closed_forms,
-    moves,
-    recoils,
-)
+from vibrosweep.analysis.base_motion import base_name, has_closed_forms, moves
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.model.window_begin import lower_end
@@ -83,21 +78,20 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     NEEDS.check("return_map", record)
     one = data.one_realization(record, realization)
     before, after, known = return_points(one)
-    late = one["landing_time"].values[known] > data.pick(one, "duration") / 2.0
+    half = float(one["duration"]) / 2.0
+    late = one["landing_time"].values[known] > half
     before, after = before[known], after[known]
     axes = style.axes_on(ax, style.COLUMN, 4.1)
-    floor = data.pick(one, "amplitude") or data.pick(one, "launch_velocity") or 1.0
+    floor = float(one["amplitude"]) or float(one["launch_velocity"]) or 1.0
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
     # over a moving base a particle may still be rising when it lands
     lowest = min(float(np.min(before, initial=0.0)), float(np.min(after, initial=0.0)))
-    plain = has_closed_forms(one)
-    if plain and not recoils(one):
+    if has_closed_forms(one):
         _draw_strip(axes, one, lowest, top)
         _draw_locked(axes, one, top)
-    _draw_points(axes, before, after, late, data.pick(one, "duration") / 2.0)
+    _draw_points(axes, before, after, late, half)
     view = (1.06 * lowest - 0.03 * top, top)
-    axes.set(xlim=view, ylim=view, aspect="equal")
-    axes.set_xlabel("arrival velocity $v_n$ (m s$^{-1}$)")
+    axes.set(xlim=view, ylim=view, aspect="equal", xlabel="arrival velocity $v_n$ (m s$^{-1}$)")
     axes.set_ylabel("next arrival velocity $v_{n+1}$ (m s$^{-1}$)")
     style.head(axes, data.conditions(one), columns=2)
     return axes
@@ -105,7 +99,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
 
 def _draw_strip(axes: Axes, one: xr.Dataset, lowest: float, top: float) -> None:
     """Shade |v' - e v| <= A, or A + 2 V0 over a moving base, and draw the identity."""
-    e, amplitude = data.pick(one, "restitution"), data.pick(one, "amplitude")
+    e, amplitude = float(one["restitution"]), float(one["amplitude"])
     width, words = amplitude, "A"
     if moves(one):
         width, words = amplitude * (3.0 + e) / (1.0 + e), "A + 2 V_0"
@@ -120,14 +114,8 @@ def _draw_strip(axes: Axes, one: xr.Dataset, lowest: float, top: float) -> None:
         label=rf"$|v_{{n+1}} - e\,v_n| \leq {words}$",
         zorder=1,
     )
-    axes.plot(
-        [0.0, top],
-        [0.0, top],
-        color="black",
-        linestyle=(0, (5, 2)),
-        linewidth=0.8,
-        label="$v_{n+1} = v_n$",
-    )
+    both, name = [0.0, top], "$v_{n+1} = v_n$"
+    axes.plot(both, both, color="black", linestyle=style.DASHED, linewidth=0.8, label=name)
 
 
 def _draw_points(
@@ -141,8 +129,7 @@ def _draw_points(
         axes.plot(
             before[chosen],
             after[chosen],
-            linestyle="none",
-            marker="o",
+            "o",
             markersize=size,
             markeredgewidth=0.0,
             color=colour,
@@ -151,15 +138,13 @@ def _draw_points(
         )
         # a separate marker: the colour of the dots of a long record is too small to see
         if np.any(chosen):
-            axes.plot(
-                [], [], linestyle="none", marker="o", markersize=3.5, color=colour, label=name
-            )
+            axes.plot([], [], "o", markersize=3.5, color=colour, label=name)
 
 
 def _draw_locked(axes: Axes, one: xr.Dataset, top: float) -> None:
     """Mark the closed-form locked orbits, all of whose arrival speeds are g k / (2 f)."""
     e, amplitude, frequency, gravity = (
-        data.pick(one, name) for name in ("restitution", "amplitude", "frequency", "gravity")
+        float(one[name]) for name in ("restitution", "amplitude", "frequency", "gravity")
     )
     reach = top / float(theory.locked_velocity(1, frequency, gravity))
     modes = np.arange(1, min(int(reach), MOST_MODES) + 1)
@@ -175,8 +160,7 @@ def _draw_locked(axes: Axes, one: xr.Dataset, top: float) -> None:
             axes.plot(
                 speeds[chosen],
                 speeds[chosen],
-                linestyle="none",
-                marker=marker,
+                marker,
                 markersize=7.0,
                 markerfacecolor="none",  # the points of an attractor lie inside
                 markeredgecolor="black",
@@ -185,7 +169,4 @@ def _draw_locked(axes: Axes, one: xr.Dataset, top: float) -> None:
                 zorder=3,
             )
     if np.any(exists):
-        names = axes.secondary_yaxis("right")
-        names.set_yticks(speeds[exists], [f"$k={k}$" for k in modes[exists]])
-        names.tick_params(length=0, pad=2, labelcolor="0.25")
-        names.spines["right"].set_visible(False)
+        style.name_levels(axes, speeds[exists], [f"$k={k}$" for k in modes[exists]])

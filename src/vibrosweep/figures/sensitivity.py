@@ -54,14 +54,8 @@ def sobol_bars(indices: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None
     outputs = [str(name) for name in indices["output"].values]
     names = [str(name) for name in indices["parameter"].values]
     at = np.arange(len(names), dtype=np.float64)
-    panels = style.panels_on(
-        ax,
-        style.PAGE,
-        1.5 + 0.24 * len(names),
-        [list(range(len(outputs)))],
-        sharex=True,
-        sharey=True,
-    )
+    height, row = 1.5 + 0.24 * len(names), list(range(len(outputs)))
+    panels = style.panels_on(ax, style.PAGE, height, [row], sharex=True, sharey=True)
     for axes, output in zip(panels, outputs, strict=True):
         one = indices.sel(output=output)
         for name, shift, colour, label in (
@@ -79,14 +73,11 @@ def sobol_bars(indices: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None
                 error_kw={"elinewidth": 0.7},
                 label=label,
             )
-        axes.set_title(textwrap.fill(_short(output), 18))
+        words = VARIABLES[output].long_name if output in VARIABLES else output
+        axes.set_title(textwrap.fill(words, 18))
         axes.axvline(0.0, color="black", linewidth=0.6)
         axes.set_xlabel("Sobol' index")
         axes.set_yticks(at, [f"{n.replace('_', ' ')}{data.symbol(n)}" for n in names])
         axes.set_ylim(at[-1] + 0.6, -0.6)  # the first parameter is on top
     style.beside(panels[-1], "")
     return panels
-
-
-def _short(output: str) -> str:
-    return VARIABLES[output].long_name if output in VARIABLES else output

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
 
@@ -101,19 +102,9 @@ def separation_distributions(
     for one in found:
         needed = ("separation", "cumulative_fraction")
         require(one, "separation_distributions", *needed, source="separation_distribution")
-    axes = style.axes_on(ax, style.MEDIUM, 2.9)
-    for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
-        at = np.maximum(one["separation"].values, EDGE)
-        fraction = np.append(0.0, one["cumulative_fraction"].values)
-        axes.step(
-            np.concatenate([[EDGE], at, [1.0]]),
-            np.append(fraction, fraction[-1]),
-            where="post",
-            color=colour,
-            linewidth=1.2,
-            label=name,
-        )
-    axes.axvline(contact_time, color="black", linestyle=(0, (5, 2)), linewidth=0.8)
+    curves = [(one["separation"].values, one["cumulative_fraction"].values) for one in found]
+    axes = _distributions(ax, curves, names, (EDGE, 1.0), linewidth=1.2)
+    axes.axvline(contact_time, color="black", linestyle=style.DASHED, linewidth=0.8)
     axes.annotate(
         r"$\tau_c$",
         (contact_time, 0.03),
@@ -121,11 +112,32 @@ def separation_distributions(
         textcoords="offset points",
         path_effects=style.halo(),
     )
-    axes.set_xscale("log")
-    axes.set(xlim=(EDGE, 1.0), ylim=(0.0, 1.02))
     axes.set_xlabel(r"smallest separation $\Delta t_{\mathrm{min}}$ (s)")
-    axes.set_ylabel("fraction of realizations\nwith at most this")
     style.head(axes, "")
+    return axes
+
+
+def _distributions(
+    ax: Axes | None,
+    curves: Sequence[tuple[Array, Array]],
+    labels: Sequence[str],
+    ends: tuple[float, float],
+    linewidth: float | None = None,
+) -> Axes:
+    """Draw the fractions at sorted values; values below the left end are drawn there."""
+    axes, (left, right) = style.axes_on(ax, style.MEDIUM, 2.9), ends
+    drawn = zip(curves, labels, style.colours(len(labels)), strict=True)
+    for (values, fraction), label, colour in drawn:
+        axes.step(
+            np.concatenate([[left], np.maximum(values, left), [right]]),
+            np.concatenate([[0.0 if values.size else np.nan], fraction, [1.0]]),
+            where="post",
+            color=colour,
+            linewidth=linewidth,
+            label=label,
+        )
+    axes.set(xscale="log", xlim=ends, ylim=(0.0, 1.02))
+    axes.set_ylabel("fraction of realizations\nwith at most this")
     return axes
 
 
@@ -177,22 +189,16 @@ def separations_over_chance(
     largest = [float(z[-1]) for z in known if z.size]
     if not largest:
         raise DataError(f"figure separations_over_chance needs {MEANINGLESS}")
-    axes = style.axes_on(ax, style.MEDIUM, 2.9)
-    right = max(10.0, *largest)
-    for ratio, z, name, colour in zip(ratios, known, names, style.colours(len(names)), strict=True):
-        axes.step(
-            np.concatenate([[EDGE_OF_CHANCE], np.maximum(z, EDGE_OF_CHANCE), [right]]),
-            np.append(np.arange(z.size + 1) / (z.size or np.nan), 1.0),
-            where="post",
-            color=colour,
-            label=f"{name}: {z.size} of {ratio.size} realizations",
-        )
-    z = np.geomspace(EDGE_OF_CHANCE, right, 200)
+    ends = (EDGE_OF_CHANCE, max(10.0, *largest))
+    curves = [(z, np.arange(1, z.size + 1) / max(z.size, 1)) for z in known]
+    labels = [
+        f"{name}: {z.size} of {ratio.size} realizations"
+        for name, z, ratio in zip(names, known, ratios, strict=True)
+    ]
+    axes = _distributions(ax, curves, labels, ends)
+    z = np.geomspace(*ends, 200)
     axes.plot(z, -np.expm1(-z), color="black", linewidth=1.2, label="chance: $1 - e^{-z}$")
-    axes.set_xscale("log")
-    axes.set(xlim=(EDGE_OF_CHANCE, right), ylim=(0.0, 1.02))
     axes.set_xlabel(r"$z = \Lambda\,\Delta t_{\mathrm{min}}$")
-    axes.set_ylabel("fraction of realizations\nwith at most this")
     style.head(axes, "", columns=1)
     return axes
 
@@ -239,8 +245,7 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None 
     axes.plot(
         number[positive],
         separation[positive],
-        linestyle="none",
-        marker="o",
+        "o",
         markersize=2.0,
         markeredgewidth=0.0,
         color=style.OKABE_ITO[0],
@@ -251,12 +256,10 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None 
         number,
         separation[:20].max() * modulus**number,
         color=style.OKABE_ITO[1],
-        linestyle=(0, (5, 2)),
+        linestyle=style.DASHED,
         label=f"multipliers: {modulus:.4f} per cycle",
     )
-    axes.set_yscale("log")
+    axes.set(yscale="log", xlabel="cycle", ylabel="separation (s)")
     axes.set_ylim(bottom=0.3 * separation[positive].min())
-    axes.set_xlabel("cycle")
-    axes.set_ylabel("separation (s)")
     style.head(axes, f"fitted: {float(one['modulus_fitted']):.4f} per cycle")
     return axes

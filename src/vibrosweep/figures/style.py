@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final, ParamSpec, TypeVar
 
 import matplotlib as mpl
@@ -59,6 +59,7 @@ SEQUENTIAL_MAP: Final = "viridis"
 DIVERGING_MAP: Final = "coolwarm"  # of signed numbers
 DENSITY_MAP: Final = "cividis_r"
 GREY: Final = "0.45"
+DASHED: Final = (0, (5, 2))
 
 # The palette of Okabe and Ito, distinct under every common colour blindness, without its yellow,
 # in which thin lines vanish on white
@@ -183,6 +184,14 @@ def scale_ends(values: Array) -> tuple[float, float]:
 def halo() -> list[patheffects.AbstractPathEffect]:
     """Return a white outline that keeps lines and words readable on top of colour."""
     return [patheffects.withStroke(linewidth=2.2, foreground="white")]
+
+
+def name_levels(axes: Axes, levels: Array, names: Sequence[str]) -> None:
+    """Name levels of the vertical axis on the right-hand side of the axes."""
+    right = axes.secondary_yaxis("right")
+    right.set_yticks(levels, names)
+    right.tick_params(length=0, pad=2, labelcolor="0.25")
+    right.spines["right"].set_visible(False)
 
 
 def head(axes: Axes, remark: str, columns: int = 4) -> None:

@@ -15,6 +15,7 @@ from vibrosweep.analysis.conditions import UNDETERMINED
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.figures.canvas import Panels
+from vibrosweep.figures.cells import between
 from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
 from vibrosweep.model.forcing import FORCINGS
 
@@ -86,9 +87,8 @@ def stability_windows(
 
 
 def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool) -> None:
-    e = windows["restitution"].values
-    scan = windows["scan"].values
-    axes.set_xlim(*_edges(e)[[0, -1]])
+    e, scan = windows["restitution"].values, windows["scan"].values
+    axes.set_xlim(*between(e)[[0, -1]])
     # existence and stability of a locked orbit do not depend on the direction
     directions = windows["direction"].values[: 1 if is_locked else None]
     shown = [(name, direction) for name in names for direction in directions]
@@ -103,15 +103,10 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
         axes.plot([], [], "s", color=_over(*colours), label="in both directions")
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
     name = _scanned(windows)
-    axes.set_ylabel(data.forcing_label(name))
+    axes.set_ylabel(data.label(windows, name))
     modes = [int(name[len("locked(") : -1]) for name in names] if is_locked else MODES
-    forcing = Forcing(
-        data.SYMBOLS[name],
-        base_name(windows),
-        float(windows["frequency"]),
-        float(windows["gravity"]),
-        name,
-    )
+    scene = base_name(windows), float(windows["frequency"]), float(windows["gravity"])
+    forcing = Forcing(data.SYMBOLS[name], *scene, name)
     if has_closed_forms(windows):
         draw_windows(axes, forcing, over=True, modes=modes)
     # beside their remark only two entries fit in a row
@@ -135,7 +130,7 @@ def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label
 
     A window that reaches an end of the scan is drawn up to it.  Returns the highest end, or 0.
     """
-    edges = _edges(chosen["restitution"].values)
+    edges = between(chosen["restitution"].values)
     exists = chosen["window_ends"].values >= 0
     symbol = FORCINGS[_scanned(chosen)].symbol
     lower, upper = (chosen[f"{symbol}_{end}"].values for end in ("min", "max"))
@@ -169,8 +164,8 @@ def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
     if not unknown.any():
         return
     axes.pcolormesh(
-        _edges(chosen["restitution"].values),
-        _edges(chosen["scan"].values),
+        between(chosen["restitution"].values),
+        between(chosen["scan"].values),
         np.ma.masked_array(unknown, ~unknown),
         cmap=ListedColormap([style.GREY]),
         alpha=0.3,
@@ -184,11 +179,3 @@ def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
 def _scanned(windows: xr.Dataset) -> str:
     """Name of the scanned forcing."""
     return str(windows.attrs.get("forcing", "amplitude"))
-
-
-def _edges(e: Array) -> Array:
-    """Edges half-way between sorted values."""
-    if e.size == 1:
-        return np.array([e[0] - 0.01, e[0] + 0.01])
-    middle = (e[1:] + e[:-1]) / 2.0
-    return np.concatenate([[2.0 * e[0] - middle[0]], middle, [2.0 * e[-1] - middle[-1]]])
