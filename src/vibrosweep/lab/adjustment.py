@@ -46,6 +46,16 @@ class Adjustment(NamedTuple):
     # Covariance from the scatter of the residuals, added where noise does not explain them
     influences: Array
 
+    def with_law(self, law: Law) -> FittedLaw:
+        """Return the fit of the law with which instants and parameters were adjusted."""
+        number = self.distance.size
+        freedom = number - self.values.size
+        misfit = self.chi_square / freedom
+        covariance = widen(self.covariance, misfit, freedom, self.influences)
+        values, covariance = with_speed(law, self.values, covariance)
+        distance = np.minimum(self.distance, FAR)
+        return FittedLaw(law, values, covariance, misfit, freedom, number, distance)
+
 
 def adjust(
     bounces: Bounces,
@@ -119,7 +129,6 @@ def fit_laws(bounces: Bounces, start: Array, frequency: float, *, free: bool) ->
 
 
 def _fit(bounces: Bounces, values: Array, frequency: float, free: bool, law: Law) -> FittedLaw:
-    number = bounces.middle.size
     try:
         # at a fixed speed first, because the parameters of a constant restitution may be far off
         for tried in dict.fromkeys((law._replace(fixed=True), law)):
@@ -127,10 +136,5 @@ def _fit(bounces: Bounces, values: Array, frequency: float, free: bool, law: Law
             found = adjust(bounces, values[:3], rate, free, tried)
             values = found.values
     except np.linalg.LinAlgError:
-        return failed_fit(law, number)
-    freedom = number - found.values.size
-    misfit = found.chi_square / freedom
-    covariance = widen(found.covariance, misfit, freedom, found.influences)
-    values, covariance = with_speed(law, found.values, covariance)
-    distance = np.minimum(found.distance, FAR)
-    return FittedLaw(law, values, covariance, misfit, freedom, number, distance)
+        return failed_fit(law, bounces.middle.size)
+    return found.with_law(law)
