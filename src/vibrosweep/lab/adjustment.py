@@ -113,12 +113,15 @@ def adjust(
     return Adjustment(values, inverse, chi_square, white[:, -1] ** 2, influences)
 
 
-def fit_laws(bounces: Bounces, start: Array, frequency: float, *, free: bool) -> list[FittedLaw]:
-    """Fit the laws of `FITTED`, starting from the parameters of a constant restitution."""
+def fit_laws(bounces: Bounces, start: Array, frequency: float | None) -> list[FittedLaw]:
+    """Fit the laws of `FITTED`, starting from the parameters of a constant restitution.
+
+    A frequency (Hz) of None is one of these parameters.
+    """
     speeds = np.maximum(bounces.speeds()[0], 1e-6)
 
     def fitted(name: str, values: Array) -> FittedLaw:
-        return fit_law(name, speeds, partial(_fit, bounces, values, frequency, free))
+        return fit_law(name, speeds, partial(_fit, bounces, values, frequency))
 
     fits = [fitted(name, start) for name in FITTED]
     nearest = nearest_fit(fits)
@@ -128,12 +131,12 @@ def fit_laws(bounces: Bounces, start: Array, frequency: float, *, free: bool) ->
     return [fitted(fit.law.name, nearest.values) if np.isnan(fit.misfit) else fit for fit in fits]
 
 
-def _fit(bounces: Bounces, values: Array, frequency: float, free: bool, law: Law) -> FittedLaw:
+def _fit(bounces: Bounces, values: Array, frequency: float | None, law: Law) -> FittedLaw:
     try:
         # at a fixed speed first, because the parameters of a constant restitution may be far off
         for tried in dict.fromkeys((law._replace(fixed=True), law)):
-            rate = float(values[3]) if free else frequency
-            found = adjust(bounces, values[:3], rate, free, tried)
+            rate = float(values[3]) if frequency is None else frequency
+            found = adjust(bounces, values[:3], rate, frequency is None, tried)
             values = found.values
     except np.linalg.LinAlgError:
         return failed_fit(law, bounces.middle.size)

@@ -132,8 +132,7 @@ def estimate(
     rates = frequencies_to_try(bounces.speeds(), frequency, frequency_range)
     tried = [_adjust_at(bounces, rate, free) for rate in rates]
     adjusted, signal = min(tried, key=_rank)
-    rate = float(adjusted.values[3]) if free else rates[0]
-    fit, laws = _fit_and_laws(bounces, adjusted, signal, rate, free)
+    fit, laws = _fit_and_laws(bounces, adjusted, signal, frequency)
     lost = np.isinf(adjusted.chi_square)
     if lost and (np.isnan(fit.misfit) or _warnings_of(fit, signal)[0]):
         raise TrackError(
@@ -157,7 +156,7 @@ def estimate(
 
 
 def _fit_and_laws(
-    bounces: Bounces, adjusted: Adjustment, signal: float, rate: float, free: bool
+    bounces: Bounces, adjusted: Adjustment, signal: float, frequency: float | None
 ) -> tuple[FittedLaw, list[FittedLaw]]:
     """Return the fit with the best law if a constant restitution is ruled out, else that with it.
 
@@ -167,7 +166,7 @@ def _fit_and_laws(
     lost = np.isinf(fit.misfit)
     if not lost and _warnings_of(fit, signal)[0]:
         return fit, []
-    laws = fit_laws(bounces, adjusted.values, rate, free=free)
+    laws = fit_laws(bounces, adjusted.values, frequency)
     if lost and np.isnan(laws[0].misfit):
         laws = laws[1:]  # any law that can be fitted rules out a constant restitution that cannot
     return preferred_law(laws) or (laws[0] if lost else fit), laws
@@ -182,7 +181,7 @@ def _warnings_of(fit: FittedLaw, signal: float) -> tuple[str, str]:
 def _warnings(
     signal: float, values: Array, covariance: Array, misfit: float, freedom: int
 ) -> tuple[str, str]:
-    """Warnings about parameters with this covariance, as `_warnings_of` returns them."""
+    """Warnings of `_warnings_of`, from e, amplitude and other parameters with their covariance."""
     undetermined, scattered = _why_undetermined(signal, values, covariance, misfit), ""
     if is_improbable(misfit, freedom):
         scattered = (

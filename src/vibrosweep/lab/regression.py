@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc
 
-from vibrosweep.arrays import Array
+from vibrosweep.arrays import Array, Flags, Indices
 
 TWO_PI: Final = 2.0 * np.pi
 FEWEST: Final = 10  # bounces that an estimate needs
@@ -36,16 +36,19 @@ class Speeds(NamedTuple):
     leave: Array
     time: Array  # s
 
+    def take(self, chosen: Flags | Indices) -> Speeds:
+        """Return the chosen bounces."""
+        return Speeds._make(values[chosen] for values in self)
+
 
 def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
     """Find the frequency (Hz) at which the bounces obey the map best, by ordinary least squares.
 
     A scan with the earliest bounces finds the minimum, which is refined with more and more of them.
     """
-    order = np.argsort(speeds.time)
-    speeds = Speeds._make(values[order] for values in speeds)
+    speeds = speeds.take(np.argsort(speeds.time))
     since = speeds.time - speeds.time[0]
-    early = Speeds._make(values[since <= SCAN_SECONDS][:SCAN_BOUNCES] for values in speeds)
+    early = speeds.take(np.flatnonzero(since <= SCAN_SECONDS)[:SCAN_BOUNCES])
     span = max(float(np.ptp(early.time)), 1e-9)
     steps = int((between[1] - between[0]) * 4.0 * span) + 2
     trial = np.linspace(*between, steps)
@@ -53,10 +56,10 @@ def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
     best, width = float(trial[np.argmin(np.concatenate(misfit))]), float(trial[1] - trial[0])
     reach = span
     while True:  # twice the length halves the width of the minimum
-        part = Speeds._make(values[since <= reach] for values in speeds)
+        used = speeds.take(since <= reach)
         best = float(
             minimize_scalar(
-                lambda f, part=part: float(_misfits(np.array([f]), part)[0]),
+                lambda f, used=used: float(_misfits(np.array([f]), used)[0]),
                 bounds=(best - width, best + width),
                 method="bounded",
                 options={"xatol": 1e-4 * width},
