@@ -24,7 +24,6 @@ from vibrosweep.figures.registry import save_formats
 from vibrosweep.figures.style import for_file
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
-from vibrosweep.lab.comparison import QUANTITIES
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.fitting import Setup, fit_tracks
@@ -34,6 +33,7 @@ from vibrosweep.lab.impacts import BOUNCED, impacts_of
 from vibrosweep.lab.lines import flights_of, table_lines
 from vibrosweep.lab.prediction import ComparisonOptions
 from vibrosweep.lab.quality import find_swaps
+from vibrosweep.lab.relative_errors import QUANTITIES
 from vibrosweep.lab.segments import samples_of
 from vibrosweep.lab.spec import read_experiments
 from vibrosweep.lab.surfaces import oscillating_surface

@@ -6,7 +6,6 @@ import xarray as xr
 
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.compare import compare
-from vibrosweep.lab.comparison import READINGS, comparable, measured_means, prediction_errors
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.fitting import Setup
@@ -18,6 +17,7 @@ from vibrosweep.lab.prediction import (
     predict,
     scene_of,
 )
+from vibrosweep.lab.relative_errors import READINGS, comparable, measured_means, prediction_errors
 from vibrosweep.lab.repeats import agreement, phases, quantities
 from vibrosweep.model.shapes import SINE
 from vibrosweep.theory import locked_height

@@ -71,7 +71,7 @@ def fitted_base(distance, restitution=0.8, error=0.01):
         values=np.array([restitution, 0.1, 0.0, 0.0]),
         covariance=np.diag([error**2, 1e-6, 1e-6, 1e-12]),
         oscillation=Oscillation(np.array([0.1, 0.0, 20.0])),
-        restitution=restitution,
+        problem=None,
         particles=np.zeros(1, np.intp),
         levels=0.0 * one,
         kept=np.ones(distance.size, bool),

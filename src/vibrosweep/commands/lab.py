@@ -102,7 +102,7 @@ def perform(options: argparse.Namespace) -> None:
 
 def _synthesize(options: argparse.Namespace) -> None:
     from vibrosweep.lab.spec import read_experiments
-    from vibrosweep.lab.writing import write_experiments
+    from vibrosweep.lab.trials import write_experiments
 
     spec = read_experiments(options.spec)
     written = write_experiments(

@@ -12,10 +12,10 @@ from vibrosweep.lazy import lazily
 if TYPE_CHECKING:
     from vibrosweep.lab.camera import Camera
     from vibrosweep.lab.compare import compare_tracks
-    from vibrosweep.lab.comparison import QUANTITIES, READINGS, comparable, prediction_errors
     from vibrosweep.lab.estimation import estimate
     from vibrosweep.lab.experiment import Experiment, Variation
     from vibrosweep.lab.impacts import find_impacts
+    from vibrosweep.lab.relative_errors import QUANTITIES, READINGS, comparable, prediction_errors
     from vibrosweep.lab.repeats import agreement, quantities
     from vibrosweep.lab.traces import read_trace
     from vibrosweep.lab.track_files import read_tracks, tracks_from_frame
@@ -47,7 +47,8 @@ _HOMES: Final = {
     "Camera": "vibrosweep.lab.camera",
     "compare_tracks": "vibrosweep.lab.compare",
     **dict.fromkeys(
-        ("QUANTITIES", "READINGS", "comparable", "prediction_errors"), "vibrosweep.lab.comparison"
+        ("QUANTITIES", "READINGS", "comparable", "prediction_errors"),
+        "vibrosweep.lab.relative_errors",
     ),
     "estimate": "vibrosweep.lab.estimation",
     **dict.fromkeys(("Experiment", "Variation"), "vibrosweep.lab.experiment"),

@@ -46,6 +46,16 @@ class Adjustment(NamedTuple):
     # Covariance from the scatter of the residuals, added where noise does not explain them
     influences: Array
 
+    def with_law(self, law: Law) -> FittedLaw:
+        """Return the fit of the law with which instants and parameters were adjusted."""
+        number = self.distance.size
+        freedom = number - self.values.size
+        misfit = self.chi_square / freedom
+        covariance = widen(self.covariance, misfit, freedom, self.influences)
+        values, covariance = with_speed(law, self.values, covariance)
+        distance = np.minimum(self.distance, FAR)
+        return FittedLaw(law, values, covariance, misfit, freedom, number, distance)
+
 
 def adjust(
     bounces: Bounces,
@@ -103,12 +113,15 @@ def adjust(
     return Adjustment(values, inverse, chi_square, white[:, -1] ** 2, influences)
 
 
-def fit_laws(bounces: Bounces, start: Array, frequency: float, *, free: bool) -> list[FittedLaw]:
-    """Fit the laws of `FITTED`, starting from the parameters of a constant restitution."""
+def fit_laws(bounces: Bounces, start: Array, frequency: float | None) -> list[FittedLaw]:
+    """Fit the laws of `FITTED`, starting from the parameters of a constant restitution.
+
+    A frequency (Hz) of None is one of these parameters.
+    """
     speeds = np.maximum(bounces.speeds()[0], 1e-6)
 
     def fitted(name: str, values: Array) -> FittedLaw:
-        return fit_law(name, speeds, partial(_fit, bounces, values, frequency, free))
+        return fit_law(name, speeds, partial(_fit, bounces, values, frequency))
 
     fits = [fitted(name, start) for name in FITTED]
     nearest = nearest_fit(fits)
@@ -118,19 +131,13 @@ def fit_laws(bounces: Bounces, start: Array, frequency: float, *, free: bool) ->
     return [fitted(fit.law.name, nearest.values) if np.isnan(fit.misfit) else fit for fit in fits]
 
 
-def _fit(bounces: Bounces, values: Array, frequency: float, free: bool, law: Law) -> FittedLaw:
-    number = bounces.middle.size
+def _fit(bounces: Bounces, values: Array, frequency: float | None, law: Law) -> FittedLaw:
     try:
         # at a fixed speed first, because the parameters of a constant restitution may be far off
         for tried in dict.fromkeys((law._replace(fixed=True), law)):
-            rate = float(values[3]) if free else frequency
-            found = adjust(bounces, values[:3], rate, free, tried)
+            rate = float(values[3]) if frequency is None else frequency
+            found = adjust(bounces, values[:3], rate, frequency is None, tried)
             values = found.values
     except np.linalg.LinAlgError:
-        return failed_fit(law, number)
-    freedom = number - found.values.size
-    misfit = found.chi_square / freedom
-    covariance = widen(found.covariance, misfit, freedom, found.influences)
-    values, covariance = with_speed(law, found.values, covariance)
-    distance = np.minimum(found.distance, FAR)
-    return FittedLaw(law, values, covariance, misfit, freedom, number, distance)
+        return failed_fit(law, bounces.middle.size)
+    return found.with_law(law)

@@ -69,38 +69,29 @@ class Bounces:
 
 def bounces_of(impacts: xr.Dataset) -> Bounces:
     """Gather the bounces of a result of `find_impacts` that have a whole flight on either side."""
-    instant, variance, covariance = [np.empty(0)], [np.empty(0)], [np.empty(0)]
-    middle, passed = [np.empty(0, np.intp)], 0
-    for p in range(impacts.sizes["particle"]):
-        landings = impacts.isel(particle=p)
-        quality = landings["quality"].values[: int(landings["impact_count"])]
-        if not quality.size:
-            continue
-        column = {n: v.values[: quality.size] for n, v in landings.items() if v.ndim}
-        bounced = quality == BOUNCED
-        # landing and lift-off are one instant at a bounce, two at a stay on the base
-        single = np.stack([np.ones_like(bounced), ~bounced], axis=1)
-        both = np.stack([column["landing_time"], column["liftoff_time"]], axis=1)
-        error = np.stack([column["landing_time_error"], column["liftoff_time_error"]], axis=1)
-        link = np.nan_to_num(column["next_covariance"])
-        link = np.stack([np.where(bounced, link, 0.0), link], axis=1)
-        instant.append(both[single])
-        variance.append(error[single] ** 2)
-        covariance.append(link[single])
-        place = np.cumsum(single.ravel())[::2] - 1 + passed
-        sound = (quality != DOUBTFUL) & np.isfinite(column["landing_time"])
-        seen = np.isfinite(column["flight_time"])
-        good = bounced.copy()
-        good[1:] &= seen[:-1] & sound[:-1]
-        good[:-1] &= seen[:-1] & sound[1:]
-        good[[0, -1]] = False
-        middle.append(place[good])
-        passed += int(single.sum())
+    landed = np.arange(impacts.sizes["impact"]) < impacts["impact_count"].values[:, np.newaxis]
+
+    def column(name: str) -> Array:
+        return np.asarray(impacts[name].values[landed])
+
+    quality, instants = column("quality"), ("landing_time", "liftoff_time")
+    bounced = quality == BOUNCED
+    # landing and lift-off are one instant at a bounce, two at a stay on the base
+    single = np.stack([np.ones_like(bounced), ~bounced], axis=1)
+    instant = np.stack([column(name) for name in instants], axis=1)
+    error = np.stack([column(f"{name}_error") for name in instants], axis=1)
+    link = np.nan_to_num(column("next_covariance"))
+    link = np.stack([np.where(bounced, link, 0.0), link], axis=1)
+    # the flight after the last landing of a particle is not seen
+    seen = np.isfinite(column("flight_time"))
+    sound = (quality != DOUBTFUL) & np.isfinite(instant[:, 0])
+    whole = bounced & seen & np.append(sound, False)[1:]
+    whole &= np.append(False, seen & sound)[:-1]
     return Bounces(
-        np.concatenate(instant),
-        np.concatenate(variance),
-        np.concatenate(covariance)[:-1],
-        np.concatenate(middle),
+        instant[single],
+        error[single] ** 2,
+        link[single][:-1],
+        np.cumsum(single)[::2][whole] - 1,
         impacts.attrs["gravity"],
     )
 

@@ -11,7 +11,6 @@ import xarray as xr
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError, require_one_of
-from vibrosweep.lab.comparison import QUANTITIES, READINGS, comparable, errors_of, measured_means
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import METHODS, impacts_of
 from vibrosweep.lab.oscillation import Trace
@@ -22,6 +21,13 @@ from vibrosweep.lab.prediction import (
     draw_parameters,
     parameters_of,
     predict,
+)
+from vibrosweep.lab.relative_errors import (
+    QUANTITIES,
+    READINGS,
+    comparable,
+    errors_of,
+    measured_means,
 )
 from vibrosweep.lab.speed_laws import law_text
 from vibrosweep.lab.twin import camera_shares
@@ -40,12 +46,11 @@ from vibrosweep.runs.driver import thread_count
 
 __all__ = ["compare", "compare_tracks"]
 
+# A particle is launched with the speed of its first flight
 KNOWN: Final = {
-    **{
-        name: PARAMETERS[name]
-        for name in ("restitution", "amplitude", "frequency", "phase", "gravity", "contact_time")
-    },
-    **OF_RESTITUTION,
+    name: parameter
+    for name, parameter in {**PARAMETERS, **OF_RESTITUTION}.items()
+    if name != "launch_velocity"
 }
 SHARES: Final = ("frames", "pixels", "parameters")
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.lab.flights import Fits, fit_parabolas, gravity_of_high_flights, meet
+from vibrosweep.lab.regression import Speeds
 from vibrosweep.lab.segments import Samples
 from vibrosweep.lab.stretches import clear_flights, stretches
 
@@ -29,23 +30,27 @@ class Contacts(NamedTuple):
     noise: float  # standard deviation of a sample, m
     gravity: float  # curvature of the parabolas, m s-2
 
+    @property
+    def speeds(self) -> Speeds:
+        """Speeds of arrival and departure, and the times."""
+        return Speeds(-self.arrival, self.departure, self.time)
+
+    def take(self, chosen: Flags) -> Contacts:
+        """Return the chosen contacts; a link ends where the next contact is left out."""
+        linked = self.linked & np.append(chosen, False)[1:]
+        columns = {"particle", "time", "height", "arrival", "departure"}
+        return self._replace(
+            before=self.before.take(chosen),
+            after=self.after.take(chosen),
+            linked=linked[chosen],
+            **{name: getattr(self, name)[chosen] for name in columns},
+        )
+
     def earliest(self, number: int) -> Contacts:
         """Return the earliest `number` of contacts, or all if there are no more."""
         if self.time.size <= number:
             return self
-        chosen = self.time <= np.partition(self.time, number - 1)[number - 1]
-        # a link ends where the next contact of the particle is left out
-        linked = self.linked[chosen] & np.append(chosen[1:], False)[chosen]
-        return self._replace(
-            before=self.before.take(chosen),
-            after=self.after.take(chosen),
-            particle=self.particle[chosen],
-            linked=linked,
-            time=self.time[chosen],
-            height=self.height[chosen],
-            arrival=self.arrival[chosen],
-            departure=self.departure[chosen],
-        )
+        return self.take(self.time <= np.partition(self.time, number - 1)[number - 1])
 
 
 class Cut(NamedTuple):
@@ -88,21 +93,11 @@ def contacts_between(
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
     arrival = before.slope - fall * (met.time - before.centre)
     departure = arrival + met.closing
-    # between two parts of one flight there is no contact: their slopes differ by rounding
-    opening = departure > arrival
-    landing, before, after = landing[opening], before.take(opening), after.take(opening)
     owner = np.zeros(fits.number.size, np.intp)
     owner[member[member >= 0]] = samples.particle[member >= 0]
     linked = np.append(np.diff(landing) == 1, False)[: landing.size]
-    return Contacts(
-        before=before,
-        after=after,
-        particle=owner[landing],
-        linked=linked,
-        time=met.time[opening],
-        height=met.height[opening],
-        arrival=arrival[opening],
-        departure=departure[opening],
-        noise=noise,
-        gravity=fall,
+    found = Contacts(
+        before, after, owner[landing], linked, met.time, met.height, arrival, departure, noise, fall
     )
+    # between two parts of one flight there is no contact: their slopes differ by rounding
+    return found.take(departure > arrival)

@@ -25,28 +25,28 @@ from vibrosweep.lab.impacts import harmonic_numbers
 from vibrosweep.lab.regression import (
     FEWEST,
     TWO_PI,
+    frequencies_to_try,
+    is_improbable,
     is_unphysical,
+    ordinary_least_squares,
     weakest_signal,
-    widen,
-    with_subharmonics,
 )
-from vibrosweep.lab.remarks import SIGNAL, misfit_warning, why_undetermined
 from vibrosweep.lab.speed_laws import FittedLaw, Law, law_variables, laws_left, preferred_law
 from vibrosweep.lab.variables import with_units
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
 from vibrosweep.model.restitution_laws import SPEED, restitution_at
 from vibrosweep.model.shapes import Waveform
 
-__all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
+__all__ = ["estimate", "fit_phase"]
 
-
-PARAMETER_UNITS: Final = {
-    "restitution": "1",
-    "amplitude": "m s-1",
-    "phase": "rad",
-    "frequency": "Hz",
-    SPEED: "m s-1",
-}
+# Parameters are not determined if the signal in the weakest direction of the design matrix is below
+# this multiple of the noise of the instants, or if the standard error of the restitution or the
+# relative one of the amplitude exceeds its limit.
+SIGNAL: Final = 10.0
+WORST_RESTITUTION: Final = 0.1
+WORST_AMPLITUDE: Final = 0.25
+# Chi-square per degree of freedom above which the law does not describe the bounces
+WORST_MISFIT: Final = 10.0
 PHASES: Final = 1080  # number of trial phases, a third of a degree apart
 # Share of the sum of squares of the kicks up to which a second minimum counts as equally good
 TIE: Final = 0.01
@@ -129,13 +129,10 @@ def estimate(
             f"either side; at least {FEWEST} are needed: film for longer, or faster"
         )
     free = frequency is None
-    rates = (
-        with_subharmonics(bounces.speeds(), frequency_range) if frequency is None else [frequency]
-    )
+    rates = frequencies_to_try(bounces.speeds(), frequency, frequency_range)
     tried = [_adjust_at(bounces, rate, free) for rate in rates]
     adjusted, signal = min(tried, key=_rank)
-    rate = float(adjusted.values[3]) if free else rates[0]
-    fit, laws = _fit_and_laws(bounces, adjusted, signal, rate, free)
+    fit, laws = _fit_and_laws(bounces, adjusted, signal, frequency)
     lost = np.isinf(adjusted.chi_square)
     if lost and (np.isnan(fit.misfit) or _warnings_of(fit, signal)[0]):
         raise TrackError(
@@ -159,21 +156,17 @@ def estimate(
 
 
 def _fit_and_laws(
-    bounces: Bounces, adjusted: Adjustment, signal: float, rate: float, free: bool
+    bounces: Bounces, adjusted: Adjustment, signal: float, frequency: float | None
 ) -> tuple[FittedLaw, list[FittedLaw]]:
     """Return the fit with the best law if a constant restitution is ruled out, else that with it.
 
     The second value holds the fits of all laws, if the bounces determine any parameters.
     """
-    number, freedom = bounces.middle.size, bounces.middle.size - adjusted.values.size
-    misfit = adjusted.chi_square / freedom
-    covariance = widen(adjusted.covariance, misfit, freedom, adjusted.influences)
-    distance = adjusted.distance
-    fit = FittedLaw(Law(), adjusted.values, covariance, misfit, freedom, number, distance)
-    lost = np.isinf(misfit)
+    fit = adjusted.with_law(Law())
+    lost = np.isinf(fit.misfit)
     if not lost and _warnings_of(fit, signal)[0]:
         return fit, []
-    laws = fit_laws(bounces, adjusted.values, rate, free=free)
+    laws = fit_laws(bounces, adjusted.values, frequency)
     if lost and np.isnan(laws[0].misfit):
         laws = laws[1:]  # any law that can be fitted rules out a constant restitution that cannot
     return preferred_law(laws) or (laws[0] if lost else fit), laws
@@ -182,8 +175,47 @@ def _fit_and_laws(
 def _warnings_of(fit: FittedLaw, signal: float) -> tuple[str, str]:
     """Warnings that the parameters are not determined, and that the residuals are too large."""
     values, covariance, _ = polar(fit.values, fit.covariance)
-    undetermined = why_undetermined(signal, values, covariance, fit.misfit)
-    return undetermined, misfit_warning(fit.misfit, fit.freedom)
+    return _warnings(signal, values, covariance, fit.misfit, fit.freedom)
+
+
+def _warnings(
+    signal: float, values: Array, covariance: Array, misfit: float, freedom: int
+) -> tuple[str, str]:
+    """Warnings of `_warnings_of`, from e, amplitude and other parameters with their covariance."""
+    undetermined, scattered = _why_undetermined(signal, values, covariance, misfit), ""
+    if is_improbable(misfit, freedom):
+        scattered = (
+            f"the bounces scatter more than the noise of the tracks explains (misfit "
+            f"{misfit:.3g}, where about 1 is expected): the errors are widened; look for bounces "
+            f"too low to be seen"
+        )
+    return undetermined, scattered
+
+
+def _why_undetermined(signal: float, values: Array, covariance: Array, misfit: float) -> str:
+    """Return a warning that says why parameters are not determined; empty if they are."""
+    error = np.sqrt(np.diag(covariance))
+    if signal < SIGNAL:
+        return (
+            "the orbit does not determine restitution and amplitude: all bounces happen at nearly "
+            "the same phases and speeds, as those of a locked orbit do; change the frequency or "
+            "the amplitude, or film the approach to the orbit"
+        )
+    if not 0.0 <= values[0] <= 1.0:
+        return (
+            f"the restitution comes out as {values[0]:.4g} ± {error[0]:.2g}, where 0 to 1 is "
+            f"possible: the landings do not determine it; check the scale, the frequency, and "
+            f"whether the base moves, or film faster or closer"
+        )
+    if misfit > WORST_MISFIT:
+        return (
+            f"no restitution and forcing describe the bounces: misfit {misfit:.3g} where noise "
+            f"alone makes about 1; check the frequency, and whether the base moves; if its motion "
+            f"is no sine, give its trace or the track of a mark on it"
+        )
+    if error[0] > WORST_RESTITUTION or error[1] > WORST_AMPLITUDE * values[1]:
+        return "restitution and amplitude are hardly determined: film for longer, or closer"
+    return ""
 
 
 def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
@@ -222,7 +254,7 @@ def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
         "base_acceleration": (size[1], "1", "peak acceleration in units of gravity"),
         "base_acceleration_error": (error[1], "1", "its standard error"),
     }
-    warnings = why_undetermined(SIGNAL, kicks, covariance, misfit), misfit_warning(misfit, freedom)
+    warnings = _warnings(SIGNAL, kicks, covariance, misfit, freedom)
     found = _estimate_dataset(names, kicks, covariance, about, warnings, shape)
     found.attrs["restitution_law"] = impacts.attrs["restitution_law"]
     of_laws = [name for name in impacts.data_vars if impacts[name].dims == ("law",)]
@@ -238,7 +270,10 @@ def _estimate_dataset(
     shape: Waveform,
 ) -> xr.Dataset:
     """Dataset of `estimate`; the first warning says why parameters are not determined."""
-    units = [PARAMETER_UNITS.get(n, "1" if n.startswith("weight") else "rad") for n in names]
+    known = {**PARAMETERS, **OF_RESTITUTION}
+    units = [
+        known[n].units if n in known else "1" if n.startswith("weight") else "rad" for n in names
+    ]
     error = np.sqrt(np.diag(covariance))
     return xr.Dataset(
         {
@@ -286,8 +321,11 @@ def _adjust_at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjustment, f
     The parameters are NaN if the signal is too weak.  If no fit converges they are those of the
     regression, with an infinite chi-square.
     """
-    start = _regression(bounces, rate)
-    signal = _signal(bounces, start, rate)
+    speeds, here = bounces.speeds(), bounces.variance[bounces.middle]
+    start = ordinary_least_squares(speeds, rate)
+    # the speed of arrival is half the time of flight times gravity
+    of_arrival = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
+    signal = weakest_signal(speeds, rate, start[1:], of_arrival, here)
     unknown = np.full(3 + free, np.nan)
     every = np.outer(unknown, unknown)
     none = Adjustment(unknown, every, np.nan, np.full(bounces.middle.size, np.nan), every)
@@ -298,24 +336,6 @@ def _adjust_at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjustment, f
     except np.linalg.LinAlgError:
         start = np.append(start, rate) if free else start
         return none._replace(values=start, chi_square=np.inf), signal
-
-
-def _regression(bounces: Bounces, rate: float) -> Array:
-    """Restitution, S and C by ordinary least squares."""
-    arrive, leave, time = bounces.speeds()
-    wave = np.stack([arrive, np.sin(TWO_PI * rate * time), np.cos(TWO_PI * rate * time)], axis=1)
-    return np.asarray(np.linalg.lstsq(wave, leave, rcond=1e-9)[0])
-
-
-def _signal(bounces: Bounces, values: Array, rate: float) -> float:
-    """Compute the `weakest_signal` of bounces whose speeds follow from times of flight."""
-    arrive, _, time = bounces.speeds()
-    here = bounces.variance[bounces.middle]
-    speed = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
-    turned = (TWO_PI * rate) ** 2 * here
-    amplitude = float(np.hypot(*values[1:3]))
-    variances = float(speed.mean()), float(turned.mean())
-    return weakest_signal(arrive, TWO_PI * rate * time, amplitude, *variances)
 
 
 def _rank(tried: tuple[Adjustment, float]) -> tuple[bool, float]:

@@ -14,7 +14,7 @@ from vibrosweep.lab.flights import contradicts, near_gravity
 from vibrosweep.lab.levels import flights_on_levels
 from vibrosweep.lab.moving_flights import flights_over
 from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_base
-from vibrosweep.lab.quality import Swap, find_swaps
+from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import Samples, samples_of
 from vibrosweep.lab.traces import trace_of_mark
 from vibrosweep.lab.which_base import moves, which_base
@@ -44,7 +44,7 @@ class FittedTracks(NamedTuple):
     # samples, flights: measured positions, and parabolas through them
     samples: Samples
     flights: Flights
-    swaps: list[Swap]
+    swaps: list[tuple[int, int, int]]  # exchanged names, as `find_swaps` returns them
     # Base that the contacts favour, ``"moving"``, ``"level"`` or ``"undetermined"``; or that of the
     # setup
     favoured_base: str
@@ -116,25 +116,15 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
 
 def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights | None]:
     """Base that contacts favour, and the flights over it if it moves, else None."""
-    rate, free = setup.frequency, setup.frequency is None
-    favoured, base_fit = "moving", None
     if setup.trace is None:
-        favoured, base_fit = which_base(cut.contacts, rate)
+        favoured, base_fit = which_base(cut.contacts, setup.frequency)
     else:
-        rate = float(setup.trace.values[2])
+        favoured, rate = "moving", float(setup.trace.values[2])
         base_fit = fit_base(cut.contacts, rate, free=True, moves=True, trace=setup.trace)
     detected = setup.motion == "detect" and setup.trace is None
     if base_fit is None or (detected and favoured != "moving"):
         return favoured, None
-    over, contacts = flights_over(
-        samples,
-        cut.member,
-        base_fit,
-        cut.contacts.gravity,
-        exposure=setup.exposure,
-        free=free,
-        trace=setup.trace,
-    )
+    over = flights_over(samples, cut, base_fit, setup.exposure)
     above = float(over.junctions.overlapping.mean()) if over.junctions.before.size else 0.0
     if above > TURNED_ABOVE:
         raise TrackError(
@@ -143,7 +133,7 @@ def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights
             f"faster or closer, or give the frequency or a trace of the base"
         )
     # the contacts of the fitted flights are more accurate, and must favour a moving base too
-    if detected and over.base_fit is not None and not moves(contacts, over.base_fit, free=free):
+    if detected and over.base_fit is not None and not moves(over.base_fit):
         return "undetermined", None
     return favoured, over
 

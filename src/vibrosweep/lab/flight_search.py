@@ -70,7 +70,7 @@ class Flights(NamedTuple):
     # Acceleration of the parabolas, m s-2: gravity, or that of the tracks if they contradict
     # gravity
     curvature: float
-    base_fit: BaseFit | None  # motion of the base; None if it has a constant level
+    base_fit: BaseFit | None = None  # motion of the base; None if it has a constant level
     laws: Sequence[FittedLaw] = ()  # laws of restitution, fitted over a moving base
 
 
@@ -139,9 +139,6 @@ def _iterate(
             junctions = join(fits, piece, ends, noise, gravity)
         if turn < ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
-    apparent, apparent_error = measured_gravity(
-        samples, member, fits.top(gravity) - base, noise, gravity
-    )
     return Flights(
         fits,
         piece,
@@ -154,10 +151,8 @@ def _iterate(
         base,
         error,
         noise,
-        apparent,
-        apparent_error,
+        *measured_gravity(samples, member, fits.top(gravity) - base, noise, gravity),
         gravity,
-        None,
     )
 
 

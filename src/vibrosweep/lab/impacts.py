@@ -121,15 +121,14 @@ def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method:
         owner, columns = _landings_by_fit(flights, gravity)
     else:
         owner, columns = _landings_by_sign(fitted, tracks.attrs["frame_rate"], gravity)
-    found = _table(owner, columns, particles).merge(coverage(tracks))
     poor = np.bincount(flights.particle[flights.poor], minlength=particles)
     exchanged = np.bincount(np.array([p for _, *pair in swaps for p in pair], int), None, particles)
-    of_particles = {
+    of_particles = coverage(tracks) | {
         "poor_flights": (poor, "1", "flights that fit badly"),
         "swaps": (exchanged, "1", "exchanges of names with another particle"),
         "level": (flights.levels, "m", "(mean) level of the base below the particle"),
     }
-    found = found.assign(with_units("particle", of_particles))
+    found = _table(owner, columns, particles).assign(with_units("particle", of_particles))
     found = found.assign_coords(particle=tracks["particle"])
     if flights.base_fit is not None:
         law, scale = preferred_law(flights.laws), gravity / flights.curvature
@@ -165,14 +164,14 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
 
     `scale` multiplies lengths, to correct tracks of a wrong scale.
     """
-    number = base_fit.values.size - base_fit.levels.size
-    names = ["restitution", "S", "C", "frequency"][:number]
-    words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
     numbers = base_fit.oscillation.numbers
+    words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
+    pairs = ["S", "C"]
     if len(numbers) > 1:
         pairs = [f"{letter}{h}" for h in numbers for letter in "SC"]
-        names = ["restitution", *pairs[:2], "frequency", *pairs[2:]]
         words = "of the base that moves with the sum of Sh sin 2 pi h f t + Ch cos 2 pi h f t"
+    names = ["restitution", *pairs[:2], "frequency", *pairs[2:]]
+    names = names[: base_fit.values.size - base_fit.levels.size]  # the frequency may be known
     fit, used = law or base_fit, law.bounces if law else int(base_fit.kept.sum())
     names += ["restitution_speed"] if law and law.law.parameters else []
     of_base = slice(None, len(names))

@@ -8,14 +8,14 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.errors import DataError
-from vibrosweep.lab.comparison import READINGS
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.fitting import FittedTracks
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
+from vibrosweep.lab.relative_errors import READINGS
 from vibrosweep.lab.speed_laws import law_text
-from vibrosweep.lab.variables import with_units
+from vibrosweep.lab.variables import with_error
 from vibrosweep.mistakes import toml
 from vibrosweep.model.restitution_laws import CONSTANT, SPEED
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE
@@ -64,9 +64,9 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
     if not int(found["determined"]):
         return ["the base moves, but its motion is not determined", *remarks_on_fit]
     return [
-        f"the base moves: displacement {1e3 * size[0]:.4g} ± {1e3 * size[1]:.2g} mm at "
-        f"{float(found['frequency_used']):.6g} Hz, acceleration {gamma[0]:.4g} ± {gamma[1]:.2g} "
-        f"of gravity, phase {phase:.4g} ± {dphase:.2g} rad; restitution {e:.4g} ± {de:.2g}",
+        f"the base moves: displacement {with_error(1e3 * size[0], 1e3 * size[1])} mm at "
+        f"{float(found['frequency_used']):.6g} Hz, acceleration {with_error(*gamma)} of gravity, "
+        f"phase {with_error(phase, dphase)} rad; restitution {with_error(e, de)}",
         *_harmonic_lines(found),
         *remarks_on_fit,
     ]
@@ -80,13 +80,11 @@ def _harmonic_lines(found: xr.Dataset) -> list[str]:
     errors = dict(zip(found["parameter"].values.tolist(), found["error"].values, strict=True))
     parts = []
     for h, weight, psi in shape.tones:
-        exact = f"weight_{h}" not in errors
-        both = f" ± {errors.get(f'weight_{h}', 0.0):.2g}", f" ± {errors.get(f'phase_{h}', 0.0):.2g}"
-        parts.append(
-            f"{h} of weight 1"
-            if exact
-            else f"{h} of {weight:.4g}{both[0]}, phase {psi:.4g}{both[1]}"
-        )
+        part = "weight 1"
+        if f"weight_{h}" in errors:
+            turned = with_error(psi, errors[f"phase_{h}"])
+            part = f"{with_error(weight, errors[f'weight_{h}'])}, phase {turned}"
+        parts.append(f"{h} of {part}")
     rounded = [[h, float(f"{weight:.6g}"), float(f"{psi:.6g}")] for h, weight, psi in shape.tones]
     return [
         f"harmonics of its velocity: {'; '.join(parts)}",
@@ -148,7 +146,10 @@ def table_lines(table: xr.Dataset) -> list[str]:
     forcing = "base_acceleration" if moves else "amplitude"
     law = str(table.attrs.get("restitution_law", CONSTANT))
     names = ["restitution", forcing, "frequency", *([SPEED] if law != CONSTANT else [])]
-    parameters = [_with_error(table, name) for name in names]
+    parameters = [  # means over the cases
+        f"{name} {with_error(float(table[name].mean()), float(table[f'{name}_error'].mean()), 5)}"
+        for name in names
+    ]
     base = "moves" if moves else "stays at its level"
     lines.append(f"predicted over a base that {base}, with {', '.join(parameters)}")
     if str(table.attrs.get("waveform", SINE.text)) != SINE.text:
@@ -166,22 +167,16 @@ def _favoured(found: xr.Dataset) -> str:
     return str(found.attrs["favoured_base"])
 
 
-def _with_error(table: xr.Dataset, name: str) -> str:
-    """State the mean of a parameter over cases, and its standard error if it was estimated."""
-    value, error = float(table[name].mean()), float(table[f"{name}_error"].mean())
-    return f"{name} {value:.5g}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
-
-
 def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
     """Samples, fitted flights and landings of a recording, for its figure.
 
-    Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN between
-    flights) and ``within``, the place of the sample in its flight from 0 to 1.  Dim flight:
-    ``start``, ``end``, and at the start ``speed`` (m s-1) and ``rise`` (m); ``owner``, its
-    particle.  Dim landing: ``landing_time``, ``landing_error``, ``landing_height``,
-    ``landing_owner``.  Dim instant: ``base_time`` and ``base_height``, of a moving base above its
-    level.  Dim track: the ``level`` below the particle ``name``.  Attributes: ``noise``, ``base``,
-    ``curvature``, ``frame_rate``.
+    Times are in s, heights in m.  Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in
+    standard errors, NaN between flights) and ``within``, the place of the sample in its flight from
+    0 to 1.  Dim flight: ``start``, ``end``, and at the start ``speed`` (m s-1) and ``rise``, the
+    height; ``owner``, its particle.  Dim landing: ``landing_time``, ``landing_error``,
+    ``landing_height``, ``landing_owner``.  Dim instant: ``base_time`` and ``base_height``, of a
+    moving base above its level.  Dim track: the ``level`` below the particle ``name``.  Attributes:
+    ``noise``, ``base``, ``curvature``, ``frame_rate``.
     """
     samples, flights = fitted.samples, fitted.flights
     fits, joint, member = flights.fits, flights.junctions, flights.member
@@ -196,41 +191,31 @@ def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
     residual = np.where(used, off / (flights.noise * left), np.nan)
     landed = fits.take(joint.before).height(joint.landing, curvature)
     names = tracks["particle"].values
-    of_samples = {
-        "time": (samples.time, "s", "time"),
-        "height": (samples.height, "m", "height"),
-        "residual": (residual, "1", "height less that of the flight, in standard errors"),
-        "within": (within, "1", "place in the flight"),
+    variables = {
+        "time": ("sample", samples.time),
+        "height": ("sample", samples.height),
+        "particle": ("sample", names[samples.particle]),
+        "residual": ("sample", residual),
+        "within": ("sample", within),
+        "start": ("flight", up),
+        "end": ("flight", down),
+        "speed": ("flight", fits.slope - curvature * (up - fits.centre)),
+        "rise": ("flight", fits.height(up, curvature)),
+        "owner": ("flight", names[flights.particle]),
+        "landing_time": ("landing", joint.landing),
+        "landing_error": ("landing", joint.landing_error),
+        "landing_height": ("landing", landed),
+        "landing_owner": ("landing", names[flights.particle[joint.before]]),
+        "level": ("track", flights.levels),
+        "name": ("track", names),
     }
-    of_flights = {
-        "start": (up, "s", "beginning of the fitted flight at the base"),
-        "end": (down, "s", "its end"),
-        "speed": (fits.slope - curvature * (up - fits.centre), "m s-1", "its first velocity"),
-        "rise": (fits.height(up, curvature), "m", "its first height"),
-    }
-    of_landings = {
-        "landing_time": (joint.landing, "s", "time of landing"),
-        "landing_error": (joint.landing_error, "s", "its standard error"),
-        "landing_height": (landed, "m", "its height"),
-    }
-    level = {"level": (flights.levels, "m", "(mean) level of the base")}
-    variables = with_units("sample", of_samples) | with_units("flight", of_flights)
-    variables |= with_units("landing", of_landings) | with_units("track", level)
     if flights.base_fit is not None:
         base, length = flights.base_fit.oscillation, np.ptp(samples.time)
         number = int(length * base.frequency * max(base.numbers) * INSTANTS) + 2
         when = np.linspace(samples.time.min(), samples.time.max(), number)
-        shown = {"base_time": (when, "s", "time")}
-        shown["base_height"] = base.height(when), "m", "height above the level"
-        variables |= with_units("instant", shown)
-    owners = {
-        "particle": ("sample", names[samples.particle]),
-        "owner": ("flight", names[flights.particle]),
-        "landing_owner": ("landing", names[flights.particle[joint.before]]),
-        "name": ("track", names),
-    }
+        variables |= {"base_time": ("instant", when), "base_height": ("instant", base.height(when))}
     return xr.Dataset(
-        {**variables, **owners},
+        variables,
         attrs={
             "noise": flights.noise,
             "base": flights.base,

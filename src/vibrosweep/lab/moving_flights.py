@@ -1,4 +1,7 @@
-"""Flights over a moving base, which are cut at the base and rise higher than stays."""
+"""Flights over a moving base, which are cut at the base and rise higher than stays.
+
+Laws of restitution are then fitted to their contacts, together with the motion of the base.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.arrays import Array, Indices
-from vibrosweep.lab.contacts import Contacts, contacts_between
+from vibrosweep.lab.contacts import Cut, contacts_between
 from vibrosweep.lab.flight_search import (
     LEAST_HEIGHT,
     Flights,
@@ -18,9 +21,15 @@ from vibrosweep.lab.flight_search import (
 )
 from vibrosweep.lab.flights import Ends, Fits, fit_parabolas, measured_gravity
 from vibrosweep.lab.junctions import join
-from vibrosweep.lab.moving_laws import fit_laws
-from vibrosweep.lab.oscillation import BaseFit, Trace, fit_base
+from vibrosweep.lab.oscillation import (
+    BaseFit,
+    Problem,
+    covariance_of_fit,
+    fit_base,
+    without_outliers,
+)
 from vibrosweep.lab.segments import Samples
+from vibrosweep.lab.speed_laws import FITTED, FittedLaw, failed_fit, fit_law, with_speed
 
 ROUNDS: Final = 3
 # Steps in a period of the highest harmonic with which the end of a flight is sought, and
@@ -31,24 +40,14 @@ HALVINGS: Final = 40
 LOW: Final = 0.25
 
 
-def flights_over(
-    samples: Samples,
-    member: Indices,
-    base_fit: BaseFit,
-    fall: float,
-    *,
-    exposure: float = 0.0,
-    free: bool = False,
-    trace: Trace | None = None,
-) -> tuple[Flights, Contacts]:
+def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float) -> Flights:
     """Find the flights over a moving base with a first fit of its motion, and fit that again.
 
-    Returns the flights, and the contacts between them to which the motion was fitted.
-
-    `member` is the number of the stretch of each sample, `fall` the acceleration of flights (m
-    s-2), `exposure` the time for which the shutter was open (s); `free` and `trace` are those of
-    `fit_base`.  Raises a TrackError if nothing flies, or if too few contacts are left.
+    `exposure` is the time for which the shutter was open (s).  Raises a TrackError if nothing
+    flies, or if too few contacts are left.
     """
+    member, fall = cut.member, cut.contacts.gravity
+    free, trace = base_fit.problem.frequency is None, base_fit.problem.trace
     noise = np.inf
     for turn in range(ROUNDS):
         levels = _levels(base_fit, samples)
@@ -73,12 +72,9 @@ def flights_over(
         base_fit = fit_base(
             contacts, base_fit.oscillation.frequency, free=free, moves=True, trace=trace
         )
-    acceleration, acceleration_error = measured_gravity(
-        samples, member, fits.top(fall) - levels[owner], noise, fall
-    )
     of_levels = slice(base_fit.values.size - base_fit.levels.size, None)
     spread = base_fit.covariance[of_levels, of_levels]
-    flights = Flights(
+    return Flights(
         fits,
         piece,
         owner,
@@ -90,13 +86,11 @@ def flights_over(
         float(np.mean(base_fit.levels)),
         float(np.sqrt(spread.sum())) / base_fit.levels.size,
         noise,
-        acceleration,
-        acceleration_error,
+        *measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall),
         fall,
         base_fit,
-        fit_laws(contacts, base_fit, free=free, trace=trace),
+        _fit_laws(base_fit),
     )
-    return flights, contacts
 
 
 def _levels(base_fit: BaseFit, samples: Samples) -> Array:
@@ -149,3 +143,33 @@ def _ends(
         found.append((inner, np.abs(velocity)))
     (up, rise), (down, lands) = found
     return Ends(up, down, rise, lands)
+
+
+def _fit_laws(base_fit: BaseFit) -> list[FittedLaw]:
+    """Fit the laws of `FITTED` to the contacts of a moving base that are no outliers."""
+    contacts = base_fit.problem.contacts
+    speeds = base_fit.oscillation.velocity(contacts.time) - contacts.arrival
+    speeds = np.maximum(speeds[base_fit.kept], 1e-6)
+    return [
+        fit_law(name, speeds, lambda law: _fit_law(base_fit.problem._replace(law=law), base_fit))
+        for name in FITTED
+    ]
+
+
+def _fit_law(problem: Problem, base_fit: BaseFit) -> FittedLaw:
+    law, start = problem.law, base_fit.values
+    if law.parameters:
+        start = np.append(start, np.log(law.speed))
+    spread = np.sqrt(np.maximum(np.diag(base_fit.covariance), 1e-20))
+    scale = np.append(spread, [0.1] * law.parameters)
+    try:
+        found, used = without_outliers(problem, start, scale, base_fit.kept)
+    except np.linalg.LinAlgError:
+        return failed_fit(law, base_fit.kept.size)
+    covariance, misfit, freedom = covariance_of_fit(found)
+    last = found.x.size - law.parameters
+    of_law = np.r_[: problem.parameters, last : found.x.size]  # without the levels
+    values, spread = with_speed(law, found.x[of_law], covariance[np.ix_(of_law, of_law)])
+    return FittedLaw(
+        law, values, spread, misfit, freedom, int(used.sum()), problem.distance(found.x)
+    )

@@ -15,6 +15,7 @@ two bases.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import Contacts
-from vibrosweep.lab.regression import TWO_PI, spread_of_influences, widen
+from vibrosweep.lab.regression import TWO_PI, ordinary_least_squares, spread_of_influences, widen
 from vibrosweep.lab.speed_laws import FAR, STEP, Law
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
@@ -77,20 +78,18 @@ class Oscillation(NamedTuple):
 
     def height(self, time: Array) -> Array:
         """Height in m above the level."""
-        return self._heights(time, 0)
+        return np.asarray(sum(rise for _, rise in self._heights(time)))
 
     def acceleration(self, time: Array) -> Array:
         """Acceleration in m s-2."""
-        return self._heights(time, 2)
+        return np.asarray(sum(-(omega**2) * rise for omega, rise in self._heights(time)))
 
-    def _heights(self, time: Array, order: int) -> Array:
-        """Height, or its derivative of an even order."""
-        angle, found = TWO_PI * self.frequency * time, np.zeros_like(time)
+    def _heights(self, time: Array) -> Iterator[tuple[float, Array]]:
+        """Angular frequency (rad s-1) and height (m) of each harmonic."""
+        angle = TWO_PI * self.frequency * time
         for h, s, c in self.tones:
             omega = TWO_PI * self.frequency * h
-            rise = (c * np.sin(h * angle) - s * np.cos(h * angle)) / omega
-            found = found + (-(omega**2) * rise if order else rise)
-        return found
+            yield omega, (c * np.sin(h * angle) - s * np.cos(h * angle)) / omega
 
 
 class Trace(NamedTuple):
@@ -108,9 +107,8 @@ class BaseFit(NamedTuple):
     # level below each particle
     values: Array
     covariance: Array
-    # oscillation, restitution: the same values
-    oscillation: Oscillation
-    restitution: float
+    problem: Problem  # contacts to which it was fitted
+    oscillation: Oscillation  # of these values
     # particles, levels: numbers of the particles that have contacts, and the level below each, m
     particles: NDArray[np.intp]
     levels: Array
@@ -266,8 +264,8 @@ def fit_base(
     return BaseFit(
         values,
         covariance,
+        problem,
         problem.base(values),
-        float(values[0]),
         particles,
         values[count:],
         kept,
@@ -315,7 +313,8 @@ def covariance_of_fit(found: OptimizeResult) -> tuple[Array, float, int]:
 def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Array]:
     """First values of the parameters, with a frequency (Hz) if that is free, and their scale."""
     contacts, trace, count = problem.contacts, problem.trace, problem.parameters
-    start = [*first_guess(contacts, frequency), frequency][:count]
+    e, sine, cosine = ordinary_least_squares(contacts.speeds, frequency)  # v' = -e v + (1 + e) V
+    start = [e, sine / (1.0 + e), cosine / (1.0 + e), frequency][:count]
     if trace is not None and count > len(start):
         start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
     medians = [np.median(contacts.height[problem.owner == p]) for p in range(levels)]
@@ -330,11 +329,3 @@ def _restitution(contacts: Contacts, base: Oscillation) -> float:
     velocity = base.velocity(contacts.time)
     arrival = contacts.arrival - velocity
     return float(-(contacts.departure - velocity) @ arrival / (arrival @ arrival))
-
-
-def first_guess(contacts: Contacts, frequency: float) -> Array:
-    """Restitution, S and C by ordinary least squares of v' = -e v + (1 + e) V."""
-    angle = TWO_PI * frequency * contacts.time
-    design = np.stack([-contacts.arrival, np.sin(angle), np.cos(angle)], axis=1)
-    e, sine, cosine = np.linalg.lstsq(design, contacts.departure, rcond=1e-9)[0]
-    return np.array([e, sine / (1.0 + e), cosine / (1.0 + e)])

@@ -15,10 +15,10 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.lab.base_harmonics import polar, with_values
-from vibrosweep.lab.comparison import QUANTITIES
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import Setup
 from vibrosweep.lab.impacts import harmonic_numbers
+from vibrosweep.lab.relative_errors import QUANTITIES
 from vibrosweep.lab.speed_laws import law_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, OF_RESTITUTION, PARAMETERS
 from vibrosweep.model.restitution_laws import CONSTANT, SPEED, range_mistake

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
 from vibrosweep.lab.segments import GAP_FRAMES
-from vibrosweep.lab.variables import with_units
 
 # Deviations from the continuation of a flight, in standard deviations of the noise: larger ones
 # than the first number break it, smaller ones than the second continue it.
@@ -17,8 +16,8 @@ BROKEN: Final = 6.0
 CONTINUES: Final = 3.0
 
 
-def coverage(tracks: xr.Dataset) -> xr.Dataset:
-    """Count frames seen, frames lost and gaps of each particle."""
+def coverage(tracks: xr.Dataset) -> dict[str, tuple[Any, str, str]]:
+    """Count frames seen, frames lost and gaps of each particle: columns for `with_units`."""
     height, time = tracks["height"].values, tracks["time"].values
     interval = 1.0 / tracks.attrs["frame_rate"]
     present = np.isfinite(height)
@@ -28,36 +27,25 @@ def coverage(tracks: xr.Dataset) -> xr.Dataset:
     gaps = [
         int((np.diff(time[present[:, p]]) > GAP_FRAMES * interval).sum()) for p in range(len(count))
     ]
-    return xr.Dataset(
-        with_units(
-            "particle",
-            {
-                "frames_seen": (count, "1", "frames in which the particle was seen"),
-                "frames_lost": (lost, "1", "frames lost between its first and last"),
-                "gaps": (np.array(gaps), "1", "gaps too long to bridge"),
-                "first_seen": (time[first], "s", "time of the first frame with the particle"),
-                "last_seen": (time[last], "s", "time of the last frame with the particle"),
-            },
-        )
-    )
+    return {
+        "frames_seen": (count, "1", "frames in which the particle was seen"),
+        "frames_lost": (lost, "1", "frames lost between its first and last"),
+        "gaps": (np.array(gaps), "1", "gaps too long to bridge"),
+        "first_seen": (time[first], "s", "time of the first frame with the particle"),
+        "last_seen": (time[last], "s", "time of the last frame with the particle"),
+    }
 
 
-class Swap(NamedTuple):
-    """An exchange of the names of two particles."""
-
-    frame: int  # first frame after the exchange
-    # particle, partner: numbers of the particles
-    particle: int
-    partner: int
-
-
-def find_swaps(time: Array, height: Array, noise: float, base: float, gravity: float) -> list[Swap]:
+def find_swaps(
+    time: Array, height: Array, noise: float, base: float, gravity: float
+) -> list[tuple[int, int, int]]:
     """Find the frames in which two particles begin to bear each other's names.
 
-    In such a frame neither particle continues its own flight, each continues that of the other, and
-    neither is near the base.  An exchange at nearly the same height and speed cannot be found; it
-    leaves a flight that fits badly.  Times are of shape (frame,), heights of shape (frame,
-    particle); `noise` is the standard deviation of a position, m.
+    Returns each frame with the numbers of both particles.  In such a frame neither particle
+    continues its own flight, each continues that of the other, and neither is near the base.  An
+    exchange at nearly the same height and speed cannot be found; it leaves a flight that fits
+    badly.  Times are of shape (frame,), heights of shape (frame, particle); `noise` is the standard
+    deviation of a position, m.
     """
     before, after = np.diff(time)[:-1, np.newaxis], np.diff(time)[1:, np.newaxis]
     expected = height[1:-1] + (height[1:-1] - height[:-2]) * after / before
@@ -71,7 +59,7 @@ def find_swaps(time: Array, height: Array, noise: float, base: float, gravity: f
         who = np.flatnonzero(suspects[i])
         fits = np.abs(height[i + 2, who] - expected[i, who, np.newaxis]) < CONTINUES * spread[i]
         for a, b in zip(*np.nonzero(np.triu(fits & fits.T, 1)), strict=True):
-            found.append(Swap(int(i + 2), int(who[a]), int(who[b])))
+            found.append((int(i + 2), int(who[a]), int(who[b])))
     return found
 
 

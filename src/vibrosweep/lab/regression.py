@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc
 
-from vibrosweep.arrays import Array
+from vibrosweep.arrays import Array, Flags, Indices
 
 TWO_PI: Final = 2.0 * np.pi
 FEWEST: Final = 10  # bounces that an estimate needs
@@ -36,49 +36,50 @@ class Speeds(NamedTuple):
     leave: Array
     time: Array  # s
 
+    def take(self, chosen: Flags | Indices) -> Speeds:
+        """Return the chosen bounces."""
+        return Speeds._make(values[chosen] for values in self)
+
 
 def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
     """Find the frequency (Hz) at which the bounces obey the map best, by ordinary least squares.
 
     A scan with the earliest bounces finds the minimum, which is refined with more and more of them.
     """
-    arrive, leave, time = speeds
-    order = np.argsort(time)
-    arrive, leave, time = arrive[order], leave[order], time[order]
-    early = np.flatnonzero(time <= time[0] + SCAN_SECONDS)[:SCAN_BOUNCES]
-    span = max(float(np.ptp(time[early])), 1e-9)
+    speeds = speeds.take(np.argsort(speeds.time))
+    since = speeds.time - speeds.time[0]
+    early = speeds.take(np.flatnonzero(since <= SCAN_SECONDS)[:SCAN_BOUNCES])
+    span = max(float(np.ptp(early.time)), 1e-9)
     steps = int((between[1] - between[0]) * 4.0 * span) + 2
     trial = np.linspace(*between, steps)
-    misfit = np.concatenate(
-        [
-            _misfits(part, arrive[early], leave[early], time[early])
-            for part in np.array_split(trial, steps // 256 + 1)
-        ]
-    )
-    best, width = float(trial[np.argmin(misfit)]), float(trial[1] - trial[0])
+    misfit = [_misfits(part, early) for part in np.array_split(trial, steps // 256 + 1)]
+    best, width = float(trial[np.argmin(np.concatenate(misfit))]), float(trial[1] - trial[0])
     reach = span
     while True:  # twice the length halves the width of the minimum
-        chosen = time <= time[0] + reach
-        data = (arrive[chosen], leave[chosen], time[chosen])
+        used = speeds.take(since <= reach)
         best = float(
             minimize_scalar(
-                lambda f, data=data: float(_misfits(np.array([f]), *data)[0]),
+                lambda f, used=used: float(_misfits(np.array([f]), used)[0]),
                 bounds=(best - width, best + width),
                 method="bounded",
                 options={"xatol": 1e-4 * width},
             ).x
         )
-        if reach > time[-1] - time[0]:
+        if reach > since[-1]:
             return best
         reach, width = 2.0 * reach, width / 2.0
 
 
-def with_subharmonics(speeds: Speeds, between: tuple[float, float]) -> list[float]:
-    """Find the frequency (Hz) as `find_frequency` does, and its submultiples down to a fifth.
+def frequencies_to_try(
+    speeds: Speeds, known: float | None, between: tuple[float, float]
+) -> list[float]:
+    """Return the known frequency (Hz), or that of `find_frequency` and its submultiples.
 
     On orbits that visit few phases, a multiple of the frequency may be the better fit by ordinary
     least squares, which assigns all errors to the departure.
     """
+    if known is not None:
+        return [known]
     best = find_frequency(speeds, between)
     parts = [best / k for k in SUBHARMONICS if best / k > between[0]]
     return [best, *(find_frequency(speeds, (f - NEAR, f + NEAR)) for f in parts)]
@@ -130,10 +131,9 @@ def spread_of_influences(residual: Array, slopes: Array, inverse: Array) -> Arra
     return np.asarray(influence.T @ influence)
 
 
-def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:
+def _misfits(frequency: Array, speeds: Speeds) -> Array:
     """Residual sum of squares of the best e, S and C at each frequency."""
-    angle = TWO_PI * frequency[:, np.newaxis] * time
-    design = np.stack([np.broadcast_to(arrive, angle.shape), np.sin(angle), np.cos(angle)], axis=-1)
+    design, leave = _design(speeds, frequency), speeds.leave
     normal = np.einsum("fni,fnj->fij", design, design)
     right = np.einsum("fni,n->fi", design, leave)
     # a small ridge, because the columns are linearly dependent at some frequencies
@@ -142,17 +142,29 @@ def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Arra
     return np.asarray(leave @ leave - np.einsum("fi,fi->f", right, found))
 
 
+def _design(speeds: Speeds, frequency: float | Array) -> Array:
+    """Columns v, sin 2 pi f t and cos 2 pi f t, shape (bounce, 3), for each frequency."""
+    angle = np.multiply.outer(TWO_PI * np.asarray(frequency), speeds.time)
+    arrive = np.broadcast_to(speeds.arrive, angle.shape)
+    return np.stack([arrive, np.sin(angle), np.cos(angle)], axis=-1)
+
+
+def ordinary_least_squares(speeds: Speeds, frequency: float) -> Array:
+    """Fit e, S and C of v' = e v + S sin 2 pi f t + C cos 2 pi f t by ordinary least squares."""
+    return np.asarray(np.linalg.lstsq(_design(speeds, frequency), speeds.leave, rcond=1e-9)[0])
+
+
 def weakest_signal(
-    arrive: Array, angle: Array, amplitude: float, speed_variance: float, phase_variance: float
+    speeds: Speeds, frequency: float, kick: Array, speed_variance: Array, time_variance: Array
 ) -> float:
     """Signal in units of the noise, in the direction of the design matrix that varies least.
 
     All bounces of a locked orbit are equal apart from errors of the instants, so that any number of
-    them leaves two of the three parameters undetermined.  The errors of the speeds of arrival (m
-    s-1) and of the phases (rad) of bounces have the variances `speed_variance` and
-    `phase_variance`.
+    them leaves two of the three parameters undetermined.  `kick` holds S and C (m s-1); the
+    variances are those of the speed of arrival and of the time of each bounce.
     """
-    amplitude = max(amplitude, 1e-300)
-    design = np.stack([arrive, amplitude * np.sin(angle), amplitude * np.cos(angle)], axis=1)
-    weakest = float(np.linalg.eigvalsh(design.T @ design / angle.size)[0])
-    return weakest / (speed_variance + amplitude**2 * phase_variance)
+    amplitude = max(float(np.hypot(*kick)), 1e-300)
+    design = _design(speeds, frequency) * [1.0, amplitude, amplitude]
+    weakest = float(np.linalg.eigvalsh(design.T @ design / speeds.time.size)[0])
+    turning = TWO_PI * frequency * amplitude
+    return weakest / float(speed_variance.mean() + turning**2 * time_variance.mean())

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.stats import circmean
 
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
@@ -169,12 +170,11 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     names = list(QUANTITY_UNITS)
     mean = values.mean(axis=0)
     sd = values.std(axis=0, ddof=1) if len(trials) > 1 else np.full(len(names), np.nan)
-    for k, name in enumerate(names):
-        if name == "impact_phase":  # a circular quantity
-            vectors = np.exp(2j * np.pi * values[:, k])
-            mean[k] = np.angle(vectors.mean()) / (2.0 * np.pi) % 1.0
-            off = np.angle(vectors * np.exp(-2j * np.pi * mean[k])) / (2.0 * np.pi)
-            sd[k] = np.sqrt((off**2).sum() / max(len(trials) - 1, 1)) if len(trials) > 1 else np.nan
+    k = names.index("impact_phase")  # a circular quantity
+    mean[k] = circmean(values[:, k], high=1.0)
+    off = values[:, k] - mean[k]
+    if len(trials) > 1:
+        sd[k] = np.sqrt(np.sum((off - np.rint(off)) ** 2) / (len(trials) - 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         variation = np.where(np.isin(names, _ANGLES), np.nan, sd / mean)
     judged = np.isfinite(variation)

@@ -14,7 +14,7 @@ import xarray as xr
 
 from vibrosweep.arrays import Array
 from vibrosweep.lab.regression import is_nearer
-from vibrosweep.lab.variables import with_units
+from vibrosweep.lab.variables import with_error, with_units
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
     LEAST_VISCOELASTIC,
@@ -213,9 +213,7 @@ def law_text(found: xr.Dataset) -> str:
         return undecided or f"the restitution is constant: the bounces rule out {ruled_out} laws"
     fit = found.sel(law=law)
     e, speed = (
-        f"{float(fit[name]):.4g} ± {float(fit[name + '_error']):.2g}"
-        if np.isfinite(fit[name + "_error"])
-        else f"{float(fit[name]):.4g}"
+        with_error(float(fit[name]), float(fit[f"{name}_error"]))
         for name in ("law_restitution", "law_speed")
     )
     text = f'restitution_law = "{law}", restitution {e}, restitution_speed {speed} m/s'

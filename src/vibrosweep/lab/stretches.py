@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from vibrosweep.arrays import Flags, Indices
-from vibrosweep.kernels._jit import Floats, Integers, kernel
+from vibrosweep.kernels._jit import Floats, kernel
 from vibrosweep.lab.flights import Fits, curvatures, fit_parabolas
 from vibrosweep.lab.segments import Samples, rough_noise
 
@@ -34,9 +34,10 @@ SEEN: Final = 5.0
 
 @kernel
 def _partition(
-    time: Floats, height: Floats, variance: float, gravity: float, out: Integers
+    time: Floats, height: Floats, variance: float, gravity: float, starts: Flags
 ) -> None:
-    """Write for each sample where the last line of the best partition up to it begins."""
+    """Mark the samples at which the lines of the best partition begin."""
+    begin = np.empty(time.size, np.int64)  # of the last line of the best partition up to a sample
     cost = np.full(time.size + 1, np.inf)
     cost[0] = 0.0
     for last in range(time.size):
@@ -59,7 +60,11 @@ def _partition(
             total = cost[first] + residue + PRICE
             if total < cost[last + 1]:
                 cost[last + 1] = total
-                out[last] = first
+                begin[last] = first
+    k = time.size
+    while k > 0:
+        k = begin[k - 1]
+        starts[k] = True
 
 
 def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
@@ -73,13 +78,9 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
     for _ in range(ROUNDS):
         starts = np.zeros(samples.time.size, bool)
         for begin, end in pairwise(samples.bounds):
-            lines = np.empty(end - begin, np.int64)
-            time, height = samples.time[begin:end], samples.height[begin:end]
-            _partition(time, height, noise**2, gravity, lines)
-            k = end - begin
-            while k > 0:
-                k = int(lines[k - 1])
-                starts[begin + k] = True
+            piece = slice(begin, end)
+            time, height = samples.time[piece], samples.height[piece]
+            _partition(time, height, noise**2, gravity, starts[piece])
         member = np.cumsum(starts) - 1
         fits = fit_parabolas(samples, member, int(member[-1]) + 1, gravity)
         free = fits.number - 2.0

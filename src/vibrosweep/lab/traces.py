@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
+from scipy.optimize import least_squares
 from scipy.signal import periodogram
 
 from vibrosweep.arrays import Array
@@ -38,8 +38,7 @@ FEWEST: Final = 20  # values of a trace
 # Largest share of the variance that harmonics may leave unexplained
 UNEXPLAINED: Final = 0.1
 FEWEST_PERIODS: Final = 2.0  # of a motion that is no sine
-STEPS: Final = 20  # most steps towards the frequency
-CLOSE: Final = 1e-10  # last step, in periods over the length of the trace
+CLOSE: Final = 1e-15  # relative change of the values or of the sum of squares that ends a fit
 SAME: Final = 1e-9  # difference of two values, relative to their range, that rounding may make
 LEAST: Final = 1e-30  # least change of a height (m) or acceleration (m s-2) that counts
 
@@ -119,12 +118,12 @@ def make_trace(
             f"{source}: the {quantity} does not change: leave the trace out, and say that the base "
             f"stays at its level"
         )
-    rates, power = periodogram(measured - measured.mean(), sampled)
+    rates, power = periodogram(measured, sampled)
     strongest = float(rates[1:][np.argmax(power[1:])])
     middle = float(when.mean())  # makes the errors of phase and frequency almost independent
     rate, harmonics = _choose_harmonics(when - middle, measured, strongest, sampled)
     fit = _fit(when - middle, measured, rate, harmonics)
-    if fit.rate * np.ptp(when) < 1.0:  # part of a period may also fit a drift
+    if fit.values[-1] * np.ptp(when) < 1.0:  # part of a period may also fit a drift
         raise TrackError(
             f"{source}: the {quantity} goes through no whole period of a sine: check the columns, "
             f"take a longer trace, or leave it out and let the landings determine the motion"
@@ -156,34 +155,37 @@ def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
 class _Fit(NamedTuple):
     """Harmonics fitted to a trace."""
 
-    rate: float  # Hz
-    coefficients: Array  # factors of the constant, then of cosine and sine of each harmonic
-    slopes: Array  # derivatives of the fitted values by the coefficients and by the frequency
-    parts: Array  # components of the values along the same waves, orthonormalised in this order
+    # values, covariance: the constant, factors of cosine and sine of each harmonic, frequency (Hz)
+    values: Array
+    covariance: Array
     variance: float  # variance of the residuals
 
 
+def _design(since: Array, rate: float, harmonics: int) -> Array:
+    """Columns of a linear fit: a constant, and the waves of each harmonic of `rate` (Hz)."""
+    return np.column_stack([np.ones_like(since), waves(since, rate, harmonics)])
+
+
 def _fit(since: Array, measured: Array, rate: float, harmonics: int) -> _Fit:
-    """Fit harmonics of a frequency near `rate` by the Gauss-Newton method."""
+    """Fit harmonics of a frequency near `rate` (Hz)."""
     numbers = np.arange(1, harmonics + 1)
-    for _ in range(STEPS):
-        design = np.column_stack([np.ones_like(since), waves(since, rate, harmonics)])
-        # the columns are nearly orthogonal, so that the normal equations lose no digits
-        root = np.linalg.cholesky(_products(design, design))
-        parts = solve_triangular(root, _products(design, measured), lower=True)
-        found = solve_triangular(root.T, parts)
-        turned = np.column_stack([numbers * found[2::2], -numbers * found[1::2]]).ravel()
-        # derivative of the fitted values by the frequency; einsum, unlike BLAS, starts no threads
-        slope = TWO_PI * since * np.einsum("nk,k->n", design[:, 1:], turned)
-        along = solve_triangular(root, _products(design, slope), lower=True)
-        change = float((slope @ measured - along @ parts) / (slope @ slope - along @ along))
-        if not abs(change) * np.ptp(since) > CLOSE or not rate + change > 0.0:
-            break
-        rate += change
-    left = measured - np.einsum("nk,k->n", design, found)
-    freedom = since.size - 2 * harmonics - 2
-    slopes = np.column_stack([design, slope])
-    return _Fit(rate, found, slopes, parts, float(left @ left / freedom))
+
+    def residuals(values: Array) -> Array:
+        return np.asarray(_design(since, values[-1], harmonics) @ values[:-1] - measured)
+
+    def slopes(values: Array) -> Array:
+        columns = _design(since, values[-1], harmonics)
+        turned = np.column_stack([numbers * values[2:-1:2], -numbers * values[1:-1:2]]).ravel()
+        return np.column_stack([columns, TWO_PI * since * (columns[:, 1:] @ turned)])
+
+    first = np.linalg.lstsq(_design(since, rate, harmonics), measured, rcond=None)[0]
+    found = least_squares(
+        residuals, [*first, rate], slopes, method="lm", ftol=CLOSE, xtol=CLOSE, gtol=CLOSE
+    )
+    variance = 2.0 * found.cost / (since.size - found.x.size)
+    jacobian = np.asarray(found.jac)
+    covariance = variance * np.linalg.inv(jacobian.T @ jacobian)
+    return _Fit(found.x, covariance, float(variance))
 
 
 def _choose_harmonics(
@@ -205,21 +207,16 @@ def _choose_harmonics(
         most = min(MOST_HARMONICS, int((sampled / rate - 1.0) / 2.0), (number - 3) // 4)
         if most < max(part, 2) or rate * span < FEWEST_PERIODS:
             continue
-        fit = _fit(since, measured, rate, most)
-        held = np.cumsum(fit.parts**2)
+        rate = float(_fit(since, measured, rate, most).values[-1])
+        # squares of the components along the waves, orthonormalised in this order
+        axes = np.linalg.qr(_design(since, rate, most))[0]
+        held = np.cumsum((axes.T @ measured) ** 2)
         for harmonics in range(max(part, 2), most + 1):
             residual = measured @ measured - held[2 * harmonics]
             variance = float(residual) / (number - 2 * harmonics - 2)
-            trials.append((_schwarz(variance, floor, number, harmonics), fit.rate, harmonics))
+            trials.append((_schwarz(variance, floor, number, harmonics), rate, harmonics))
     _, rate, harmonics = min(trials)
     return rate, harmonics
-
-
-def _products(columns: Array, others: Array) -> Array:
-    """Multiply columns with columns, in pieces so short that BLAS starts no threads."""
-    pieces = len(columns) // 250 + 1
-    pairs = zip(np.array_split(columns, pieces), np.array_split(others, pieces), strict=True)
-    return np.asarray(sum(piece.T @ other for piece, other in pairs))
 
 
 def _schwarz(variance: float, floor: float, number: int, harmonics: int) -> float:
@@ -232,7 +229,7 @@ def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
 
     Times of the fit are counted from the `middle` of the trace (s).
     """
-    pairs, rate = fit.coefficients[1:].reshape(-1, 2), fit.rate
+    pairs, rate = fit.values[1:-1].reshape(-1, 2), float(fit.values[-1])
     # y = c cos + s sin has V = w (s cos - c sin); a = c cos + s sin has V = (c sin - s cos) / w
     sign, power_of = (-1.0, 1.0) if quantity == "height" else (1.0, -1.0)
     sizes = np.hypot(*pairs.T) * np.arange(1.0, len(pairs) + 1.0) ** power_of
@@ -251,5 +248,4 @@ def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
         change[row, -1] = TWO_PI * middle * h * turning @ pairs[k] + values[row] * power_of / rate
     values = np.insert(values, 2, rate)
     change = np.insert(change, 2, np.eye(pairs.size + 2)[-1], axis=0)
-    covariance = fit.variance * np.linalg.inv(_products(fit.slopes, fit.slopes))
-    return Trace(values, change @ covariance @ change.T, tuple(k + 1 for k in order))
+    return Trace(values, change @ fit.covariance @ change.T, tuple(k + 1 for k in order))

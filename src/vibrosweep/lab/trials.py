@@ -1,4 +1,4 @@
-"""Recordings of virtual experiments, and the means predicted for them.
+"""Recordings of virtual experiments, their files, and the means predicted for them.
 
 Their landings are known, so that the rest of the laboratory can be tested with them.
 """
@@ -6,8 +6,10 @@ Their landings are known, so that the rest of the laboratory can be tested with 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -34,8 +36,12 @@ from vibrosweep.model.parameters import (
 from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC, VISCOELASTIC
 from vibrosweep.model.times import amount
 from vibrosweep.scene.scene import Scene
+from vibrosweep.store.disk import check_output, make_directory, replacing
 
-__all__ = ["Trial", "perform_trials", "predicted_means"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Trial", "perform_trials", "predicted_means", "write_experiments"]
 
 
 class Trial(NamedTuple):
@@ -114,10 +120,8 @@ def predicted_means(experiment: Experiment) -> dict[str, Array]:
     """
     scene, numbers = experiment.recorded, experiment.parameters
     every = np.full(scene.particles, numbers["restitution"])
-    record, surface = _landings(scene, numbers, every, np.zeros(2))
-    means = [
-        motion.means(*experiment.window) for motion in _motions(scene, numbers, record, surface)
-    ]
+    landed = _landings(scene, numbers, every, np.zeros(2))
+    means = [motion.means(*experiment.window) for motion in _motions(scene, numbers, *landed)]
     return dict(zip(("height", "period"), np.array(means).T, strict=True))
 
 
@@ -181,3 +185,45 @@ def _trial(
     kept = np.isfinite(filmed).any(axis=1)
     tracks = make_tracks(time[kept], filmed[kept], source=f"trial {k + 1}")
     return Trial(tracks, record, restitution, level, numbers["frequency"], numbers["amplitude"])
+
+
+def write_experiments(
+    experiments: Iterable[Experiment], directory: Path, name: str, *, force: bool
+) -> list[Path]:
+    """Perform virtual experiments and write tracks and true landings of each repeat as CSV.
+
+    The directory is made if it does not exist.  File names consist of `name`, the number of
+    particles and that of the trial. Returns for each trial the file of the tracks (time, particle,
+    height) and that of the true landings.  Raises an OutputError if a file exists and `force` is
+    false, or if it cannot be written.
+    """
+    make_directory(directory)
+    experiments = list(experiments)
+    paths = [
+        directory / f"{name}_{experiment.scene.particles:03d}_trial{k + 1}{end}"
+        for experiment in experiments
+        for k in range(experiment.repeats)
+        for end in (".csv", "_truth.csv")
+    ]
+    for path in paths:
+        check_output(path, force=force)
+    trials = chain.from_iterable(map(perform_trials, experiments))
+    for trial, tracks, truth in zip(trials, paths[::2], paths[1::2], strict=True):
+        table = trial.tracks["height"].transpose("particle", "frame").to_dataframe().reset_index()
+        _write_table(table[["time", "particle", "height"]], tracks)
+        _write_table(_truth_table(trial.record._asdict()), truth)
+    return paths
+
+
+def _write_table(table: pd.DataFrame, path: Path) -> None:
+    with replacing(path) as disk:
+        disk.write(table.to_csv(index=False, float_format="%.10g").encode())
+
+
+def _truth_table(record: dict[str, Array]) -> pd.DataFrame:
+    import pandas as pd
+
+    landed = np.isfinite(record["landing_time"])
+    particle, impact = np.nonzero(landed)
+    columns = {name: values[landed] for name, values in record.items()}
+    return pd.DataFrame({"particle": particle, "impact": impact, **columns})

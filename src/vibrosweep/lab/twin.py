@@ -16,11 +16,11 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Motion, film, heights
-from vibrosweep.lab.comparison import QUANTITIES, comparable, errors_of
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import ComparisonOptions, first_flights
+from vibrosweep.lab.relative_errors import QUANTITIES, comparable, errors_of
 from vibrosweep.lab.surfaces import LEVEL, oscillating_surface
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
@@ -52,15 +52,15 @@ def camera_shares(
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
     # the fit of a moving base is weighted with the noise, which must not be zero
     least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
-    sharp = Camera(rate, pixel=noise, noise=least, whole_pixels=False)
-    rough = Camera(rate, pixel=noise, noise=1.0, whole_pixels=False)
     setup = options.setup
     if setup.base is None:
         motion = impacts.attrs["base_motion"]
         trace = _exact_trace(numbers, scene.waveform) if motion == "moving" else None
         setup = setup._replace(motion=motion, trace=trace)
-    by_frames = _measurement_error(true, time, sharp, predicted, options, setup)
-    together = _measurement_error(true, time, rough, predicted, options, setup)
+    cameras = (Camera(rate, noise, pixels, whole_pixels=False) for pixels in (least, 1.0))
+    by_frames, together = (
+        _measurement_error(true, time, camera, predicted, options, setup) for camera in cameras
+    )
     return np.stack([by_frames, np.sqrt(np.maximum(together**2 - by_frames**2, 0.0))])
 
 

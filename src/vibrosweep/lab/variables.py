@@ -1,7 +1,8 @@
-"""Variables of datasets, with units and meanings."""
+"""Variables of datasets with units and meanings, and values with their errors as text."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
@@ -14,3 +15,8 @@ def with_units(
         name: (dims, values, {"units": units, "long_name": words})
         for name, (values, units, words) in columns.items()
     }
+
+
+def with_error(value: float, error: float, digits: int = 4) -> str:
+    """State a value, and its standard error if it has one."""
+    return f"{value:.{digits}g}" + (f" ± {error:.2g}" if math.isfinite(error) else "")

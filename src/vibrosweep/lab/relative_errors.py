@@ -16,14 +16,12 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED
 
-QUANTITIES: Final = ("height", "period")
+# Quantities of a flight, and the variables of `find_impacts` that hold them
+MEASURED_AS: Final = {"height": "rebound_height", "period": "flight_time"}
+QUANTITIES: Final = tuple(MEASURED_AS)
 READINGS: Final = ("ensemble", "particle", "worst", "flight")
 # Particles are compared if at least this share of their time and of their landings was measured.
 MEASURED: Final = 0.9
-
-
-def _columns(impacts: xr.Dataset) -> dict[str, Array]:
-    return {"height": impacts["rebound_height"].values, "period": impacts["flight_time"].values}
 
 
 def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
@@ -62,13 +60,10 @@ def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
 
 def measured_means(impacts: xr.Dataset, among: NDArray[np.bool_]) -> dict[str, Array]:
     """Mean height (m) and period (s) of the flights of each particle; NaN unless it is `among`."""
-    means = {}
-    for name, values in _columns(impacts).items():
-        chosen = np.where(among[:, np.newaxis], values, np.nan)
-        count = np.isfinite(chosen).sum(axis=1)
-        with np.errstate(invalid="ignore"):
-            means[name] = np.nansum(chosen, axis=1) / np.where(count, count, np.nan)
-    return means
+    return {
+        quantity: np.where(among, impacts[name].mean("impact").values, np.nan)
+        for quantity, name in MEASURED_AS.items()
+    }
 
 
 def prediction_errors(
@@ -111,13 +106,14 @@ def prediction_errors(
 
 def errors_of(impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[np.bool_]) -> Array:
     """Errors of `prediction_errors` as an array of shape (quantity, reading)."""
-    means, columns = measured_means(impacts, among), _columns(impacts)
+    means = measured_means(impacts, among)
     found = np.full((len(QUANTITIES), len(READINGS)), np.nan)
     for row, name in zip(found, QUANTITIES, strict=True):
         measured, foretold = means[name], predicted[name]
         both = np.isfinite(measured) & np.isfinite(foretold)
         if both.any():
-            measured, foretold, flights = measured[both], foretold[both], columns[name][both]
+            measured, foretold = measured[both], foretold[both]
+            flights = impacts[MEASURED_AS[name]].values[both]
             single = 100.0 * np.abs(measured - foretold) / measured
             ensemble = 100.0 * abs(measured.mean() - foretold.mean()) / measured.mean()
             of_flights = 100.0 * np.abs(flights - foretold[:, np.newaxis]) / flights
