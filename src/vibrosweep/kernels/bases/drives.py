@@ -58,14 +58,16 @@ class Place(NamedTuple):
     jerk: float
 
 
-class Share(NamedTuple):
-    """Motion since an instant beyond the uniform one: rise, gain; then acceleration and its rate.
+class Motion(NamedTuple):
+    """Motion of the base some time after an instant."""
 
-    As of `vibrosweep.kernels.bases.sprung.Motion`, of a part of the motion.
-    """
-
+    # rise, gain: height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'
     rise: float
     gain: float
+    # d, b: deviation from the forced oscillation, and its velocity beyond that of slow decay
+    d: float
+    b: float
+    # pull, jerk: acceleration Y''(s) and its rate
     pull: float
     jerk: float
 
@@ -111,7 +113,7 @@ def reach_of(drive: Drive) -> Reach:
 
 
 @generic
-def onto(drive: Drive, at: Phase, s: float, free: Share) -> Share:
+def onto(drive: Drive, at: Phase, s: float, free: Motion) -> Motion:
     """Add the forced motion s periods after a phase to the free one."""
 
 
@@ -193,15 +195,17 @@ def reach_of_oscillation(drive: Oscillation) -> Reach:
 
 
 @implements(onto, Oscillation)
-def onto_oscillation(drive: Oscillation, at: Phase, s: float, free: Share) -> Share:
+def onto_oscillation(drive: Oscillation, at: Phase, s: float, free: Motion) -> Motion:
     turned, lag, c = turn(s)
     height = drive.p * at.cosine + drive.q * at.sine
     slope = drive.q * at.cosine - drive.p * at.sine
     h = height * (1.0 - c) + slope * turned
     h1 = slope * (1.0 - c) - height * turned
-    return Share(
+    return Motion(
         free.rise - height * c - slope * lag,
         free.gain - TWO_PI * (height * turned + slope * c),
+        free.d,
+        free.b,
         free.pull - TWO_PI**2 * h,
         free.jerk - TWO_PI**3 * h1,
     )
@@ -266,10 +270,10 @@ def reach_of_oscillations(drive: Oscillations) -> Reach:
 
 
 @implements(onto, Oscillations)
-def onto_oscillations(drive: Oscillations, at: Phase, s: float, free: Share) -> Share:
+def onto_oscillations(drive: Oscillations, at: Phase, s: float, free: Motion) -> Motion:
     turned, lag, c = turn(s - np.rint(s))
     once, whole = 1.0 - c, np.rint(s)
-    rise, gain, pull, jerk = free.rise, free.gain, free.pull, free.jerk
+    rise, gain, d, b, pull, jerk = free
     sine, cosine = at.sine, at.cosine
     # of harmonic h: S, D, C, and how much D and C have grown, as in `shaped_search`
     s_h, d_h, c_h, d_more, c_more = turned, lag, c, lag, c
@@ -290,4 +294,4 @@ def onto_oscillations(drive: Oscillations, at: Phase, s: float, free: Share) -> 
         s_h = fma(s_h, once, ahead * turned)
         d_h += d_more
         c_h += c_more
-    return Share(rise, gain, pull, jerk)
+    return Motion(rise, gain, d, b, pull, jerk)

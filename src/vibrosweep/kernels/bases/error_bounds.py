@@ -7,18 +7,6 @@ from typing import NamedTuple
 from vibrosweep.kernels._jit import generic
 from vibrosweep.kernels.bases import Constants, Flight, Instant
 
-__all__ = [
-    "StateError",
-    "absolute_error",
-    "jacobian_error",
-    "landing_added",
-    "launch_error",
-    "liftoff_error",
-    "random_liftoff_error",
-    "rebound_error",
-    "rest_is_doubtful",
-]
-
 
 class StateError(NamedTuple):
     """Largest errors of phase and speed, of a lift-off unless it says otherwise."""

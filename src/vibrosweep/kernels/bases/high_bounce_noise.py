@@ -21,8 +21,6 @@ from vibrosweep.kernels.noise import Noise, draw_of, driven, period_of
 from vibrosweep.kernels.rounding import REST_ERROR
 from vibrosweep.kernels.waveforms import Shape
 
-__all__: list[str] = []
-
 LONGEST: Final = 2**24  # forcing periods after which the search for a lift-off ends
 
 

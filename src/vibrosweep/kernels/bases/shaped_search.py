@@ -21,33 +21,28 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import fma, jit
-from vibrosweep.kernels.bases.landing_search import AHEAD, BORDER, FAST, LAST, NOISE, SLOW, ULP
+from vibrosweep.kernels.bases.landing_search import (
+    AHEAD,
+    BORDER,
+    FAST,
+    LAST,
+    NOISE,
+    SLOW,
+    ULP,
+    Begin,
+    Terms,
+    across,
+    improved,
+    phase_after,
+    series_step,
+)
+from vibrosweep.kernels.bases.moving import ShapedConstants
 from vibrosweep.kernels.harmonics import Harmonics
 from vibrosweep.kernels.sine import rough_lag_and_versine, sin_and_lag, sin_near
 from vibrosweep.model.shapes import TWO_PI
 
 # of the angle by which the highest harmonic turns in the last step, whose fifth power is left out
 SHORT = 2.0**-9
-
-
-class Fixed(NamedTuple):
-    """Numbers of the base that the search needs."""
-
-    shape: Harmonics
-    alpha: float
-    # falls, presses: phases at which it begins to fall faster than gravity, and to press again
-    falls: tuple[float, ...]
-    presses: tuple[float, ...]
-
-
-class Begin(NamedTuple):
-    """Beginning of a flight."""
-
-    # x, y, sine, cosine: phase, speed relative to the base, sine and cosine of the phase
-    x: float
-    y: float
-    sine: float
-    cosine: float
 
 
 class Guess(NamedTuple):
@@ -92,7 +87,7 @@ def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float
 
 
 @jit
-def stretch(fixed: Fixed, x: float) -> tuple[bool, float, float]:
+def stretch(fixed: ShapedConstants, x: float) -> tuple[bool, float, float]:
     """Return whether the base presses at phase x, and periods until it falls, or presses again.
 
     A stretch that is within `BORDER` of its end has ended.
@@ -110,12 +105,14 @@ def stretch(fixed: Fixed, x: float) -> tuple[bool, float, float]:
 
 
 @jit
-def clearance(fixed: Fixed, begin: Begin, s: float, turned: float, lag: float, c: float) -> Clear:
+def clearance(
+    fixed: ShapedConstants, begin: Begin, s: float, turned: float, lag: float, c: float
+) -> Clear:
     """Clearance after s periods.
 
     Given sin(2 pi d), 2 pi d - sin(2 pi d) and 1 - cos(2 pi d) of the periods d past a whole one.
     """
-    shape, half = fixed.shape, 0.5 * fixed.alpha
+    shape, half = fixed.base.waveform, 0.5 * fixed.alpha
     once = 1.0 - c
     sine, cosine = begin.sine, begin.cosine
     back, w, slowed, w1, w2, w3, w4 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -171,9 +168,9 @@ def rough_turn(s: float) -> tuple[float, float, float]:
 
 
 @jit
-def first_guess(fixed: Fixed, begin: Begin) -> Guess:
+def first_guess(fixed: ShapedConstants, begin: Begin) -> Guess:
     """Guess when the flight ends."""
-    shape, alpha = fixed.shape, fixed.alpha
+    shape, alpha = fixed.base.waveform, fixed.alpha
     w, slope, level = at_phase(shape, begin.sine, begin.cosine)
     u = fma(alpha, w, begin.y)
     pull = fma(0.5 * alpha, slope, 1.0)
@@ -197,16 +194,10 @@ def first_guess(fixed: Fixed, begin: Begin) -> Guess:
 
 
 @jit
-def first_try(fixed: Fixed, begin: Begin, sure: bool, s: float, rough: Clear) -> float:
-    """The time to be tried first, from a guess and the clearance then.
-
-    One step of Householder's method of third order comes near the root.
-    """
-    f, f1, f2 = rough.f, rough.f1, rough.f2
-    bend, square = 0.5 * f * f2, f1 * f1
-    step = -f * (square - bend) / fma(f1, fma(-2.0, bend, square), rough.f3 * (f * f) / 6.0)
-    far = 0.5 * s if s < 0.5 else 0.25
-    s = s + step if (f1 < 0.0) & (abs(step) < far) else s
+def first_try(fixed: ShapedConstants, begin: Begin, sure: bool, s: float, rough: Clear) -> float:
+    """Return the time to be tried first, from a guess and the clearance at that time."""
+    f = rough.f
+    s = improved(s, f, rough.f1, rough.f2, rough.f3 * (f * f) / 6.0)
     # F is concave in the present stretch, or in the next one, before which it has no root
     presses, to_fall, to_press = stretch(fixed, begin.x)
     s = s if sure | (s < to_fall) else to_fall
@@ -215,63 +206,32 @@ def first_try(fixed: Fixed, begin: Begin, sure: bool, s: float, rough: Clear) ->
 
 
 @jit
-def _across(
-    fixed: Fixed, begin: Begin, guess: Guess, s: float, clear: Clear, newton: float, step: float
-) -> float:
-    """Return the time to be tried after s, if the base may fall faster than gravity.
-
-    The clearance is positive at s and before.
-    """
-    f1, f2 = clear.f1, clear.f2
-    nears = f1 < 0.0
-    at = begin.x + (s - np.rint(s))
-    at -= np.rint(at)
-    presses, to_fall, to_press = stretch(fixed, at)
-    into = step if nears else s
-    into = into if into < to_fall else to_fall
-    # the slope stays negative for so long: the third derivative is at most alpha times the bend
-    beyond = 1.01 * (step if step > newton else newton)
-    bend = f2 if f2 > 0.0 else 0.0
-    falls = f1 + beyond * (bend + 0.5 * fixed.alpha * fixed.shape.bend * beyond) < 0.0
-    convex = step if falls else newton
-    convex = convex if nears & (convex < to_press) else to_press
-    tried = s + (into if presses else convex)
-    until = guess.u - guess.rise
-    return until if (s > guess.rise) & (until > tried) else tried
-
-
-@jit
 def try_landing(
-    fixed: Fixed, begin: Begin, guess: Guess, s: float, clear: Clear
+    fixed: ShapedConstants, begin: Begin, guess: Guess, s: float, clear: Clear
 ) -> tuple[float, float, bool]:
     """Try the time s; return the landing or the next time to try, the speed, and if it lands."""
     f, f1, f2, f3, f4, f5 = clear
-    shape = fixed.shape
+    alpha, shape = fixed.alpha, fixed.base.waveform
     inverse = 1.0 / f1
     newton = -f * inverse
     once = newton * inverse
     twice = once * newton
     q, q3, q4 = 0.5 * once * f2, twice * f3 / 6.0, twice * newton * f4 / 24.0
     q5 = twice * newton * newton * f5 / 120.0
-    third = fma(q, q, -q3)
-    series = 1.0 - q + (fma(q, q, third) - fma(5.0 * q, third, q4))  # in steps of Newton's
-    nears, above = f1 < 0.0, f > 0.0
-    small = (abs(q) <= LAST) & (abs(q3) <= LAST * LAST) & (abs(q4) <= LAST * LAST * LAST)
+    step, tried, small = series_step(s, f1, Terms(newton, q, q3, q4))
     small &= abs(q5) <= LAST * LAST * LAST * LAST
     small &= abs(newton) <= SHORT / (TWO_PI * len(shape.p))
+    nears = f1 < 0.0
     last = nears & (small | (abs(newton) <= ULP * s))
-    series = series if series > 0.5 else 0.5
-    step = newton * (series if series < 1.5 else 1.5)
-    back = step if step > -0.75 * s else -0.75 * s
-    forth = back if back < s else s
-    tried = s + (forth if nears else (s if s < 0.25 else 0.25))
     arrival = fma(step, fma(step, fma(step, f5 / 24.0, f4 / 6.0), 0.5 * f3), f2)
     arrival = -2.0 * fma(step, arrival, f1)
-    across = _across(fixed, begin, guess, s, clear, newton, step)
-    convex = 0.5 * fixed.alpha * shape.fall > 1.0 - 16.0 * ULP
-    tried = across if above & convex & (not last) else tried
+    # the third derivative is at most alpha times the bend
+    ends, slope = stretch(fixed, phase_after(begin.x, s)), (f1, f2, 0.5 * alpha * shape.bend)
+    over = across(ends, (guess.rise, guess.u - guess.rise), s, slope, newton, step)
+    convex = 0.5 * alpha * shape.fall > 1.0 - 16.0 * ULP
+    tried = over if (f > 0.0) & convex & (not last) else tried
     swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
-    noise = s * (fixed.alpha * swept * shape.rounding + NOISE * 0.5 * (abs(begin.y) + s))
+    noise = s * (alpha * swept * shape.rounding + NOISE * 0.5 * (abs(begin.y) + s))
     grazes = (f <= 0.0) & (not (guess.sure | last)) & ((-f <= noise) | (not nears))
     tried = s if grazes else tried
     arrival = (-2.0 * f1 if nears else 0.0) if grazes else arrival
