@@ -30,7 +30,7 @@ Constants = Any  # the named tuple of one base
 
 
 class Instant(NamedTuple):
-    """An instant."""
+    """An instant, counted in forcing periods."""
 
     whole: float  # periods of the forcing
     phase: float  # in turns, of [-1/2, 1/2]

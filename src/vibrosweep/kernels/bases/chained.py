@@ -7,7 +7,8 @@ first root of a sequence of quadratic equations:
     F(t + s) = F(t) + F'(t) s - (1 + G) s^2 / 2
 
 F and F' are computed from the beginning of the flight, F(t) = t (y - t) / 2 - (alpha / 2)
-(W(x + t) - W(x) - t w(x)), in which nothing cancels while t is small.
+(W(x + t) - W(x) - t w(x)), in which nothing cancels while t is small.  In the vector kernel a pass
+solves one of the equations in each lane.
 """
 
 from __future__ import annotations

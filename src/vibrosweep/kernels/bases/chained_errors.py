@@ -12,14 +12,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import fma, implements
 from vibrosweep.kernels.bases import Flight, error_bounds
-from vibrosweep.kernels.bases.chained import (
-    CORNER,
-    TOP,
-    clearance,
-    level_at,
-    since,
-    stretch_at,
-)
+from vibrosweep.kernels.bases.chained import CORNER, TOP, clearance, level_at, since, stretch_at
 from vibrosweep.kernels.bases.chords import height
 from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.bases.landing_search import phase_after

@@ -19,6 +19,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import fma, generic, implements, jit
 from vibrosweep.kernels.bases.landing_search import turn
+from vibrosweep.kernels.bases.shaped_search import next_harmonic, next_turns
 from vibrosweep.kernels.harmonics import Harmonics, for_each
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.waveforms import Shape, Sine
@@ -243,10 +244,7 @@ def place_oscillations(drive: Oscillations, at: Phase) -> Place:
         speed = fma(v, odd, speed)
         pull = fma(-v * v, even, pull)
         jerk = fma(-v * v * v, odd, jerk)
-        sine, cosine = (
-            fma(sine, at.cosine, cosine * at.sine),
-            fma(cosine, at.cosine, -sine * at.sine),
-        )
+        sine, cosine = next_harmonic(sine, cosine, (at.sine, at.cosine))
     return Place(height, speed, pull, jerk)
 
 
@@ -272,26 +270,18 @@ def reach_of_oscillations(drive: Oscillations) -> Reach:
 @implements(onto, Oscillations)
 def onto_oscillations(drive: Oscillations, at: Phase, s: float, free: Motion) -> Motion:
     turned, lag, c = turn(s - np.rint(s))
-    once, whole = 1.0 - c, np.rint(s)
+    whole, turns = np.rint(s), (turned, lag, c, lag, c)
     rise, gain, d, b, pull, jerk = free
     sine, cosine = at.sine, at.cosine
-    # of harmonic h: S, D, C, and how much D and C have grown, as in `shaped_search`
-    s_h, d_h, c_h, d_more, c_more = turned, lag, c, lag, c
     for k in range(len(drive.p)):
         v, p, q = TWO_PI * (k + 1), drive.p[k], drive.q[k]
         even, odd = fma(p, cosine, q * sine), fma(q, cosine, -p * sine)
+        s_h, d_h, c_h, _, _ = turns
         ahead = 1.0 - c_h
         rise = rise - even * c_h - odd * fma(v, whole, d_h)
         gain -= v * fma(even, s_h, odd * c_h)
         pull -= v * v * fma(even, ahead, odd * s_h)
         jerk -= v * v * v * fma(odd, ahead, -even * s_h)
-        sine, cosine = (
-            fma(sine, at.cosine, cosine * at.sine),
-            fma(cosine, at.cosine, -sine * at.sine),
-        )
-        d_more = fma(2.0 * c, s_h, d_more)
-        c_more = fma(2.0 * c, ahead, c_more)
-        s_h = fma(s_h, once, ahead * turned)
-        d_h += d_more
-        c_h += c_more
+        sine, cosine = next_harmonic(sine, cosine, (at.sine, at.cosine))
+        turns = next_turns(turns, turned, c)
     return Motion(rise, gain, d, b, pull, jerk)

@@ -202,8 +202,8 @@ def rough_clearance(fixed: MovingConstants, begin: Begin, s: float) -> Clearance
 def improved(s: float, f: float, f1: float, f2: float, third: float) -> float:
     """Return a time nearer to the root than s, by one step of Householder's method of third order.
 
-    `third` is a sixth of the third derivative times the square of the clearance f; a step that is
-    long for a time s, or away from the root, is not made.
+    `third` is a sixth of the third derivative times f^2.  A long step, or one away from the root,
+    is not made.
     """
     bend, square = 0.5 * f * f2, f1 * f1
     step = -f * (square - bend) / fma(f1, fma(-2.0, bend, square), third)
@@ -249,18 +249,17 @@ def across(
     ends: tuple[bool, float, float],
     above: tuple[float, float],
     s: float,
-    slope: tuple[float, float, float],
+    slopes: tuple[float, float, float],
     newton: float,
     step: float,
 ) -> float:
     """Return the time to be tried after s, if the base may fall faster than gravity.
 
-    The clearance is positive at s and before.  `ends` says of the time s whether the base presses,
-    and the periods until it falls, or presses again; between the times `above` the particle is
-    above every height of the base; `slope` are the first two derivatives of the clearance and half
-    a bound of the third.
+    The clearance is positive at s and before.  `ends` is whether the base presses at s, and the
+    periods until it falls, or presses again.  Between the times `above` the particle is above every
+    height of the base.  `slopes` are two derivatives of the clearance, and half a bound of a third.
     """
-    (presses, to_fall, to_press), (rise, until), (f1, f2, jolt) = ends, above, slope
+    (presses, to_fall, to_press), (rise, until), (f1, f2, jolt) = ends, above, slopes
     nears = f1 < 0.0
     into = step if nears else s
     into = into if into < to_fall else to_fall
@@ -278,7 +277,7 @@ def across(
 def series_step(s: float, f1: float, terms: Terms) -> tuple[float, float, bool]:
     """Return the step from s to the root, the time to be tried, and if the terms decrease fast.
 
-    The step is that of the series, unless it is much longer or shorter than Newton's.
+    The step is between 1/2 and 3/2 of Newton's.
     """
     newton, q, q3, q4 = terms
     third = fma(q, q, -q3)

@@ -45,7 +45,6 @@ from vibrosweep.model.shapes import TWO_PI
 # x_L, absolute: of the root, of the arcsine of at most 1 / sqrt(2), and of the difference
 ARCSINE_ERROR = 4.0 * HALF_ULP
 MARCH = 1000  # steps
-LANDING_ERROR = 0.5 * HALF_ULP  # of a phase, a sum below 1 of two exact numbers
 
 
 class Landed(NamedTuple):
@@ -216,9 +215,7 @@ def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -
     last = flight.time - off - 0.4 * least / (1.0 + limits(fixed, 1.0).steep)
     if not (off < np.inf and _is_first(fixed, flight, spread, last)):
         return StateError(np.inf, np.inf)
-    moved: float = flight.x + (flight.time - np.rint(flight.time))
-    rounding = landed.time + min(LANDING_ERROR, HALF_ULP * abs(moved))
-    dx, dy = spread
+    rounding, (dx, dy) = landed.time + error_bounds.landing_rounding(flight), spread
     by_phase, by_speed = change.s_x * dx + change.s_y * dy, change.z_x * dx + change.z_y * dy
     return StateError(rounding + by_phase, landed.v + by_speed)
 

@@ -24,14 +24,7 @@ from vibrosweep.kernels.bases.landing_search import (
     try_landing,
     turn,
 )
-from vibrosweep.kernels.bases.moving import (
-    ANY,
-    ANY_BASE,
-    SINGLE,
-    TRIES,
-    Moving,
-    MovingConstants,
-)
+from vibrosweep.kernels.bases.moving import ANY, ANY_BASE, SINGLE, TRIES, Moving, MovingConstants
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.noise import SILENT, drawn_in
 from vibrosweep.kernels.sine import cos_turns, sin_turns

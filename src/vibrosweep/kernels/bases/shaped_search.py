@@ -44,6 +44,10 @@ from vibrosweep.model.shapes import TWO_PI
 # of the angle by which the highest harmonic turns in the last step, whose fifth power is left out
 SHORT = 2.0**-9
 
+# Of a harmonic since the lift-off: S = sin(2 pi h d), D and C, and how much these two have grown
+# since the harmonic before
+Turns = tuple[float, float, float, float, float]
+
 
 class Guess(NamedTuple):
     """A guess of the landing, from the beginning of the flight alone."""
@@ -69,6 +73,24 @@ class Clear(NamedTuple):
 
 
 @jit
+def next_harmonic(sine: float, cosine: float, first: tuple[float, float]) -> tuple[float, float]:
+    """Sine and cosine of the next multiple of an angle, given those of one and of the first."""
+    s, c = first
+    return fma(sine, c, cosine * s), fma(cosine, c, -sine * s)
+
+
+@jit
+def next_turns(turns: Turns, turned: float, c: float) -> Turns:
+    """Return how far the next harmonic has turned, given S and C of the first."""
+    s_h, d_h, c_h, d_more, c_more = turns
+    ahead = 1.0 - c_h
+    d_more = fma(2.0 * c, s_h, d_more)
+    c_more = fma(2.0 * c, ahead, c_more)
+    s_h = fma(s_h, 1.0 - c, ahead * turned)
+    return s_h, d_h + d_more, c_h + c_more, d_more, c_more
+
+
+@jit
 def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float, float]:
     """Velocity w, its derivative and its integral W at a phase, given by sine and cosine."""
     w, slope, level, turned, ahead = 0.0, 0.0, 0.0, sine, cosine
@@ -79,10 +101,7 @@ def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float
         w += u
         slope = fma(angle, v, slope)
         level = fma(-1.0 / angle, v, level)
-        turned, ahead = (
-            fma(turned, cosine, ahead * sine),
-            fma(ahead, cosine, -turned * sine),
-        )
+        turned, ahead = next_harmonic(turned, ahead, (sine, cosine))
     return w, slope, level
 
 
@@ -113,15 +132,13 @@ def clearance(
     Given sin(2 pi d), 2 pi d - sin(2 pi d) and 1 - cos(2 pi d) of the periods d past a whole one.
     """
     shape, half = fixed.base.waveform, 0.5 * fixed.alpha
-    once = 1.0 - c
-    sine, cosine = begin.sine, begin.cosine
+    sine, cosine, turns = begin.sine, begin.cosine, (turned, lag, c, lag, c)
     back, w, slowed, w1, w2, w3, w4 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    # of harmonic h: S, D, C, and how much D and C have grown
-    s_h, d_h, c_h, d_more, c_more = turned, lag, c, lag, c
     for k in range(len(shape.p)):
         angle = TWO_PI * (k + 1)
         p, q = shape.p[k], shape.q[k]
         u, v = fma(p, sine, q * cosine), fma(p, cosine, -q * sine)
+        s_h, d_h, c_h, _, _ = turns
         ahead = 1.0 - c_h
         back = fma(1.0 / angle, fma(v, c_h, -u * d_h), back)
         w += u
@@ -131,15 +148,8 @@ def clearance(
         w2 -= odd
         w3 = fma(-angle * angle, even, w3)
         w4 = fma(angle * angle, odd, w4)
-        sine, cosine = (
-            fma(sine, begin.cosine, cosine * begin.sine),
-            fma(cosine, begin.cosine, -sine * begin.sine),
-        )
-        d_more = fma(2.0 * c, s_h, d_more)
-        c_more = fma(2.0 * c, ahead, c_more)
-        s_h = fma(s_h, once, ahead * turned)
-        d_h += d_more
-        c_h += c_more
+        sine, cosine = next_harmonic(sine, cosine, (begin.sine, begin.cosine))
+        turns = next_turns(turns, turned, c)
     return Clear(
         fma(0.5 * s, begin.y - s, half * fma(np.rint(s), w, -back)),
         fma(half, slowed, 0.5 * begin.y - s),
@@ -225,9 +235,9 @@ def try_landing(
     last = nears & (small | (abs(newton) <= ULP * s))
     arrival = fma(step, fma(step, fma(step, f5 / 24.0, f4 / 6.0), 0.5 * f3), f2)
     arrival = -2.0 * fma(step, arrival, f1)
+    ends, above = stretch(fixed, phase_after(begin.x, s)), (guess.rise, guess.u - guess.rise)
     # the third derivative is at most alpha times the bend
-    ends, slope = stretch(fixed, phase_after(begin.x, s)), (f1, f2, 0.5 * alpha * shape.bend)
-    over = across(ends, (guess.rise, guess.u - guess.rise), s, slope, newton, step)
+    over = across(ends, above, s, (f1, f2, 0.5 * alpha * shape.bend), newton, step)
     convex = 0.5 * alpha * shape.fall > 1.0 - 16.0 * ULP
     tried = over if (f > 0.0) & convex & (not last) else tried
     swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s

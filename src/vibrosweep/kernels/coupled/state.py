@@ -12,14 +12,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, part
 from vibrosweep.kernels.bases.drives import Motion, Phase, phase_of, place, side_at
-from vibrosweep.kernels.bases.sprung import (
-    Load,
-    Mount,
-    free_pull,
-    loaded,
-    move,
-    velocity,
-)
+from vibrosweep.kernels.bases.sprung import Load, Mount, free_pull, loaded, move, velocity
 from vibrosweep.kernels.impact import land, launch
 from vibrosweep.model.parameters import Dimensionless, Launches
 
