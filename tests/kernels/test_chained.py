@@ -9,11 +9,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from vibrosweep.kernels.bases.chained import (
-    ChainedConstants,
-    first_guess,
-    try_stretch,
-)
+from vibrosweep.kernels.bases.chained import first_guess, try_stretch
+from vibrosweep.kernels.bases.moving import ChainedConstants
 from vibrosweep.kernels.bases.moving_jacobian import along
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.noise import SILENT, STILL

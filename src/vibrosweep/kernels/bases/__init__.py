@@ -25,54 +25,12 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._jit import Floats, generic
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = [
-    "Base",
-    "Constants",
-    "Counted",
-    "Flight",
-    "Instant",
-    "Jacobian",
-    "LiftOff",
-    "after_rest",
-    "approach",
-    "common_age",
-    "constants",
-    "contact_time",
-    "contraction",
-    "counted",
-    "counted_now",
-    "density",
-    "fitted",
-    "fixed_attracts",
-    "fixed_holds",
-    "fixed_residual",
-    "fly",
-    "gives_up",
-    "jacobian",
-    "keep",
-    "leave",
-    "lift_off",
-    "lifts",
-    "lifts_alike",
-    "lowest",
-    "may_land",
-    "pending",
-    "prepare",
-    "put",
-    "random",
-    "rebound",
-    "reverses",
-    "speed",
-    "take",
-    "wake",
-]
-
 Base = Any  # an empty named tuple: its type is what numba compiles for
 Constants = Any  # the named tuple of one base
 
 
 class Instant(NamedTuple):
-    """An instant."""
+    """An instant, counted in forcing periods."""
 
     whole: float  # periods of the forcing
     phase: float  # in turns, of [-1/2, 1/2]
@@ -204,7 +162,7 @@ def counted_now(fixed: Constants, s: Floats, j: int, time: float, u_off: float) 
 @singledispatch
 def fitted(base: Base, problem: Dimensionless) -> Base:
     """Return the base without code that these realizations do not need; results are the same."""
-    raise NotImplementedError
+    return base
 
 
 @singledispatch

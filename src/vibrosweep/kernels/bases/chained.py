@@ -7,7 +7,8 @@ first root of a sequence of quadratic equations:
     F(t + s) = F(t) + F'(t) s - (1 + G) s^2 / 2
 
 F and F' are computed from the beginning of the flight, F(t) = t (y - t) / 2 - (alpha / 2)
-(W(x + t) - W(x) - t w(x)), in which nothing cancels while t is small.
+(W(x + t) - W(x) - t w(x)), in which nothing cancels while t is small.  In the vector kernel a pass
+solves one of the equations in each lane.
 """
 
 from __future__ import annotations
@@ -16,56 +17,20 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases, noise
-from vibrosweep.kernels._jit import Floats, fma, implements, jit
+from vibrosweep.kernels._jit import Floats, fma, implements, jit, wide_vectors
 from vibrosweep.kernels.bases import Counted, Flight
-from vibrosweep.kernels.bases.landing_search import BORDER, ULP
-from vibrosweep.kernels.bases.moving import (
-    LARGEST_GAMMA,
-    TINY,
-    TRIES,
-    after_rest_moving,
-    contact_time_moving,
-    contraction_moving,
-    density_moving,
-    lift_off_moving,
-    lifts_alike_moving,
-    rebound_moving,
-    reverses_moving,
-    wake_moving,
-)
-from vibrosweep.kernels.laws import Law
-from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
-from vibrosweep.kernels.restitution import Constant, Restitution, scale_of
+from vibrosweep.kernels.bases.landing_search import BORDER, ULP, phase_after
+from vibrosweep.kernels.bases.moving import LARGEST_GAMMA, TRIES, Chained, ChainedConstants
+from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.noise import SILENT, STILL, drawn_in
+from vibrosweep.kernels.restitution import scale_of
 from vibrosweep.kernels.waveforms import Parabolic, velocity
 from vibrosweep.model.parameters import Dimensionless
 
 TOP = 0.125  # largest height W; the lowest is its negative
 CORNER = 0.25  # phase at which the base begins to fall; its negative is the other one
-
-
-class Chained(NamedTuple):
-    """The base."""
-
-    law: Law  # `Rest`, the only law of rebound with a meaning here
-    waveform: Parabolic
-    restitution: Restitution = Constant()
-    noise: Noise | None = None
-
-
-class ChainedConstants(NamedTuple):
-    """Numbers that decide the impacts of one realization: those of `MovingConstants`."""
-
-    base: Chained
-    e: float
-    alpha: float
-    r: float
-    scale: float
-    x_lift: float
-    source: Source
-    draw: Draw
 
 
 class Guess(NamedTuple):
@@ -110,9 +75,7 @@ def since(x: float, t: float) -> tuple[float, float, float]:
     sign, y = stretch_at(x)
     past = t - (CORNER - y)
     past = past if past > 0.0 else 0.0  # since the first corner
-    then = x + (t - np.rint(t))
-    then -= np.rint(then)
-    w = velocity(Parabolic(), x)
+    then, w = phase_after(x, t), velocity(Parabolic(), x)
     near = past <= 0.5
     rise = sign * fma(2.0 * t, t, -4.0 * past * past)
     far = fma(-t, w, level_at(then) - level_at(x))
@@ -159,9 +122,7 @@ def try_stretch(
     """
     clear, f1 = clearance(alpha, x, y, t)
     f = clear if clear > 0.0 else 0.0
-    then = x + (t - np.rint(t))
-    then -= np.rint(then)
-    sign, place = stretch_at(then)
+    sign, place = stretch_at(phase_after(x, t))
     left = CORNER - place
     ends = left <= BORDER
     left = left + 0.5 if ends else left
@@ -200,30 +161,9 @@ def random_chained(
     return ChainedConstants(fixed.base, e, alpha, r, fixed.scale, x_lift, fixed.source, draw)
 
 
-@implements(bases.leave, ChainedConstants)
-def leave_chained(fixed: ChainedConstants, x: float, u: float) -> float:
-    y = fma(-fixed.alpha, velocity(fixed.base.waveform, x), u)
-    return -TINY if y == 0.0 and not abs(x) >= fixed.x_lift else y
-
-
-@implements(bases.speed, ChainedConstants)
-def speed_chained(fixed: ChainedConstants, x: float, u: float) -> float:
-    return fma(fixed.alpha, velocity(fixed.base.waveform, x), u)
-
-
 @implements(bases.counted, ChainedConstants)
 def counted_chained(fixed: ChainedConstants, flight: Flight, u_off: float) -> Counted:
     return Counted(flight.time, first_guess(fixed.alpha, flight.x, flight.u).apex, 1.0)
-
-
-@bases.lifts.register(Chained)
-def lifts_chained(base: Chained, problem: Dimensionless) -> NDArray[np.bool_]:
-    return 2.0 * (problem.kick / (1.0 + problem.restitution)) > 1.0
-
-
-@bases.fitted.register(Chained)
-def fitted_chained(base: Chained, problem: Dimensionless) -> Chained:
-    return base
 
 
 @bases.lowest.register(Chained)
@@ -231,12 +171,30 @@ def lowest_chained(base: Chained, problem: Dimensionless) -> Floats | None:
     return 4.0 * TOP * (problem.kick / (1.0 + problem.restitution))
 
 
-implements(bases.rebound, ChainedConstants)(rebound_moving)
-implements(bases.lift_off, ChainedConstants)(lift_off_moving)
-implements(bases.after_rest, ChainedConstants)(after_rest_moving)
-implements(bases.lifts_alike, Chained)(lifts_alike_moving)
-implements(bases.contact_time, ChainedConstants)(contact_time_moving)
-implements(bases.contraction, ChainedConstants)(contraction_moving)
-implements(bases.density, ChainedConstants)(density_moving)
-implements(bases.reverses, ChainedConstants)(reverses_moving)
-implements(bases.wake, ChainedConstants)(wake_moving)
+@implements(bases.take, Chained)
+def take_chained(base: Chained, s: Floats, j: int) -> ChainedConstants:
+    row = ROW.CONSTANTS + j
+    e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
+    draw, scale = drawn_in(base.noise, s, j), s[ROW.SCALE + j]
+    return ChainedConstants(base, e, alpha, r, scale, s[row + 3 * STRIDE], SILENT, draw)
+
+
+@implements(bases.prepare, Chained)
+def prepare_chained(base: Chained, s: Floats, lanes: int) -> None:
+    wide_vectors()
+    for j in range(lanes):
+        alpha, x, y = s[ROW.CONSTANTS + STRIDE + j], s[ROW.X + j], s[ROW.U + j]
+        guess, following = first_guess(alpha, x, y), s[ROW.NEXT + j]
+        reached = guess.begin if following < 0.0 else following
+        time, v, lands, clear = try_stretch(alpha, x, y, guess, reached)
+        s[ROW.TIME + j] = time
+        s[ROW.SPEED + j] = v
+        s[ROW.LANDED + j] = 1.0 if lands else 0.0
+        s[ROW.CLEAR + j] = clear
+
+
+@implements(bases.counted_now, ChainedConstants)
+def counted_now_chained(
+    fixed: ChainedConstants, s: Floats, j: int, time: float, u_off: float
+) -> Counted:
+    return Counted(time, first_guess(fixed.alpha, s[ROW.X + j], s[ROW.U + j]).apex, 1.0)

@@ -12,17 +12,11 @@ import numpy as np
 
 from vibrosweep.kernels._jit import fma, implements
 from vibrosweep.kernels.bases import Flight, error_bounds
-from vibrosweep.kernels.bases.chained import (
-    CORNER,
-    TOP,
-    ChainedConstants,
-    clearance,
-    level_at,
-    since,
-    stretch_at,
-)
+from vibrosweep.kernels.bases.chained import CORNER, TOP, clearance, level_at, since, stretch_at
 from vibrosweep.kernels.bases.chords import height
 from vibrosweep.kernels.bases.error_bounds import StateError
+from vibrosweep.kernels.bases.landing_search import phase_after
+from vibrosweep.kernels.bases.moving import ChainedConstants
 from vibrosweep.kernels.bases.moving_jacobian import ALPHA_ERROR, GAMMA_ERROR, Along, along
 from vibrosweep.kernels.bases.moving_limits import (
     Bends,
@@ -33,8 +27,6 @@ from vibrosweep.kernels.bases.moving_limits import (
     limits,
 )
 from vibrosweep.kernels.rounding import HALF_ULP
-
-__all__: list[str] = []
 
 # Of the terms of W(x + t) - W(x) - t w(x) and of w(x + t) - w(x), relative to the size of their
 # terms: alpha; a phase, whose error of half an ulp of 1 moves w by 4 of it; four roundings each
@@ -50,8 +42,7 @@ def along_chained(fixed: ChainedConstants, x: float, y: float, t: float) -> Alon
     z = fma(alpha, gain, 2.0 * t - y)
     turns = min(12.0 * t, 2.0)
     z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * TERM_ERROR * turns
-    then = x + (t - np.rint(t))
-    first, last = stretch_at(x)[0], stretch_at(then - np.rint(then))[0]
+    first, last = stretch_at(x)[0], stretch_at(phase_after(x, t))[0]
     return Along(
         f,
         f_error,

@@ -7,10 +7,9 @@ import math
 from vibrosweep.kernels._jit import generic, implements
 from vibrosweep.kernels.bases import Constants as AnyConstants
 from vibrosweep.kernels.bases import Flight, landing_search, shaped_search
-from vibrosweep.kernels.bases.chained import ChainedConstants
 from vibrosweep.kernels.bases.high_bounce import Constants
-from vibrosweep.kernels.bases.moving import MovingConstants
-from vibrosweep.kernels.bases.shaped import ShapedConstants, begin_at, search
+from vibrosweep.kernels.bases.landing_search import begin_at
+from vibrosweep.kernels.bases.moving import ANY, MovingConstants, ShapedConstants
 
 PIECES = 32  # of a period, in each of which one minimum of the height is searched for
 HALVINGS = 40  # the error of a minimum is of the order of the square of the last interval
@@ -36,20 +35,17 @@ def height(fixed: AnyConstants, x: float, y: float, s: float) -> tuple[float, fl
 
 @implements(height, MovingConstants)
 def height_moving(fixed: MovingConstants, x: float, y: float, s: float) -> tuple[float, float]:
-    clear = landing_search.clearance(
-        landing_search.start(fixed.alpha, fixed.x_lift, x, y), s, *landing_search.turn(s)
-    )
+    clear = landing_search.clearance(fixed, begin_at(x, y), s, *landing_search.turn(s))
     return clear.f, clear.f1
 
 
 @implements(height, ShapedConstants)
 def height_shaped(fixed: ShapedConstants, x: float, y: float, s: float) -> tuple[float, float]:
-    begin = begin_at(x, y)
-    clear = shaped_search.clearance(search(fixed), begin, s, *shaped_search.turn(s))
+    clear = shaped_search.clearance(fixed, begin_at(x, y), s, *shaped_search.turn(s))
     return clear.f, clear.f1
 
 
-@implements(chord, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(chord, *ANY)
 def chord_moving(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]:
     # the height is linear in the speed of lift-off: s y / 2 is added to that of y = 0
     f, f1 = height(fixed, x, 0.0, s)
@@ -67,7 +63,7 @@ def clearing_high_bounce(fixed: Constants, arc: Flight) -> float:
     return math.inf
 
 
-@implements(clearing, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(clearing, *ANY)
 def clearing_moving(fixed: AnyConstants, arc: Flight) -> float:
     pieces = math.ceil(PIECES * arc.time)
     least, before, falls = math.inf, 0.0, False

@@ -19,6 +19,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import fma, generic, implements, jit
 from vibrosweep.kernels.bases.landing_search import turn
+from vibrosweep.kernels.bases.shaped_search import next_harmonic, next_turns
 from vibrosweep.kernels.harmonics import Harmonics, for_each
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.waveforms import Shape, Sine
@@ -58,14 +59,16 @@ class Place(NamedTuple):
     jerk: float
 
 
-class Share(NamedTuple):
-    """Motion since an instant beyond the uniform one: rise, gain; then acceleration and its rate.
+class Motion(NamedTuple):
+    """Motion of the base some time after an instant."""
 
-    As of `vibrosweep.kernels.bases.sprung.Motion`, of a part of the motion.
-    """
-
+    # rise, gain: height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'
     rise: float
     gain: float
+    # d, b: deviation from the forced oscillation, and its velocity beyond that of slow decay
+    d: float
+    b: float
+    # pull, jerk: acceleration Y''(s) and its rate
     pull: float
     jerk: float
 
@@ -111,7 +114,7 @@ def reach_of(drive: Drive) -> Reach:
 
 
 @generic
-def onto(drive: Drive, at: Phase, s: float, free: Share) -> Share:
+def onto(drive: Drive, at: Phase, s: float, free: Motion) -> Motion:
     """Add the forced motion s periods after a phase to the free one."""
 
 
@@ -193,15 +196,17 @@ def reach_of_oscillation(drive: Oscillation) -> Reach:
 
 
 @implements(onto, Oscillation)
-def onto_oscillation(drive: Oscillation, at: Phase, s: float, free: Share) -> Share:
+def onto_oscillation(drive: Oscillation, at: Phase, s: float, free: Motion) -> Motion:
     turned, lag, c = turn(s)
     height = drive.p * at.cosine + drive.q * at.sine
     slope = drive.q * at.cosine - drive.p * at.sine
     h = height * (1.0 - c) + slope * turned
     h1 = slope * (1.0 - c) - height * turned
-    return Share(
+    return Motion(
         free.rise - height * c - slope * lag,
         free.gain - TWO_PI * (height * turned + slope * c),
+        free.d,
+        free.b,
         free.pull - TWO_PI**2 * h,
         free.jerk - TWO_PI**3 * h1,
     )
@@ -239,10 +244,7 @@ def place_oscillations(drive: Oscillations, at: Phase) -> Place:
         speed = fma(v, odd, speed)
         pull = fma(-v * v, even, pull)
         jerk = fma(-v * v * v, odd, jerk)
-        sine, cosine = (
-            fma(sine, at.cosine, cosine * at.sine),
-            fma(cosine, at.cosine, -sine * at.sine),
-        )
+        sine, cosine = next_harmonic(sine, cosine, (at.sine, at.cosine))
     return Place(height, speed, pull, jerk)
 
 
@@ -266,28 +268,20 @@ def reach_of_oscillations(drive: Oscillations) -> Reach:
 
 
 @implements(onto, Oscillations)
-def onto_oscillations(drive: Oscillations, at: Phase, s: float, free: Share) -> Share:
+def onto_oscillations(drive: Oscillations, at: Phase, s: float, free: Motion) -> Motion:
     turned, lag, c = turn(s - np.rint(s))
-    once, whole = 1.0 - c, np.rint(s)
-    rise, gain, pull, jerk = free.rise, free.gain, free.pull, free.jerk
+    whole, turns = np.rint(s), (turned, lag, c, lag, c)
+    rise, gain, d, b, pull, jerk = free
     sine, cosine = at.sine, at.cosine
-    # of harmonic h: S, D, C, and how much D and C have grown, as in `shaped_search`
-    s_h, d_h, c_h, d_more, c_more = turned, lag, c, lag, c
     for k in range(len(drive.p)):
         v, p, q = TWO_PI * (k + 1), drive.p[k], drive.q[k]
         even, odd = fma(p, cosine, q * sine), fma(q, cosine, -p * sine)
+        s_h, d_h, c_h, _, _ = turns
         ahead = 1.0 - c_h
         rise = rise - even * c_h - odd * fma(v, whole, d_h)
         gain -= v * fma(even, s_h, odd * c_h)
         pull -= v * v * fma(even, ahead, odd * s_h)
         jerk -= v * v * v * fma(odd, ahead, -even * s_h)
-        sine, cosine = (
-            fma(sine, at.cosine, cosine * at.sine),
-            fma(cosine, at.cosine, -sine * at.sine),
-        )
-        d_more = fma(2.0 * c, s_h, d_more)
-        c_more = fma(2.0 * c, ahead, c_more)
-        s_h = fma(s_h, once, ahead * turned)
-        d_h += d_more
-        c_h += c_more
-    return Share(rise, gain, pull, jerk)
+        sine, cosine = next_harmonic(sine, cosine, (at.sine, at.cosine))
+        turns = next_turns(turns, turned, c)
+    return Motion(rise, gain, d, b, pull, jerk)

@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from vibrosweep.kernels._jit import generic
-from vibrosweep.kernels.bases import Constants, Flight, Instant
+import numpy as np
 
-__all__ = [
-    "StateError",
-    "absolute_error",
-    "jacobian_error",
-    "landing_added",
-    "launch_error",
-    "liftoff_error",
-    "random_liftoff_error",
-    "rebound_error",
-    "rest_is_doubtful",
-]
+from vibrosweep.kernels._jit import generic, jit
+from vibrosweep.kernels.bases import Constants, Flight, Instant
+from vibrosweep.kernels.rounding import HALF_ULP
 
 
 class StateError(NamedTuple):
@@ -25,6 +16,13 @@ class StateError(NamedTuple):
 
     phase: float
     speed: float
+
+
+@jit
+def landing_rounding(flight: Flight) -> float:
+    """Bound of the rounding of the phase of a landing, a sum below 1 of two exact numbers."""
+    moved: float = flight.x + (flight.time - np.rint(flight.time))
+    return min(0.5 * HALF_ULP, HALF_ULP * abs(moved))  # near 0 it is smaller
 
 
 @generic

@@ -15,7 +15,6 @@ if and only if |f| < 1 and 0 < -g s < 2 (1 + f).
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -54,8 +53,7 @@ from vibrosweep.kernels.waveforms import (
     velocity,
 )
 from vibrosweep.model.parameters import Dimensionless
-
-TWO_PI = 2.0 * math.pi
+from vibrosweep.model.shapes import TWO_PI
 
 
 class HighBounce(NamedTuple):
@@ -168,11 +166,6 @@ def counted_now_high_bounce(
     return Counted(u_off, u_off, u_off)
 
 
-@bases.fitted.register(HighBounce)
-def fitted_high_bounce(base: HighBounce, problem: Dimensionless) -> HighBounce:
-    return base
-
-
 @bases.lowest.register(HighBounce)
 def lowest_high_bounce(base: HighBounce, problem: Dimensionless) -> Floats | None:
     return None
@@ -189,10 +182,6 @@ def lifts_high_bounce(base: HighBounce, problem: Dimensionless) -> NDArray[np.bo
 
 
 @implements(bases.leave, Constants)
-def leave_high_bounce(fixed: Constants, x: float, u: float) -> float:
-    return u
-
-
 @implements(bases.speed, Constants)
 def speed_high_bounce(fixed: Constants, x: float, u: float) -> float:
     return u

@@ -10,12 +10,7 @@ from vibrosweep.kernels.bases import Flight, Instant, error_bounds
 from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.bases.high_bounce import Constants
 from vibrosweep.kernels.bases.high_bounce_noise import first_lift_error
-from vibrosweep.kernels.restitution import (
-    ratio,
-    ratio_error,
-    slope_change,
-    straight,
-)
+from vibrosweep.kernels.restitution import ratio, ratio_error, slope_change, straight
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.waveforms import (
     depth_of,
@@ -27,9 +22,6 @@ from vibrosweep.kernels.waveforms import (
     peak_of,
     velocity,
 )
-
-# A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
-LANDING_ERROR = 0.5 * HALF_ULP
 
 
 @implements(error_bounds.jacobian_error, Constants)
@@ -48,8 +40,7 @@ def launch_error_high_bounce(fixed: Constants, x: float, u: float) -> float:
 
 @implements(error_bounds.landing_added, Constants)
 def landing_added_high_bounce(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
-    moved: float = flight.x + (flight.u - np.rint(flight.u))
-    return StateError(min(LANDING_ERROR, HALF_ULP * abs(moved)), 0.0)
+    return StateError(error_bounds.landing_rounding(flight), 0.0)
 
 
 @implements(error_bounds.rebound_error, Constants)
@@ -130,7 +121,7 @@ def _liftoff(
             return StateError(np.inf, np.inf)
         if most < r:
             return StateError(0.0, 0.0)
-        return first_lift_error(random, fixed, n, x, error)
+        return first_lift_error(fixed, n, x, error)
     of_base = velocity(shape, x)
     off = abs(kick_slope(shape, a, x)) * error + left_out(shape, a, x, error)
     off += kick_rounding(shape, a, of_base) + REST_ERROR * r

@@ -19,9 +19,6 @@ from vibrosweep.kernels.deviates import OF_DRIVE, deviate
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.noise import Noise, draw_of, driven, period_of
 from vibrosweep.kernels.rounding import REST_ERROR
-from vibrosweep.kernels.waveforms import Shape
-
-__all__: list[str] = []
 
 LONGEST: Final = 2**24  # forcing periods after which the search for a lift-off ends
 
@@ -31,30 +28,30 @@ def random_high_bounce(
     fixed: Constants, particle: float, number: float, n: float, x: float
 ) -> Constants:
     draw = draw_of(fixed.base.noise, fixed.source, particle, number, period_of(n, x))
-    return Constants(
-        fixed.base,
-        fixed.e,
-        driven(fixed.base.noise, fixed.a, draw.drive),
-        fixed.r,
-        fixed.scale,
-        fixed.x_lift,
-        fixed.wait,
-        fixed.u_lift,
-        fixed.source,
-        draw,
-    )
+    e, a, r, scale = fixed.e, driven(fixed.base.noise, fixed.a, draw.drive), fixed.r, fixed.scale
+    x_lift, wait, u_lift, source = fixed.x_lift, fixed.wait, fixed.u_lift, fixed.source
+    return Constants(fixed.base, e, a, r, scale, x_lift, wait, u_lift, source, draw)
 
 
 @jit
-def _first_lift(noise: Noise, fixed: Constants, n: float, x: float) -> tuple[float, float]:
+def random_drive(noise: Noise | None) -> int | None:
+    """Return the field `drive` of the noise of a base; None without any noise."""
+    if noise is None:
+        return None
+    return noise.drive
+
+
+@jit
+def _first_lift(fixed: Constants, n: float, x: float) -> tuple[float, float]:
     """Whole periods and phase at which the kick first exceeds r from (n, x) on.
 
     After `LONGEST` periods the search ends: the count is NaN then.
     """
-    period, stream, size = period_of(n, x), fixed.source.stream, fixed.source.drive
+    noise, period, size = fixed.base.noise, period_of(n, x), fixed.source.drive
+    key, stream = noise.key, fixed.source.stream  # type: ignore[union-attr]
     after = x + (n - period)  # turns from the beginning of the period, in [0, 1]
     for _ in range(LONGEST):
-        kick = driven(noise, fixed.a, size * deviate(noise.key, stream, 0.0, period, OF_DRIVE))
+        kick = driven(noise, fixed.a, size * deviate(key, stream, 0.0, period, OF_DRIVE))
         lifts, after = lift_in(fixed.base.waveform, kick, fixed.r, after, True)
         if lifts:
             whole = np.rint(after)
@@ -64,18 +61,17 @@ def _first_lift(noise: Noise, fixed: Constants, n: float, x: float) -> tuple[flo
 
 
 @jit
-def first_lift_error(
-    noise: Noise, fixed: Constants, n: float, x: float, error: float
-) -> StateError:
+def first_lift_error(fixed: Constants, n: float, x: float, error: float) -> StateError:
     """Bounds of the errors of `_first_lift`, from that of the phase x of the rest.
 
     The first is infinite where it is in doubt which forcing period lifts the particle.
     """
     shape, a, r = fixed.base.waveform, fixed.a, fixed.r
-    period, stream, size = period_of(n, x), fixed.source.stream, fixed.source.drive
+    period, size = period_of(n, x), fixed.source.drive
+    key, stream = fixed.base.noise.key, fixed.source.stream  # type: ignore[union-attr]
     after = x + (n - period)
     for _ in range(LONGEST):
-        drive = size * deviate(noise.key, stream, 0.0, period, OF_DRIVE)
+        drive = size * deviate(key, stream, 0.0, period, OF_DRIVE)
         lifts, off = lift_in_error(shape, a, drive, r, after, error)
         if lifts:
             return StateError(off, REST_ERROR * r if off < np.inf else np.inf)
@@ -85,41 +81,26 @@ def first_lift_error(
 
 @implements(bases.wake, Constants)
 def wake_high_bounce(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
-    return _wake(fixed.base.noise, fixed, n, x, origin)
+    return _wake(random_drive(fixed.base.noise), fixed, n, x, origin)
 
 
 @jit
 def _wake(
-    noise: Noise | None, fixed: Constants, n: float, x: float, origin: float
-) -> tuple[float, float]:
-    if noise is None:
-        return n, x
-    return _wake_in(noise.drive, noise, fixed, n, x, origin)
-
-
-@jit
-def _wake_in(
-    on: int | None, noise: Noise, fixed: Constants, n: float, x: float, origin: float
+    on: int | None, fixed: Constants, n: float, x: float, origin: float
 ) -> tuple[float, float]:
     if on is None or n == np.inf:
         return n, x
-    whole, phase = _first_lift(noise, fixed, n + origin, x)
+    whole, phase = _first_lift(fixed, n + origin, x)
     return whole - origin, phase
 
 
 @implements(bases.prepare, HighBounce)
 def prepare_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
-    _wake_all(base.noise, base.waveform, s, lanes)
+    _wake_lanes(random_drive(base.noise), base, s, lanes)
 
 
 @jit
-def _wake_all(noise: Noise | None, shape: Shape, s: Floats, lanes: int) -> None:
-    if noise is not None:
-        _wake_lanes(noise.drive, noise, shape, s, lanes)
-
-
-@jit
-def _wake_lanes(on: int | None, noise: Noise, shape: Shape, s: Floats, lanes: int) -> None:
+def _wake_lanes(on: int | None, base: HighBounce, s: Floats, lanes: int) -> None:
     """Check whether the drawn forcing period ends the rest of a lane, as `_first_lift` does."""
     if on is not None:
         wide_vectors()
@@ -128,9 +109,9 @@ def _wake_lanes(on: int | None, noise: Noise, shape: Shape, s: Floats, lanes: in
             n, x, origin = s[ROW.N + j], s[ROW.X + j], s[ROW.ORIGIN + j]
             tried = s[ROW.ASLEEP + j]
             period = period_of(n + origin, x)
-            kick = driven(noise, a, s[ROW.DRIVE + j])
+            kick = driven(base.noise, a, s[ROW.DRIVE + j])
             rests = tried > 0.0
-            lifts, after = lift_in(shape, kick, r, x + (n + origin - period), rests)
+            lifts, after = lift_in(base.waveform, kick, r, x + (n + origin - period), rests)
             given_up = rests & (tried >= LONGEST) & (not lifts)
             whole = np.rint(after) if lifts else 1.0
             x_off = after - whole if lifts else 0.0

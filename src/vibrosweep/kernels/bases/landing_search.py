@@ -1,4 +1,4 @@
-"""The first landing on a base that moves.
+"""The first landing on a base that moves as a sine.
 
 The base has the velocity alpha sin(2 pi x) and the height -alpha / (4 pi) cos(2 pi x), alpha = a /
 (1 + e), in units in which a flight with speed u is s (u - s) / 2 high after s periods; its largest
@@ -35,7 +35,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import fma, jit
+from vibrosweep.kernels import bases
+from vibrosweep.kernels._jit import fma, implements, jit
+from vibrosweep.kernels.bases.moving import TRIES, MovingConstants
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.sine import (
     cos_turns,
@@ -44,8 +46,8 @@ from vibrosweep.kernels.sine import (
     sin_near,
     sin_turns,
 )
+from vibrosweep.model.shapes import TWO_PI
 
-TWO_PI = 2.0 * math.pi
 FAST = 0.6  # speed above which a flight with one root is guessed to last as over a base at rest
 SLOW = 0.15  # periods within which a slower particle is guessed to land
 AHEAD = 0.25  # periods beyond the flight over a base at rest, if the base falls faster than gravity
@@ -57,13 +59,9 @@ ULP = 2.0**-52
 NOISE = 8.0 * HALF_ULP  # rounding error of the clearance, relative to its terms
 
 
-class Start(NamedTuple):
+class Begin(NamedTuple):
     """Beginning of a flight."""
 
-    # alpha, x_lift: of the base: its largest velocity, and the phase at which it begins to fall
-    # faster than gravity, NaN where it never does
-    alpha: float
-    x_lift: float
     # x, y, sine, cosine: phase and speed relative to the base, and sine and cosine of the phase
     x: float
     y: float
@@ -102,44 +100,53 @@ class Terms(NamedTuple):
 
 
 @jit
-def start(alpha: float, x_lift: float, x: float, y: float) -> Start:
+def begin_at(x: float, y: float) -> Begin:
     """Beginning of the flight that leaves phase x with speed y."""
-    return Start(alpha, x_lift, x, y, sin_turns(x), cos_turns(x))
+    return Begin(x, y, sin_turns(x), cos_turns(x))
 
 
 @jit
-def absolute(begin: Start) -> float:
+def phase_after(x: float, s: float) -> float:
+    """Phase of the base s periods after phase x."""
+    moved = x + (s - np.rint(s))
+    return moved - np.rint(moved)  # type: ignore[no-any-return]
+
+
+@jit
+def absolute(fixed: MovingConstants, begin: Begin) -> float:
     """Absolute speed at the lift-off."""
-    return fma(begin.alpha, begin.sine, begin.y)
+    return fma(fixed.alpha, begin.sine, begin.y)
 
 
 @jit
-def apex(begin: Start) -> float:
+def apex(fixed: MovingConstants, begin: Begin) -> float:
     """Greatest height above the lowest level of the base, at the apex or at lift-off."""
-    u = absolute(begin)
+    u = absolute(fixed, begin)
     rising = u if u > 0.0 else 0.0
-    return fma(rising, rising, (2.0 / math.pi) * begin.alpha * (1.0 - begin.cosine))
+    return fma(rising, rising, (2.0 / math.pi) * fixed.alpha * (1.0 - begin.cosine))
 
 
 @jit
-def clearance(begin: Start, s: float, turned: float, lag: float, c: float) -> Clearance:
+def clearance(
+    fixed: MovingConstants, begin: Begin, s: float, turned: float, lag: float, c: float
+) -> Clearance:
     """Clearance after s periods, given sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s)."""
     sine, cosine = begin.sine, begin.cosine
     slowed = fma(sine, c, -cosine * turned)  # the base, since the lift-off
-    sunk = (0.25 / math.pi) * begin.alpha * fma(sine, lag, -cosine * c)
+    sunk = (0.25 / math.pi) * fixed.alpha * fma(sine, lag, -cosine * c)
     return Clearance(
         fma(0.5 * s, begin.y - s, sunk),
-        fma(0.5 * begin.alpha, slowed, 0.5 * begin.y - s),
+        fma(0.5 * fixed.alpha, slowed, 0.5 * begin.y - s),
         sine - slowed,
         cosine - fma(cosine, c, sine * turned),
     )
 
 
 @jit
-def series_terms(begin: Start, clear: Clearance) -> Terms:
+def series_terms(fixed: MovingConstants, clear: Clearance) -> Terms:
     """Newton's step from where the clearance is known, and the further terms of the series."""
     f, f1, sine, cosine = clear
-    gamma = math.pi * begin.alpha
+    gamma = math.pi * fixed.alpha
     inverse = 1.0 / f1
     newton = -f * inverse
     once = newton * inverse
@@ -162,13 +169,13 @@ def turn(s: float) -> tuple[float, float, float]:
 
 
 @jit
-def first_guess(begin: Start, arcs: int | None) -> Guess:
+def first_guess(fixed: MovingConstants, begin: Begin, arcs: int | None) -> Guess:
     """Guess when the flight ends.
 
     If `arcs` is None, the code that only flights with Gamma > 1 need is not compiled.
     """
-    alpha, x_lift, x, y, _, cosine = begin
-    gamma, u = math.pi * alpha, absolute(begin)
+    alpha, x_lift, (x, y, _, cosine) = fixed.alpha, fixed.x_lift, begin
+    gamma, u = math.pi * alpha, absolute(fixed, begin)
     pull = fma(gamma, cosine, 1.0)
     parabola = y / pull if pull > 0.0 else np.inf
     sure, most, rise = True, u if u > SLOW else SLOW, np.inf
@@ -183,28 +190,35 @@ def first_guess(begin: Start, arcs: int | None) -> Guess:
 
 
 @jit
-def rough_clearance(begin: Start, s: float) -> Clearance:
+def rough_clearance(fixed: MovingConstants, begin: Begin, s: float) -> Clearance:
     """Clearance after s periods to about five digits, enough for a guess."""
     whole = np.rint(s)
     part = s - whole
     lag, c = rough_lag_and_versine(part)
-    return clearance(begin, s, fma(TWO_PI, part, -lag), fma(TWO_PI, whole, lag), c)
+    return clearance(fixed, begin, s, fma(TWO_PI, part, -lag), fma(TWO_PI, whole, lag), c)
 
 
 @jit
-def first_try(begin: Start, guess: Guess, rough: Clearance, arcs: int | None) -> float:
-    """Return the time to be tried first, from a guess and the clearance at that time.
+def improved(s: float, f: float, f1: float, f2: float, third: float) -> float:
+    """Return a time nearer to the root than s, by one step of Householder's method of third order.
 
-    One step of Householder's method of third order comes near the root.
+    `third` is a sixth of the third derivative times f^2.  A long step, or one away from the root,
+    is not made.
     """
-    alpha, x_lift, x, y, _, _ = begin
-    sure, s, _ = guess
-    f, f1, f2 = rough.f, rough.f1, fma(-math.pi * alpha, rough.cosine, -1.0)
     bend, square = 0.5 * f * f2, f1 * f1
-    third = (math.pi * math.pi / 3.0) * alpha * rough.sine * (f * f)
     step = -f * (square - bend) / fma(f1, fma(-2.0, bend, square), third)
     far = 0.5 * s if s < 0.5 else 0.25
-    s = s + step if (f1 < 0.0) & (abs(step) < far) else s
+    return s + step if (f1 < 0.0) & (abs(step) < far) else s
+
+
+@jit
+def first_try(
+    fixed: MovingConstants, begin: Begin, guess: Guess, rough: Clearance, arcs: int | None
+) -> float:
+    """Return the time to be tried first, from a guess and the clearance at that time."""
+    alpha, x_lift, x, sure, f = fixed.alpha, fixed.x_lift, begin.x, guess.sure, rough.f
+    third = (math.pi * math.pi / 3.0) * alpha * rough.sine * (f * f)
+    s = improved(guess.time, f, rough.f1, fma(-math.pi * alpha, rough.cosine, -1.0), third)
     if arcs is not None:
         # F is concave in the present stretch, or in the next one, before which it has no root
         falls = abs(x) >= x_lift
@@ -212,7 +226,7 @@ def first_try(begin: Start, guess: Guess, rough: Clearance, arcs: int | None) ->
         to_fall = to_press + 2.0 * x_lift if falls else x_lift - x
         s = s if sure | (s < to_fall) else to_fall
         s = to_press if falls & (not (sure | (s > to_press))) else s
-    return 0.0 if y < 0.0 else s  # pushed into the base, it lands at once
+    return 0.0 if begin.y < 0.0 else s  # pushed into the base, it lands at once
 
 
 @jit
@@ -231,67 +245,106 @@ def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
 
 
 @jit
-def _across(
-    begin: Start, rise: float, s: float, clear: Clearance, newton: float, step: float
+def across(
+    ends: tuple[bool, float, float],
+    above: tuple[float, float],
+    s: float,
+    slopes: tuple[float, float, float],
+    newton: float,
+    step: float,
 ) -> float:
     """Return the time to be tried after s, if the base may fall faster than gravity.
 
-    The clearance is positive at s and before.
+    The clearance is positive at s and before.  `ends` is whether the base presses at s, and the
+    periods until it falls, or presses again.  Between the times `above` the particle is above every
+    height of the base.  `slopes` are two derivatives of the clearance, and half a bound of a third.
     """
-    f1, f2 = clear.f1, fma(-math.pi * begin.alpha, clear.cosine, -1.0)
+    (presses, to_fall, to_press), (rise, until), (f1, f2, jolt) = ends, above, slopes
     nears = f1 < 0.0
-    at = begin.x + (s - np.rint(s))
-    at -= np.rint(at)
-    presses, to_fall, to_press = _ends(at, begin.x_lift)
     into = step if nears else s
     into = into if into < to_fall else to_fall
-    # the slope stays negative for so long, as the third derivative is at most 2 pi Gamma
+    # the slope stays negative for so long
     beyond = 1.01 * (step if step > newton else newton)
     bend = f2 if f2 > 0.0 else 0.0
-    falls = f1 + beyond * (bend + math.pi * math.pi * begin.alpha * beyond) < 0.0
+    falls = f1 + beyond * (bend + jolt * beyond) < 0.0
     convex = step if falls else newton
     convex = convex if nears & (convex < to_press) else to_press
     tried = s + (into if presses else convex)
-    until = absolute(begin) - rise  # until then it is above every height of the base
     return until if (s > rise) & (until > tried) else tried
 
 
 @jit
+def series_step(s: float, f1: float, terms: Terms) -> tuple[float, float, bool]:
+    """Return the step from s to the root, the time to be tried, and if the terms decrease fast.
+
+    The step is between 1/2 and 3/2 of Newton's.
+    """
+    newton, q, q3, q4 = terms
+    third = fma(q, q, -q3)
+    series = 1.0 - q + (fma(q, q, third) - fma(5.0 * q, third, q4))  # in steps of Newton's
+    small = (abs(q) <= LAST) & (abs(q3) <= LAST * LAST) & (abs(q4) <= LAST * LAST * LAST)
+    series = series if series > 0.5 else 0.5
+    step = newton * (series if series < 1.5 else 1.5)
+    back = step if step > -0.75 * s else -0.75 * s
+    forth = back if back < s else s
+    return step, s + (forth if f1 < 0.0 else (s if s < 0.25 else 0.25)), small
+
+
+@jit
 def try_landing(
-    begin: Start, guess: Guess, s: float, clear: Clearance, terms: Terms, arcs: int | None
+    fixed: MovingConstants,
+    begin: Begin,
+    guess: Guess,
+    s: float,
+    clear: Clearance,
+    terms: Terms,
+    arcs: int | None,
 ) -> tuple[float, float, bool]:
     """Try the time s; return the landing or the next time to try, the speed, and if it lands.
 
     `clear` is the clearance at that time, of which `terms` are those of the series.
     """
     f, f1, sine, cosine = clear
-    newton, q, q3, q4 = terms
-    sure, _, rise = guess
-    gamma = math.pi * begin.alpha
+    alpha, newton, sure = fixed.alpha, terms.newton, guess.sure
+    gamma = math.pi * alpha
     f2 = fma(-gamma, cosine, -1.0)
     f3, f4 = (TWO_PI * gamma) * sine, (TWO_PI * TWO_PI * gamma) * cosine
-    third = fma(q, q, -q3)
-    series = 1.0 - q + (fma(q, q, third) - fma(5.0 * q, third, q4))  # in steps of Newton's
-    nears, above = f1 < 0.0, f > 0.0
-    small = (abs(q) <= LAST) & (abs(q3) <= LAST * LAST) & (abs(q4) <= LAST * LAST * LAST)
+    step, tried, small = series_step(s, f1, terms)
+    nears = f1 < 0.0
     last = nears & (small | (abs(newton) <= ULP * s))
-    series = series if series > 0.5 else 0.5
-    step = newton * (series if series < 1.5 else 1.5)
-    back = step if step > -0.75 * s else -0.75 * s
-    forth = back if back < s else s
-    tried = s + (forth if nears else (s if s < 0.25 else 0.25))
     # the fifth and sixth derivatives are -(2 pi)^2 times the third and fourth; the last step may
     # be long where only gravity bends the flight
     turned = (TWO_PI * TWO_PI) * step * step
     third, fourth = f3 * fma(turned, -1.0 / 24.0, 0.5), f4 * fma(turned, -1.0 / 120.0, 1.0 / 6.0)
     arrival = -2.0 * fma(step, fma(step, fma(step, fourth, third), f2), f1)
     if arcs is not None:
-        across = _across(begin, rise, s, clear, newton, step)
-        tried = across if above & (gamma > 1.0) & (not last) else tried
+        ends = _ends(phase_after(begin.x, s), fixed.x_lift)
+        above = guess.rise, absolute(fixed, begin) - guess.rise
+        # the third derivative is at most 2 pi Gamma
+        over = across(ends, above, s, (f1, f2, math.pi * math.pi * alpha), newton, step)
+        tried = over if (f > 0.0) & (gamma > 1.0) & (not last) else tried
         swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
-        noise = NOISE * s * (begin.alpha * swept + 0.5 * (abs(begin.y) + s))
+        noise = NOISE * s * (alpha * swept + 0.5 * (abs(begin.y) + s))
         grazes = (f <= 0.0) & (not (sure | last)) & ((-f <= noise) | (not nears))
         tried = s if grazes else tried
         arrival = (-2.0 * f1 if nears else 0.0) if grazes else arrival
         last = last | grazes
     return tried, arrival, last
+
+
+@implements(bases.fly, MovingConstants)
+def fly_moving(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
+    if not abs(x) <= 0.5:  # NaN: the particle rests for good
+        return np.nan, np.nan
+    if u == 0.0 and not abs(x) >= fixed.x_lift:  # the base presses the particle
+        return 0.0, 0.0
+    begin, arcs = begin_at(x, u), fixed.base.arcs
+    guess = first_guess(fixed, begin, arcs)
+    time = first_try(fixed, begin, guess, rough_clearance(fixed, begin, guess.time), arcs)
+    v, landed, tries = 0.0, False, 0.0
+    while not landed and tries <= TRIES:
+        clear = clearance(fixed, begin, time, *turn(time))
+        terms = series_terms(fixed, clear)
+        time, v, landed = try_landing(fixed, begin, guess, time, clear, terms, arcs)
+        tries += 1.0 if clear.f == clear.f else TRIES
+    return time if landed else np.nan, v

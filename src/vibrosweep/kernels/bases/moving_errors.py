@@ -25,9 +25,8 @@ import numpy as np
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import implements, jit
 from vibrosweep.kernels.bases import Constants, Flight, Instant, error_bounds
-from vibrosweep.kernels.bases.chained import ChainedConstants
 from vibrosweep.kernels.bases.error_bounds import StateError
-from vibrosweep.kernels.bases.moving import MovingConstants
+from vibrosweep.kernels.bases.moving import ANY, SINGLE, MovingConstants
 from vibrosweep.kernels.bases.moving_jacobian import ALPHA_ERROR, GAMMA_ERROR, Along, along
 from vibrosweep.kernels.bases.moving_limits import (
     SURE,
@@ -37,27 +36,15 @@ from vibrosweep.kernels.bases.moving_limits import (
     keeps_pressing,
     limits,
 )
-from vibrosweep.kernels.bases.shaped import ShapedConstants
-from vibrosweep.kernels.restitution import (
-    ratio,
-    ratio_error,
-    slope,
-    slope_change,
-    straight,
-)
+from vibrosweep.kernels.restitution import ratio, ratio_error, slope, slope_change, straight
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, LAUNCH_ERROR, REST_ERROR, SMALLEST
-from vibrosweep.kernels.sine import (
-    SINE_ERROR,
-)
+from vibrosweep.kernels.sine import SINE_ERROR
 from vibrosweep.kernels.waveforms import kick_slope, velocity
+from vibrosweep.model.shapes import TWO_PI
 
-__all__: list[str] = []
-
-TWO_PI = 2.0 * math.pi
 # x_L, absolute: of the root, of the arcsine of at most 1 / sqrt(2), and of the difference
 ARCSINE_ERROR = 4.0 * HALF_ULP
 MARCH = 1000  # steps
-LANDING_ERROR = 0.5 * HALF_ULP  # of a phase, a sum below 1 of two exact numbers
 
 
 class Landed(NamedTuple):
@@ -217,7 +204,7 @@ def _pressed(fixed: Constants, flight: Flight, spread: StateError) -> StateError
     return StateError(time, 2.0 * most + 2.0 * (1.0 + gamma) * time)
 
 
-@implements(error_bounds.landing_added, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(error_bounds.landing_added, *ANY)
 def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
@@ -228,14 +215,12 @@ def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -
     last = flight.time - off - 0.4 * least / (1.0 + limits(fixed, 1.0).steep)
     if not (off < np.inf and _is_first(fixed, flight, spread, last)):
         return StateError(np.inf, np.inf)
-    moved: float = flight.x + (flight.time - np.rint(flight.time))
-    rounding = landed.time + min(LANDING_ERROR, HALF_ULP * abs(moved))
-    dx, dy = spread
+    rounding, (dx, dy) = landed.time + error_bounds.landing_rounding(flight), spread
     by_phase, by_speed = change.s_x * dx + change.s_y * dy, change.z_x * dx + change.z_y * dy
     return StateError(rounding + by_phase, landed.v + by_speed)
 
 
-@implements(error_bounds.rebound_error, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(error_bounds.rebound_error, *ANY)
 def rebound_error_moving(
     fixed: Constants, flight: Flight, added: StateError, error: float, spread: StateError
 ) -> float:
@@ -274,7 +259,7 @@ def _unless_turned(
     return error if abs(w) > 2.0 * every else np.inf
 
 
-@implements(error_bounds.jacobian_error, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(error_bounds.jacobian_error, *ANY)
 def jacobian_error_moving(
     fixed: Constants, flight: Flight, error: float, spread: StateError
 ) -> tuple[float, float, float]:
@@ -292,7 +277,7 @@ def jacobian_error_moving(
     return max(derivatives.s_x, u_x), max(derivatives.s_y, u_y), 0.0
 
 
-@implements(error_bounds.launch_error, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(error_bounds.launch_error, *ANY)
 def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
@@ -302,7 +287,7 @@ def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
     return error if abs(u) > error or presses else np.inf
 
 
-@implements(error_bounds.absolute_error, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(error_bounds.absolute_error, *ANY)
 def absolute_error_moving(fixed: Constants, x: float, u: float, spread: StateError) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
@@ -312,7 +297,7 @@ def absolute_error_moving(fixed: Constants, x: float, u: float, spread: StateErr
     return error
 
 
-@implements(error_bounds.rest_is_doubtful, MovingConstants, ChainedConstants)
+@implements(error_bounds.rest_is_doubtful, *SINGLE)
 def rest_is_doubtful_moving(fixed: MovingConstants, x: float, w: float, spread: StateError) -> bool:
     w_error = spread.speed + REST_ERROR * fixed.r
     if w - fixed.r > w_error:
@@ -335,7 +320,7 @@ def liftoff_error_moving(fixed: MovingConstants) -> StateError:
     return StateError(2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0)
 
 
-@implements(error_bounds.random_liftoff_error, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(error_bounds.random_liftoff_error, *ANY)
 def random_liftoff_error_moving(
     fixed: Constants, n: float, x: float, error: float, later: Instant
 ) -> StateError:

@@ -1,4 +1,4 @@
-"""The Jacobian of an impact on the moving base.
+"""The Jacobian of an impact on the moving base, and orbits that land every k periods.
 
 The flight from phase x with relative speed y lasts s and arrives with the speed z.  With the
 velocity w of the base in units of alpha and its acceleration G = alpha w' / 2 in units of gravity
@@ -8,6 +8,10 @@ velocity w of the base in units of alpha and its acceleration G = alpha w' / 2 i
 
 with the determinant y / z of (dx + ds, dz).  Of a sine, with q = 2 pi s, P is alpha (cos(2 pi x) (q
 - sin q) + sin(2 pi x) (1 - cos q)), in which nothing cancels; of harmonics it is the sum of such.
+
+An orbit that lands every k periods meets the base with c, where c + E(c) = 2 k, at a phase x at
+which the base rises with c - k.  With the slope q of E at c and e = E(c) / c, its multipliers are
+the roots of z^2 - (1 + q e + (1 + q)(1 + e) G) z + q e.
 """
 
 from __future__ import annotations
@@ -20,12 +24,17 @@ import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import fma, generic, implements
 from vibrosweep.kernels.bases import Constants, Flight, Jacobian
-from vibrosweep.kernels.bases.chained import ChainedConstants
-from vibrosweep.kernels.bases.moving import MovingConstants
+from vibrosweep.kernels.bases.moving import ANY, MovingConstants, ShapedConstants
 from vibrosweep.kernels.bases.moving_limits import limits
-from vibrosweep.kernels.bases.shaped import ShapedConstants
 from vibrosweep.kernels.noise import slope_of
-from vibrosweep.kernels.restitution import ratio, slack, slope
+from vibrosweep.kernels.restitution import (
+    arrival_to_repeat,
+    leaving_to_repeat,
+    ratio,
+    rise_to_repeat,
+    slack,
+    slope,
+)
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
 from vibrosweep.kernels.sine import (
     COSINE_ERROR,
@@ -36,6 +45,7 @@ from vibrosweep.kernels.sine import (
     sin_near,
     sin_turns,
 )
+from vibrosweep.kernels.waveforms import kick_slope, velocity
 from vibrosweep.model.shapes import TWO_PI
 
 # alpha = a / (1 + e), relative; Gamma = pi alpha takes two roundings more.
@@ -47,6 +57,7 @@ TERM_ERROR = SINE_ERROR + LAG_ERROR + ALPHA_ERROR + 6.0 * HALF_ULP
 # The same of harmonics, relative to |p| + |q| of each: both functions, nine roundings of p and q,
 # five of the phase, with what they make of 2 pi h s - sin and of 1 - cos; one more for each term.
 SUM_ERROR = SINE_ERROR + COSINE_ERROR + LAG_ERROR + ALPHA_ERROR + 32.0 * HALF_ULP
+AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
 
 
 class Along(NamedTuple):
@@ -132,7 +143,7 @@ def along_shaped(fixed: ShapedConstants, x: float, y: float, t: float) -> Along:
     return Along(f, f_error, z, z_error, alpha * by_x, then, lost, of_x, of_z, of_lost)
 
 
-@implements(bases.jacobian, MovingConstants, ShapedConstants, ChainedConstants)
+@implements(bases.jacobian, *ANY)
 def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
     law, s, z = fixed.base.restitution, flight.time, flight.v
     share, q = ratio(law, fixed.e, fixed.scale, z), slope(law, fixed.e, fixed.scale, z)
@@ -148,3 +159,29 @@ def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
     largest = abs(pull) + 2.0 * limits(fixed, 1.0).steep + 2.0
     size += slack(law) * (abs(q) + abs(fixed.draw.slip)) * (largest * size + 4.0 * at.of_lost)
     return Jacobian(1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size)
+
+
+@implements(bases.fixed_residual, *ANY)
+def fixed_residual_moving(
+    fixed: Constants, x: float, k: float, sign: float
+) -> tuple[float, float, float]:
+    a, shape = fixed.alpha * (1.0 + fixed.e), fixed.base.waveform
+    need = rise_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
+    return a * velocity(shape, x) - need, kick_slope(shape, a, x), a
+
+
+@implements(bases.fixed_attracts, *ANY)
+def fixed_attracts_moving(fixed: Constants, x: float, k: float) -> bool:
+    # both multipliers are inside the unit circle
+    law = fixed.base.restitution
+    c = arrival_to_repeat(law, fixed.e, fixed.scale, k)
+    q, e = slope(law, fixed.e, fixed.scale, c), ratio(law, fixed.e, fixed.scale, c)
+    s = -kick_slope(fixed.base.waveform, 0.5 * fixed.alpha, x)
+    return q * e < 1.0 and 0.0 < s < 2.0 * (1.0 + q * e) / ((1.0 + q) * (1.0 + e))
+
+
+@implements(bases.fixed_holds, *ANY)
+def fixed_holds_moving(fixed: Constants, x: float, k: float) -> bool:
+    y = leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
+    time, _ = bases.fly(fixed, x, y)
+    return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y).leaves

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from vibrosweep.kernels.bases import (
     chained_errors,  # noqa: F401 -- implementations
-    chained_lanes,  # noqa: F401
     moving_errors,  # noqa: F401
-    moving_fixed,  # noqa: F401
     moving_lanes,  # noqa: F401
+    shaped,  # noqa: F401
     shaped_errors,  # noqa: F401
-    shaped_lanes,  # noqa: F401
 )
-from vibrosweep.kernels.bases.chained import Chained
-from vibrosweep.kernels.bases.moving import Moving
-from vibrosweep.kernels.bases.shaped import Shaped
+from vibrosweep.kernels.bases.moving import Chained, Moving, Shaped
 from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform
 
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, implements, jit, wide_vectors
-from vibrosweep.kernels.bases import Counted
-from vibrosweep.kernels.bases.chained import Chained, ChainedConstants
+from vibrosweep.kernels.bases import Base, Constants, Counted, Flight
 from vibrosweep.kernels.bases.landing_search import (
+    Begin,
     Clearance,
     Guess,
-    Start,
     Terms,
     apex,
+    begin_at,
     clearance,
     first_guess,
     first_try,
@@ -24,18 +24,15 @@ from vibrosweep.kernels.bases.landing_search import (
     try_landing,
     turn,
 )
-from vibrosweep.kernels.bases.moving import TRIES, Moving, MovingConstants
-from vibrosweep.kernels.bases.shaped import Shaped, ShapedConstants
+from vibrosweep.kernels.bases.moving import ANY, ANY_BASE, SINGLE, TRIES, Moving, MovingConstants
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.noise import SILENT, drawn_in
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
-__all__: list[str] = []
-
 FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
 
 
-@implements(bases.put, MovingConstants, ChainedConstants)
+@implements(bases.put, *SINGLE)
 def put_moving(fixed: MovingConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
@@ -78,7 +75,7 @@ def _near(base: Moving, s: Floats, lanes: int) -> None:
     """Guess when the flight of each lane ends."""
     wide_vectors()
     for j in range(lanes):
-        guess = first_guess(_begun(bases.take(base, s, j), s, j), base.arcs)
+        guess = first_guess(bases.take(base, s, j), begun(s, j), base.arcs)
         s[ROW.SURE + j] = 1.0 if guess.sure else 0.0
         s[ROW.GUESS + j] = guess.time
         s[ROW.RISE + j] = guess.rise
@@ -89,8 +86,8 @@ def _rough(base: Moving, s: Floats, lanes: int) -> None:
     """Compute the clearance of each lane at the guessed time, to about five digits."""
     wide_vectors()
     for j in range(lanes):
-        begin = _begun(bases.take(base, s, j), s, j)
-        _keep_clearance(s, j, rough_clearance(begin, s[ROW.GUESS + j]))
+        rough = rough_clearance(bases.take(base, s, j), begun(s, j), s[ROW.GUESS + j])
+        _keep_clearance(s, j, rough)
 
 
 @jit
@@ -98,8 +95,8 @@ def _guess(base: Moving, s: Floats, lanes: int) -> None:
     """Compute the time to be tried first in a flight that has just begun."""
     wide_vectors()
     for j in range(lanes):
-        begin = _begun(bases.take(base, s, j), s, j)
-        tried = first_try(begin, _guessed(s, j), _cleared(s, j), base.arcs)
+        fixed, begin = bases.take(base, s, j), begun(s, j)
+        tried = first_try(fixed, begin, _guessed(s, j), _cleared(s, j), base.arcs)
         following = s[ROW.NEXT + j]
         s[ROW.REACHED + j] = tried if following < 0.0 else following
 
@@ -117,11 +114,11 @@ def _look(base: Moving, s: Floats, lanes: int) -> None:
     """Compute the clearance of each lane at the time that is to be tried, and its series."""
     wide_vectors()
     for j in range(lanes):
-        begin = _begun(bases.take(base, s, j), s, j)
+        fixed, reached = bases.take(base, s, j), s[ROW.REACHED + j]
         turned, lag, c = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j]
-        clear = clearance(begin, s[ROW.REACHED + j], turned, lag, c)
+        clear = clearance(fixed, begun(s, j), reached, turned, lag, c)
         _keep_clearance(s, j, clear)
-        terms = series_terms(begin, clear)
+        terms = series_terms(fixed, clear)
         s[ROW.NEWTON + j] = terms.newton
         s[ROW.Q + j] = terms.q
         s[ROW.Q3 + j] = terms.q3
@@ -133,21 +130,19 @@ def _try(base: Moving, s: Floats, lanes: int) -> None:
     """Find from the clearance the landing of each lane, or the time to be tried next."""
     wide_vectors()
     for j in range(lanes):
-        clear = _cleared(s, j)
+        fixed, begin, guess = bases.take(base, s, j), begun(s, j), _guessed(s, j)
+        clear, reached = _cleared(s, j), s[ROW.REACHED + j]
         terms = Terms(s[ROW.NEWTON + j], s[ROW.Q + j], s[ROW.Q3 + j], s[ROW.Q4 + j])
-        reached = s[ROW.REACHED + j]
-        begin = _begun(bases.take(base, s, j), s, j)
-        time, v, landed = try_landing(begin, _guessed(s, j), reached, clear, terms, base.arcs)
+        time, v, landed = try_landing(fixed, begin, guess, reached, clear, terms, base.arcs)
         s[ROW.TIME + j] = time
         s[ROW.SPEED + j] = v
         s[ROW.LANDED + j] = 1.0 if landed else 0.0
 
 
 @jit
-def _begun(fixed: MovingConstants, s: Floats, j: int) -> Start:
+def begun(s: Floats, j: int) -> Begin:
     """Return the beginning of the flight of lane j, as `prepare` left it."""
-    x, y = s[ROW.X + j], s[ROW.U + j]
-    return Start(fixed.alpha, fixed.x_lift, x, y, s[ROW.SINE + j], s[ROW.COSINE + j])
+    return Begin(s[ROW.X + j], s[ROW.U + j], s[ROW.SINE + j], s[ROW.COSINE + j])
 
 
 @jit
@@ -175,20 +170,18 @@ def _cleared(s: Floats, j: int) -> Clearance:
     )
 
 
-@implements(bases.approach, MovingConstants, ShapedConstants, ChainedConstants)
-def approach_moving(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
+@implements(bases.approach, *ANY)
+def approach_moving(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     return s[ROW.TIME + j], s[ROW.SPEED + j], s[ROW.LANDED + j] != 0.0
 
 
-@implements(bases.may_land, MovingConstants, ShapedConstants, ChainedConstants)
-def may_land_moving(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
+@implements(bases.may_land, *ANY)
+def may_land_moving(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
     return bool(s[ROW.AGE + j] < budget)
 
 
-@implements(bases.keep, MovingConstants, ShapedConstants, ChainedConstants)
-def keep_moving(
-    fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool
-) -> bool:
+@implements(bases.keep, *ANY)
+def keep_moving(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
     counts = s[ROW.COUNTS + j] != 0.0
     s[ROW.AGE + j] += 1.0 if landed else 0.0
     s[ROW.COUNTS + j] = (1.0 if seen else 0.0) + (0.0 if landed else s[ROW.COUNTS + j])
@@ -196,8 +189,8 @@ def keep_moving(
     return bool(landed & counts)
 
 
-@implements(bases.gives_up, Moving, Shaped, Chained)
-def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
+@implements(bases.gives_up, *ANY_BASE)
+def gives_up_moving(base: Base, s: Floats, j: int, passes: int) -> bool:
     stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
     s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
     s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
@@ -206,19 +199,24 @@ def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
     return bool((s[ROW.TRIES + j] >= TRIES) | lost)
 
 
-@implements(bases.pending, Moving, Shaped, Chained)
-def pending_moving(base: Moving, s: Floats, j: int) -> bool:
+@implements(bases.pending, *ANY_BASE)
+def pending_moving(base: Base, s: Floats, j: int) -> bool:
     # after a rest for good no flight follows, and the phase is NaN
     return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
+
+
+@implements(bases.counted, MovingConstants)
+def counted_moving(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
+    return Counted(flight.time, apex(fixed, begin_at(flight.x, flight.u)), 1.0)
 
 
 @implements(bases.counted_now, MovingConstants)
 def counted_now_moving(
     fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float
 ) -> Counted:
-    return Counted(time, apex(_begun(fixed, s, j)), 1.0)
+    return Counted(time, apex(fixed, begun(s, j)), 1.0)
 
 
-@implements(bases.common_age, Moving, Shaped, Chained)
-def common_age_moving(base: Moving) -> float:
+@implements(bases.common_age, *ANY_BASE)
+def common_age_moving(base: Base) -> float:
     return 0.0

@@ -7,9 +7,7 @@ from typing import NamedTuple
 
 from vibrosweep.kernels._jit import generic, implements
 from vibrosweep.kernels.bases import Constants, Flight
-from vibrosweep.kernels.bases.chained import ChainedConstants
-from vibrosweep.kernels.bases.moving import MovingConstants
-from vibrosweep.kernels.bases.shaped import ShapedConstants, search
+from vibrosweep.kernels.bases.moving import SINGLE, MovingConstants, ShapedConstants
 from vibrosweep.kernels.bases.shaped_search import at_phase, stretch
 from vibrosweep.kernels.sine import COSINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.shapes import TWO_PI
@@ -125,7 +123,7 @@ def keeps_pressing_smooth(fixed: Constants, x: float, pull: float, error: float)
     return 2.0 * limit.angle * limit.steep * SURE * error <= pull
 
 
-@implements(first_stretch, MovingConstants, ChainedConstants)
+@implements(first_stretch, *SINGLE)
 def first_stretch_moving(fixed: MovingConstants, x: float) -> tuple[bool, float]:
     falls = abs(x) >= fixed.x_lift
     to_press = (1.0 if x > 0.0 else 0.0) - fixed.x_lift - x
@@ -134,6 +132,6 @@ def first_stretch_moving(fixed: MovingConstants, x: float) -> tuple[bool, float]
 
 @implements(first_stretch, ShapedConstants)
 def first_stretch_shaped(fixed: ShapedConstants, x: float) -> tuple[bool, float]:
-    _, to_fall, to_press = stretch(search(fixed), x)
+    _, to_fall, to_press = stretch(fixed, x)
     falls = to_press < to_fall or to_fall <= AT_LIFT_OFF
     return falls, to_press if falls else to_fall

@@ -12,10 +12,10 @@ from typing import NamedTuple
 from vibrosweep.kernels._jit import fma, implements, jit
 from vibrosweep.kernels.bases.chained import CORNER, TOP, stretch_at
 from vibrosweep.kernels.bases.drives import (
+    Motion,
     Phase,
     Place,
     Reach,
-    Share,
     forced,
     forcing,
     forcing_oscillations,
@@ -27,8 +27,6 @@ from vibrosweep.kernels.bases.drives import (
     until_corner,
 )
 from vibrosweep.kernels.waveforms import Parabolic, Shape
-
-__all__: list[str] = []
 
 
 class Parabola(NamedTuple):
@@ -81,10 +79,10 @@ def reach_of_parabola(drive: Parabola) -> Reach:
 
 
 @implements(onto, Parabola)
-def onto_parabola(drive: Parabola, at: Phase, s: float, free: Share) -> Share:
+def onto_parabola(drive: Parabola, at: Phase, s: float, free: Motion) -> Motion:
     pull = 4.0 * drive.alpha * drive.side
     rise, gain = fma(0.5 * pull * s, s, free.rise), fma(pull, s, free.gain)
-    return Share(rise, gain, free.pull + pull, free.jerk)
+    return Motion(rise, gain, free.d, free.b, free.pull + pull, free.jerk)
 
 
 implements(forcing, Parabola)(forcing_oscillations)

@@ -8,15 +8,13 @@ from vibrosweep.kernels._jit import implements, jit
 from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.bases.error_bounds import StateError
 from vibrosweep.kernels.bases.landing_search import BORDER
+from vibrosweep.kernels.bases.moving import ShapedConstants
 from vibrosweep.kernels.bases.moving_jacobian import GAMMA_ERROR
 from vibrosweep.kernels.bases.moving_limits import limits
-from vibrosweep.kernels.bases.shaped import ShapedConstants, search
 from vibrosweep.kernels.bases.shaped_search import stretch
 from vibrosweep.kernels.harmonics import kick_curvature
 from vibrosweep.kernels.rounding import HALF_ULP, REST_ERROR
 from vibrosweep.kernels.waveforms import kick_slope
-
-__all__: list[str] = []
 
 
 @jit
@@ -39,7 +37,7 @@ def rest_is_doubtful_shaped(fixed: ShapedConstants, x: float, w: float, spread: 
     edge = spread.phase + error_bounds.liftoff_error(fixed).phase
     if _nearest_end(fixed, x) <= edge + 2.0 * BORDER:
         return True
-    presses, _, _ = stretch(search(fixed), x)
+    presses, _, _ = stretch(fixed, x)
     return not edge < np.inf or (presses and not fixed.r - w > w_error)
 
 

@@ -21,7 +21,22 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import fma, jit
-from vibrosweep.kernels.bases.landing_search import AHEAD, BORDER, FAST, LAST, NOISE, SLOW, ULP
+from vibrosweep.kernels.bases.landing_search import (
+    AHEAD,
+    BORDER,
+    FAST,
+    LAST,
+    NOISE,
+    SLOW,
+    ULP,
+    Begin,
+    Terms,
+    across,
+    improved,
+    phase_after,
+    series_step,
+)
+from vibrosweep.kernels.bases.moving import ShapedConstants
 from vibrosweep.kernels.harmonics import Harmonics
 from vibrosweep.kernels.sine import rough_lag_and_versine, sin_and_lag, sin_near
 from vibrosweep.model.shapes import TWO_PI
@@ -29,25 +44,9 @@ from vibrosweep.model.shapes import TWO_PI
 # of the angle by which the highest harmonic turns in the last step, whose fifth power is left out
 SHORT = 2.0**-9
 
-
-class Fixed(NamedTuple):
-    """Numbers of the base that the search needs."""
-
-    shape: Harmonics
-    alpha: float
-    # falls, presses: phases at which it begins to fall faster than gravity, and to press again
-    falls: tuple[float, ...]
-    presses: tuple[float, ...]
-
-
-class Begin(NamedTuple):
-    """Beginning of a flight."""
-
-    # x, y, sine, cosine: phase, speed relative to the base, sine and cosine of the phase
-    x: float
-    y: float
-    sine: float
-    cosine: float
+# Of a harmonic since the lift-off: S = sin(2 pi h d), D and C, and how much these two have grown
+# since the harmonic before
+Turns = tuple[float, float, float, float, float]
 
 
 class Guess(NamedTuple):
@@ -74,6 +73,24 @@ class Clear(NamedTuple):
 
 
 @jit
+def next_harmonic(sine: float, cosine: float, first: tuple[float, float]) -> tuple[float, float]:
+    """Sine and cosine of the next multiple of an angle, given those of one and of the first."""
+    s, c = first
+    return fma(sine, c, cosine * s), fma(cosine, c, -sine * s)
+
+
+@jit
+def next_turns(turns: Turns, turned: float, c: float) -> Turns:
+    """Return how far the next harmonic has turned, given S and C of the first."""
+    s_h, d_h, c_h, d_more, c_more = turns
+    ahead = 1.0 - c_h
+    d_more = fma(2.0 * c, s_h, d_more)
+    c_more = fma(2.0 * c, ahead, c_more)
+    s_h = fma(s_h, 1.0 - c, ahead * turned)
+    return s_h, d_h + d_more, c_h + c_more, d_more, c_more
+
+
+@jit
 def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float, float]:
     """Velocity w, its derivative and its integral W at a phase, given by sine and cosine."""
     w, slope, level, turned, ahead = 0.0, 0.0, 0.0, sine, cosine
@@ -84,15 +101,12 @@ def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float
         w += u
         slope = fma(angle, v, slope)
         level = fma(-1.0 / angle, v, level)
-        turned, ahead = (
-            fma(turned, cosine, ahead * sine),
-            fma(ahead, cosine, -turned * sine),
-        )
+        turned, ahead = next_harmonic(turned, ahead, (sine, cosine))
     return w, slope, level
 
 
 @jit
-def stretch(fixed: Fixed, x: float) -> tuple[bool, float, float]:
+def stretch(fixed: ShapedConstants, x: float) -> tuple[bool, float, float]:
     """Return whether the base presses at phase x, and periods until it falls, or presses again.
 
     A stretch that is within `BORDER` of its end has ended.
@@ -110,21 +124,21 @@ def stretch(fixed: Fixed, x: float) -> tuple[bool, float, float]:
 
 
 @jit
-def clearance(fixed: Fixed, begin: Begin, s: float, turned: float, lag: float, c: float) -> Clear:
+def clearance(
+    fixed: ShapedConstants, begin: Begin, s: float, turned: float, lag: float, c: float
+) -> Clear:
     """Clearance after s periods.
 
     Given sin(2 pi d), 2 pi d - sin(2 pi d) and 1 - cos(2 pi d) of the periods d past a whole one.
     """
-    shape, half = fixed.shape, 0.5 * fixed.alpha
-    once = 1.0 - c
-    sine, cosine = begin.sine, begin.cosine
+    shape, half = fixed.base.waveform, 0.5 * fixed.alpha
+    sine, cosine, turns = begin.sine, begin.cosine, (turned, lag, c, lag, c)
     back, w, slowed, w1, w2, w3, w4 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    # of harmonic h: S, D, C, and how much D and C have grown
-    s_h, d_h, c_h, d_more, c_more = turned, lag, c, lag, c
     for k in range(len(shape.p)):
         angle = TWO_PI * (k + 1)
         p, q = shape.p[k], shape.q[k]
         u, v = fma(p, sine, q * cosine), fma(p, cosine, -q * sine)
+        s_h, d_h, c_h, _, _ = turns
         ahead = 1.0 - c_h
         back = fma(1.0 / angle, fma(v, c_h, -u * d_h), back)
         w += u
@@ -134,15 +148,8 @@ def clearance(fixed: Fixed, begin: Begin, s: float, turned: float, lag: float, c
         w2 -= odd
         w3 = fma(-angle * angle, even, w3)
         w4 = fma(angle * angle, odd, w4)
-        sine, cosine = (
-            fma(sine, begin.cosine, cosine * begin.sine),
-            fma(cosine, begin.cosine, -sine * begin.sine),
-        )
-        d_more = fma(2.0 * c, s_h, d_more)
-        c_more = fma(2.0 * c, ahead, c_more)
-        s_h = fma(s_h, once, ahead * turned)
-        d_h += d_more
-        c_h += c_more
+        sine, cosine = next_harmonic(sine, cosine, (begin.sine, begin.cosine))
+        turns = next_turns(turns, turned, c)
     return Clear(
         fma(0.5 * s, begin.y - s, half * fma(np.rint(s), w, -back)),
         fma(half, slowed, 0.5 * begin.y - s),
@@ -171,9 +178,9 @@ def rough_turn(s: float) -> tuple[float, float, float]:
 
 
 @jit
-def first_guess(fixed: Fixed, begin: Begin) -> Guess:
+def first_guess(fixed: ShapedConstants, begin: Begin) -> Guess:
     """Guess when the flight ends."""
-    shape, alpha = fixed.shape, fixed.alpha
+    shape, alpha = fixed.base.waveform, fixed.alpha
     w, slope, level = at_phase(shape, begin.sine, begin.cosine)
     u = fma(alpha, w, begin.y)
     pull = fma(0.5 * alpha, slope, 1.0)
@@ -197,16 +204,10 @@ def first_guess(fixed: Fixed, begin: Begin) -> Guess:
 
 
 @jit
-def first_try(fixed: Fixed, begin: Begin, sure: bool, s: float, rough: Clear) -> float:
-    """The time to be tried first, from a guess and the clearance then.
-
-    One step of Householder's method of third order comes near the root.
-    """
-    f, f1, f2 = rough.f, rough.f1, rough.f2
-    bend, square = 0.5 * f * f2, f1 * f1
-    step = -f * (square - bend) / fma(f1, fma(-2.0, bend, square), rough.f3 * (f * f) / 6.0)
-    far = 0.5 * s if s < 0.5 else 0.25
-    s = s + step if (f1 < 0.0) & (abs(step) < far) else s
+def first_try(fixed: ShapedConstants, begin: Begin, sure: bool, s: float, rough: Clear) -> float:
+    """Return the time to be tried first, from a guess and the clearance at that time."""
+    f = rough.f
+    s = improved(s, f, rough.f1, rough.f2, rough.f3 * (f * f) / 6.0)
     # F is concave in the present stretch, or in the next one, before which it has no root
     presses, to_fall, to_press = stretch(fixed, begin.x)
     s = s if sure | (s < to_fall) else to_fall
@@ -215,63 +216,32 @@ def first_try(fixed: Fixed, begin: Begin, sure: bool, s: float, rough: Clear) ->
 
 
 @jit
-def _across(
-    fixed: Fixed, begin: Begin, guess: Guess, s: float, clear: Clear, newton: float, step: float
-) -> float:
-    """Return the time to be tried after s, if the base may fall faster than gravity.
-
-    The clearance is positive at s and before.
-    """
-    f1, f2 = clear.f1, clear.f2
-    nears = f1 < 0.0
-    at = begin.x + (s - np.rint(s))
-    at -= np.rint(at)
-    presses, to_fall, to_press = stretch(fixed, at)
-    into = step if nears else s
-    into = into if into < to_fall else to_fall
-    # the slope stays negative for so long: the third derivative is at most alpha times the bend
-    beyond = 1.01 * (step if step > newton else newton)
-    bend = f2 if f2 > 0.0 else 0.0
-    falls = f1 + beyond * (bend + 0.5 * fixed.alpha * fixed.shape.bend * beyond) < 0.0
-    convex = step if falls else newton
-    convex = convex if nears & (convex < to_press) else to_press
-    tried = s + (into if presses else convex)
-    until = guess.u - guess.rise
-    return until if (s > guess.rise) & (until > tried) else tried
-
-
-@jit
 def try_landing(
-    fixed: Fixed, begin: Begin, guess: Guess, s: float, clear: Clear
+    fixed: ShapedConstants, begin: Begin, guess: Guess, s: float, clear: Clear
 ) -> tuple[float, float, bool]:
     """Try the time s; return the landing or the next time to try, the speed, and if it lands."""
     f, f1, f2, f3, f4, f5 = clear
-    shape = fixed.shape
+    alpha, shape = fixed.alpha, fixed.base.waveform
     inverse = 1.0 / f1
     newton = -f * inverse
     once = newton * inverse
     twice = once * newton
     q, q3, q4 = 0.5 * once * f2, twice * f3 / 6.0, twice * newton * f4 / 24.0
     q5 = twice * newton * newton * f5 / 120.0
-    third = fma(q, q, -q3)
-    series = 1.0 - q + (fma(q, q, third) - fma(5.0 * q, third, q4))  # in steps of Newton's
-    nears, above = f1 < 0.0, f > 0.0
-    small = (abs(q) <= LAST) & (abs(q3) <= LAST * LAST) & (abs(q4) <= LAST * LAST * LAST)
+    step, tried, small = series_step(s, f1, Terms(newton, q, q3, q4))
     small &= abs(q5) <= LAST * LAST * LAST * LAST
     small &= abs(newton) <= SHORT / (TWO_PI * len(shape.p))
+    nears = f1 < 0.0
     last = nears & (small | (abs(newton) <= ULP * s))
-    series = series if series > 0.5 else 0.5
-    step = newton * (series if series < 1.5 else 1.5)
-    back = step if step > -0.75 * s else -0.75 * s
-    forth = back if back < s else s
-    tried = s + (forth if nears else (s if s < 0.25 else 0.25))
     arrival = fma(step, fma(step, fma(step, f5 / 24.0, f4 / 6.0), 0.5 * f3), f2)
     arrival = -2.0 * fma(step, arrival, f1)
-    across = _across(fixed, begin, guess, s, clear, newton, step)
-    convex = 0.5 * fixed.alpha * shape.fall > 1.0 - 16.0 * ULP
-    tried = across if above & convex & (not last) else tried
+    ends, above = stretch(fixed, phase_after(begin.x, s)), (guess.rise, guess.u - guess.rise)
+    # the third derivative is at most alpha times the bend
+    over = across(ends, above, s, (f1, f2, 0.5 * alpha * shape.bend), newton, step)
+    convex = 0.5 * alpha * shape.fall > 1.0 - 16.0 * ULP
+    tried = over if (f > 0.0) & convex & (not last) else tried
     swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
-    noise = s * (fixed.alpha * swept * shape.rounding + NOISE * 0.5 * (abs(begin.y) + s))
+    noise = s * (alpha * swept * shape.rounding + NOISE * 0.5 * (abs(begin.y) + s))
     grazes = (f <= 0.0) & (not (guess.sure | last)) & ((-f <= noise) | (not nears))
     tried = s if grazes else tried
     arrival = (-2.0 * f1 if nears else 0.0) if grazes else arrival

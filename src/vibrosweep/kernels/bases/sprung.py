@@ -25,26 +25,18 @@ import numpy as np
 from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases import parabolic_drive  # noqa: F401 -- implementations
-from vibrosweep.kernels.bases.drives import (
-    Drive,
-    Phase,
-    Reach,
-    Share,
-    forced,
-    onto,
-    reach_of,
-)
-from vibrosweep.kernels.bases.exponential import bend, decayed
+from vibrosweep.kernels.bases.drives import Drive, Motion, Phase, Reach, forced, onto, reach_of
 from vibrosweep.kernels.bases.landing_search import turn
 from vibrosweep.kernels.noise import SILENT, Noise, Source, source_of
 from vibrosweep.kernels.restitution import Restitution, ratio, scale_of
 from vibrosweep.kernels.waveforms import Shape, Sine, steepness
 from vibrosweep.model.parameters import Dimensionless, Mounts
+from vibrosweep.model.shapes import TWO_PI
 
-TWO_PI = 2.0 * math.pi
 LARGEST_GAMMA = 1e9  # as over the base of infinite mass
 SERIES = 1.0  # up to which the power series of overdamped motion is summed, in times of its rates
 TERMS = 40
+TAYLOR = tuple(1.0 / math.factorial(k) for k in range(16))  # of the exponential up to 1/2
 
 
 class Mount(NamedTuple):
@@ -90,20 +82,6 @@ class Load(NamedTuple):
     # and the acceleration grip v
     natural: float
     grip: float
-
-
-class Motion(NamedTuple):
-    """Motion of the base some time after an instant."""
-
-    # rise, gain: height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'
-    rise: float
-    gain: float
-    # d, b: deviation from the forced oscillation, and its velocity beyond that of slow decay
-    d: float
-    b: float
-    # pull, jerk: acceleration Y''(s) and its rate
-    pull: float
-    jerk: float
 
 
 class Free(NamedTuple):
@@ -218,6 +196,32 @@ def bounds(load: Load, d: float, b: float) -> Bounds:
 
 
 @jit
+def _bend(z: float) -> float:
+    """Return exp(-z) - 1 + z for z >= 0 to some roundings."""
+    if z > 0.5:
+        return elementary.exp(-z) - 1.0 + z
+    z2 = z * z
+    even, odd = fma(z2, TAYLOR[14], TAYLOR[12]), fma(z2, TAYLOR[15], TAYLOR[13])
+    even, odd = fma(z2, even, TAYLOR[10]), fma(z2, odd, TAYLOR[11])
+    even, odd = fma(z2, even, TAYLOR[8]), fma(z2, odd, TAYLOR[9])
+    even, odd = fma(z2, even, TAYLOR[6]), fma(z2, odd, TAYLOR[7])
+    even, odd = fma(z2, even, TAYLOR[4]), fma(z2, odd, TAYLOR[5])
+    even, odd = fma(z2, even, TAYLOR[2]), fma(z2, odd, TAYLOR[3])
+    return z2 * fma(-z, odd, even)
+
+
+@jit
+def _decayed(z: float) -> tuple[float, float, float]:
+    """Return exp(-z), 1 - exp(-z) and 1 - (1 + z) exp(-z) for z >= 0, each to some roundings."""
+    if z > 0.5:
+        left = elementary.exp(-z)
+        return left, 1.0 - left, 1.0 - left - z * left
+    bent = _bend(z)
+    lost = z - bent
+    return 1.0 - lost, lost, fma(-bent, 1.0 + z, z * z)
+
+
+@jit
 def _series(load: Load, b: float, s: float) -> tuple[float, float]:
     """Sum the power series of the free motion from d = 0, b from its second degree on."""
     slowed, turned = 2.0 * load.drag * s, load.stiffness * s * s
@@ -237,7 +241,7 @@ def _overdamped(load: Load, d: float, b: float, s: float) -> Free:
     """Return the same as `free_motion`, of a mount that does not swing."""
     slow, fast, width = load.slow, load.fast, load.fast - load.slow
     left, ended = elementary.exp(-slow * s), elementary.exp(-fast * s)
-    rise, gain = d * bend(slow * s), -slow * d * elementary.expm1(-slow * s)
+    rise, gain = d * _bend(slow * s), -slow * d * elementary.expm1(-slow * s)
     if s * (2.0 * load.drag + load.natural) <= SERIES:
         risen, gained = _series(load, b, s)
         return Free(rise + risen, gain + gained, d * left + (b * s + risen), b * ended)
@@ -269,7 +273,7 @@ def free_motion(load: Load, d: float, b: float, s: float) -> Free:
     turns = load.swing / TWO_PI * s
     sine, lag, c = turn(turns)
     sine, lag = sine / load.swing, lag / load.swing
-    left, lost, bent = decayed(load.drag * s)
+    left, lost, bent = _decayed(load.drag * s)
     rise = -d * fma(left, fma(load.drag, lag, c), bent) - b * fma(left, lag, lost * s)
     gain = -b * fma(left, fma(load.drag, sine, c), lost) - d * (load.stiffness * left * sine)
     return Free(rise, gain, d + b * s + rise, b + gain)
@@ -280,8 +284,14 @@ def move(load: Load, at: Phase, d: float, b: float, s: float) -> Motion:
     """Return the motion of the base s periods after a phase."""
     rise, gain, d, b = free_motion(load, d, b, s)
     pull, jerk = free_pull(load, d, b)
-    rise, gain, pull, jerk = onto(load.drive, at, s, Share(rise, gain, pull, jerk))
-    return Motion(rise, gain, d, b, pull, jerk)
+    return onto(load.drive, at, s, Motion(rise, gain, d, b, pull, jerk))
+
+
+@jit
+def _pushed(fixed: Mount, riders: int) -> float:
+    """Speed that the base with its riders loses for each unit of change of the relative speed."""
+    mass = fixed.mu / (1.0 + riders * fixed.mu)
+    return mass / (1.0 + mass)
 
 
 @jit
@@ -292,8 +302,7 @@ def recoil(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
     has the velocity of the base, one that bounces leaves it with the relative speed E(c).
     """
     share = ratio(fixed.law, fixed.e, fixed.scale, c)
-    mass = fixed.mu / (1.0 + riders * fixed.mu)
-    return mass / (1.0 + mass) * (c if sticks else (1.0 + share) * c)
+    return _pushed(fixed, riders) * (c if sticks else (1.0 + share) * c)
 
 
 @jit
@@ -304,12 +313,10 @@ def recoil_from(noise: Noise | None, fixed: Mount, riders: int, c: float, w: flo
     """
     if noise is None:
         return recoil(fixed, riders, c, False)
-    mass = fixed.mu / (1.0 + riders * fixed.mu)
-    return mass / (1.0 + mass) * (c + w)
+    return _pushed(fixed, riders) * (c + w)
 
 
 @jit
 def recoil_share(fixed: Mount, riders: int, share: float, sticks: bool) -> float:
     """Speed that the base loses for each unit of the approach speed, of which `share` is kept."""
-    mass = fixed.mu / (1.0 + riders * fixed.mu)
-    return mass / (1.0 + mass) * (1.0 if sticks else 1.0 + share)
+    return _pushed(fixed, riders) * (1.0 if sticks else 1.0 + share)

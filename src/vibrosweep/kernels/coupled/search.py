@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import fma, jit, part
-from vibrosweep.kernels.bases.drives import until_corner
-from vibrosweep.kernels.bases.sprung import Bounds, Load, Motion, bounds
+from vibrosweep.kernels.bases.drives import Motion, until_corner
+from vibrosweep.kernels.bases.sprung import Bounds, Load, bounds
 from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, motion_after
 
 NEAR = 2.0**-50  # relative error that ends Newton's iteration

@@ -20,15 +20,7 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.bases.sprung import Mount, mount
 from vibrosweep.kernels.coupled.deviations import follow_event
 from vibrosweep.kernels.coupled.follow import Coupled
-from vibrosweep.kernels.coupled.state import (
-    EVENT,
-    MODE,
-    NOW,
-    PARTICLE,
-    System,
-    begin,
-    system,
-)
+from vibrosweep.kernels.coupled.state import EVENT, MODE, NOW, PARTICLE, System, begin, system
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.unwritten import unwritten
 

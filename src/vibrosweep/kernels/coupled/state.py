@@ -11,16 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, part
-from vibrosweep.kernels.bases.drives import Phase, phase_of, place, side_at
-from vibrosweep.kernels.bases.sprung import (
-    Load,
-    Motion,
-    Mount,
-    free_pull,
-    loaded,
-    move,
-    velocity,
-)
+from vibrosweep.kernels.bases.drives import Motion, Phase, phase_of, place, side_at
+from vibrosweep.kernels.bases.sprung import Load, Mount, free_pull, loaded, move, velocity
 from vibrosweep.kernels.impact import land, launch
 from vibrosweep.model.parameters import Dimensionless, Launches
 
