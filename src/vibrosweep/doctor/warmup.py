@@ -31,10 +31,9 @@ from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.extended import FIX_E, correct_point, directions, splitting
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.impact import KIND_OF
-from vibrosweep.kernels.landing_order import find_order
 from vibrosweep.kernels.orbit_search import find_closed
 from vibrosweep.kernels.recorder import leave_rest_empty
-from vibrosweep.kernels.separation import separate
+from vibrosweep.kernels.separation import find_order, separate
 from vibrosweep.kernels.settle import settle
 from vibrosweep.kernels.shortest import shortest_flights
 from vibrosweep.kernels.sine import waves

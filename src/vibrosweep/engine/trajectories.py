@@ -22,15 +22,14 @@ from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import Base, fitted
-from vibrosweep.kernels.cycles import Cycles, empty_rests, no_cycles
+from vibrosweep.kernels.cycles import CYCLE, Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.landing_order import find_order, order_work
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer, observer_scratch
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.recorder import KINDS_RECORDED, Recorder, recorder_scratch
-from vibrosweep.kernels.separation import Separations, empty_separations, separate
-from vibrosweep.kernels.sequence import Orders, empty_orders
+from vibrosweep.kernels.separation import Separations, empty_separations, find_order, separate
+from vibrosweep.kernels.sequence import Orders, empty_orders, empty_turns
 from vibrosweep.kernels.settle import Search, settle
 from vibrosweep.kernels.settled import Orbits, empty_orbits
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_sums
@@ -119,7 +118,8 @@ def _follow(
     )
     orbits = bounds = None
     if measures.regimes:
-        found = no_cycles(size * particles) if cycles is None else cycles
+        none = np.zeros((len(CYCLE), size * particles))
+        found = none if cycles is None else cycles
         orbits = _orbits(problem, launch, trajectories, found, scene, workers)
     in_time = _in_time(problem, launch, scene, realizations, cycles, workers)
     if measures.trust:
@@ -228,9 +228,9 @@ def _in_time(
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
     batch = Batch(base_in(scene, problem), problem, launch)
 
-    def run(kernel: Any, memory: Callable[[int], Any], found: Any) -> None:
+    def run(kernel: Any, memory: Callable[[], Any], found: Any) -> None:
         # shared by all tasks, because it is costly to allocate
-        idle = [memory(particles) for _ in range(min(size, workers.threads))]
+        idle = [memory() for _ in range(min(size, workers.threads))]
 
         def task(first: int, last: int) -> None:
             work = idle.pop()
@@ -243,13 +243,13 @@ def _in_time(
     if scene.measures.separation:
         separations = empty_separations(size)
         if particles > 1:
-            run(separate, workspace, separations)
+            run(separate, lambda: workspace(particles), separations)
         else:  # a single particle has no separations
             separations.gap[:] = separations.same[:] = np.nan
             separations.shared[:] = np.where(complete, 0, UNDETERMINED)
     if scene.measures.ordering:
         order = empty_orders(size)
-        run(find_order, order_work, order)
+        run(find_order, lambda: (workspace(particles), empty_turns(particles)), order)
     return separations, order
 
 

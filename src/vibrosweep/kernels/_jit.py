@@ -32,6 +32,7 @@ from vibrosweep.kernels.vectors import vector_bits
 
 F = TypeVar("F", bound=Callable[..., Any])
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.int8]
 

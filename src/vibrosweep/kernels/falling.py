@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -143,12 +143,8 @@ def _root(scale: float, v: float) -> float:
     """
     t = v * scale
     f, k = elementary.mantissa_and_exponent(1e-300 if t < 1e-300 else t)
-    x = 0.1 * elementary.log_near_one(f, k)
-    shifted = np.float64(fma(x, elementary.LOG2_E, elementary.SHIFT))
-    n = shifted - elementary.SHIFT
-    r = fma(-n, elementary.LN2_LOW, fma(-n, elementary.LN2_HIGH, x))
-    whole = np.int64(shifted.view(np.int64) - elementary.SHIFT_BITS)
-    power = np.int64((whole << 52) + elementary.ONE).view(np.float64)
+    r, whole = elementary.reduced(0.1 * elementary.log_near_one(f, k))
+    power = elementary.power_of_two(whole)
     found = fma(power, elementary.exp_near_zero(r), power)
     return found if t == t else t
 
@@ -206,18 +202,15 @@ def slack_viscoelastic(law: Restitution) -> float:
     return 3.0
 
 
-@implements(straight, Plastic, Viscoelastic)
-def straight_falling(law: Restitution) -> bool:
+def _straight_falling(law: Restitution) -> bool:
     return False
 
 
-@implements(lost_speed, Plastic, Viscoelastic)
-def lost_speed_falling(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
+def _lost_speed_falling(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
     return fma(-ratio(law, e, scale, v), v, sign * v)
 
 
-@implements(arrival_to_repeat, Plastic, Viscoelastic)
-def arrival_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+def _arrival_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
     # E is concave: Newton's method from below never passes the root
     c = k
     for _ in range(STEPS):
@@ -226,27 +219,27 @@ def arrival_to_repeat_falling(law: Restitution, e: float, scale: float, k: float
     return c
 
 
-@implements(leaving_to_repeat, Plastic, Viscoelastic)
-def leaving_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+def _leaving_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
     c = arrival_to_repeat(law, e, scale, k)
     return ratio(law, e, scale, c) * c
 
 
-@implements(rise_to_repeat, Plastic, Viscoelastic)
-def rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+def _rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
     # c - k is half of c - E(c), because c + E(c) = 2 k
     c = arrival_to_repeat(law, e, scale, k)
     return 0.5 * (1.0 + e) * lost_speed(law, e, scale, c, 1.0)
 
 
-# The same for all laws whose share of a speed falls with the speed
-FALLING: Final[Mapping[Any, Any]] = {
-    straight: straight_falling,
-    lost_speed: lost_speed_falling,
-    arrival_to_repeat: arrival_to_repeat_falling,
-    leaving_to_repeat: leaving_to_repeat_falling,
-    rise_to_repeat: rise_to_repeat_falling,
-}
+def _implement_falling(*kinds: type) -> None:
+    """Implement what is the same for all laws whose coefficient falls with the speed."""
+    implements(straight, *kinds)(_straight_falling)
+    implements(lost_speed, *kinds)(_lost_speed_falling)
+    implements(arrival_to_repeat, *kinds)(_arrival_to_repeat_falling)
+    implements(leaving_to_repeat, *kinds)(_leaving_to_repeat_falling)
+    implements(rise_to_repeat, *kinds)(_rise_to_repeat_falling)
+
+
+_implement_falling(Plastic, Viscoelastic)
 LAW_OF: Final[Mapping[str, Restitution]] = {
     CONSTANT: Constant(),
     PLASTIC: Plastic(),
@@ -298,6 +291,5 @@ def _from_outside(code: str, law: OutsideLaw) -> Restitution:
     def slack_outside(law: Restitution) -> float:
         return 1.0 + 0.25 * roundings
 
-    for function, falling in FALLING.items():
-        implements(function, marker)(falling)
+    _implement_falling(marker)
     return marker()

@@ -38,9 +38,7 @@ from vibrosweep.kernels.waveforms import (
     take_phases,
     velocity,
 )
-from vibrosweep.model.shapes import (
-    TWO_PI,
-)
+from vibrosweep.model.shapes import TWO_PI
 
 STEPS = 100  # of a search
 NEAR = 2.0**-30  # turns; steps of Newton's method that do not shrink any more are rounding

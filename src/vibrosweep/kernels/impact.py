@@ -59,14 +59,6 @@ class Batch(NamedTuple):
     launches: Launches  # trajectory t of a batch is particle t % N of realization t // N
 
 
-class Start(NamedTuple):
-    """A trajectory that is to be followed: its index, its particle, and its launch."""
-
-    lane: int
-    particle: int
-    at: Instant
-
-
 class Impact(NamedTuple):
     """A landing and the lift-off that follows."""
 

@@ -14,14 +14,7 @@ import numpy as np
 
 from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Floats, jit, uncounted
-from vibrosweep.kernels.bases import (
-    Constants,
-    Instant,
-    constants,
-    contraction,
-    density,
-    jacobian,
-)
+from vibrosweep.kernels.bases import Constants, Instant, constants, contraction, density, jacobian
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.exponents import Exponent, State, cycle_exponents
 from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
@@ -212,7 +205,7 @@ def _write_mean(
     t: int, fixed: Constants, area: float, slack: float, g: Floats, out: Orbits
 ) -> None:
     """Write the exponents of an orbit that does not recur, and does not rest in the window."""
-    impacts = growth.count(g)
+    impacts = g[growth.AT.COUNT]
     total = Exponent(np.nan, np.nan)
     if impacts > 0.0:
         total = Exponent(area / impacts, slack / impacts)

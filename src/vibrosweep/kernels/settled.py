@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from vibrosweep.kernels._jit import Flags, Floats, Integers
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels._jit import Complexes, Flags, Floats, Integers
+from vibrosweep.kernels.unwritten import empty
 
 
 class Orbits(NamedTuple):
@@ -35,7 +32,7 @@ class Orbits(NamedTuple):
     phase: Floats
     flight: Floats
     # The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle
-    multiplier: NDArray[np.complex128]
+    multiplier: Complexes
     # largest, largest_error: largest Lyapunov exponent per impact, and the standard error of its
     # mean, or the rounding error to first order where multipliers give it; -inf with error 0 of a
     # cycle with a rest, and at rest for good; NaN where the window sees one rest and no cycle is
@@ -50,20 +47,4 @@ class Orbits(NamedTuple):
 
 def empty_orbits(trajectories: int) -> Orbits:
     """Allocate the orbits of a batch."""
-    impacts, periods, rests = (unwritten(trajectories, np.int64) for _ in range(3))
-    regime, uncertain = (unwritten(trajectories, np.int8) for _ in range(2))
-    since, whole, phase, flight, *exponents = (unwritten(trajectories) for _ in range(8))
-    multiplier = unwritten(trajectories, np.complex128)
-    return Orbits(
-        regime,
-        impacts,
-        periods,
-        rests,
-        uncertain,
-        since,
-        whole,
-        phase,
-        flight,
-        multiplier,
-        *exponents,
-    )
+    return empty(Orbits, trajectories)
