@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.engine.trajectories import settled
-from vibrosweep.kernels.settle import SAME_ORBIT
-from vibrosweep.kernels.settled import Orbits
+from vibrosweep.kernels.settle import SAME_ORBIT, Orbits
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Regime
 

@@ -30,8 +30,7 @@ from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.recorder import KINDS_RECORDED, Recorder, recorder_scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, find_order, separate
 from vibrosweep.kernels.sequence import Orders, empty_orders, empty_turns
-from vibrosweep.kernels.settle import Search, settle
-from vibrosweep.kernels.settled import Orbits, empty_orbits
+from vibrosweep.kernels.settle import Orbits, Search, empty_orbits, settle
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_sums
 from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust

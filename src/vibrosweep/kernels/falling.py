@@ -80,9 +80,9 @@ def inverse_fourth_root(t: float) -> float:
     return root
 
 
-@implements(scale_of, Plastic)
-def scale_of_plastic(law: Restitution, e: float, speed: float) -> float:
-    return 1.0 / speed
+implements(scale_of, Plastic)(lambda law, e, speed: 1.0 / speed)
+implements(ratio_error, Plastic)(lambda law, e, scale, v: PLASTIC_ERROR)
+implements(slack, Plastic)(lambda law: 2.0)
 
 
 @implements(ratio, Plastic)
@@ -105,16 +105,6 @@ def slope_range_plastic(
     near, far = 1.0 - 8.0 * HALF_ULP, 1.0 + 8.0 * HALF_ULP
     least = slope(law, e, scale, high * far) * near if high < np.inf else 0.0
     return least, slope(law, e, scale, low * near) * far
-
-
-@implements(ratio_error, Plastic)
-def ratio_error_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
-    return PLASTIC_ERROR
-
-
-@implements(slack, Plastic)
-def slack_plastic(law: Restitution) -> float:
-    return 2.0
 
 
 class Viscoelastic(NamedTuple):
@@ -170,14 +160,9 @@ def scale_of_viscoelastic(law: Restitution, e: float, speed: float) -> float:
     return eighth * square / speed
 
 
-@implements(ratio, Viscoelastic)
-def ratio_viscoelastic(law: Restitution, e: float, scale: float, v: float) -> float:
-    return pade(_root(scale, v))[0]
-
-
-@implements(slope, Viscoelastic)
-def slope_viscoelastic(law: Restitution, e: float, scale: float, v: float) -> float:
-    return pade(_root(scale, v))[1]
+implements(ratio, Viscoelastic)(lambda law, e, scale, v: pade(_root(scale, v))[0])
+implements(slope, Viscoelastic)(lambda law, e, scale, v: pade(_root(scale, v))[1])
+implements(slack, Viscoelastic)(lambda law: 3.0)
 
 
 @implements(slope_range, Viscoelastic)
@@ -195,15 +180,6 @@ def ratio_error_viscoelastic(law: Restitution, e: float, scale: float, v: float)
     share, q = pade(y)
     of_root = ROOT_ERROR + LOG_ERROR * abs(elementary.log(y)) if y > 0.0 else 0.0
     return PADE_ERROR + 10.0 * (share - q) / share * of_root
-
-
-@implements(slack, Viscoelastic)
-def slack_viscoelastic(law: Restitution) -> float:
-    return 3.0
-
-
-def _straight_falling(law: Restitution) -> bool:
-    return False
 
 
 def _lost_speed_falling(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
@@ -232,7 +208,7 @@ def _rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) 
 
 def _implement_falling(*kinds: type) -> None:
     """Implement what is the same for all laws whose coefficient falls with the speed."""
-    implements(straight, *kinds)(_straight_falling)
+    implements(straight, *kinds)(lambda law: False)
     implements(lost_speed, *kinds)(_lost_speed_falling)
     implements(arrival_to_repeat, *kinds)(_arrival_to_repeat_falling)
     implements(leaving_to_repeat, *kinds)(_leaving_to_repeat_falling)
@@ -259,17 +235,10 @@ def _from_outside(code: str, law: OutsideLaw) -> Restitution:
     share, kept_slope, bend = (compiled_anew(f, jit) for f in (law.ratio, law.slope, law.bend))
     roundings, rounding = law.roundings, law.roundings * HALF_ULP
 
-    @implements(scale_of, marker)
-    def scale_of_outside(law: Restitution, e: float, speed: float) -> float:
-        return 1.0 / speed
-
-    @implements(ratio, marker)
-    def ratio_outside(law: Restitution, e: float, scale: float, v: float) -> float:
-        return share(e, v * scale)  # type: ignore[no-any-return]
-
-    @implements(slope, marker)
-    def slope_outside(law: Restitution, e: float, scale: float, v: float) -> float:
-        return kept_slope(e, v * scale)  # type: ignore[no-any-return]
+    implements(scale_of, marker)(lambda law, e, speed: 1.0 / speed)
+    implements(ratio, marker)(lambda law, e, scale, v: share(e, v * scale))
+    implements(slope, marker)(lambda law, e, scale, v: kept_slope(e, v * scale))
+    implements(slack, marker)(lambda law: 1.0 + 0.25 * roundings)
 
     @implements(slope_range, marker)
     def slope_range_outside(
@@ -286,10 +255,6 @@ def _from_outside(code: str, law: OutsideLaw) -> Restitution:
         kept = share(e, v * scale)
         off = abs(kept_slope(e, v * scale) - kept) + bend(e) * v * scale * SPEED_ERROR
         return rounding + off * SPEED_ERROR / abs(kept) if kept != 0.0 else rounding
-
-    @implements(slack, marker)
-    def slack_outside(law: Restitution) -> float:
-        return 1.0 + 0.25 * roundings
 
     _implement_falling(marker)
     return marker()
