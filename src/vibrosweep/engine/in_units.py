@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.launched import launched_in_window
+from vibrosweep.kernels.record import Units
 from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.sequence import Orders
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
 from vibrosweep.model.status import Status
+from vibrosweep.model.times import Periods, Time, amount, in_periods
 from vibrosweep.scene.scene import Scene
 
 Measured = dict[str, NDArray[Any]]
@@ -25,6 +26,12 @@ def height_unit(parameters: Mapping[str, Array]) -> Array:
     """Return g / (8 f^2), the height in m of a flight that lasts one forcing period."""
     frequency = parameters["frequency"]
     return np.asarray(parameters["gravity"] / (8.0 * frequency * frequency))
+
+
+def units_of(parameters: Mapping[str, Array]) -> Units:
+    """Return the units of a batch: f in Hz, and g / (2 f), half the speed gained in a period."""
+    frequency = parameters["frequency"]
+    return Units(frequency, parameters["gravity"] / (2.0 * frequency))
 
 
 def of_realizations(
@@ -70,7 +77,7 @@ def of_launches(
 
     `heights` are those of launches, shape (realization, particle or 1), `highest` those of flights.
     """
-    launched = launched_in_window(scene, parameters["frequency"])
+    launched = _launched_in_window(scene, parameters["frequency"])
     if heights.shape[1] == 1:  # they all reach the same
         launched = np.any(launched, axis=1)[:, np.newaxis]
     reached = np.where(launched, heights, -np.inf).max(axis=1)
@@ -79,7 +86,7 @@ def of_launches(
 
 def impact_speeds(found: Statistics, parameters: Mapping[str, Array], law: str) -> Measured:
     """Return the greatest speeds of impact, and whether they are in the range of the law."""
-    speed = found.total("impact_speed") * (parameters["gravity"] / (2.0 * parameters["frequency"]))
+    speed = found.total("impact_speed") * units_of(parameters).velocity
     lost = found.status == Status.NON_FINITE
     speed = np.where(lost | (found.landings == 0), np.nan, speed)
     with np.errstate(invalid="ignore"):
@@ -135,3 +142,27 @@ def _physical(
     # always the same NaN: the sign of 0 / 0 depends on the length of the batch
     known = {name: np.where(flights > 0, v, np.nan) for name, v in of_flights.items()}
     return {"impact_count": landings, "rest_count": rests, **known}
+
+
+def _launched_in_window(scene: Scene, frequency: Array) -> NDArray[np.bool_]:
+    """Return whether particles are launched in the window; shape (realization or 1, particle)."""
+    frequency = frequency[:1] if np.all(frequency == frequency[:1]) else frequency
+    begin, end = scene.measures.transient, scene.duration
+    if isinstance(scene.launch, str):
+        particles = scene.particles
+        number = np.arange(particles, dtype=np.float64)
+        first = _launches_until(begin, particles, frequency)[:, np.newaxis]
+        last = _launches_until(end, particles, frequency)[:, np.newaxis]
+        return np.asarray((first <= number) & (number <= last))
+    times = np.asarray(scene.launch)[np.newaxis, :]
+    if not isinstance(begin, Periods) and not isinstance(end, Periods):
+        return np.asarray((begin <= times) & (times <= end))
+    first, last = (in_periods(time, frequency)[:, np.newaxis] for time in (begin, end))
+    periods = frequency[:, np.newaxis] * times
+    return np.asarray((first <= periods) & (periods <= last))
+
+
+def _launches_until(time: Time, particles: int, frequency: Array) -> Array:
+    """Return a time in units of the interval between staggered launches."""
+    per_time = particles * (np.ones_like(frequency) if isinstance(time, Periods) else frequency)
+    return np.asarray(per_time * amount(time))

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import (
@@ -18,6 +16,7 @@ from vibrosweep.engine.in_units import (
     of_realizations,
     order_in_units,
     separations_in_units,
+    units_of,
 )
 from vibrosweep.engine.observable_values import observable_values
 from vibrosweep.engine.orbits import orbit_variables
@@ -27,7 +26,6 @@ from vibrosweep.errors import RunError
 from vibrosweep.kernels.bases import lifts, lowest
 from vibrosweep.kernels.shape_types import motion
 from vibrosweep.kernels.trust import Trust
-from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import (
     SPRUNG,
     Dimensionless,
@@ -37,7 +35,7 @@ from vibrosweep.model.parameters import (
     representable,
 )
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.model.times import Time, in_seconds
+from vibrosweep.model.times import in_seconds
 from vibrosweep.scene.scene import Scene
 
 
@@ -104,27 +102,21 @@ def measure_all(parameters: Mapping[str, Array], scene: Scene, workers: Workers)
 
     Their floats are NaN, their counts and flags undetermined, and their status gives the reason.
     """
-    usable = representable(parameters, _times(scene))
+    launch = () if isinstance(scene.launch, str) else scene.launch
+    usable = representable(parameters, (scene.duration, scene.measures.transient, *launch))
     if usable.all():
         return measure(parameters, scene, workers)
     sizes = {"realization": usable.size, "particle": scene.particles}
     sizes |= {along: len(values) for along, values in scene.measures.observable_dims.items()}
-    found = {v.name: _refused(v, sizes) for v in scene.measures.variables}
+    found = {
+        v.name: np.full([sizes[d] for d in v.dims], v.blank, v.dtype)
+        for v in scene.measures.variables
+    }
     if usable.any():
         kept = {name: values[usable] for name, values in parameters.items()}
         for name, values in measure(kept, scene, workers).items():
             found[name][usable] = values
     return found
-
-
-def _times(scene: Scene) -> tuple[Time, ...]:
-    launch = () if isinstance(scene.launch, str) else scene.launch
-    return (scene.duration, scene.measures.transient, *launch)
-
-
-def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:
-    """Return the values of a variable for realizations that are not computed."""
-    return np.full([sizes[d] for d in variable.dims], variable.blank, variable.dtype)
 
 
 def _launch_heights(
@@ -156,7 +148,7 @@ def _error_bounds(bounds: Trust, scene: Scene, parameters: Mapping[str, Array]) 
     frequency, particles = parameters["frequency"], scene.particles
     until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
     end = in_seconds(scene.duration, frequency)
-    velocity = parameters["gravity"] / (2.0 * frequency)
+    velocity = units_of(parameters).velocity
     return {
         "trusted_until": np.where(until == np.inf, end[:, np.newaxis], until),
         "landing_time_error": bounds.landing_error.reshape(-1, particles).max(axis=1) / frequency,
