@@ -11,12 +11,9 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import (
     Measured,
     height_unit,
-    impact_speeds,
-    of_launches,
-    of_particles,
-    of_realizations,
     order_in_units,
     separations_in_units,
+    statistics_in_units,
     units_of,
 )
 from vibrosweep.engine.observable_values import kinds_of, observable_values
@@ -57,20 +54,14 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     `vibrosweep.engine.measure.measure`.
     """
     statistics, listed, _ = _followed(parameters, scene, workers, 0)
-    sums, launched = statistics.realizations, statistics.launch_height
-    frequency, particles = parameters["frequency"], scene.particles
-    found = of_realizations(sums, parameters)
-    heights = launched.reshape(-1, particles) * height_unit(parameters)[:, np.newaxis]
-    highest = found["rebound_height_max"]
-    found["flight_height_max"] = of_launches(scene, parameters, heights, highest)
-    if scene.measures.impact_speed:
-        found |= impact_speeds(sums, parameters, scene.restitution_law)
-    if scene.measures.per_particle:
-        found |= of_particles(statistics.particles, parameters, particles)
+    sums, each, frequency = statistics.realizations, statistics.particles, parameters["frequency"]
+    heights = statistics.launch_height.reshape(-1, scene.particles)
+    heights = heights * height_unit(parameters)[:, np.newaxis]
+    found = statistics_in_units(scene, parameters, sums, each, heights)
     found |= observable_values(
         parameters,
         scene,
-        statistics.particles,
+        each,
         lambda observer: _followed(parameters, scene, workers, 0, observer)[0].particles,
     )
     found |= separations_in_units(listed.separations, frequency)

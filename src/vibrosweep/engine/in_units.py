@@ -34,13 +34,19 @@ def units_of(parameters: Mapping[str, Array]) -> Units:
     return Units(frequency, parameters["gravity"] / (2.0 * frequency))
 
 
-def of_realizations(
-    found: Statistics,
+def statistics_in_units(
+    scene: Scene,
     parameters: Mapping[str, Array],
+    found: Statistics,
+    of_each: Statistics | None,
+    launch_heights: Array,
     lifts: NDArray[np.bool_] | None = None,
     lowest: Array | None = None,
 ) -> Measured:
-    """Return statistics of realizations, by the names of `vibrosweep.model.measures`.
+    """Return statistics of realizations and of particles, as named in `vibrosweep.model.measures`.
+
+    `found` and `of_each` are those of realizations and of trajectories.  Launches reach the heights
+    given in m, of shape (realization, particle), or (realization, 1) where all reach the same.
 
     `lifts` says whether the base lifts a resting particle, from which the number of flights follows
     that the kernels do not count; None if they do.  The kernels measure heights from `lowest` below
@@ -48,17 +54,25 @@ def of_realizations(
     square roots of the greatest heights.
     """
     measured = _physical(found, parameters, lifts, lowest)
-    return measured | {"at_rest_count": found.at_rest, "status": found.status}
+    measured |= {"at_rest_count": found.at_rest, "status": found.status}
+    highest = measured["rebound_height_max"]
+    reached = _highest_launches(scene, parameters["frequency"], launch_heights)
+    measured["flight_height_max"] = np.fmax(highest, reached)
+    if scene.measures.impact_speed:
+        measured |= impact_speeds(found, parameters, scene.restitution_law)
+    if scene.measures.per_particle and of_each is not None:
+        measured |= _of_particles(of_each, parameters, scene.particles, lifts, lowest)
+    return measured
 
 
-def of_particles(
+def _of_particles(
     found: Statistics,
     parameters: Mapping[str, Array],
     particles: int,
-    lifts: NDArray[np.bool_] | None = None,
-    lowest: Array | None = None,
+    lifts: NDArray[np.bool_] | None,
+    lowest: Array | None,
 ) -> Measured:
-    """Return statistics of particles, shape (realization, particle); see `of_realizations`."""
+    """Return statistics of particles, shape (realization, particle)."""
 
     def repeated(values: Any) -> Any:
         return None if values is None else np.repeat(values, particles)
@@ -70,18 +84,13 @@ def of_particles(
     return {f"particle_{n}": v.reshape(-1, particles).copy() for n, v in measured.items()}
 
 
-def of_launches(
-    scene: Scene, parameters: Mapping[str, Array], heights: Array, highest: Array
-) -> Array:
-    """Return the greatest height in m of launches in the window and of flights, by realization.
-
-    `heights` are those of launches, shape (realization, particle or 1), `highest` those of flights.
-    """
-    launched = _launched_in_window(scene, parameters["frequency"])
+def _highest_launches(scene: Scene, frequency: Array, heights: Array) -> Array:
+    """Return the greatest height of launches in the window; NaN where there is none."""
+    launched = _launched_in_window(scene, frequency)
     if heights.shape[1] == 1:  # they all reach the same
         launched = np.any(launched, axis=1)[:, np.newaxis]
     reached = np.where(launched, heights, -np.inf).max(axis=1)
-    return np.asarray(np.fmax(highest, np.where(reached > -np.inf, reached, np.nan)))
+    return np.where(reached > -np.inf, reached, np.nan)
 
 
 def impact_speeds(found: Statistics, parameters: Mapping[str, Array], law: str) -> Measured:

@@ -10,12 +10,9 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import (
     Measured,
     height_unit,
-    impact_speeds,
-    of_launches,
-    of_particles,
-    of_realizations,
     order_in_units,
     separations_in_units,
+    statistics_in_units,
     units_of,
 )
 from vibrosweep.engine.observable_values import observable_values
@@ -67,20 +64,16 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     """Measure realizations whose particles do not act on each other."""
     measures = scene.measures
     problem = dimensionless(parameters, scene.duration, measures.transient)
-    frequency, particles = parameters["frequency"], scene.particles
-    launch = launches(scene.launch, particles, frequency)
+    frequency = parameters["frequency"]
+    launch = launches(scene.launch, scene.particles, frequency)
     found = follow(problem, launch, measures.tolerance * frequency, scene, workers)
     base = base_in(scene, problem)
-    of_base = lifts(base, problem), lowest(base, problem)
-    measured = of_realizations(found.realizations, parameters, *of_base)
-    moves = of_base[1] is not None
-    heights = _launch_heights(parameters, problem, launch, scene.waveform if moves else None)
-    highest = measured["rebound_height_max"]
-    measured["flight_height_max"] = of_launches(scene, parameters, heights, highest)
-    if measures.impact_speed:
-        measured |= impact_speeds(found.realizations, parameters, scene.restitution_law)
-    if measures.per_particle and found.trajectories is not None:
-        measured |= of_particles(found.trajectories, parameters, particles, *of_base)
+    ground = lowest(base, problem)
+    waveform = None if ground is None else scene.waveform
+    heights = _launch_heights(parameters, problem, launch, waveform)
+    sums, each = found.realizations, found.trajectories
+    of_base = lifts(base, problem), ground
+    measured = statistics_in_units(scene, parameters, sums, each, heights, *of_base)
     if found.orbits is not None:
         measured |= orbit_variables(found.orbits, frequency)
     if found.separations is not None:
@@ -92,7 +85,7 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     return measured | observable_values(
         parameters,
         scene,
-        found.trajectories,
+        each,
         lambda observer: statistics(problem, launch, scene, workers, observer=observer),
     )
 

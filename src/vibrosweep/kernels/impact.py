@@ -98,10 +98,8 @@ def base_of(
         )
     if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
-    shape = {} if waveform == SINE else {"waveform": shape_of(waveform)}
-    made: Base = KIND_OF[base](waveform)(law=LAW_OF[rebound], noise=noise, **shape)
-    chosen = restitution_of(restitution)
-    return made if restitution == CONSTANT else made._replace(restitution=chosen)
+    laws = {"law": LAW_OF[rebound], "restitution": restitution_of(restitution)}
+    return KIND_OF[base](waveform)(waveform=shape_of(waveform), noise=noise, **laws)
 
 
 @jit

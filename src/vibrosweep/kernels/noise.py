@@ -1,8 +1,8 @@
 """Noise of a realization: random numbers of an impact, their effects and their roundings.
 
 The deviates are those of `vibrosweep.kernels.deviates`.  Each function does nothing where its first
-argument, the field `noise` of a base, or the kind of noise that it needs, is None: numba compiles
-nothing for that.
+argument, the field `noise` of a base, or the kind of noise that it needs, is None.  These are known
+when a kernel is compiled, and no machine code is left of what does nothing.
 """
 
 from __future__ import annotations
