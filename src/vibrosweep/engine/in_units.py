@@ -29,7 +29,7 @@ def height_unit(parameters: Mapping[str, Array]) -> Array:
 
 
 def units_of(parameters: Mapping[str, Array]) -> Units:
-    """Return the units of a batch: f in Hz, and g / (2 f), half the speed gained in a period."""
+    """Return f in Hz, and g / (2 f), the speed in m s-1 whose flight lasts one forcing period."""
     frequency = parameters["frequency"]
     return Units(frequency, parameters["gravity"] / (2.0 * frequency))
 

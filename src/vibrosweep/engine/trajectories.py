@@ -166,7 +166,7 @@ def statistics(
 def settled(
     batch: Batch, found: Statistics, cycles: Cycles, scene: Scene, workers: Workers
 ) -> Orbits:
-    """Return the orbit on which each trajectory settles, from what `statistics` has found of it."""
+    """Return the orbit on which each trajectory settles, from its `statistics` and its cycle."""
     orbits = empty_orbits(found.status.size)
     search = Search(scene.budget, int(scene.measures.lyapunov))
     plain = found._replace(kinds=())  # the same machine code for any choice of statistics

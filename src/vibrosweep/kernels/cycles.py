@@ -4,6 +4,8 @@ A contracting orbit eventually returns, in floating point, to exactly the same s
 then on it repeats for all time.  This recurrence is found by Brent's algorithm (1980): each lane
 saves a state, its anchor, at ages that double, and compares its current state with the anchor
 whenever lanes are checked.
+
+Once all particles of a realization are on cycles, all of them together are on a joint cycle.
 """
 
 from __future__ import annotations

@@ -207,7 +207,7 @@ def _rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) 
 
 
 def _implement_falling(*kinds: type) -> None:
-    """Implement what is the same for all laws whose coefficient falls with the speed."""
+    """Implement the functions that all laws share whose coefficient falls with the speed."""
     implements(straight, *kinds)(lambda law: False)
     implements(lost_speed, *kinds)(_lost_speed_falling)
     implements(arrival_to_repeat, *kinds)(_arrival_to_repeat_falling)

@@ -114,9 +114,9 @@ def find_order(
 ) -> None:
     """Find the order of realizations first ... last - 1; write only their slots.
 
-    Arguments are those of `separate`, but that the memory includes turns.  All landings are
-    followed, those of a cycle too, because changes of the order are counted; where a particle lands
-    more than `budget` times, the order is unknown.
+    Arguments are those of `separate`; `work` holds turns beside the lists.  All landings are
+    followed, those of a cycle too, because changes of the order are counted.  Where a particle
+    lands more than `budget` times, the order is unknown.
     """
     base, problem, launches = batch
     particles, (lists, turns) = launches.whole.shape[1], work
