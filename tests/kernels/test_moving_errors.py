@@ -17,8 +17,7 @@ from vibrosweep.kernels.cycles import empty_cycles, empty_rests
 from vibrosweep.kernels.exponents import EXACT
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch_speed
 from vibrosweep.kernels.rounding import ROUNDING
-from vibrosweep.kernels.settle import Search, settle
-from vibrosweep.kernels.settled import empty_orbits
+from vibrosweep.kernels.settle import Search, empty_orbits, settle
 from vibrosweep.kernels.statistics import empty_statistics
 from vibrosweep.kernels.totals import scratch
 from vibrosweep.kernels.trust import empty_trust, trust

@@ -11,7 +11,7 @@ from vibrosweep.kernels.coupled.settling import empty_joint
 from vibrosweep.kernels.fixed import empty_fixed
 from vibrosweep.kernels.record import empty_record
 from vibrosweep.kernels.separation import empty_separations
-from vibrosweep.kernels.settled import empty_orbits
+from vibrosweep.kernels.settle import empty_orbits
 from vibrosweep.kernels.shortest import empty_shortest
 from vibrosweep.kernels.statistics import KINDS, empty_statistics, empty_sums
 from vibrosweep.kernels.trust import empty_trust

@@ -28,7 +28,7 @@ from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.record import Record, Units
-from vibrosweep.kernels.settled import Orbits
+from vibrosweep.kernels.settle import Orbits
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES

@@ -27,7 +27,7 @@ from vibrosweep.kernels.fixed import (
     may_push_back,
 )
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.settled import Orbits
+from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,

@@ -12,10 +12,10 @@ import xarray as xr
 from vibrosweep.api.keyword_types import BatchKeywords, completed
 from vibrosweep.api.replay import replayed
 from vibrosweep.arrays import Array
-from vibrosweep.engine.arrivals import impacts
 from vibrosweep.engine.landings import (
     BYTES_IN_MEMORY,
     Form,
+    impacts,
     launch_times,
     record_landings,
     require_room,

@@ -11,12 +11,10 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import (
     Measured,
     height_unit,
-    impact_speeds,
-    of_launches,
-    of_particles,
-    of_realizations,
     order_in_units,
     separations_in_units,
+    statistics_in_units,
+    units_of,
 )
 from vibrosweep.engine.observable_values import kinds_of, observable_values
 from vibrosweep.engine.workers import Workers
@@ -38,7 +36,7 @@ from vibrosweep.kernels.coupled.settling import BLOCKS, empty_joint, notes, sett
 from vibrosweep.kernels.falling import restitution_of
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer
-from vibrosweep.kernels.record import Record, Scale, Units, empty_record
+from vibrosweep.kernels.record import Record, Scale, empty_record
 from vibrosweep.kernels.shape_types import shape_of
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.parameters import dimensionless, launches, mounts
@@ -56,20 +54,14 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     `vibrosweep.engine.measure.measure`.
     """
     statistics, listed, _ = _followed(parameters, scene, workers, 0)
-    sums, launched = statistics.realizations, statistics.launch_height
-    frequency, particles = parameters["frequency"], scene.particles
-    found = of_realizations(sums, parameters)
-    heights = launched.reshape(-1, particles) * height_unit(parameters)[:, np.newaxis]
-    highest = found["rebound_height_max"]
-    found["flight_height_max"] = of_launches(scene, parameters, heights, highest)
-    if scene.measures.impact_speed:
-        found |= impact_speeds(sums, parameters, scene.restitution_law)
-    if scene.measures.per_particle:
-        found |= of_particles(statistics.particles, parameters, particles)
+    sums, each, frequency = statistics.realizations, statistics.particles, parameters["frequency"]
+    heights = statistics.launch_height.reshape(-1, scene.particles)
+    heights = heights * height_unit(parameters)[:, np.newaxis]
+    found = statistics_in_units(scene, parameters, sums, each, heights)
     found |= observable_values(
         parameters,
         scene,
-        statistics.particles,
+        each,
         lambda observer: _followed(parameters, scene, workers, 0, observer)[0].particles,
     )
     found |= separations_in_units(listed.separations, frequency)
@@ -100,8 +92,7 @@ def _followed(
     # each particle is launched once, and each landing is followed by at most one lift-off
     events = particles * (1 + 2 * capacity) + _corners(batch, scene) if capacity > 0 else 0
     track = empty_track(size, events)
-    units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
-    record = MotionRecord(empty_record(size * particles, capacity), track, units)
+    record = MotionRecord(empty_record(size * particles, capacity), track, units_of(parameters))
 
     def task(first: int, last: int) -> None:
         work, budget = idle.pop(), scene.budget
@@ -202,8 +193,7 @@ class BaseTrack:
 
         NaN before the first launch.
         """
-        frequency = float(self.parameters["frequency"][0])
-        velocity = float(self.parameters["gravity"][0]) / (2.0 * frequency)
+        frequency, velocity = (float(values[0]) for values in units_of(self.parameters))
         problem = self.batch.problem
         scale = Scale(frequency, velocity, 0.0, float(problem.phase[0]))
         out = np.full((2, times.size), np.nan)
@@ -222,9 +212,10 @@ def count_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Worker
 
 def record_coupled(
     parameters: Mapping[str, Array], scene: Scene, workers: Workers, capacity: int
-) -> Record:
-    """Record landings until the end of the observation, at most `capacity` of each particle."""
-    return _followed(parameters, scene, workers, capacity)[2].record
+) -> tuple[Record, Statistics]:
+    """Record landings until the end, at most `capacity` of each particle, with its statistics."""
+    statistics, _, motion = _followed(parameters, scene, workers, capacity)
+    return motion.record, statistics.particles
 
 
 def base_track(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> BaseTrack:

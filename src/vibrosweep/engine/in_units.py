@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.launched import launched_in_window
+from vibrosweep.kernels.record import Units
 from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.sequence import Orders
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
 from vibrosweep.model.status import Status
+from vibrosweep.model.times import Periods, Time, amount, in_periods
 from vibrosweep.scene.scene import Scene
 
 Measured = dict[str, NDArray[Any]]
@@ -27,13 +28,25 @@ def height_unit(parameters: Mapping[str, Array]) -> Array:
     return np.asarray(parameters["gravity"] / (8.0 * frequency * frequency))
 
 
-def of_realizations(
-    found: Statistics,
+def units_of(parameters: Mapping[str, Array]) -> Units:
+    """Return f in Hz, and g / (2 f), the speed in m s-1 whose flight lasts one forcing period."""
+    frequency = parameters["frequency"]
+    return Units(frequency, parameters["gravity"] / (2.0 * frequency))
+
+
+def statistics_in_units(
+    scene: Scene,
     parameters: Mapping[str, Array],
+    found: Statistics,
+    of_each: Statistics | None,
+    launch_heights: Array,
     lifts: NDArray[np.bool_] | None = None,
     lowest: Array | None = None,
 ) -> Measured:
-    """Return statistics of realizations, by the names of `vibrosweep.model.measures`.
+    """Return statistics of realizations and of particles, as named in `vibrosweep.model.measures`.
+
+    `found` and `of_each` are those of realizations and of trajectories.  Launches reach the heights
+    given in m, of shape (realization, particle), or (realization, 1) where all reach the same.
 
     `lifts` says whether the base lifts a resting particle, from which the number of flights follows
     that the kernels do not count; None if they do.  The kernels measure heights from `lowest` below
@@ -41,17 +54,25 @@ def of_realizations(
     square roots of the greatest heights.
     """
     measured = _physical(found, parameters, lifts, lowest)
-    return measured | {"at_rest_count": found.at_rest, "status": found.status}
+    measured |= {"at_rest_count": found.at_rest, "status": found.status}
+    highest = measured["rebound_height_max"]
+    reached = _highest_launches(scene, parameters["frequency"], launch_heights)
+    measured["flight_height_max"] = np.fmax(highest, reached)
+    if scene.measures.impact_speed:
+        measured |= impact_speeds(found, parameters, scene.restitution_law)
+    if scene.measures.per_particle and of_each is not None:
+        measured |= _of_particles(of_each, parameters, scene.particles, lifts, lowest)
+    return measured
 
 
-def of_particles(
+def _of_particles(
     found: Statistics,
     parameters: Mapping[str, Array],
     particles: int,
-    lifts: NDArray[np.bool_] | None = None,
-    lowest: Array | None = None,
+    lifts: NDArray[np.bool_] | None,
+    lowest: Array | None,
 ) -> Measured:
-    """Return statistics of particles, shape (realization, particle); see `of_realizations`."""
+    """Return statistics of particles, shape (realization, particle)."""
 
     def repeated(values: Any) -> Any:
         return None if values is None else np.repeat(values, particles)
@@ -63,23 +84,18 @@ def of_particles(
     return {f"particle_{n}": v.reshape(-1, particles).copy() for n, v in measured.items()}
 
 
-def of_launches(
-    scene: Scene, parameters: Mapping[str, Array], heights: Array, highest: Array
-) -> Array:
-    """Return the greatest height in m of launches in the window and of flights, by realization.
-
-    `heights` are those of launches, shape (realization, particle or 1), `highest` those of flights.
-    """
-    launched = launched_in_window(scene, parameters["frequency"])
+def _highest_launches(scene: Scene, frequency: Array, heights: Array) -> Array:
+    """Return the greatest height of launches in the window; NaN where there is none."""
+    launched = _launched_in_window(scene, frequency)
     if heights.shape[1] == 1:  # they all reach the same
         launched = np.any(launched, axis=1)[:, np.newaxis]
     reached = np.where(launched, heights, -np.inf).max(axis=1)
-    return np.asarray(np.fmax(highest, np.where(reached > -np.inf, reached, np.nan)))
+    return np.where(reached > -np.inf, reached, np.nan)
 
 
 def impact_speeds(found: Statistics, parameters: Mapping[str, Array], law: str) -> Measured:
     """Return the greatest speeds of impact, and whether they are in the range of the law."""
-    speed = found.total("impact_speed") * (parameters["gravity"] / (2.0 * parameters["frequency"]))
+    speed = found.total("impact_speed") * units_of(parameters).velocity
     lost = found.status == Status.NON_FINITE
     speed = np.where(lost | (found.landings == 0), np.nan, speed)
     with np.errstate(invalid="ignore"):
@@ -135,3 +151,27 @@ def _physical(
     # always the same NaN: the sign of 0 / 0 depends on the length of the batch
     known = {name: np.where(flights > 0, v, np.nan) for name, v in of_flights.items()}
     return {"impact_count": landings, "rest_count": rests, **known}
+
+
+def _launched_in_window(scene: Scene, frequency: Array) -> NDArray[np.bool_]:
+    """Return whether particles are launched in the window; shape (realization or 1, particle)."""
+    frequency = frequency[:1] if np.all(frequency == frequency[:1]) else frequency
+    begin, end = scene.measures.transient, scene.duration
+    if isinstance(scene.launch, str):
+        particles = scene.particles
+        number = np.arange(particles, dtype=np.float64)
+        first = _launches_until(begin, particles, frequency)[:, np.newaxis]
+        last = _launches_until(end, particles, frequency)[:, np.newaxis]
+        return np.asarray((first <= number) & (number <= last))
+    times = np.asarray(scene.launch)[np.newaxis, :]
+    if not isinstance(begin, Periods) and not isinstance(end, Periods):
+        return np.asarray((begin <= times) & (times <= end))
+    first, last = (in_periods(time, frequency)[:, np.newaxis] for time in (begin, end))
+    periods = frequency[:, np.newaxis] * times
+    return np.asarray((first <= periods) & (periods <= last))
+
+
+def _launches_until(time: Time, particles: int, frequency: Array) -> Array:
+    """Return a time in units of the interval between staggered launches."""
+    per_time = particles * (np.ones_like(frequency) if isinstance(time, Periods) else frequency)
+    return np.asarray(per_time * amount(time))

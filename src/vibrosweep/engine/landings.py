@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
+from vibrosweep.engine.in_units import units_of
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
@@ -19,6 +20,7 @@ from vibrosweep.kernels.recorder import Recorder, leave_rest_empty
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.unwritten import require_written
 from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
     MOUNT,
     OF_RESTITUTION,
     PARAMETERS,
@@ -84,19 +86,10 @@ def record_landings(
     landings, status = _counted(parameters, scene, workers, form)
     shape, capacity = (parameters["frequency"].size, scene.particles), int(landings.max())
     capacities = landings if form.ragged else np.full(landings.size, capacity)
-    if scene.base == SPRUNG:
-        from vibrosweep.engine.coupled import record_coupled  # slow to import
-
-        out = record_coupled(parameters, scene, workers, capacity)
-        if form.ragged:
-            present = np.arange(capacity) < landings[:, np.newaxis]
-            out = Record._make(values[present] for values in out)
-    else:
-        problem = dimensionless(parameters, scene.duration, scene.measures.transient)
-        launch = launches(scene.launch, scene.particles, parameters["frequency"])
-        unit = parameters["gravity"] / (2.0 * parameters["frequency"])
-        units = Units(parameters["frequency"], unit)
-        out, _ = recorded(problem, launch, scene, workers, units, capacities)
+    out, _ = _recorded(parameters, scene, workers, capacities)
+    if scene.base == SPRUNG and form.ragged:
+        present = np.arange(capacity) < landings[:, np.newaxis]
+        out = Record._make(values[present] for values in out)
     dims = (-1,) if form.ragged else (*shape, capacity)
     found: dict[str, NDArray[Any]] = {
         name: values.reshape(dims) for name, values in out._asdict().items()
@@ -104,6 +97,22 @@ def record_landings(
     found["impact_count"] = landings.reshape(shape)
     found["status"] = status.reshape(shape)
     return found
+
+
+def _recorded(
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, capacities: NDArray[np.int64]
+) -> tuple[Record, Statistics]:
+    """Record the first landings of each trajectory over any base, with their statistics.
+
+    Over a sprung base all trajectories have room for as many landings as the one with most.
+    """
+    if scene.base == SPRUNG:
+        from vibrosweep.engine.coupled import record_coupled  # slow to import
+
+        return record_coupled(parameters, scene, workers, int(capacities.max()))
+    problem = dimensionless(parameters, scene.duration, scene.measures.transient)
+    launch = launches(scene.launch, scene.particles, parameters["frequency"])
+    return recorded(problem, launch, scene, workers, units_of(parameters), capacities)
 
 
 def recorded(
@@ -179,17 +188,8 @@ def _counted(
     most //= 1 if form.ragged else trajectories
     budget = min(scene.measures.impact_budget, most + LOOK_AFTER)
     enough = replace(scene.with_measures(impact_budget=budget), skip=False)
-    if scene.base == SPRUNG:
-        from vibrosweep.engine.coupled import count_coupled
-
-        counted = count_coupled(parameters, enough, workers)
-    else:
-        problem = dimensionless(parameters, scene.duration, scene.measures.transient)
-        launch = launches(scene.launch, particles, parameters["frequency"])
-        # the kernel that will write the landings counts them, so that no other is compiled
-        units = Units(problem.kick, problem.kick)
-        capacities = np.zeros(trajectories, np.int64)
-        _, counted = recorded(problem, launch, enough, workers, units, capacities)
+    # the kernel that will write the landings counts them, so that no other is compiled
+    _, counted = _recorded(parameters, enough, workers, np.zeros(trajectories, np.int64))
     landings, status = counted.landings.copy(), counted.status.copy()
     mean = -(-form.places(landings) // trajectories)
     require_room(realizations, particles, form.needed(landings, scene.base), mean)
@@ -206,4 +206,46 @@ def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:
         name: np.array(np.broadcast_to(given.get(name, p.default), (size,)), float)
         for name, p in {**PARAMETERS, **OF_RESTITUTION, **MOUNT}.items()
         if name in PARAMETERS or name in given
+    }
+
+
+def impacts(
+    found: Mapping[str, NDArray[Any]], parameters: Mapping[str, Array], scene: Scene
+) -> dict[str, Array]:
+    """Return the variables of `vibrosweep.model.measures.IMPACTS` for every landing of a record.
+
+    `found` is the record, a rectangle or ragged, that `record_landings` computed from these
+    parameters.  In the high-bounce limit a particle lands with the speed of its lift-off; otherwise
+    gravity adds to it during the flight.
+    """
+    landing, count = found["landing_time"], found["impact_count"]
+    places = count if landing.ndim == 1 else np.full(count.shape, landing.shape[-1])
+    of_realization, places = places.sum(axis=1), places.ravel()
+    begin = (np.cumsum(places) - places)[places > 0]
+    realization = np.nonzero(places.reshape(count.shape))[0]  # of each particle that lands
+    frequency, time = parameters["frequency"], landing.ravel()
+
+    def previous(name: str, launch: Array) -> Array:
+        """Return values of the previous landing; for the first one, of the launch."""
+        values = np.full_like(time, np.nan)
+        values[1:] = found[name].ravel()[:-1]
+        values[begin] = launch
+        return values
+
+    turns = np.repeat(frequency, of_realization)
+    turns *= time
+    turns += np.repeat(parameters["phase"] / (2.0 * np.pi), of_realization)
+    turns -= np.rint(turns)
+    speed = previous("rebound_velocity", parameters["launch_velocity"][realization])
+    if scene.base == HIGH_BOUNCE:
+        speed[np.isnan(time)] = np.nan
+    else:
+        launch = [launch_times(scene.launch, scene.particles, f) for f in frequency]
+        gained = previous("liftoff_time", np.array(launch)[places.reshape(count.shape) > 0])
+        np.subtract(time, gained, out=gained)
+        gained *= np.repeat(parameters["gravity"], of_realization)
+        speed = np.subtract(gained, speed, out=gained)
+    return {
+        "impact_phase": turns.reshape(landing.shape),
+        "arrival_speed": speed.reshape(landing.shape),
     }

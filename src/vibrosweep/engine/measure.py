@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import (
     Measured,
     height_unit,
-    impact_speeds,
-    of_launches,
-    of_particles,
-    of_realizations,
     order_in_units,
     separations_in_units,
+    statistics_in_units,
+    units_of,
 )
 from vibrosweep.engine.observable_values import observable_values
 from vibrosweep.engine.orbits import orbit_variables
@@ -27,7 +23,6 @@ from vibrosweep.errors import RunError
 from vibrosweep.kernels.bases import lifts, lowest
 from vibrosweep.kernels.shape_types import motion
 from vibrosweep.kernels.trust import Trust
-from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import (
     SPRUNG,
     Dimensionless,
@@ -37,7 +32,7 @@ from vibrosweep.model.parameters import (
     representable,
 )
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.model.times import Time, in_seconds
+from vibrosweep.model.times import in_seconds
 from vibrosweep.scene.scene import Scene
 
 
@@ -69,20 +64,16 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     """Measure realizations whose particles do not act on each other."""
     measures = scene.measures
     problem = dimensionless(parameters, scene.duration, measures.transient)
-    frequency, particles = parameters["frequency"], scene.particles
-    launch = launches(scene.launch, particles, frequency)
+    frequency = parameters["frequency"]
+    launch = launches(scene.launch, scene.particles, frequency)
     found = follow(problem, launch, measures.tolerance * frequency, scene, workers)
     base = base_in(scene, problem)
-    of_base = lifts(base, problem), lowest(base, problem)
-    measured = of_realizations(found.realizations, parameters, *of_base)
-    moves = of_base[1] is not None
-    heights = _launch_heights(parameters, problem, launch, scene.waveform if moves else None)
-    highest = measured["rebound_height_max"]
-    measured["flight_height_max"] = of_launches(scene, parameters, heights, highest)
-    if measures.impact_speed:
-        measured |= impact_speeds(found.realizations, parameters, scene.restitution_law)
-    if measures.per_particle and found.trajectories is not None:
-        measured |= of_particles(found.trajectories, parameters, particles, *of_base)
+    ground = lowest(base, problem)
+    waveform = None if ground is None else scene.waveform
+    heights = _launch_heights(parameters, problem, launch, waveform)
+    sums, each = found.realizations, found.trajectories
+    of_base = lifts(base, problem), ground
+    measured = statistics_in_units(scene, parameters, sums, each, heights, *of_base)
     if found.orbits is not None:
         measured |= orbit_variables(found.orbits, frequency)
     if found.separations is not None:
@@ -94,7 +85,7 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     return measured | observable_values(
         parameters,
         scene,
-        found.trajectories,
+        each,
         lambda observer: statistics(problem, launch, scene, workers, observer=observer),
     )
 
@@ -104,27 +95,21 @@ def measure_all(parameters: Mapping[str, Array], scene: Scene, workers: Workers)
 
     Their floats are NaN, their counts and flags undetermined, and their status gives the reason.
     """
-    usable = representable(parameters, _times(scene))
+    launch = () if isinstance(scene.launch, str) else scene.launch
+    usable = representable(parameters, (scene.duration, scene.measures.transient, *launch))
     if usable.all():
         return measure(parameters, scene, workers)
     sizes = {"realization": usable.size, "particle": scene.particles}
     sizes |= {along: len(values) for along, values in scene.measures.observable_dims.items()}
-    found = {v.name: _refused(v, sizes) for v in scene.measures.variables}
+    found = {
+        v.name: np.full([sizes[d] for d in v.dims], v.blank, v.dtype)
+        for v in scene.measures.variables
+    }
     if usable.any():
         kept = {name: values[usable] for name, values in parameters.items()}
         for name, values in measure(kept, scene, workers).items():
             found[name][usable] = values
     return found
-
-
-def _times(scene: Scene) -> tuple[Time, ...]:
-    launch = () if isinstance(scene.launch, str) else scene.launch
-    return (scene.duration, scene.measures.transient, *launch)
-
-
-def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:
-    """Return the values of a variable for realizations that are not computed."""
-    return np.full([sizes[d] for d in variable.dims], variable.blank, variable.dtype)
 
 
 def _launch_heights(
@@ -156,7 +141,7 @@ def _error_bounds(bounds: Trust, scene: Scene, parameters: Mapping[str, Array]) 
     frequency, particles = parameters["frequency"], scene.particles
     until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
     end = in_seconds(scene.duration, frequency)
-    velocity = parameters["gravity"] / (2.0 * frequency)
+    velocity = units_of(parameters).velocity
     return {
         "trusted_until": np.where(until == np.inf, end[:, np.newaxis], until),
         "landing_time_error": bounds.landing_error.reshape(-1, particles).max(axis=1) / frequency,

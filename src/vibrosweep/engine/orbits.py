@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.trajectories import settled
-from vibrosweep.kernels.settle import SAME_ORBIT
-from vibrosweep.kernels.settled import Orbits
+from vibrosweep.engine.trajectories import base_in, settled, statistics
+from vibrosweep.kernels.impact import Batch
+from vibrosweep.kernels.settle import SAME_ORBIT, Orbits
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Regime
 
@@ -31,7 +31,11 @@ def find_orbits(problem: Dimensionless, launch: Launches, scene: Scene, workers:
     launches in the number of particles, and with the problem in whether a launch precedes the
     window.
     """
-    return settled(problem, launch, replace(scene.with_measures(lyapunov=True), skip=True), workers)
+    scene = replace(scene.with_measures(lyapunov=True), skip=True)
+    cycles = workers.cycles(problem.kick.size * scene.particles)
+    found = statistics(problem, launch, scene, workers, cycles)
+    batch = Batch(base_in(scene, problem), problem, launch)
+    return settled(batch, found, cycles, scene, workers)
 
 
 def label_orbits(orbits: Orbits, realizations: int) -> Codes:

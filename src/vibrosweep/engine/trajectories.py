@@ -15,24 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observable_values import kinds_of
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import Base, fitted
-from vibrosweep.kernels.cycles import Cycles, empty_rests, no_cycles
+from vibrosweep.kernels.cycles import CYCLE, Cycles, empty_rests
+from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.landing_order import find_order, order_work
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer, observer_scratch
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.recorder import KINDS_RECORDED, Recorder, recorder_scratch
-from vibrosweep.kernels.separation import Separations, empty_separations, separate
-from vibrosweep.kernels.sequence import Orders, empty_orders
-from vibrosweep.kernels.settle import Search, settle
-from vibrosweep.kernels.settled import Orbits, empty_orbits
+from vibrosweep.kernels.separation import Separations, empty_separations, find_order, separate
+from vibrosweep.kernels.sequence import Orders, empty_orders, empty_turns
+from vibrosweep.kernels.settle import Orbits, Search, empty_orbits, settle
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_sums
 from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
@@ -68,11 +66,7 @@ class Followed:
 
 
 def follow(
-    problem: Dimensionless,
-    launch: Launches,
-    tolerance: Array,
-    scene: Scene,
-    workers: Workers,
+    problem: Dimensionless, launch: Launches, tolerance: Array, scene: Scene, workers: Workers
 ) -> Followed:
     """Simulate all trajectories of a batch, and duplicate realizations only once.
 
@@ -87,26 +81,19 @@ def follow(
     chosen = np.flatnonzero(first == np.arange(first.size))
     place = np.empty_like(first)
     place[chosen] = np.arange(chosen.size)
-    found = _follow(
-        taken(problem, chosen),
-        _launches_of(launch, chosen),
-        tolerance[chosen],
-        scene,
-        workers,
-    )
+    if launch.whole.shape[0] > 1:  # otherwise all realizations share their launches
+        launch = Launches._make(values[chosen] for values in launch)
+    found = _follow(taken(problem, chosen), launch, tolerance[chosen], scene, workers)
     return _repeated(found, place[first], scene)
 
 
 def _follow(
-    problem: Dimensionless,
-    launch: Launches,
-    tolerance: Array,
-    scene: Scene,
-    workers: Workers,
+    problem: Dimensionless, launch: Launches, tolerance: Array, scene: Scene, workers: Workers
 ) -> Followed:
     size, particles = tolerance.size, scene.particles
     measures, cycles = scene.measures, None
-    wanted = measures.regimes or (scene.skip and _lasts(problem, launch, PERIODS_TO_RECUR))
+    longest = np.max(problem.end_count) - np.min(launch.whole) + 2.0  # forcing periods
+    wanted = measures.regimes or (scene.skip and longest > PERIODS_TO_RECUR)
     if wanted and problem.noise is None:  # random motion never recurs
         cycles = workers.cycles(size * particles)
     trajectories = statistics(problem, launch, scene, workers, cycles)
@@ -118,12 +105,14 @@ def _follow(
         realizations,
     )
     orbits = bounds = None
+    batch = Batch(base_in(scene, problem), problem, launch)
     if measures.regimes:
-        found = no_cycles(size * particles) if cycles is None else cycles
-        orbits = _orbits(problem, launch, trajectories, found, scene, workers)
-    in_time = _in_time(problem, launch, scene, realizations, cycles, workers)
+        none = np.zeros((len(CYCLE), size * particles))
+        found = none if cycles is None else cycles
+        orbits = settled(batch, trajectories, found, scene, workers)
+    in_time = _in_time(batch, scene, realizations, cycles, workers)
     if measures.trust:
-        bounds = _error_bounds(problem, launch, tolerance, scene, workers)
+        bounds = _error_bounds(batch, tolerance, scene, workers)
     kept = trajectories if measures.per_particle or measures.observables else None
     return Followed(kept, realizations, orbits, *in_time, bounds)
 
@@ -154,13 +143,8 @@ def statistics(
     window = 1 if scene.windowed else None  # None selects machine code without a window
     base = fitted(base_in(scene, problem), problem)
     batch = Batch(base, problem, launch)
-    options = Options(
-        scene.budget,
-        PERIODS_TO_RECUR,
-        int(scene.measures.regimes),
-        int(scene.skip),
-        observer,
-    )
+    all_cycles, jump = int(scene.measures.regimes), int(scene.skip)
+    options = Options(scene.budget, PERIODS_TO_RECUR, all_cycles, jump, observer)
 
     def begin() -> Callable[[int, int], None]:
         memory = memory_around(block())
@@ -179,26 +163,11 @@ def statistics(
     return found
 
 
-def settled(problem: Dimensionless, launch: Launches, scene: Scene, workers: Workers) -> Orbits:
-    """Return the orbit on which each trajectory settles, ordered by realization, then by particle.
-
-    Arguments are those of `statistics`.
-    """
-    cycles = workers.cycles(problem.kick.size * scene.particles)
-    found = statistics(problem, launch, scene, workers, cycles)
-    return _orbits(problem, launch, found, cycles, scene, workers)
-
-
-def _orbits(
-    problem: Dimensionless,
-    launch: Launches,
-    found: Statistics,
-    cycles: Cycles,
-    scene: Scene,
-    workers: Workers,
+def settled(
+    batch: Batch, found: Statistics, cycles: Cycles, scene: Scene, workers: Workers
 ) -> Orbits:
+    """Return the orbit on which each trajectory settles, from its `statistics` and its cycle."""
     orbits = empty_orbits(found.status.size)
-    batch = Batch(base_in(scene, problem), problem, launch)
     search = Search(scene.budget, int(scene.measures.lyapunov))
     plain = found._replace(kinds=())  # the same machine code for any choice of statistics
 
@@ -209,28 +178,21 @@ def _orbits(
     return orbits
 
 
-def _lasts(problem: Dimensionless, launch: Launches, periods: float) -> bool:
-    """Return whether any trajectory may last for more than this many periods."""
-    return bool(np.max(problem.end_count) - np.min(launch.whole) + 2.0 > periods)
-
-
 def _in_time(
-    problem: Dimensionless,
-    launch: Launches,
+    batch: Batch,
     scene: Scene,
     realizations: Statistics,
     cycles: Cycles | None,
     workers: Workers,
 ) -> tuple[Separations | None, Orders | None]:
     """Measure separations and order, which need the landings of all particles in order of time."""
-    size, particles = problem.kick.size, scene.particles
+    size, particles = realizations.status.size, scene.particles
     complete = realizations.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
-    batch = Batch(base_in(scene, problem), problem, launch)
 
-    def run(kernel: Any, memory: Callable[[int], Any], found: Any) -> None:
+    def run(kernel: Any, memory: Callable[[], Any], found: Any) -> None:
         # shared by all tasks, because it is costly to allocate
-        idle = [memory(particles) for _ in range(min(size, workers.threads))]
+        idle = [memory() for _ in range(min(size, workers.threads))]
 
         def task(first: int, last: int) -> None:
             work = idle.pop()
@@ -243,25 +205,18 @@ def _in_time(
     if scene.measures.separation:
         separations = empty_separations(size)
         if particles > 1:
-            run(separate, workspace, separations)
+            run(separate, lambda: workspace(particles), separations)
         else:  # a single particle has no separations
             separations.gap[:] = separations.same[:] = np.nan
             separations.shared[:] = np.where(complete, 0, UNDETERMINED)
     if scene.measures.ordering:
         order = empty_orders(size)
-        run(find_order, order_work, order)
+        run(find_order, lambda: (workspace(particles), empty_turns(particles)), order)
     return separations, order
 
 
-def _error_bounds(
-    problem: Dimensionless,
-    launch: Launches,
-    tolerance: Array,
-    scene: Scene,
-    workers: Workers,
-) -> Trust:
+def _error_bounds(batch: Batch, tolerance: Array, scene: Scene, workers: Workers) -> Trust:
     bounds = empty_trust(tolerance.size * scene.particles)
-    batch = Batch(base_in(scene, problem), problem, launch)
 
     def task(first: int, last: int) -> None:
         trust(first, last, batch, tolerance, scene.budget, bounds)
@@ -270,33 +225,42 @@ def _error_bounds(
     return bounds
 
 
-def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
-    """Return the launches of some realizations; unchanged if all realizations share them."""
-    if launch.whole.shape[0] == 1:
-        return launch
-    return Launches._make(values[which] for values in launch)
+def find_equal(
+    problem: Dimensionless, launch: Launches, *others: Array
+) -> NDArray[np.int64] | None:
+    """Return the index of the first equal realization for each one; None if all are distinct.
+
+    `others` are further arrays of shape (realization,) that have to agree.  The problem must be
+    without noise.
+    """
+    known = [values for values in problem if isinstance(values, np.ndarray)]
+    if any(map(_all_differ, known)):  # as in most designs that draw values
+        return None
+    columns = np.stack([*known, *others])
+    first = np.empty(columns.shape[1], np.int64)
+    return first if first_of_each(columns, launch, first) < first.size else None
+
+
+def _all_differ(column: Array) -> bool:
+    ordered = np.sort(column)  # np.unique would import the masked arrays
+    return bool(np.all(ordered[1:] != ordered[:-1]))
 
 
 def _repeated(found: Followed, source: NDArray[np.intp], scene: Scene) -> Followed:
     """Copy the results of distinct realizations to all their duplicates."""
+    particles = source[:, np.newaxis] * scene.particles + np.arange(scene.particles)
 
-    def of_realizations(values: Any, places: NDArray[np.intp] = source) -> Any:
+    def copied(values: Any, places: NDArray[np.intp]) -> Any:
         if values is None:
             return None
         arrays = (v.take(places, -1) if isinstance(v, np.ndarray) else v for v in values)
         return type(values)(*arrays)
 
-    def of_trajectories(values: Any) -> Any:
-        if values is None:
-            return None
-        first = source[:, np.newaxis] * scene.particles
-        return of_realizations(values, (first + np.arange(scene.particles)).ravel())
-
     return Followed(
-        of_trajectories(found.trajectories),
-        of_realizations(found.realizations),
-        of_trajectories(found.orbits),
-        of_realizations(found.separations),
-        of_realizations(found.order),
-        of_trajectories(found.bounds),
+        copied(found.trajectories, particles.ravel()),
+        copied(found.realizations, source),
+        copied(found.orbits, particles.ravel()),
+        copied(found.separations, source),
+        copied(found.order, source),
+        copied(found.bounds, particles.ravel()),
     )

@@ -32,6 +32,7 @@ from vibrosweep.kernels.vectors import vector_bits
 
 F = TypeVar("F", bound=Callable[..., Any])
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.int8]
 
@@ -296,10 +297,6 @@ fma: Callable[[float, float, float], float] = (
 )
 
 
-def _prefetch_nothing(array: NDArray[Any], i: int) -> None:
-    """Leave the caches as they are, for runs with the compiler switched off."""
-
-
 @intrinsic
 def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
     """Begin to load the cache line of array[i], to be written; one dimension, contiguous."""
@@ -319,12 +316,8 @@ def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
 
 
 prefetch: Callable[[NDArray[Any], int], None] = (
-    _prefetch_nothing if numba.config.DISABLE_JIT else _prefetch_instruction
+    (lambda array, i: None) if numba.config.DISABLE_JIT else _prefetch_instruction
 )
-
-
-def _vectors_of_nothing() -> None:
-    """Do nothing, for runs with the compiler switched off."""
 
 
 @intrinsic
@@ -345,5 +338,5 @@ def _wide_vector_registers(typingctx: Any) -> Any:
 
 
 wide_vectors: Callable[[], None] = (
-    _vectors_of_nothing if numba.config.DISABLE_JIT else _wide_vector_registers
+    (lambda: None) if numba.config.DISABLE_JIT else _wide_vector_registers
 )

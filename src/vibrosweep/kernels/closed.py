@@ -16,14 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, part
-from vibrosweep.kernels.bases import (
-    Constants,
-    Flight,
-    fly,
-    jacobian,
-    lift_off,
-    rebound,
-)
+from vibrosweep.kernels.bases import Constants, Flight, fly, jacobian, lift_off, rebound
 from vibrosweep.kernels.bases.chords import chord
 
 STEPS = 24  # of Newton's method; seeds that lead to an orbit need 10

@@ -20,7 +20,9 @@ from vibrosweep.kernels.extended import (
     FIX_DRIVE,
     FIX_E,
     GRAZE,
+    REST,
     SADDLE_NODE,
+    YIELD,
     Range,
     Work,
     correct,
@@ -35,15 +37,15 @@ from vibrosweep.kernels.extended import (
 from vibrosweep.kernels.orbit_points import Line
 from vibrosweep.model.parameters import Dimensionless
 
-BORN = 4  # an event beside the conditions: the orbit coincides with one of half its length
-CONDITIONS = 6  # SADDLE_NODE ... REST, CORNER, YIELD
+CONDITIONS = (SADDLE_NODE, DOUBLING, GRAZE, REST, CORNER, YIELD)  # of events on a line
+BORN = 4  # an event beside them: the orbit coincides with one of half its length
 # Ends of a line: border of the range, its own beginning, a period doubling from which it branches,
 # a graze or a rest, no next point found, too many points
 LEFT, RETURNED, DOUBLED, TOUCHED, LOST, SPENT = range(6)
 SHORTEST, SHRINKS, GROWS = 1e-7, 0.5, 1.3  # of steps along a line
 STRAIGHT = 0.9  # cosine of the angle between the directions of neighbours
 TRIES = 30  # to find a bifurcation between two points
-AT_ONCE = CONDITIONS  # most points, and most events, that one step adds
+AT_ONCE = len(CONDITIONS)  # most points, and most events, that one step adds
 
 
 @part
@@ -228,9 +230,8 @@ def _meet_events(
     `values` are those of the conditions at the old point, if that is not the first one, and become
     those at the new one.
     """
-    at, before = np.empty(z.size), np.empty(CONDITIONS)
-    for k in range(CONDITIONS):
-        kind = k if k < BORN else k - BORN + CORNER
+    at, before = np.empty(z.size), np.empty(len(CONDITIONS))
+    for k, kind in enumerate(CONDITIONS):
         before[k] = values[k]
         if out.ends[0] == 1:  # a line may begin at a bifurcation, whose value is rounding
             value = value_of(base, problem, span, old, kind, work)
@@ -239,9 +240,9 @@ def _meet_events(
     # a multiplier may pass -1 and 1 in one step
     node, double = before[SADDLE_NODE], before[DOUBLING]
     swapped = double * (node - values[SADDLE_NODE]) < node * (double - values[DOUBLING])
-    for turn in range(CONDITIONS):
+    for turn in range(len(CONDITIONS)):
         k = 1 - turn if swapped and turn < GRAZE else turn
-        kind = k if k < BORN else k - BORN + CORNER
+        kind = CONDITIONS[k]
         put_ahead(at, z, 0.0, z)
         changes = before[k] * values[k] < 0.0
         if changes and _locate(base, problem, span, old, at, kind, work):
@@ -264,7 +265,7 @@ def follow_line(
     p, q, work, step = span.p, span.q, work_for(span.p), 0.1 * span.longest
     events = span.condition < ALONG
     z, old, at, along = start.copy(), start.copy(), start.copy(), direction.copy()
-    values = np.empty(CONDITIONS)
+    values = np.empty(len(CONDITIONS))
     out.ends[0], out.ends[1], out.ends[2] = 0, 0, SPENT
     _record(base, problem, span, z, out, work)
     while out.ends[0] < out.trace.size - AT_ONCE and out.ends[1] < out.kind.size - AT_ONCE:

@@ -4,6 +4,8 @@ A contracting orbit eventually returns, in floating point, to exactly the same s
 then on it repeats for all time.  This recurrence is found by Brent's algorithm (1980): each lane
 saves a state, its anchor, at ages that double, and compares its current state with the anchor
 whenever lanes are checked.
+
+Once all particles of a realization are on cycles, all of them together are on a joint cycle.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.bases import (
     Base,
     Constants,
-    Instant,
     after_rest,
     counted,
     lifts_alike,
@@ -46,14 +47,8 @@ FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
 WORTH = 4.0
 # Distance kept from the ends of the window, where rounding might decide what is inside
 MARGIN = 2.0**-20  # periods
-
-
-class Length(NamedTuple):
-    """Length of a cycle."""
-
-    periods: float
-    impacts: float
-    rests: float
+# Up to this number quotients of two integers are equal in double precision only if they are equal
+LONGEST_JOINT = 2**25
 
 
 Cycles = Floats
@@ -88,28 +83,6 @@ class Chosen(NamedTuple):
 def empty_cycles(trajectories: int) -> Cycles:
     """Allocate the cycles of a batch."""
     return unwritten((len(CYCLE), trajectories))
-
-
-def no_cycles(trajectories: int) -> Cycles:
-    """Return cycles of which none was found."""
-    return np.zeros((len(CYCLE), trajectories))
-
-
-@jit
-def no_cycle(cycles: Cycles, lane: int) -> None:
-    """Record that no recurrence of trajectory `lane` was found."""
-    cycles[CYCLE.IMPACTS, lane] = 0.0
-
-
-@jit
-def _note(
-    cycles: Cycles, lane: int, length: Length, at: Instant, flight: float, age: float
-) -> None:
-    """Store the cycle of trajectory `lane`, and a state on it."""
-    cycles[CYCLE.IMPACTS, lane], cycles[CYCLE.PERIODS, lane] = length.impacts, length.periods
-    cycles[CYCLE.RESTS, lane], cycles[CYCLE.AGE, lane] = length.rests, age
-    cycles[CYCLE.WHOLE, lane], cycles[CYCLE.PHASE, lane] = at.whole, at.phase
-    cycles[CYCLE.FLIGHT, lane] = flight
 
 
 # Cache of the orbit from one rest to the next, which all particles of a realization share once they
@@ -222,26 +195,85 @@ def close_cycle(
     `jump` is 1 to skip them.  `cycles` are filled with the cycle, unless they hold one already.
     """
     kinds = chosen.kinds
-    age, at, flight = s[ROW.AGE + j], Instant(s[ROW.N + j], s[ROW.X + j]), s[ROW.U + j]
+    age, n, x, u = s[ROW.AGE + j], s[ROW.N + j], s[ROW.X + j], s[ROW.U + j]
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
     rested = s[OF_RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
     if lifts_alike(chosen.base) and window is None and rested > 0.0 and not jumps:
         # the orbit from rest to rest is unique, and was passed `rested` times since the anchor
-        impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
-        length = Length(since / rested, impacts / rested, 1.0)
+        periods, impacts = since / rested, (age - 0.5 * s[ROW.NEXT_ANCHOR + j]) / rested
+        rests_of_cycle = 1.0
     else:
-        length = Length(*cycle_of(kinds, s, j))
-        if length.impacts == 0.0:
+        periods, impacts, rests_of_cycle = cycle_of(kinds, s, j)
+        if impacts == 0.0:
             _count_cycle(kinds, s, j, realization, take(chosen.base, s, j), rests)
-            length = Length(*cycle_of(kinds, s, j))
+            periods, impacts, rests_of_cycle = cycle_of(kinds, s, j)
         if jumps:
-            last = _jump(kinds, s, j, length.periods, window)
+            last = _jump(kinds, s, j, periods, window)
             if last:
                 s[ROW.AGE + j] = -np.inf  # less than a cycle is left
     lane = int(s[ROW.LANE + j])
     if cycles[CYCLE.IMPACTS, lane] == 0.0:
-        _note(cycles, lane, length, at, flight, age)
+        cycles[CYCLE.IMPACTS, lane], cycles[CYCLE.PERIODS, lane] = impacts, periods
+        cycles[CYCLE.RESTS, lane], cycles[CYCLE.AGE, lane] = rests_of_cycle, age
+        cycles[CYCLE.WHOLE, lane], cycles[CYCLE.PHASE, lane] = n, x
+        cycles[CYCLE.FLIGHT, lane] = u
     s[ROW.NEXT_ANCHOR + j] = np.inf
     if last:
         stop_search(s, j)
+
+
+class Joint(NamedTuple):
+    """Cycles of all particles of a realization together."""
+
+    # Least common multiple of the impacts in the cycles; 0 where there is no joint cycle
+    impacts: int
+    periods: float  # least common multiple of their forcing periods
+    age: int  # impacts after which each particle is on its cycle
+    known: float  # whole periods, relative to the end, after which each particle is on its cycle
+
+
+@jit
+def _common_multiple(a: int, b: int) -> int:
+    x, y = a, b
+    while y > 0:
+        x, y = y, x % y
+    return a // x * b
+
+
+@jit
+def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
+    """Joint cycle of trajectories first, ...; of no impacts where there is none.
+
+    The forcing periods that an impact takes are written to `pace`, of shape (particle,).
+    """
+    nothing = Joint(0, 0.0, 0, 0.0)
+    if cycles.size == 0:
+        return nothing
+    impacts, periods, age, known = 1, 1, 0, -np.inf
+    for p in range(pace.size):
+        t = first + p
+        if cycles[CYCLE.IMPACTS, t] == 0.0:
+            return nothing
+        impacts = _common_multiple(impacts, int(cycles[CYCLE.IMPACTS, t]))
+        periods = _common_multiple(periods, int(cycles[CYCLE.PERIODS, t]))
+        if impacts > LONGEST_JOINT or periods > LONGEST_JOINT:
+            return nothing
+        age = max(age, int(cycles[CYCLE.AGE, t]))
+        known = max(known, cycles[CYCLE.WHOLE, t] + 1.0)
+        pace[p] = cycles[CYCLE.PERIODS, t] / cycles[CYCLE.IMPACTS, t]
+    return Joint(impacts, float(periods), age, known)
+
+
+@jit
+def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget: int) -> bool:
+    """Return whether all landings until whole period n_end of trajectories first, ... fit a budget.
+
+    Trajectories without a cycle were followed to the end within it.
+    """
+    for t in range(first, first + particles):
+        if cycles.size > 0 and cycles[CYCLE.IMPACTS, t] > 0.0:
+            rounds = (n_end - cycles[CYCLE.WHOLE, t]) / cycles[CYCLE.PERIODS, t]
+            if cycles[CYCLE.AGE, t] + rounds * cycles[CYCLE.IMPACTS, t] > budget:
+                return False
+    return True

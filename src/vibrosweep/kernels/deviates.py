@@ -66,16 +66,12 @@ def key_of(seed: int) -> Key:
 
 
 @jit
-def _round(a: Word, b: Word, c: Word, d: Word, low: Word, high: Word) -> Words:
-    first, second = FIRST_FACTOR * a, SECOND_FACTOR * c
-    return (second >> HALF) ^ b ^ low, second & LOW, (first >> HALF) ^ d ^ high, first & LOW
-
-
-@jit
 def philox(a: Word, b: Word, c: Word, d: Word, low: Word, high: Word) -> Words:
     """Four words of Philox 4x32-10, of a counter (a, b, c, d) and a key (low, high)."""
     for _ in range(10):
-        a, b, c, d = _round(a, b, c, d, low, high)
+        first, second = FIRST_FACTOR * a, SECOND_FACTOR * c
+        a, b = (second >> HALF) ^ b ^ low, second & LOW
+        c, d = (first >> HALF) ^ d ^ high, first & LOW
         low, high = (low + FIRST_STEP) & LOW, (high + SECOND_STEP) & LOW
     return a, b, c, d
 

@@ -83,13 +83,13 @@ def exp_near_zero(r: float) -> float:
 
 
 @jit
-def _power_of_two(k: int) -> float:
+def power_of_two(k: int) -> float:
     """Two to the power of k, from -1022 to 1023."""
     return np.int64((k << 52) + ONE).view(np.float64)
 
 
 @jit
-def _reduced(x: float) -> tuple[float, int]:
+def reduced(x: float) -> tuple[float, int]:
     """Number r within ln(2) / 2 of 0, and an integer k, with x = k ln 2 + r."""
     shifted = np.float64(fma(x, LOG2_E, SHIFT))
     k = shifted - SHIFT
@@ -101,9 +101,9 @@ def _reduced(x: float) -> tuple[float, int]:
 def exp(x: float) -> float:
     """Return e to the power of x."""
     inside = min(max(x, -746.0), 710.0)
-    r, k = _reduced(inside)
+    r, k = reduced(inside)
     half = k >> 1  # in two steps: the power alone may be too large or too small for a double
-    found = (1.0 + exp_near_zero(r)) * _power_of_two(half) * _power_of_two(k - half)
+    found = (1.0 + exp_near_zero(r)) * power_of_two(half) * power_of_two(k - half)
     return found if x == x else x
 
 
@@ -111,7 +111,7 @@ def exp(x: float) -> float:
 def expm1(x: float) -> float:
     """Return e to the power of x, less 1, up to x = 700."""
     inside = min(max(x, -700.0), 700.0)
-    r, k = _reduced(inside)
-    power = _power_of_two(k)
+    r, k = reduced(inside)
+    power = power_of_two(k)
     found = fma(power, exp_near_zero(r), power - 1.0)
     return found if x == x else x

@@ -12,12 +12,7 @@ import numpy as np
 
 from vibrosweep.kernels import elementary, growth
 from vibrosweep.kernels._jit import jit
-from vibrosweep.kernels.bases import (
-    Constants,
-    contraction,
-    jacobian,
-    reverses,
-)
+from vibrosweep.kernels.bases import Constants, contraction, jacobian, reverses
 from vibrosweep.kernels.bases.error_bounds import (
     StateError,
     jacobian_error,
@@ -27,14 +22,7 @@ from vibrosweep.kernels.bases.error_bounds import (
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.tangent import carry, stretch
-from vibrosweep.kernels.trust import (
-    Enclosure,
-    extent,
-    landing_error,
-    spread_of,
-    turn_box,
-    upright,
-)
+from vibrosweep.kernels.trust import Enclosure, extent, landing_error, spread_of, turn_box, upright
 
 
 class State(NamedTuple):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -80,9 +80,9 @@ def inverse_fourth_root(t: float) -> float:
     return root
 
 
-@implements(scale_of, Plastic)
-def scale_of_plastic(law: Restitution, e: float, speed: float) -> float:
-    return 1.0 / speed
+implements(scale_of, Plastic)(lambda law, e, speed: 1.0 / speed)
+implements(ratio_error, Plastic)(lambda law, e, scale, v: PLASTIC_ERROR)
+implements(slack, Plastic)(lambda law: 2.0)
 
 
 @implements(ratio, Plastic)
@@ -105,16 +105,6 @@ def slope_range_plastic(
     near, far = 1.0 - 8.0 * HALF_ULP, 1.0 + 8.0 * HALF_ULP
     least = slope(law, e, scale, high * far) * near if high < np.inf else 0.0
     return least, slope(law, e, scale, low * near) * far
-
-
-@implements(ratio_error, Plastic)
-def ratio_error_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
-    return PLASTIC_ERROR
-
-
-@implements(slack, Plastic)
-def slack_plastic(law: Restitution) -> float:
-    return 2.0
 
 
 class Viscoelastic(NamedTuple):
@@ -143,12 +133,8 @@ def _root(scale: float, v: float) -> float:
     """
     t = v * scale
     f, k = elementary.mantissa_and_exponent(1e-300 if t < 1e-300 else t)
-    x = 0.1 * elementary.log_near_one(f, k)
-    shifted = np.float64(fma(x, elementary.LOG2_E, elementary.SHIFT))
-    n = shifted - elementary.SHIFT
-    r = fma(-n, elementary.LN2_LOW, fma(-n, elementary.LN2_HIGH, x))
-    whole = np.int64(shifted.view(np.int64) - elementary.SHIFT_BITS)
-    power = np.int64((whole << 52) + elementary.ONE).view(np.float64)
+    r, whole = elementary.reduced(0.1 * elementary.log_near_one(f, k))
+    power = elementary.power_of_two(whole)
     found = fma(power, elementary.exp_near_zero(r), power)
     return found if t == t else t
 
@@ -174,14 +160,9 @@ def scale_of_viscoelastic(law: Restitution, e: float, speed: float) -> float:
     return eighth * square / speed
 
 
-@implements(ratio, Viscoelastic)
-def ratio_viscoelastic(law: Restitution, e: float, scale: float, v: float) -> float:
-    return pade(_root(scale, v))[0]
-
-
-@implements(slope, Viscoelastic)
-def slope_viscoelastic(law: Restitution, e: float, scale: float, v: float) -> float:
-    return pade(_root(scale, v))[1]
+implements(ratio, Viscoelastic)(lambda law, e, scale, v: pade(_root(scale, v))[0])
+implements(slope, Viscoelastic)(lambda law, e, scale, v: pade(_root(scale, v))[1])
+implements(slack, Viscoelastic)(lambda law: 3.0)
 
 
 @implements(slope_range, Viscoelastic)
@@ -201,23 +182,11 @@ def ratio_error_viscoelastic(law: Restitution, e: float, scale: float, v: float)
     return PADE_ERROR + 10.0 * (share - q) / share * of_root
 
 
-@implements(slack, Viscoelastic)
-def slack_viscoelastic(law: Restitution) -> float:
-    return 3.0
-
-
-@implements(straight, Plastic, Viscoelastic)
-def straight_falling(law: Restitution) -> bool:
-    return False
-
-
-@implements(lost_speed, Plastic, Viscoelastic)
-def lost_speed_falling(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
+def _lost_speed_falling(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
     return fma(-ratio(law, e, scale, v), v, sign * v)
 
 
-@implements(arrival_to_repeat, Plastic, Viscoelastic)
-def arrival_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+def _arrival_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
     # E is concave: Newton's method from below never passes the root
     c = k
     for _ in range(STEPS):
@@ -226,27 +195,27 @@ def arrival_to_repeat_falling(law: Restitution, e: float, scale: float, k: float
     return c
 
 
-@implements(leaving_to_repeat, Plastic, Viscoelastic)
-def leaving_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+def _leaving_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
     c = arrival_to_repeat(law, e, scale, k)
     return ratio(law, e, scale, c) * c
 
 
-@implements(rise_to_repeat, Plastic, Viscoelastic)
-def rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+def _rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
     # c - k is half of c - E(c), because c + E(c) = 2 k
     c = arrival_to_repeat(law, e, scale, k)
     return 0.5 * (1.0 + e) * lost_speed(law, e, scale, c, 1.0)
 
 
-# The same for all laws whose share of a speed falls with the speed
-FALLING: Final[Mapping[Any, Any]] = {
-    straight: straight_falling,
-    lost_speed: lost_speed_falling,
-    arrival_to_repeat: arrival_to_repeat_falling,
-    leaving_to_repeat: leaving_to_repeat_falling,
-    rise_to_repeat: rise_to_repeat_falling,
-}
+def _implement_falling(*kinds: type) -> None:
+    """Implement the functions that all laws share whose coefficient falls with the speed."""
+    implements(straight, *kinds)(lambda law: False)
+    implements(lost_speed, *kinds)(_lost_speed_falling)
+    implements(arrival_to_repeat, *kinds)(_arrival_to_repeat_falling)
+    implements(leaving_to_repeat, *kinds)(_leaving_to_repeat_falling)
+    implements(rise_to_repeat, *kinds)(_rise_to_repeat_falling)
+
+
+_implement_falling(Plastic, Viscoelastic)
 LAW_OF: Final[Mapping[str, Restitution]] = {
     CONSTANT: Constant(),
     PLASTIC: Plastic(),
@@ -266,17 +235,10 @@ def _from_outside(code: str, law: OutsideLaw) -> Restitution:
     share, kept_slope, bend = (compiled_anew(f, jit) for f in (law.ratio, law.slope, law.bend))
     roundings, rounding = law.roundings, law.roundings * HALF_ULP
 
-    @implements(scale_of, marker)
-    def scale_of_outside(law: Restitution, e: float, speed: float) -> float:
-        return 1.0 / speed
-
-    @implements(ratio, marker)
-    def ratio_outside(law: Restitution, e: float, scale: float, v: float) -> float:
-        return share(e, v * scale)  # type: ignore[no-any-return]
-
-    @implements(slope, marker)
-    def slope_outside(law: Restitution, e: float, scale: float, v: float) -> float:
-        return kept_slope(e, v * scale)  # type: ignore[no-any-return]
+    implements(scale_of, marker)(lambda law, e, speed: 1.0 / speed)
+    implements(ratio, marker)(lambda law, e, scale, v: share(e, v * scale))
+    implements(slope, marker)(lambda law, e, scale, v: kept_slope(e, v * scale))
+    implements(slack, marker)(lambda law: 1.0 + 0.25 * roundings)
 
     @implements(slope_range, marker)
     def slope_range_outside(
@@ -294,10 +256,5 @@ def _from_outside(code: str, law: OutsideLaw) -> Restitution:
         off = abs(kept_slope(e, v * scale) - kept) + bend(e) * v * scale * SPEED_ERROR
         return rounding + off * SPEED_ERROR / abs(kept) if kept != 0.0 else rounding
 
-    @implements(slack, marker)
-    def slack_outside(law: Restitution) -> float:
-        return 1.0 + 0.25 * roundings
-
-    for function, falling in FALLING.items():
-        implements(function, marker)(falling)
+    _implement_falling(marker)
     return marker()

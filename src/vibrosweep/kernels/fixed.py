@@ -30,7 +30,7 @@ from vibrosweep.kernels.restitution import (
     slope_change,
 )
 from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.unwritten import empty
 from vibrosweep.model.parameters import Dimensionless
 
 ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
@@ -55,7 +55,7 @@ class FixedOrbits(NamedTuple):
 
 def empty_fixed(problems: int) -> FixedOrbits:
     """Allocate fixed orbits."""
-    return FixedOrbits(unwritten(problems, np.int8), unwritten(problems))
+    return empty(FixedOrbits, problems)
 
 
 def may_push_back(rebound: str) -> bool:

@@ -68,12 +68,6 @@ def add(g: Floats, grown: float) -> None:
 
 
 @jit
-def count(g: Floats) -> float:
-    """Count the impacts whose growth was added."""
-    return g[AT.COUNT]  # type: ignore[no-any-return]
-
-
-@jit
 def mean(g: Floats) -> float:
     """Mean growth per impact; NaN without impacts."""
     if g[AT.COUNT] == 0.0:

@@ -38,9 +38,7 @@ from vibrosweep.kernels.waveforms import (
     take_phases,
     velocity,
 )
-from vibrosweep.model.shapes import (
-    TWO_PI,
-)
+from vibrosweep.model.shapes import TWO_PI
 
 STEPS = 100  # of a search
 NEAR = 2.0**-30  # turns; steps of Newton's method that do not shrink any more are rounding
@@ -97,14 +95,11 @@ def _clenshaw(shape: Shape, x: float, order: int) -> float:
     return total
 
 
-@implements(velocity, Harmonics)
-def velocity_harmonics(shape: Harmonics, x: float) -> float:
-    return _clenshaw(shape, x, 0)
-
-
-@implements(kick_slope, Harmonics)
-def kick_slope_harmonics(shape: Harmonics, a: float, x: float) -> float:
-    return 2.0 * math.pi * a * _clenshaw(shape, x, 1)
+implements(velocity, Harmonics)(lambda shape, x: _clenshaw(shape, x, 0))
+implements(kick_slope, Harmonics)(lambda shape, a, x: 2.0 * math.pi * a * _clenshaw(shape, x, 1))
+implements(peak_of, Harmonics)(lambda shape: shape.highest)
+implements(depth_of, Harmonics)(lambda shape: shape.deepest)
+implements(steepness, Harmonics)(lambda shape: shape.steepest)
 
 
 @implements(kick_rounding, Harmonics)
@@ -120,21 +115,6 @@ def left_out_harmonics(shape: Harmonics, a: float, x: float, error: float) -> fl
 @implements(kick_bend, Harmonics)
 def kick_bend_harmonics(shape: Harmonics, a: float, x: float, error: float) -> float:
     return a * (2.0 * shape.bend * error + shape.slope_rounding)
-
-
-@implements(peak_of, Harmonics)
-def peak_of_harmonics(shape: Harmonics) -> float:
-    return shape.highest
-
-
-@implements(depth_of, Harmonics)
-def depth_of_harmonics(shape: Harmonics) -> float:
-    return shape.deepest
-
-
-@implements(steepness, Harmonics)
-def steepness_harmonics(shape: Harmonics) -> float:
-    return shape.steepest
 
 
 @jit
@@ -233,19 +213,10 @@ _rises = for_each("peak", "rise(shape, a, r, {k})")
 _taken = for_each("peak", f"s[{ROW.PHASES} + {{row}} + j]")
 
 
-@implements(lift_offs, Harmonics)
-def lift_offs_harmonics(shape: Harmonics, a: float, r: float, of_sine: float) -> LiftOffs:
-    return _rises(shape, a, r, 0.0, 0)
-
-
-@implements(lifts_once, Harmonics)
-def lifts_once_harmonics(shape: Harmonics) -> bool:
-    return len(shape.peak) == 1
-
-
-@implements(next_lift_off, Harmonics)
-def next_lift_off_harmonics(shape: Harmonics, phases: LiftOffs, x: float) -> tuple[float, float]:
-    return next_phase(phases, x)
+implements(lift_offs, Harmonics)(lambda shape, a, r, of_sine: _rises(shape, a, r, 0.0, 0))
+implements(lifts_once, Harmonics)(lambda shape: len(shape.peak) == 1)
+implements(next_lift_off, Harmonics)(lambda shape, phases, x: next_phase(phases, x))
+implements(take_phases, Harmonics)(lambda shape, s, j: _taken(shape, 0.0, 0.0, s, j))
 
 
 @jit
@@ -296,8 +267,3 @@ def put_phases_harmonics(
 ) -> None:
     for k in range(len(phases)):
         s[ROW.PHASES + k * STRIDE + j] = phases[k]
-
-
-@implements(take_phases, Harmonics)
-def take_phases_harmonics(shape: Harmonics, s: Floats, j: int) -> LiftOffs:
-    return _taken(shape, 0.0, 0.0, s, j)

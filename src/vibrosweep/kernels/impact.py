@@ -59,14 +59,6 @@ class Batch(NamedTuple):
     launches: Launches  # trajectory t of a batch is particle t % N of realization t // N
 
 
-class Start(NamedTuple):
-    """A trajectory that is to be followed: its index, its particle, and its launch."""
-
-    lane: int
-    particle: int
-    at: Instant
-
-
 class Impact(NamedTuple):
     """A landing and the lift-off that follows."""
 
@@ -106,10 +98,8 @@ def base_of(
         )
     if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
-    shape = {} if waveform == SINE else {"waveform": shape_of(waveform)}
-    made: Base = KIND_OF[base](waveform)(law=LAW_OF[rebound], noise=noise, **shape)
-    chosen = restitution_of(restitution)
-    return made if restitution == CONSTANT else made._replace(restitution=chosen)
+    laws = {"law": LAW_OF[rebound], "restitution": restitution_of(restitution)}
+    return KIND_OF[base](waveform)(waveform=shape_of(waveform), noise=noise, **laws)
 
 
 @jit

@@ -33,28 +33,16 @@ class Rest(NamedTuple):
     """A particle whose rebound points into the base stays on it."""
 
 
-@implements(speed_after, Rest)
-def speed_after_rest(law: Law, share: float, v: float, kick: float) -> float:
-    return fma(share, v, kick)
-
-
-@implements(direction, Rest)
-def direction_rest(law: Law, w: float) -> float:
-    return 1.0
+implements(speed_after, Rest)(lambda law, share, v, kick: fma(share, v, kick))
+implements(direction, Rest)(lambda law, w: 1.0)
 
 
 class Reflect(NamedTuple):
     """A rebound that points into the base is reversed, as in the Fermi accelerator."""
 
 
-@implements(speed_after, Reflect)
-def speed_after_reflect(law: Law, share: float, v: float, kick: float) -> float:
-    return abs(fma(share, v, kick))
-
-
-@implements(direction, Reflect)
-def direction_reflect(law: Law, w: float) -> float:
-    return -1.0 if w < 0.0 else 1.0
+implements(speed_after, Reflect)(lambda law, share, v, kick: abs(fma(share, v, kick)))
+implements(direction, Reflect)(lambda law, w: -1.0 if w < 0.0 else 1.0)
 
 
 LAW_OF: Final[Mapping[str, Law]] = {"rest": Rest(), "reflect": Reflect()}

@@ -1,8 +1,8 @@
 """Noise of a realization: random numbers of an impact, their effects and their roundings.
 
 The deviates are those of `vibrosweep.kernels.deviates`.  Each function does nothing where its first
-argument, the field `noise` of a base, or the kind of noise that it needs, is None: numba compiles
-nothing for that.
+argument, the field `noise` of a base, or the kind of noise that it needs, is None.  These are known
+when a kernel is compiled, and no machine code is left of what does nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from vibrosweep.kernels.deviates import (
     OF_KICK,
     OF_RESTITUTION,
     Key,
-    Word,
     deviate,
     key_of,
 )
@@ -98,29 +97,14 @@ def draw_of(
     """Random numbers of an impact of a particle, counted from 0, in a forcing period."""
     if noise is None:
         return STILL
-    key, stream = noise.key, source.stream
-    return Draw(
-        _scaled(
-            noise.restitution, source.restitution, key, stream, particle, number, OF_RESTITUTION
-        ),
-        _scaled(noise.kick, source.kick, key, stream, particle, number, OF_KICK),
-        _scaled(noise.drive, source.drive, key, stream, 0.0, period, OF_DRIVE),
-    )
-
-
-@jit
-def _scaled(
-    on: int | None,
-    size: float,
-    key: Key,
-    stream: float,
-    particle: float,
-    number: float,
-    purpose: Word,
-) -> float:
-    if on is None:
-        return 0.0
-    return size * deviate(key, stream, particle, number, purpose)
+    key, stream, slip, push, drive = noise.key, source.stream, 0.0, 0.0, 0.0
+    if noise.restitution is not None:
+        slip = source.restitution * deviate(key, stream, particle, number, OF_RESTITUTION)
+    if noise.kick is not None:
+        push = source.kick * deviate(key, stream, particle, number, OF_KICK)
+    if noise.drive is not None:
+        drive = source.drive * deviate(key, stream, 0.0, period, OF_DRIVE)
+    return Draw(slip, push, drive)
 
 
 @jit
@@ -128,12 +112,7 @@ def together(noise: Noise | None) -> float:
     """Return 1 where each lane has an impact in every pass, 0 where some may wait in a rest."""
     if noise is None:
         return 1.0
-    return _unless(noise.drive)
-
-
-@jit
-def _unless(on: int | None) -> float:
-    return 1.0 if on is None else 0.0
+    return 1.0 if noise.drive is None else 0.0
 
 
 @jit
@@ -141,26 +120,13 @@ def lands(noise: Noise | None, s: Floats, j: int) -> bool:
     """Return whether lane j lands in this pass; under noise of the drive it may be at rest."""
     if noise is None:
         return True
-    return _lands(noise.drive, s, j)
-
-
-@jit
-def _lands(on: int | None, s: Floats, j: int) -> bool:
-    if on is None:
-        return True
-    return s[ROW.ASLEEP + j] == 0.0  # type: ignore[no-any-return]
+    return bool(noise.drive is None or s[ROW.ASLEEP + j] == 0.0)
 
 
 @jit
 def count_impact(noise: Noise | None, s: Floats, j: int, landed: bool) -> None:
     """Count an impact of lane j, where not every pass is one."""
-    if noise is not None:
-        _count(noise.drive, s, j, landed)
-
-
-@jit
-def _count(on: int | None, s: Floats, j: int, landed: bool) -> None:
-    if on is not None:
+    if noise is not None and noise.drive is not None:
         s[ROW.AGE + j] += 1.0 if landed else 0.0
 
 
@@ -170,17 +136,10 @@ def drawn_in(noise: Noise | None, s: Floats, j: int) -> Draw:
     if noise is None:
         return STILL
     return Draw(
-        _taken(noise.restitution, s, ROW.SLIP + j),
-        _taken(noise.kick, s, ROW.PUSH + j),
-        _taken(noise.drive, s, ROW.DRIVE + j),
+        0.0 if noise.restitution is None else s[ROW.SLIP + j],
+        0.0 if noise.kick is None else s[ROW.PUSH + j],
+        0.0 if noise.drive is None else s[ROW.DRIVE + j],
     )
-
-
-@jit
-def _taken(on: int | None, s: Floats, place: int) -> float:
-    if on is None:
-        return 0.0
-    return s[place]  # type: ignore[no-any-return]
 
 
 @jit
@@ -244,12 +203,7 @@ def swing(noise: Noise | None, a: float, drive: float) -> float:
     """Modulus of the change that noise of the drive made to the nominal amplitude, to give a."""
     if noise is None:
         return 0.0
-    return _swing(noise.drive, a, drive)
-
-
-@jit
-def _swing(on: int | None, a: float, drive: float) -> float:
-    return 0.0 if on is None else abs(a * (drive / (1.0 + drive)))
+    return 0.0 if noise.drive is None else abs(a * (drive / (1.0 + drive)))
 
 
 @jit
@@ -274,12 +228,7 @@ def clip_is_doubtful(noise: Noise | None, share: float, slip: float, error: floa
     if noise is None:
         return False
     moved = share + slip
-    return _clips(noise.restitution, min(abs(moved), abs(moved - 1.0)), 4.0 * error)
-
-
-@jit
-def _clips(on: int | None, distance: float, error: float) -> bool:
-    return on is not None and not distance > error
+    return noise.restitution is not None and not min(abs(moved), abs(moved - 1.0)) > 4.0 * error
 
 
 @jit
@@ -287,12 +236,7 @@ def period_is_doubtful(noise: Noise | None, x: float, error: float) -> bool:
     """Return whether an error of a phase decides in which forcing period it lies."""
     if noise is None:
         return False
-    return _parts(noise.drive, x, error)
-
-
-@jit
-def _parts(on: int | None, x: float, error: float) -> bool:
-    return on is not None and abs(x) <= error
+    return noise.drive is not None and abs(x) <= error
 
 
 @jit
@@ -327,11 +271,4 @@ def lifted(
     """
     if noise is None:
         return known
-    return _lifted(noise.drive, known, (n, x))
-
-
-@jit
-def _lifted(
-    on: int | None, known: tuple[float, float], landing: tuple[float, float]
-) -> tuple[float, float]:
-    return known if on is None else landing
+    return known if noise.drive is None else (n, x)

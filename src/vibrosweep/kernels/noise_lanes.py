@@ -108,12 +108,6 @@ def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
 @jit
 def note_sleep(noise: Noise | None, s: Floats, j: int, rests: bool) -> None:
     """Note whether lane j has come to rest, until a period that lifts it."""
-    if noise is not None:
-        _note(noise.drive, s, j, rests)
-
-
-@jit
-def _note(on: int | None, s: Floats, j: int, rests: bool) -> None:
-    if on is not None:
+    if noise is not None and noise.drive is not None:
         waits = s[ROW.ASLEEP + j]
         s[ROW.ASLEEP + j] = 1.0 if rests else waits if waits > 0.0 else 0.0

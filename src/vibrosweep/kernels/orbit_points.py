@@ -40,15 +40,7 @@ def empty_line(points: int, p: int) -> Line:
 def written(out: Line) -> Line:
     """Return the points and events that a line holds; a RunError where one was not written."""
     count, events = int(out.ends[0]), int(out.ends[1])
-    kept = Line(
-        ends=out.ends,
-        z=out.z[:count].copy(),
-        trace=out.trace[:count].copy(),
-        determinant=out.determinant[:count].copy(),
-        admissible=out.admissible[:count].copy(),
-        speed=out.speed[:count].copy(),
-        kind=out.kind[:events].copy(),
-        at=out.at[:events].copy(),
-    )
+    points = {name: getattr(out, name)[:count].copy() for name in Line._fields[1:6]}
+    kept = out._replace(**points, kind=out.kind[:events].copy(), at=out.at[:events].copy())
     require_written(kept)
     return kept

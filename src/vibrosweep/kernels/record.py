@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, jit
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.unwritten import empty
 
 
 class Record(NamedTuple):
@@ -23,8 +23,7 @@ class Record(NamedTuple):
 
 def empty_record(*shape: int) -> Record:
     """Allocate arrays of that shape: trajectories and landings of each at most, or landings."""
-    landing, liftoff, velocity = (unwritten(shape) for _ in range(3))
-    return Record(landing, liftoff, velocity, unwritten(shape, np.int8))
+    return empty(Record, *shape)
 
 
 class Units(NamedTuple):

@@ -6,10 +6,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, implements, jit, uncounted, wide_vectors
+from vibrosweep.kernels._jit import Floats, Integers, implements, uncounted, wide_vectors
 from vibrosweep.kernels.bases import Base, constants, speed, take, wake
 from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE, VECTOR
-from vibrosweep.kernels.noise import Noise
 from vibrosweep.kernels.observer import note, observe
 from vibrosweep.kernels.record import Record, Scale, Units, seconds
 from vibrosweep.kernels.statistics import KINDS, Kinds
@@ -58,17 +57,6 @@ def note_for_record(
     s[NOTED.PHASE + j], s[NOTED.PERIODS + j] = landing.phase, n
 
 
-@jit
-def _lift_off(
-    noise: Noise | None, observer: Recorder, base: Base, s: Floats, j: int, i: int
-) -> tuple[float, float]:
-    """Instant of the lift-off of lane j, to which noise of the drive takes a resting one later."""
-    n, x = s[ROW.N + j], s[ROW.X + j]
-    if noise is None or not (s[NOTED.RESTS + j] > 0.0 and n + x < np.inf):
-        return n, x
-    return wake(constants(base, observer.problem, i), n, x, s[ROW.ORIGIN + j])
-
-
 @implements(observe, Recorder)
 def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> None:
     wide_vectors()
@@ -87,7 +75,10 @@ def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> Non
         scale = Scale(frequency, velocity, problem.end_count[i], problem.phase[i])
         out.landing_time[k] = seconds(scale, s[NOTED.PERIODS + j], s[NOTED.PHASE + j])
         out.rested[k] = 1 if s[NOTED.RESTS + j] > 0.0 else 0
-        n, x = _lift_off(base.noise, observer, base, s, j, i)
+        n, x = s[ROW.N + j], s[ROW.X + j]
+        # under noise of the drive, a resting particle is lifted later
+        if base.noise is not None and s[NOTED.RESTS + j] > 0.0 and n + x < np.inf:
+            n, x = wake(constants(base, problem, i), n, x, s[ROW.ORIGIN + j])
         leaves = n + x < np.inf  # NaN after a rest for good
         out.liftoff_time[k] = seconds(scale, n, x) if leaves else np.nan
         out.rebound_velocity[k] = s[NOTED.SPEED + j] * velocity if leaves else np.nan

@@ -92,59 +92,15 @@ class Constant(NamedTuple):
     """The same share of any speed."""
 
 
-@implements(scale_of, Constant)
-def scale_of_constant(law: Restitution, e: float, speed: float) -> float:
-    return 0.0
-
-
-@implements(ratio, Constant)
-def ratio_constant(law: Restitution, e: float, scale: float, v: float) -> float:
-    return e
-
-
-@implements(slope, Constant)
-def slope_constant(law: Restitution, e: float, scale: float, v: float) -> float:
-    return e
-
-
-@implements(slope_range, Constant)
-def slope_range_constant(
-    law: Restitution, e: float, scale: float, low: float, high: float
-) -> tuple[float, float]:
-    return e, e
-
-
-@implements(ratio_error, Constant)
-def ratio_error_constant(law: Restitution, e: float, scale: float, v: float) -> float:
-    return 0.0
-
-
-@implements(straight, Constant)
-def straight_constant(law: Restitution) -> bool:
-    return True
-
-
-@implements(slack, Constant)
-def slack_constant(law: Restitution) -> float:
-    return 1.0
-
-
-@implements(lost_speed, Constant)
-def lost_speed_constant(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
-    # not as the difference of the speeds: rounding would lose 1 - e near 1
-    return (sign - e) * v
-
-
-@implements(arrival_to_repeat, Constant)
-def arrival_to_repeat_constant(law: Restitution, e: float, scale: float, k: float) -> float:
-    return 2.0 * k / (1.0 + e)
-
-
-@implements(leaving_to_repeat, Constant)
-def leaving_to_repeat_constant(law: Restitution, e: float, scale: float, k: float) -> float:
-    return 2.0 * e * k / (1.0 + e)
-
-
-@implements(rise_to_repeat, Constant)
-def rise_to_repeat_constant(law: Restitution, e: float, scale: float, k: float) -> float:
-    return (1.0 - e) * k
+implements(scale_of, Constant)(lambda law, e, speed: 0.0)
+implements(ratio, Constant)(lambda law, e, scale, v: e)
+implements(slope, Constant)(lambda law, e, scale, v: e)
+implements(slope_range, Constant)(lambda law, e, scale, low, high: (e, e))
+implements(ratio_error, Constant)(lambda law, e, scale, v: 0.0)
+implements(straight, Constant)(lambda law: True)
+implements(slack, Constant)(lambda law: 1.0)
+# not as the difference of the speeds: rounding would lose 1 - e near 1
+implements(lost_speed, Constant)(lambda law, e, scale, v, sign: (sign - e) * v)
+implements(arrival_to_repeat, Constant)(lambda law, e, scale, k: 2.0 * k / (1.0 + e))
+implements(leaving_to_repeat, Constant)(lambda law, e, scale, k: 2.0 * e * k / (1.0 + e))
+implements(rise_to_repeat, Constant)(lambda law, e, scale, k: (1.0 - e) * k)

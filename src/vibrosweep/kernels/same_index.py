@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.bases import Constants, Instant, after_rest, fly, lifts_alike
+from vibrosweep.kernels.cycles import Joint
 from vibrosweep.kernels.impact import land
-from vibrosweep.kernels.joint import Joint
 from vibrosweep.kernels.lanes import VECTOR
 from vibrosweep.kernels.listing import Window, append_due, compare, due_first, next_landings, nobody
 from vibrosweep.kernels.ordering import (
@@ -22,12 +20,8 @@ from vibrosweep.kernels.ordering import (
     put_in_order,
 )
 
-
-class LiftOffs(NamedTuple):
-    """Whole periods after which, and up to which, lift-offs are followed by counted landings."""
-
-    after: float
-    until: float
+# Whole periods after which, and up to which, lift-offs are followed by counted landings
+LiftOffs = tuple[float, float]
 
 
 @jit
@@ -48,12 +42,12 @@ def _lift_off_together(s: Floats, lanes: int, counted: LiftOffs, rests: Floats) 
 
     The two particles then move as one.
     """
-    together = False
+    together, (after, until) = False, counted
     for j in range(lanes):
         n = s[STATE.N_REST + j]
         if n < np.inf and s[STATE.DUE + j] != 0.0:
             place = int(n) & (PERIODS_REMEMBERED - 1)
-            together |= rests[place] == n and counted.after < n <= counted.until
+            together |= rests[place] == n and after < n <= until
             rests[place] = n
     return together
 
@@ -130,14 +124,14 @@ def _followed_by_landings(fixed: Constants, window: Window) -> LiftOffs:
     There are none where a rest may end at several phases of a period.
     """
     if not lifts_alike(fixed.base):
-        return LiftOffs(np.inf, -np.inf)
+        return np.inf, -np.inf
     x_lift, u_lift = after_rest(fixed)
     flight, _ = fly(fixed, x_lift, u_lift)
     x, passed = land(x_lift, flight)
     low = -np.inf
     if window.late:
         low = window.begin.whole + np.ceil(window.begin.phase - x) - passed - 1.0
-    return LiftOffs(low, np.floor(window.end.phase - x) - passed)
+    return low, np.floor(window.end.phase - x) - passed
 
 
 @jit

@@ -1,4 +1,4 @@
-"""Smallest separations between the landings of different particles of one realization."""
+"""Landings of independent particles: smallest separations between different ones, and order."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, jit, uncounted
 from vibrosweep.kernels.bases import Instant, constants
-from vibrosweep.kernels.cycles import Cycles
+from vibrosweep.kernels.cycles import Cycles, Joint, affordable, joint_cycle
 from vibrosweep.kernels.impact import Batch
-from vibrosweep.kernels.joint import Joint, affordable, joint_cycle
 from vibrosweep.kernels.listing import Window, start
 from vibrosweep.kernels.ordering import Workspace
 from vibrosweep.kernels.same_index import same_index
-from vibrosweep.kernels.slabs import UNKNOWN, all_landings
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.sequence import Orders, Turns, no_order, write_order
+from vibrosweep.kernels.slabs import UNKNOWN, all_landings, order_all
+from vibrosweep.kernels.unwritten import empty
 
 
 class Separations(NamedTuple):
@@ -33,9 +33,7 @@ class Separations(NamedTuple):
 
 def empty_separations(realizations: int) -> Separations:
     """Allocate the separations of a batch."""
-    return Separations(
-        unwritten(realizations), unwritten(realizations), unwritten(realizations, np.int8)
-    )
+    return empty(Separations, realizations)
 
 
 @jit
@@ -101,3 +99,31 @@ def separate(
             start(work, batch, i)
             gap, shared = all_landings(fixed, part, work)
         write_separations(out, i, gap, same, shared)
+
+
+@uncounted
+def find_order(
+    first: int,
+    last: int,
+    batch: Batch,
+    complete: NDArray[np.bool_],
+    budget: int,
+    work: tuple[Workspace, Turns],
+    cycles: Cycles,
+    out: Orders,
+) -> None:
+    """Find the order of realizations first ... last - 1; write only their slots.
+
+    Arguments are those of `separate`; `work` holds turns beside the lists.  All landings are
+    followed, those of a cycle too, because changes of the order are counted.  Where a particle
+    lands more than `budget` times, the order is unknown.
+    """
+    base, problem, launches = batch
+    particles, (lists, turns) = launches.whole.shape[1], work
+    for i in range(first, last):
+        order = no_order(turns)
+        known = complete[i] and affordable(cycles, i * particles, particles, 0.0, budget)
+        if known:
+            window = start(lists, batch, i)
+            order, known = order_all(constants(base, problem, i), window, lists, turns)
+        write_order(out, i, turns, order, known)

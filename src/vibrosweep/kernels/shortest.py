@@ -10,7 +10,7 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, uncounted
 from vibrosweep.kernels.bases import Base, constants
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.settle import SAME_ORBIT
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.unwritten import empty
 from vibrosweep.model.parameters import Dimensionless
 
 
@@ -24,7 +24,7 @@ class Shortest(NamedTuple):
 
 def empty_shortest(cycles: int) -> Shortest:
     """Allocate the impacts of a batch of cycles."""
-    return Shortest(*(unwritten(cycles) for _ in Shortest._fields))
+    return empty(Shortest, cycles)
 
 
 @jit

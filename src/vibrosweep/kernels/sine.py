@@ -63,7 +63,7 @@ def sin_near(y: float) -> float:
 
 
 @jit
-def _folded(x: float) -> float:
+def folded(x: float) -> float:
     """Phase in [-1/4, 1/4] with the same sine; exact (Sterbenz)."""
     near = abs(x)
     far = 0.5 - near
@@ -77,7 +77,7 @@ def sin_turns(x: float) -> float:
     As the fold is exact, the zeros at -1/2, 0 and 1/2 are exact and phases next to them keep their
     relative accuracy.
     """
-    return sin_near(_folded(x))
+    return sin_near(folded(x))
 
 
 @jit
@@ -86,7 +86,7 @@ def sin_and_lag(s: float, part: float) -> tuple[float, float]:
 
     Below a quarter turn the difference is the polynomial without its first term.
     """
-    y = _folded(part)
+    y = folded(part)
     z = y * y
     odd, even = _terms(z)
     sine = fma(y, C0_HIGH, y * fma(z, odd, fma(z * z, even, C0_LOW)))

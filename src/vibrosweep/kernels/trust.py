@@ -46,7 +46,7 @@ from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
 from vibrosweep.kernels.noise import Noise
 from vibrosweep.kernels.rounding import LAUNCH_ERROR, ROUNDING
 from vibrosweep.kernels.tangent import carry
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.unwritten import empty
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
@@ -70,8 +70,7 @@ class Trust(NamedTuple):
 
 def empty_trust(trajectories: int) -> Trust:
     """Allocate the bounds of a batch."""
-    until, landing, flight = (unwritten(trajectories) for _ in range(3))
-    return Trust(until, landing, flight)
+    return empty(Trust, trajectories)
 
 
 class Enclosure(NamedTuple):
@@ -140,10 +139,9 @@ def turn_box(box: Enclosure, derivative: Jacobian) -> Enclosure:
 class Bounded(NamedTuple):
     """An impact with the bounds of its errors."""
 
-    # x, passed, v: phase of the landing, whole periods passed, and speed of arrival
+    # x, passed: phase of the landing, and whole periods passed
     x: float
     passed: float
-    v: float
     w: float  # speed after it, if the particle leaves at once
     # error, spread: of the phase of the landing, and of both (x, w)
     error: float
@@ -187,7 +185,7 @@ def _impact(
         across + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
     )
     w = rebound(fixed, x_land, v)
-    return Bounded(x_land, passed, v, w, error, spread_of(box), box, fixed)
+    return Bounded(x_land, passed, w, error, spread_of(box), box, fixed)
 
 
 @jit
@@ -236,12 +234,6 @@ def _lifted(
 
 
 @jit
-def _with_lift_off(noise: Noise | None, worst: float, error: float) -> float:
-    """Largest error of landings, and with noise of lift-offs after rests, one of which is given."""
-    return worst if noise is None else max(worst, error)
-
-
-@jit
 def _follow(
     batch: Batch, i: int, p: int, tolerance: float, budget: int
 ) -> tuple[float, float, float]:
@@ -279,7 +271,8 @@ def _follow(
         box = upright(lifted)
         if lifted.phase == np.inf:
             break
-        worst = _with_lift_off(fixed.base.noise, worst, lifted.phase)
+        if fixed.base.noise is not None:  # a random lift-off is not known without error
+            worst = max(worst, lifted.phase)
         n, x = wake(fixed, n, x, n_end)
         if n == np.inf:
             return (np.inf if known else until), worst, flight_error

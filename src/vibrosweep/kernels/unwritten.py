@@ -7,16 +7,25 @@ uninitialised memory.
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, Final
+from typing import Any, Final, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from vibrosweep.errors import RunError
+from vibrosweep.kernels._jit import Complexes, Flags, Floats, Integers
+
+T = TypeVar("T")
 
 # Initial values of flags, and of other numbers: as a float64, a NaN that no arithmetic gives
 FLAG: Final = -128
 NUMBER: Final = 0x7FF8_0000_0BAD_F00D
+DTYPE: Final[dict[Any, type]] = {
+    Floats: np.float64,
+    Complexes: np.complex128,
+    Integers: np.int64,
+    Flags: np.int8,
+}
 
 
 def unwritten(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
@@ -25,6 +34,11 @@ def unwritten(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> ND
     bits, mark = _bits(array)
     bits[...] = mark
     return array
+
+
+def empty(kind: type[T], *shape: int) -> T:
+    """Allocate a named tuple of results, all arrays of this shape and of the types it declares."""
+    return kind(*(unwritten(shape, DTYPE[named]) for named in get_type_hints(kind).values()))
 
 
 def require_written(results: Any, fields: Collection[str] = ()) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, generic, implements, jit
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
-from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
+from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, folded, sin_turns
 from vibrosweep.model.arcsine import ARCSINE_ERROR, arcsin_turns
 
 _arcsin_turns = jit(arcsin_turns)
@@ -120,14 +120,28 @@ def take_phases(shape: Shape, s: Floats, j: int) -> LiftOffs:
     """Take the phases of lane j back."""
 
 
-@implements(velocity, Sine)
-def velocity_sine(shape: Shape, x: float) -> float:
-    return sin_turns(x)
+implements(peak_of, Sine, Parabolic)(lambda shape: 1.0)
+implements(depth_of, Sine, Parabolic)(lambda shape: 1.0)
+implements(lifts_once, Sine, Parabolic)(lambda shape: True)
+implements(take_phases, Sine, Parabolic)(lambda shape, s, j: s[ROW.CONSTANTS + 3 * STRIDE + j])
 
 
-@implements(kick_slope, Sine)
-def kick_slope_sine(shape: Shape, a: float, x: float) -> float:
-    return 2.0 * math.pi * a * cos_turns(x)
+@implements(next_lift_off, Sine, Parabolic)
+def next_lift_off_single(shape: Shape, phases: float, x: float) -> tuple[float, float]:
+    return phases, 1.0 if x > phases else 0.0
+
+
+@implements(put_phases, Sine, Parabolic)
+def put_phases_single(shape: Shape, phases: float, wait: float, s: Floats, j: int) -> None:
+    s[ROW.CONSTANTS + 3 * STRIDE + j] = phases if wait == 0.0 else np.nan
+
+
+implements(velocity, Sine)(lambda shape, x: sin_turns(x))
+implements(kick_slope, Sine)(lambda shape, a, x: 2.0 * math.pi * a * cos_turns(x))
+implements(kick_bend, Sine)(lambda shape, a, x, error: 2.0 * CURVATURE * a * (error + HALF_ULP))
+implements(steepness, Sine)(lambda shape: 2.0 * math.pi)
+implements(lift_offs, Sine)(lambda shape, a, r, of_sine: of_sine)
+implements(rise_of, Sine)(lambda shape, ratio: _arcsin_turns(ratio))
 
 
 @implements(kick_rounding, Sine)
@@ -140,52 +154,6 @@ def left_out_sine(shape: Shape, a: float, x: float, error: float) -> float:
     return a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
 
 
-@implements(kick_bend, Sine)
-def kick_bend_sine(shape: Shape, a: float, x: float, error: float) -> float:
-    return 2.0 * CURVATURE * a * (error + HALF_ULP)
-
-
-@implements(peak_of, Sine, Parabolic)
-@implements(depth_of, Sine, Parabolic)
-def peak_of_one(shape: Shape) -> float:
-    return 1.0
-
-
-@implements(steepness, Sine)
-def steepness_sine(shape: Shape) -> float:
-    return 2.0 * math.pi
-
-
-@implements(steepness, Parabolic)
-def steepness_parabolic(shape: Shape) -> float:
-    return 4.0
-
-
-@implements(lift_offs, Sine)
-def lift_offs_sine(shape: Shape, a: float, r: float, of_sine: float) -> float:
-    return of_sine
-
-
-@implements(rise_of, Sine)
-def rise_of_sine(shape: Shape, ratio: float) -> float:
-    return _arcsin_turns(ratio)  # type: ignore[no-any-return]
-
-
-@implements(rise_of, Parabolic)
-def rise_of_parabolic(shape: Shape, ratio: float) -> float:
-    return 0.25 * ratio
-
-
-@implements(lifts_once, Sine, Parabolic)
-def lifts_once_always(shape: Shape) -> bool:
-    return True
-
-
-@implements(next_lift_off, Sine, Parabolic)
-def next_lift_off_single(shape: Shape, phases: float, x: float) -> tuple[float, float]:
-    return phases, 1.0 if x > phases else 0.0
-
-
 @implements(lift_off_error, Sine)
 def lift_off_error_sine(shape: Shape, a: float, r: float, phases: float) -> float:
     ratio = r / a
@@ -196,31 +164,13 @@ def lift_off_error_sine(shape: Shape, a: float, r: float, phases: float) -> floa
     return 2.0 * change / (2.0 * math.pi * slope) + ARCSINE_ERROR * phases
 
 
-@implements(put_phases, Sine, Parabolic)
-def put_phases_single(shape: Shape, phases: float, wait: float, s: Floats, j: int) -> None:
-    s[ROW.CONSTANTS + 3 * STRIDE + j] = phases if wait == 0.0 else np.nan
-
-
-@implements(take_phases, Sine, Parabolic)
-def take_phases_single(shape: Shape, s: Floats, j: int) -> float:
-    return s[ROW.CONSTANTS + 3 * STRIDE + j]  # type: ignore[no-any-return]
-
-
-@implements(velocity, Parabolic)
-def velocity_parabolic(shape: Shape, x: float) -> float:
-    near = abs(x)
-    far = 0.5 - near
-    return 4.0 * math.copysign(far if far < near else near, x)
-
-
-@implements(kick_slope, Parabolic)
-def kick_slope_parabolic(shape: Shape, a: float, x: float) -> float:
-    return 4.0 * a if abs(x) <= 0.25 else -4.0 * a
-
-
-@implements(kick_rounding, Parabolic)
-def kick_rounding_parabolic(shape: Shape, a: float, w: float) -> float:
-    return a * (KICK_ERROR + HALF_ULP) * abs(w)
+implements(velocity, Parabolic)(lambda shape, x: 4.0 * folded(x))
+implements(steepness, Parabolic)(lambda shape: 4.0)
+implements(rise_of, Parabolic)(lambda shape, ratio: 0.25 * ratio)
+implements(kick_slope, Parabolic)(lambda shape, a, x: 4.0 * a if abs(x) <= 0.25 else -4.0 * a)
+implements(kick_rounding, Parabolic)(lambda shape, a, w: a * (KICK_ERROR + HALF_ULP) * abs(w))
+implements(lift_offs, Parabolic)(lambda shape, a, r, of_sine: 0.25 * (r / a) if a > r else np.nan)
+implements(lift_off_error, Parabolic)(lambda shape, a, r, phases: RATIO_ERROR * phases)
 
 
 @implements(left_out, Parabolic)
@@ -231,13 +181,3 @@ def left_out_parabolic(shape: Shape, a: float, x: float, error: float) -> float:
 @implements(kick_bend, Parabolic)
 def kick_bend_parabolic(shape: Shape, a: float, x: float, error: float) -> float:
     return a * 8.0 if abs(abs(x) - 0.25) <= error else 0.0
-
-
-@implements(lift_offs, Parabolic)
-def lift_offs_parabolic(shape: Shape, a: float, r: float, of_sine: float) -> float:
-    return 0.25 * (r / a) if a > r else np.nan
-
-
-@implements(lift_off_error, Parabolic)
-def lift_off_error_parabolic(shape: Shape, a: float, r: float, phases: float) -> float:
-    return RATIO_ERROR * phases
