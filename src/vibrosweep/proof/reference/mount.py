@@ -18,7 +18,7 @@ from typing import Final
 
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
-from vibrosweep.proof.reference.drives import Mount, drive_of
+from vibrosweep.proof.reference.drives import Mount, Stretch, Tones
 from vibrosweep.proof.reference.landing import SHY
 
 ZERO, ONE = arb(0), arb(1)
@@ -75,7 +75,9 @@ class Arc:
             raise UncertainError("whether the free base oscillates", impact)
         self._excess = ZERO if excess.is_zero() else self._z * self._z - self._q
         self.level = -2 * load / square
-        self._drive = drive_of(mount, x, load, side, impact)
+        self._drive: Tones | Stretch = (
+            Stretch(mount, x, load, side) if mount.has_corners else Tones(mount, x, load, impact)
+        )
         answered, rate = self._drive.answer(after)
         self._free = self._carried(state[0] - self.level - answered, state[1] - rate, -after)
         self._last: tuple[arb, tuple[arb, arb, arb]] | None = None
