@@ -78,22 +78,6 @@ def landing_errors(
     ]
 
 
-def change_of_bound(
-    name: str, stored: float, again: Mapping[str, Any], frequency: float, particle: int | None
-) -> str:
-    """Describe how a stored bound differs from the one that this version computes; empty if equal.
-
-    Another processor or numpy may round the phase of lift-off differently, and a bound depends on
-    the orbit: its relative change is that of the orbit in periods, times a curvature.
-    """
-    bound = float(again[name] if particle is None else again[name][particle])
-    slack = 1e-9 + 1e3 * float(again["landing_time_error"]) * frequency
-    same = stored == bound or (math.isnan(stored) and math.isnan(bound))
-    if same or abs(stored - bound) <= slack * bound:
-        return ""
-    return f"is {stored!r}, while the kernel finds {bound!r}"
-
-
 def _errors(recorded: Mapping[str, NDArray[Any]], trajectory: Trajectory, period: float) -> Errors:
     count = int(recorded["impact_count"])
     if count != len(trajectory.impacts):
