@@ -1,4 +1,4 @@
-"""Check of a dataset's coordinates against the sweep file in it, and of arrays under its axes."""
+"""Check of the coordinates of a dataset against its sweep file, and of the arrays of its axes."""
 
 from __future__ import annotations
 

@@ -51,16 +51,12 @@ class Estimate(NamedTuple):
         rounding = 4.0 * EPS * (abs(number) if math.isfinite(number) else 0.0)
         period = 1.0 / realization.parameters["frequency"]
         # the time from one event, or launch, to the next is one double
-        times = (realization.duration, *realization.launch_times)
-        longest = max(abs(float(time)) for time in times)
+        longest = max(
+            abs(float(time)) for time in (realization.duration, *realization.launch_times)
+        )
         time = self.time + 4.0 * EPS * longest + 8.0 * EPS * period
-        velocity = self.velocity + rounding
-        return {
-            "landing_time": time,
-            "liftoff_time": time,
-            "rebound_velocity": velocity,
-            "rested": 0.0,
-        }
+        times = dict.fromkeys(("landing_time", "liftoff_time"), time)
+        return times | {"rebound_velocity": self.velocity + rounding, "rested": 0.0}
 
     def landing_errors(self, realization: Realization, flight: Flight) -> LandingErrors:
         """Estimates of the errors of a landing, and of the rebound from it, after a flight."""

@@ -27,7 +27,6 @@ from vibrosweep.proof.statistics import (
     flights_of,
     landings_of,
     largest,
-    largest_height,
     statistics,
 )
 
@@ -98,7 +97,9 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
     unit = arb(realization.parameters["gravity"]) / (2 * frequency)
     fastest = largest(arrival for _, arrival in landed)
     values["impact_speed_max"] = None if fastest is None else fastest * unit
-    values["flight_height_max"] = largest_height(total, realization, trajectories)
+    launches = zip(realization.launch_times, trajectories, strict=True)
+    launched = [t.launch for time, t in launches if opens <= time <= closes]
+    values["flight_height_max"] = largest(f.height for f in (*launched, *total.flights))
     values["at_rest_count"] = sum(t.at_rest for t in trajectories)
     values["dt_min"] = _closest(seen)
     values["dt_min_same_index"] = _closest_same_index(seen)

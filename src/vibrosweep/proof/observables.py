@@ -178,16 +178,10 @@ def prove_observable(
         scale = observable.scale(arb(p["frequency"]), arb(p["gravity"]))
         powers = sum(abs(int(power or 1)) for _, power in UNIT.findall(observable.units))
         rounding = (4 + 6 * powers) * EPS
-        return ProvedObservable(
-            [None if one is None else one.value * scale for one in totals],
-            [
-                0.0
-                if one is None
-                else float(((abs(one.value) * rounding + one.error) * scale).abs_upper())
-                for one in totals
-            ],
-            estimated,
-        )
+        values: list[Proved] = [None if one is None else one.value * scale for one in totals]
+        wide = (0 if one is None else abs(one.value) * rounding + one.error for one in totals)
+        claims: list[float | None] = [float((error * scale).abs_upper()) for error in wide]
+        return ProvedObservable(values, claims, estimated)
 
 
 def _unknown(observable: Observable, particles: int) -> ProvedObservable:

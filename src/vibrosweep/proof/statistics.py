@@ -80,16 +80,6 @@ def statistics(flights: Flights, frequency: arb) -> dict[str, Proved]:
     }
 
 
-def largest_height(
-    flights: Flights, realization: Realization, trajectories: Sequence[Trajectory]
-) -> Proved:
-    """Height of the highest flight, launches in the window among them."""
-    begin, end = realization.transient, realization.duration
-    launches = zip(realization.launch_times, trajectories, strict=True)
-    launched = [t.launch.height for time, t in launches if begin <= time <= end]
-    return largest(launched + [flight.height for flight in flights.flights])
-
-
 def largest(balls: Iterable[arb]) -> arb | None:
     """Largest of some balls; None without any."""
     listed = list(balls)

@@ -97,8 +97,8 @@ class Bounds(NamedTuple):
     ) -> Mapping[str, float | None]:
         """Largest error of each variable, in its own unit; None: not claimed."""
         dt, period = self.landing_time, 1.0 / realization.parameters["frequency"]
-        exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
-        exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
+        names = ("at_rest_count", "status", "particle_at_rest", "particle_status")
+        exact: dict[str, float | None] = dict.fromkeys(names, 0.0)
         undecided = reaches(measured.overlap, _stay_error(dt, realization))
         exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
         windowed = self.statistics_claims(realization, measured)

@@ -19,7 +19,7 @@ from typing import Final
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
 from vibrosweep.proof.reference.drives import Mount, Stretch, Tones
-from vibrosweep.proof.reference.landing import SHY
+from vibrosweep.proof.reference.landing import SHY, Course
 
 ZERO, ONE = arb(0), arb(1)
 # Number of derivatives of the height of the base that are needed.
@@ -211,7 +211,7 @@ def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -
     return until.lower()
 
 
-class Pressure:
+class Pressure(Course):
     """Acceleration of the base above that of gravity: it presses what rides while positive."""
 
     def __init__(self, arc: Arc) -> None:
@@ -229,9 +229,6 @@ class Pressure:
         """As `Above.curvature`."""
         arc = self._arc
         return -arc.derivative(4, s), -arc.derivative(5, s), arc.most(6, s), arc.most(4, s)
-
-    def above_all(self) -> None:
-        """Return None: no interval is known to be free of roots."""
 
     def lasts(self, s: arb) -> bool:
         """Return whether it is proved to stay positive from then on."""
