@@ -23,7 +23,6 @@ from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.tolerances import Bounds
-from vibrosweep.scene.scene import Scene
 
 # Variables of the bounds, in the order of the fields of `Bounds`
 BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)
@@ -35,7 +34,7 @@ RECOMPUTED: Final = ("recomputed", "uncertain", "exponent_error", "exponent_sum_
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     """Recompute all rows over all landings: their counts and, unless coupled, error bounds."""
     bounded = sample.scene.base != SPRUNG
-    everything = _all_landings(sample.scene).with_measures(trust=bounded)
+    everything = sample.scene.with_measures(transient=-math.inf, trust=bounded)
     return measure_all(sample.parameters, everything, workers)
 
 
@@ -47,10 +46,6 @@ def measure_again(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     scene = sample.scene.with_measures(**{MEASURE_OF[name]: True for name in names})
     found = measure_all(sample.parameters, scene, workers)
     return {name: found[name] for name in names}
-
-
-def _all_landings(scene: Scene) -> Scene:
-    return scene.with_measures(transient=-math.inf)
 
 
 class Errors(NamedTuple):
@@ -67,7 +62,8 @@ def landing_errors(
 ) -> list[Errors]:
     """Proved errors of the kernel's landings of each particle of a row."""
     parameters = {name: values[row : row + 1] for name, values in sample.parameters.items()}
-    found = record_landings(parameters, _all_landings(sample.scene), workers)
+    everything = sample.scene.with_measures(transient=-math.inf)
+    found = record_landings(parameters, everything, workers)
     return [
         _errors(
             {name: values[0, particle] for name, values in found.items()},
