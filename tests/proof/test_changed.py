@@ -11,7 +11,7 @@ from vibrosweep.model.parameters import NOISE, OF_RESTITUTION, STREAM
 from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES
 from vibrosweep.proof.coordinates import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.judges import JUDGES
-from vibrosweep.proof.recorded import RECORDED
+from vibrosweep.proof.verification import RECORDED
 from vibrosweep.proof.verifying import verify
 
 # those of coupled particles: test_verify_sprung.py

@@ -9,7 +9,7 @@ import vibrosweep as vs
 from vibrosweep.api.result_kinds import ORBITS
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.proof.closed_orbits import Setting, orbit_of
+from vibrosweep.proof.closed_orbits import orbit_of
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.closed import prove_event, prove_orbit
 from vibrosweep.proof.reference.jets import variables
@@ -25,7 +25,7 @@ BASES = ("high-bounce", "moving")
 
 def orbit(base="high-bounce", waveform=SINE, law="constant", rebound="rest", speed=None, q=1):
     inputs = UNIT if speed is None else {**UNIT, "restitution_speed": speed}
-    return orbit_of(Setting(base, Laws(rebound, law), waveform), inputs, 1, q)
+    return orbit_of(base, Laws(rebound, law, waveform), inputs, 1, q)
 
 
 def phase_where_it_falls(waveform, value):

@@ -23,7 +23,6 @@ from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.tolerances import Bounds
-from vibrosweep.scene.scene import Scene
 
 # Variables of the bounds, in the order of the fields of `Bounds`
 BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)
@@ -35,7 +34,7 @@ RECOMPUTED: Final = ("recomputed", "uncertain", "exponent_error", "exponent_sum_
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     """Recompute all rows over all landings: their counts and, unless coupled, error bounds."""
     bounded = sample.scene.base != SPRUNG
-    everything = _all_landings(sample.scene).with_measures(trust=bounded)
+    everything = sample.scene.with_measures(transient=-math.inf, trust=bounded)
     return measure_all(sample.parameters, everything, workers)
 
 
@@ -47,10 +46,6 @@ def measure_again(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     scene = sample.scene.with_measures(**{MEASURE_OF[name]: True for name in names})
     found = measure_all(sample.parameters, scene, workers)
     return {name: found[name] for name in names}
-
-
-def _all_landings(scene: Scene) -> Scene:
-    return scene.with_measures(transient=-math.inf)
 
 
 class Errors(NamedTuple):
@@ -67,7 +62,8 @@ def landing_errors(
 ) -> list[Errors]:
     """Proved errors of the kernel's landings of each particle of a row."""
     parameters = {name: values[row : row + 1] for name, values in sample.parameters.items()}
-    found = record_landings(parameters, _all_landings(sample.scene), workers)
+    everything = sample.scene.with_measures(transient=-math.inf)
+    found = record_landings(parameters, everything, workers)
     return [
         _errors(
             {name: values[0, particle] for name, values in found.items()},
@@ -76,22 +72,6 @@ def landing_errors(
         )
         for particle, trajectory in enumerate(trajectories)
     ]
-
-
-def change_of_bound(
-    name: str, stored: float, again: Mapping[str, Any], frequency: float, particle: int | None
-) -> str:
-    """Describe how a stored bound differs from the one that this version computes; empty if equal.
-
-    Another processor or numpy may round the phase of lift-off differently, and a bound depends on
-    the orbit: its relative change is that of the orbit in periods, times a curvature.
-    """
-    bound = float(again[name] if particle is None else again[name][particle])
-    slack = 1e-9 + 1e3 * float(again["landing_time_error"]) * frequency
-    same = stored == bound or (math.isnan(stored) and math.isnan(bound))
-    if same or abs(stored - bound) <= slack * bound:
-        return ""
-    return f"is {stored!r}, while the kernel finds {bound!r}"
 
 
 def _errors(recorded: Mapping[str, NDArray[Any]], trajectory: Trajectory, period: float) -> Errors:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.measures import ProvedMeasures, prove_measures
 from vibrosweep.proof.observables import ProvedObservable, prove_observable
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
-from vibrosweep.proof.reference._flint import exact
+from vibrosweep.proof.reference._flint import arb, exact
 from vibrosweep.proof.reference.results import Impact, Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import Proved
@@ -29,20 +29,15 @@ LANDINGS: Final = 64
 CERTAIN: Final = 3.0
 
 
-@dataclass(frozen=True)
-class Exponents:
-    """Proved Lyapunov exponents of a particle."""
+class Exponent(NamedTuple):
+    """Proved Lyapunov exponent of a particle."""
 
-    # largest, total: largest, and sum of both
-    largest: Proved
-    # claim, total_claim: largest errors that the dataset admits; None where nothing is proved or
-    # claimed
-    claim: float | None
-    total: Proved
-    total_claim: float | None
-    standard_error: Proved = None  # of a mean along the orbit, within `claim`; None where undefined
-    # True on a cycle, where the error of the largest exponent bounds its rounding
-    bounds_rounding: bool = False
+    value: Proved
+    claim: float | None  # largest error that the dataset admits; None where none is known
+    # Error that must be stored with it, known up to the claim: the standard error of a mean along
+    # the orbit, 0 of an exponent without a rounding; None where undefined
+    error: Proved = None
+    bounded: bool = False  # True if the stored error is a bound of the rounding instead
 
 
 @dataclass(frozen=True)
@@ -117,10 +112,9 @@ class Case:
         return [None if cycle is None else orbit.representative(cycle) for orbit, cycle in pairs]
 
     @cached_property
-    def orbit_numbers(self) -> Sequence[int] | None:
-        """Number of the orbit of each particle; None where this cannot be decided."""
-        pairs = zip(self.cycles, self._states, strict=True)
-        return numbered([None if cycle is None else (cycle, state) for cycle, state in pairs])
+    def orbit_numbers(self) -> Sequence[int | None]:
+        """Number of the orbit of each particle, -1 without a cycle; None where it is undecided."""
+        return numbered(self.cycles, self._states)
 
     @cached_property
     def slots(self) -> Sequence[int | None]:
@@ -131,16 +125,18 @@ class Case:
         ]
 
     @cached_property
-    def exponents(self) -> Sequence[Exponents]:
-        """Exponents of each particle."""
-        return [self._exponents(particle) for particle in range(len(self.orbits))]
+    def exponents(self) -> Mapping[str, Sequence[Exponent]]:
+        """Exponents of each particle, by the variable that holds them."""
+        largest, total = zip(*map(self._exponents, range(len(self.orbits))), strict=True)
+        return {"lyapunov_largest": largest, "lyapunov_sum": total}
 
-    def _exponents(self, particle: int) -> Exponents:
+    def _exponents(self, particle: int) -> tuple[Exponent, Exponent]:
+        """Largest exponent of a particle, and the sum of both."""
         orbit, cycle = self.orbits[particle], self.cycles[particle]
         impacts, first = self._window(particle)
         unclaimed = self.claims["impact_count"] is None and cycle is None
         if orbit.trajectory.at_rest or (cycle is not None and cycle.rests):
-            return Exponents(-math.inf, 0.0, -math.inf, 0.0, 0.0)
+            return (Exponent(-math.inf, 0.0, 0.0),) * 2
         rounding = self._stated("lyapunov_sum_error", particle)
         if cycle is not None:
             last = len(orbit.speeds) - 1
@@ -148,17 +144,17 @@ class Case:
             found = largest_exponent(orbit.map, orbit.last_state(), cycle.impacts, cycle.periods)
             stated = self._stated("lyapunov_largest_error", particle)
             claim = None if found is None else stated
-            return Exponents(found, claim, total, _with(rounding, change), bounds_rounding=True)
+            return Exponent(found, claim, bounded=True), _sum(total, rounding, change)
         if unclaimed:
-            return Exponents(None, None, None, None)
+            return (Exponent(None, None),) * 2
         if first == len(impacts) or any(i.rested for i in impacts[first:]):
-            return Exponents(None, 0.0, None, 0.0)  # undefined
+            return (Exponent(None, 0.0),) * 2  # undefined
         if self.realization.deviates is not None:
-            return Exponents(None, None, None, None)
+            return (Exponent(None, None),) * 2
         mean = orbit.growth(first, len(impacts))
         total, change = orbit.contraction(first, len(impacts))
-        claim = _with(rounding, change)
-        return Exponents(mean.value, mean.claim, total, claim, mean.standard_error)
+        largest = Exponent(mean.value, mean.claim, mean.standard_error)
+        return largest, _sum(total, rounding, change)
 
     def aperiodic(self, particle: int) -> bool | None:
         """Decide whether a particle that does not recur is aperiodic; None where that is open."""
@@ -185,6 +181,7 @@ class Case:
         return error if math.isfinite(error) else None
 
 
-def _with(rounding: float | None, change: float) -> float | None:
-    """Largest error of a number that is rounded and may change; None where it is not bounded."""
-    return None if rounding is None or not math.isfinite(change) else rounding + change
+def _sum(total: arb | float, rounding: float | None, change: float) -> Exponent:
+    """Sum of both exponents; its rounding is None where the dataset states no bound of it."""
+    claim = None if rounding is None or not math.isfinite(change) else rounding + change
+    return Exponent(total, claim, 0.0, bounded=isinstance(total, arb))

@@ -6,13 +6,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.model.parameters import OF_RESTITUTION
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
-from vibrosweep.model.shapes import Waveform
 from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.closed import BITS, Proved, prove_orbit
@@ -47,23 +46,13 @@ UNKNOWN: Final = {
 }
 
 
-class Setting(NamedTuple):
-    """Base, laws and waveform of all orbits of a file."""
-
-    base: str
-    laws: Laws
-    waveform: Waveform
-
-
-def orbit_of(setting: Setting, inputs: Mapping[str, float], p: int, q: int) -> Orbit:
+def orbit_of(base: str, laws: Laws, inputs: Mapping[str, float], p: int, q: int) -> Orbit:
     """Return an orbit of p impacts in q periods at some parameters, for the proof."""
-    names = ("restitution", "frequency", "gravity", *OF_RESTITUTION)
     with ctx.workprec(BITS):
-        given = {name: arb(inputs[name]) for name in names if name in inputs}
-        law = None if setting.laws.restitution == CONSTANT else setting.laws.in_periods(given)
-        rest = arb(inputs["contact_time"]) * given["frequency"]
-        wave, turns_back = wave_of(setting.waveform), setting.laws.turns_back
-        return Orbit(setting.base, given["restitution"], p, q, rest, wave, law, turns_back)
+        given = {name: arb(value) for name, value in inputs.items()}
+        law = None if laws.restitution == CONSTANT else laws.in_periods(given)
+        rest, wave = given["contact_time"] * given["frequency"], wave_of(laws.waveform)
+        return Orbit(base, given["restitution"], p, q, rest, wave, law, laws.turns_back)
 
 
 def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Report:
@@ -81,12 +70,11 @@ def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Re
     if sample < total:
         rows = np.sort(np.random.default_rng(seed).choice(total, sample, replace=False))
     attributes = found.attrs
-    laws = Laws(attributes["rebound"], law_in(attributes))
-    setting = Setting(attributes["base"], laws, stored(attributes))
+    laws = Laws(attributes["rebound"], law_in(attributes), stored(attributes))
     outcomes = []
     for done, row in enumerate(rows):
         place = dict(zip(dims, np.unravel_index(int(row), shape), strict=True))
-        outcomes.append(_outcome(int(row), found.isel(place), setting))
+        outcomes.append(_outcome(int(row), found.isel(place), attributes["base"], laws))
         advance(done + 1, rows.size)
     return Report(
         path=str(path),
@@ -94,18 +82,14 @@ def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Re
         seed=seed,
         outcomes=outcomes,
         claimed=False,
-        coupled=False,
-        coordinates=[],
         names=[*JUDGED, *UNKNOWN],
         unknown=UNKNOWN,
-        estimated=[],
     )
 
 
-def _outcome(row: int, one: xr.Dataset, setting: Setting) -> Outcome:
+def _outcome(row: int, one: xr.Dataset, base: str, laws: Laws) -> Outcome:
     """Judge the orbits of one realization."""
-    names = ("restitution", "frequency", "gravity", "contact_time", "amplitude", *OF_RESTITUTION)
-    inputs = {name: float(one[name]) for name in names if name in one.variables}
+    inputs = {name: float(one[name]) for name in INPUTS if name in one.variables}
     judgements: list[Judgement] = []
     landings, proofs = 0, 0
     with ctx.workprec(BITS):
@@ -117,7 +101,7 @@ def _outcome(row: int, one: xr.Dataset, setting: Setting) -> Outcome:
             times = float(own["impact_phase"][0]) + inputs["frequency"] * np.cumsum(
                 [0.0, *own["flight_time"].values[: p - 1]]
             )
-            orbit = orbit_of(setting, inputs, p, q)
+            orbit = orbit_of(base, laws, inputs, p, q)
             proved = prove_orbit(orbit, times.tolist(), kick)
             if proved is None:
                 judgements += [Judgement(name, None, math.nan, None) for name in JUDGED]
@@ -227,25 +211,23 @@ def _multipliers(
     off_t, off_d = claim(trace, size), claim(determinant, size)
     half, square = trace.v / 2, trace.v * trace.v / 4 - determinant.v
     names = ("multiplier_real", "multiplier_imaginary")
-    held = [[float(v) for v in own[name].values] for name in names]
-    if square > 0 and not half.contains(0):
-        root = square.sqrt()
+    real = square > 0 and not half.contains(0)
+    if not (real or square < 0):
+        yield from (Judgement(name, None, math.nan, None) for name in names)
+        return
+    root = abs(square).sqrt()
+    off = 0.5 * off_t + (0.5 * _most(trace.v) * off_t + off_d) / float(root.abs_lower())
+    if real:
         larger = half + root if half > 0 else half - root
-        off = 0.5 * off_t + (0.5 * _most(trace.v) * off_t + off_d) / float(root.abs_lower())
         smaller = determinant.v / larger
         off_smaller = (off_d + _most(smaller) * off) / float(larger.abs_lower())
         exact = [(larger, arb(0), off), (smaller, arb(0), off_smaller)]
-    elif square < 0:
-        root = (-square).sqrt()
-        off = 0.5 * off_t + (0.5 * _most(trace.v) * off_t + off_d) / float(root.abs_lower())
+    else:
         # the conjugate with the positive imaginary part comes first
         exact = [(half, root, off), (half, -root, off)]
-    else:
-        yield from (Judgement(name, None, math.nan, None) for name in names)
-        return
-    for k, (real, imaginary, off) in enumerate(exact):
-        yield judge(names[0], None, held[0][k], real, off)
-        yield judge(names[1], None, held[1][k], imaginary, off)
+    for k, (*parts, claimed) in enumerate(exact):
+        for name, part in zip(names, parts, strict=True):
+            yield judge(name, None, float(own[name][k]), part, claimed)
 
 
 def _widest(step: tuple[Jet, ...]) -> float:

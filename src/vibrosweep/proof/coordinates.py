@@ -1,15 +1,17 @@
-"""Check of a dataset's coordinates against the sweep file stored in it."""
+"""Check of the coordinates of a dataset against its sweep file, and of the arrays of its axes."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,14 +20,19 @@ from vibrosweep.errors import SpecError, TableError
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.parameters import STAGGERED, STREAM
 from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES
+from vibrosweep.proof.judgement import Judgement
 from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep, parse_spec
+from vibrosweep.store.dataset import NO_VARIABLE
 
 SWEEP_COORDINATES: Final = (*INPUTS, STREAM, "launch_time", "duration", "transient")
 RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration", *OF_TRAJECTORIES)
 # designs drawn by another library, whose versions may differ
 DRAWN_BY_SCIPY: Final = ("latin", "sobol")
+# Dimensions whose variables number them, and how HDF5 marks one without a variable
+NUMBERED: Final = ("realization", "particle", "impact")
+MARK: Final = NO_VARIABLE.partition("%")[0]
 
 
 @dataclass(frozen=True)
@@ -105,3 +112,40 @@ def _design(spec: Sweep, identity: str) -> Realizations | str:
         return open_design(spec)
     except (SpecError, TableError) as error:
         return f"the design cannot be opened again: {error}"
+
+
+def judge_axes(path: Path) -> Iterator[Judgement]:
+    """Judge the axes of a file and of its record: variables, and arrays that must hold zeros.
+
+    A dimension of netCDF-4 without a variable is an HDF5 array that is never written.  A program
+    that saves a dataset again may turn it into a variable that numbers realizations, particles or
+    impacts.
+    """
+    with h5py.File(path) as file:
+        for place in ("", "record"):
+            group = file.get(place or "/")
+            # links may lead out of the file, or in circles
+            named = [
+                n for n in group or () if isinstance(group.get(n, getlink=True), h5py.HardLink)
+            ]
+            for name in named:
+                axis = group[name]
+                if isinstance(axis, h5py.Dataset) and axis.ndim == 1:
+                    yield from _judged_axis(f"{place}/{name}".lstrip("/"), axis)
+
+
+def _judged_axis(name: str, axis: h5py.Dataset) -> Iterator[Judgement]:
+    mark = axis.attrs.get("NAME", b"")
+    mark = mark.decode(errors="replace") if isinstance(mark, bytes) else str(mark)
+    variable = not mark.startswith(MARK)
+    if (variable and name.rpartition("/")[2] not in NUMBERED) or axis.dtype.kind not in "iuf":
+        return
+    values = np.asarray(axis[...])
+    right = np.arange(values.size) if variable else np.zeros(values.size)
+    wrong = np.flatnonzero(values != right)
+    if wrong.size:
+        at, value = int(wrong[0]), float(values[wrong[0]])
+        complaint = f"is {value!r} at {at}, where a file of vibrosweep has {right[at]:g}"
+        yield Judgement(name, None, math.inf, 0.0, None, complaint)
+    elif variable:
+        yield Judgement(name, None, 0.0, 0.0)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from itertools import cycle
 from typing import Final, NamedTuple
 
@@ -27,7 +28,7 @@ from vibrosweep.proof.reference.coupled import (
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.statistics import LandingErrors, Proved
+from vibrosweep.proof.statistics import LandingErrors, size_of
 from vibrosweep.proof.tolerances import order_claims, reaches
 
 # Landings of a realization: some ten seconds, and more where few particles make all of them.
@@ -50,16 +51,12 @@ class Estimate(NamedTuple):
         rounding = 4.0 * EPS * (abs(number) if math.isfinite(number) else 0.0)
         period = 1.0 / realization.parameters["frequency"]
         # the time from one event, or launch, to the next is one double
-        times = (realization.duration, *realization.launch_times)
-        longest = max(abs(float(time)) for time in times)
+        longest = max(
+            abs(float(time)) for time in (realization.duration, *realization.launch_times)
+        )
         time = self.time + 4.0 * EPS * longest + 8.0 * EPS * period
-        velocity = self.velocity + rounding
-        return {
-            "landing_time": time,
-            "liftoff_time": time,
-            "rebound_velocity": velocity,
-            "rested": 0.0,
-        }
+        times = dict.fromkeys(("landing_time", "liftoff_time"), time)
+        return times | {"rebound_velocity": self.velocity + rounding, "rested": 0.0}
 
     def landing_errors(self, realization: Realization, flight: Flight) -> LandingErrors:
         """Estimates of the errors of a landing, and of the rebound from it, after a flight."""
@@ -73,7 +70,7 @@ class Estimate(NamedTuple):
         rounding = (measured.longest + len(realization.launch_times) + 10) * EPS
         claimed: dict[str, float | None] = {}
         for name, proved in measured.values.items():
-            plain, size = name.removeprefix("particle_"), rounding * _size(proved)
+            plain, size = name.removeprefix("particle_"), rounding * size_of(proved)
             claimed[name] = 0.0
             if plain.startswith(("rebound_height", "flight_height")):
                 claimed[name] = self.height + size
@@ -90,12 +87,6 @@ class Estimate(NamedTuple):
         return claimed
 
 
-def _size(proved: Proved | list[Proved]) -> float:
-    """Largest absolute value."""
-    values = proved if isinstance(proved, list) else [proved]
-    return max((abs(float(value)) for value in values if value is not None), default=0.0)
-
-
 def prove(
     realization: Realization, max_landings: int
 ) -> tuple[Sequence[Trajectory], Estimate | None]:
@@ -105,7 +96,14 @@ def prove(
     the reference cannot decide, and a TooManyLandingsError where more landings come before the end.
     """
     launches, given = realization.launch_times, realization.parameters
-    proved = _followed(realization, given, launches, max_landings)
+    follow = partial(
+        coupled,
+        duration=realization.duration,
+        laws=realization.laws,
+        deviates=realization.deviates,
+        max_bits=MAX_BITS,
+    )
+    proved = follow(given, launches, max_landings=max_landings)
     changed = {
         name: value if name == "frequency" else value * (1.0 + sign * CHANGE)
         for (name, value), sign in zip(given.items(), cycle(SIGNS), strict=False)
@@ -114,7 +112,7 @@ def prove(
     later = Fraction(CHANGE) / Fraction(given["frequency"])
     moved = tuple(time + j * later for j, time in enumerate(launches))
     try:
-        other = _followed(realization, changed, moved, 2 * max_landings, proved.precision_bits)
+        other = follow(changed, moved, max_landings=2 * max_landings, bits=proved.precision_bits)
     except (UndecidableError, TooManyLandingsError):
         return proved.particles, None
     pairs = list(zip(proved.particles, other.particles, strict=True))
@@ -134,26 +132,6 @@ def prove(
             for edge in edges
         )
     return proved.particles, None if near else estimate
-
-
-def _followed(
-    realization: Realization,
-    parameters: Mapping[str, float],
-    launches: Sequence[Fraction],
-    max_landings: int,
-    bits: int = 0,
-) -> Coupled:
-    """Particles of a realization with other parameters and launches."""
-    return coupled(
-        parameters,
-        launches,
-        realization.duration,
-        laws=realization.laws,
-        deviates=realization.deviates,
-        max_landings=max_landings,
-        max_bits=MAX_BITS,
-        bits=bits,
-    )
 
 
 def _decisions(trajectory: Trajectory) -> tuple[bool, list[tuple[bool, bool]]]:

@@ -69,16 +69,13 @@ def _proved_return(
         if abs(step[0]) < radius and abs(step[1]) < radius:
             break
     back = _once_round(m, x, u, impacts)
-    box = _once_round(m, x + _ball(radius), u + _ball(radius), impacts)
+    wide = arb(0, radius)
+    box = _once_round(m, x + wide, u + wide, impacts)
     if back is None or box is None:
         return None
     step = _newton(back, box, x, u, periods)
     inside = step is not None and abs(step[0]) < radius and abs(step[1]) < radius
     return box if inside else None
-
-
-def _ball(radius: arb) -> arb:
-    return arb(0, radius.abs_upper())
 
 
 def _once_round(m: PeriodMap, x: arb, u: arb, impacts: int) -> _Return | None:

@@ -1,4 +1,4 @@
-"""Judges of the variables of a dataset: `JUDGES`, by the names in the registry.
+"""Judges of the variables of a dataset (`JUDGES`, by the names in the registry) and of its record.
 
 A variable is compared with its proved value where the realization is proved.  Otherwise a variable
 that follows from others is at least compared with those.
@@ -7,7 +7,9 @@ that follows from others is at least compared with those.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain, repeat
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,10 +18,12 @@ from vibrosweep.model.measures import MEASURE_OF, MEASURES, RESOLUTION, UNDETERM
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.restitution_laws import fastest_in_range
 from vibrosweep.model.status import Regime, Status
-from vibrosweep.proof.bounds import change_of_bound, untrusted
+from vibrosweep.proof.bounds import untrusted
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.observables import ProvedObservable
+from vibrosweep.proof.reference.results import Impact, Trajectory
+from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.statistics import Proved
 
 Judgements: TypeAlias = Iterator[Judgement]
@@ -50,6 +54,39 @@ def judge_observable(observable: Observable, values: Any, found: ProvedObservabl
     each = observable.particles == "each"
     for k, (value, claim) in enumerate(zip(found.values, found.claims, strict=True)):
         yield judge(observable.name, k if each else None, stored[k], value, claim)
+
+
+def judge_record(
+    record: Sample,
+    claims: Callable[[float], Mapping[str, float]],
+    trajectories: Sequence[Trajectory],
+) -> list[Judgement]:
+    """Judge every number of a record; `claims` gives largest errors by the size of a number."""
+    judged = []
+    for particle, trajectory in enumerate(trajectories):
+        stored = {name: values[0, particle].tolist() for name, values in record.stored.items()}
+        counts = {"impact_count": len(trajectory.impacts), "status": int(trajectory.status)}
+        for name, proved in counts.items():
+            judged.append(judge(f"record/{name}", particle, stored[name], proved, 0.0))
+        # the record must end after the last landing
+        impacts = chain(trajectory.impacts, repeat(None))
+        for n, impact in zip(range(len(stored["rested"])), impacts, strict=False):
+            for name, proved in _recorded(impact).items():
+                number = float(stored[name][n])
+                claim = claims(number)[name]
+                found = judge(f"record/{name}", particle, number, proved, claim)
+                if found.complaint:
+                    found = replace(found, complaint=f"of landing {n + 1} {found.complaint}")
+                if impact is not None or found.complaint:
+                    judged.append(found)
+    return judged
+
+
+def _recorded(impact: Impact | None) -> dict[str, Any]:
+    """Return the numbers that a record must hold of a landing; None stands for NaN."""
+    names = ("landing_time", "liftoff_time", "rebound_velocity")
+    balls = {name: getattr(impact, name, None) for name in names}
+    return balls | {"rested": int(impact is not None and impact.rested)}
 
 
 def _follows(value: Callable[[Case, str], float | None]) -> Callable[[Case, str], Judgements]:
@@ -156,62 +193,25 @@ def _recurrent_from(case: Case, name: str) -> Judgements:
     return _of_particles(case, name, proved)
 
 
-def _largest(case: Case, name: str) -> Judgements:
-    return _of_particles(case, name, ((proved.largest, proved.claim) for proved in case.exponents))
+def _exponent(case: Case, name: str) -> Judgements:
+    return _of_particles(case, name, ((one.value, one.claim) for one in case.exponents[name]))
 
 
-def _sum(case: Case, name: str) -> Judgements:
-    return _of_particles(
-        case, name, ((proved.total, proved.total_claim) for proved in case.exponents)
-    )
-
-
-def _largest_error(case: Case, name: str) -> Judgements:
+def _exponent_error(case: Case, name: str) -> Judgements:
     """Judge a standard error, or the bound of a rounding error."""
-    for particle, proved in enumerate(case.exponents):
+    for particle, one in enumerate(case.exponents[name.removesuffix("_error")]):
         stored = float(case.stored[name][particle])
         if case.stored["cycle_uncertain"][particle] == 1:
             yield judge(name, particle, stored, math.inf, 0.0)
-        elif proved.bounds_rounding:
-            yield _rounding_bound(case, name, particle)
+        elif one.bounded:
+            yield _rounding_bound(case, name, particle, one.value)
         else:
-            yield judge(name, particle, stored, proved.standard_error, proved.claim)
+            yield judge(name, particle, stored, one.error, one.claim)
 
 
-def _sum_error(case: Case, name: str) -> Judgements:
-    for particle, proved in enumerate(case.exponents):
-        stored = float(case.stored[name][particle])
-        if case.stored["cycle_uncertain"][particle] == 1:
-            yield judge(name, particle, stored, math.inf, 0.0)
-        elif proved.total is None or proved.total == -math.inf:
-            value = None if proved.total is None else 0.0
-            yield judge(name, particle, stored, value, proved.total_claim)
-        else:
-            yield _rounding_bound(case, name, particle)
-
-
-def _true_error(case: Case, name: str, particle: int) -> float | None:
-    """Least distance of a stored exponent from the proved one; None where none is proved."""
-    exponents = case.exponents[particle]
-    proved: Any = exponents.largest if name == "lyapunov_largest" else exponents.total
-    stored = float(case.stored[name][particle])
-    if proved is None or not math.isfinite(stored):
-        return None
-    return float((proved - stored).abs_lower())
-
-
-def _orbit(case: Case, name: str) -> Judgements:
-    numbers: Sequence[int | None] = case.orbit_numbers or [None] * len(case.stored[name])
-    return _of_particles(case, name, ((number, _decided(number)) for number in numbers))
-
-
-def _slot(case: Case, name: str) -> Judgements:
-    return _of_particles(case, name, ((slot, _decided(slot)) for slot in case.slots))
-
-
-def _decided(code: int | None) -> float | None:
-    """Claim of a code: exact, or none where the code cannot be decided."""
-    return None if code is None else 0.0
+def _orbit_or_slot(case: Case, name: str) -> Judgements:
+    codes = case.orbit_numbers if name == "orbit" else case.slots
+    return _of_particles(case, name, ((c, None if c is None else 0.0) for c in codes))
 
 
 def _most_unstable(case: Case, name: str) -> float:
@@ -278,26 +278,38 @@ def _landing_bound(case: Case, name: str) -> Judgements:
 
 
 def _changed(case: Case, name: str, particle: int | None) -> str:
-    """Describe how a bound differs from that of this version; empty if another wrote the file."""
+    """Describe how a bound differs from that of this version; empty if another wrote the file.
+
+    Another processor or numpy may round the phase of lift-off differently, and a bound depends on
+    the orbit: its relative change is that of the orbit in periods, times a curvature.
+    """
     if name not in case.again:
         return ""
-    stored = case.stored[name] if particle is None else case.stored[name][particle]
+    stored, bound = (
+        float(held[name] if particle is None else held[name][particle])
+        for held in (case.stored, case.again)
+    )
     frequency = case.realization.parameters["frequency"]
-    return change_of_bound(name, float(stored), case.again, frequency, particle)
+    slack = 1e-9 + 1e3 * float(case.again["landing_time_error"]) * frequency
+    same = stored == bound or (math.isnan(stored) and math.isnan(bound))
+    if same or abs(stored - bound) <= slack * bound:
+        return ""
+    return f"is {stored!r}, while the kernel finds {bound!r}"
 
 
-def _rounding_bound(case: Case, name: str, particle: int) -> Judgement:
-    """Judge a bound of an exponent's rounding error.
+def _rounding_bound(case: Case, name: str, particle: int, proved: Any) -> Judgement:
+    """Judge the bound of the rounding error of an exponent.
 
     The exponent itself is judged by that bound, so that in a file of this version only a change of
     the bound is a failure.
     """
     stored = float(case.stored[name][particle])
-    error = _true_error(case, name.removesuffix("_error"), particle)
+    exponent = float(case.stored[name.removesuffix("_error")][particle])
+    known = proved is not None and math.isfinite(exponent)
+    error = float((proved - exponent).abs_lower()) if known else math.nan
     if name in case.again:
-        known = math.nan if error is None else error
-        return Judgement(name, particle, known, stored, None, _changed(case, name, particle))
-    if error is None:
+        return Judgement(name, particle, error, stored, None, _changed(case, name, particle))
+    if not known:
         return Judgement(name, particle, math.nan, None)
     complaint = f"is {stored!r}, proved error {error:.3g}" if not error <= stored else ""
     return Judgement(name, particle, error, stored, None, complaint)
@@ -333,13 +345,13 @@ JUDGES: Final[dict[str, Judge]] = {
     "recomputed": Judge(_recomputed, _recomputed),
     "cycle": Judge(_cycle),
     "recurrent_from": Judge(_recurrent_from),
-    "exponent": Judge(_largest),
-    "exponent_error": Judge(_largest_error),
-    "exponent_sum": Judge(_sum),
-    "exponent_sum_error": Judge(_sum_error),
+    "exponent": Judge(_exponent),
+    "exponent_error": Judge(_exponent_error),
+    "exponent_sum": Judge(_exponent),
+    "exponent_sum_error": Judge(_exponent_error),
     "exponent_max": _followed(_most_unstable),
-    "orbit": Judge(_orbit),
-    "slot": Judge(_slot),
+    "orbit": Judge(_orbit_or_slot),
+    "slot": Judge(_orbit_or_slot),
     "orbit_count": _followed(_orbits),
     "slot_count": _followed(_slots),
 }

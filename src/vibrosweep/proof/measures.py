@@ -17,22 +17,19 @@ from typing import Final
 
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx, exact
+from vibrosweep.proof.reference.decisions import GUARD_BITS
 from vibrosweep.proof.reference.results import Flight, Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import (
     Flights,
     Landing,
     Proved,
-    arrivals_of,
     flights_of,
     landings_of,
     largest,
-    largest_height,
-    launch_depth,
     statistics,
 )
 
-GUARD_BITS: Final = 64
 # Frequency of each order parameter, in units of the forcing frequency.
 HARMONICS: Final = {
     "order_1": Fraction(1),
@@ -89,21 +86,25 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
         _status(t, flights, realization)
         for t, flights in zip(trajectories, by_particle, strict=True)
     ]
+    opens, closes = Fraction(realization.transient), Fraction(realization.duration)
     overlap = _overlap(landings, begin)
     shared = int(overlap is not None and bool(overlap.mid() >= 0))
     values: dict[str, Proved | list[Proved]] = dict(statistics(total, frequency))
-    landed = list(arrivals_of(trajectories, begin))
+    each = [statistics(flights, frequency) for flights in by_particle]
+    values |= {f"particle_{name}": [own[name] for own in each] for name in values}
+    pairs = [pair for t in trajectories for pair in t.landed()]
+    landed = [(flight, i.arrival) for flight, i in pairs if i.landing_time >= begin]
     unit = arb(realization.parameters["gravity"]) / (2 * frequency)
     fastest = largest(arrival for _, arrival in landed)
     values["impact_speed_max"] = None if fastest is None else fastest * unit
-    values["flight_height_max"] = largest_height(total, realization, trajectories)
+    launches = zip(realization.launch_times, trajectories, strict=True)
+    launched = [t.launch for time, t in launches if opens <= time <= closes]
+    values["flight_height_max"] = largest(f.height for f in (*launched, *total.flights))
     values["at_rest_count"] = sum(t.at_rest for t in trajectories)
     values["dt_min"] = _closest(seen)
     values["dt_min_same_index"] = _closest_same_index(seen)
     values["base_shared"], values["collision_free"] = shared, 1 - shared
     values["status"] = max(status)
-    for name in statistics(total, frequency):
-        values[f"particle_{name}"] = [statistics(f, frequency)[name] for f in by_particle]
     values["particle_at_rest"] = [int(t.at_rest) for t in trajectories]
     values["particle_status"] = list(status)
     late = begin.max(exact(realization.duration) - 1 / frequency)
@@ -115,7 +116,7 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
         flights=total.flights,
         longest=max(len(flights.speeds) for flights in by_particle),
         edge=_least([abs(x.time - begin) for x in landings]) if windowed else None,
-        launch_depth=launch_depth(realization),
+        launch_depth=max(min(t - opens, closes - t) for t in realization.launch_times),
         apart=_least(
             [
                 b.time - a.time

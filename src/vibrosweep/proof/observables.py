@@ -20,10 +20,10 @@ import numpy as np
 from vibrosweep.model.landing import Landing
 from vibrosweep.model.observables import UNIT, Observable
 from vibrosweep.model.status import Status
-from vibrosweep.proof.measures import GUARD_BITS
 from vibrosweep.proof.reference._flint import arb, ctx, exact
+from vibrosweep.proof.reference.decisions import GUARD_BITS
 from vibrosweep.proof.reference.motion import EPS
-from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
+from vibrosweep.proof.reference.results import Flight, Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import LandingErrors, Proved
 
@@ -33,6 +33,9 @@ EXTREME: Final[Mapping[str, Callable[[arb, arb], arb]]] = {"max": arb.max, "min"
 
 # Errors of a landing, by the flight that ends with it
 Errors = Callable[[Flight], LandingErrors]
+# The numbers of a landing that a function takes, in the order of `Landing`
+Numbers = tuple[arb, arb, arb, arb]
+Function = Callable[[Landing], Any]
 
 
 class OpenError(ArithmeticError):
@@ -175,16 +178,10 @@ def prove_observable(
         scale = observable.scale(arb(p["frequency"]), arb(p["gravity"]))
         powers = sum(abs(int(power or 1)) for _, power in UNIT.findall(observable.units))
         rounding = (4 + 6 * powers) * EPS
-        return ProvedObservable(
-            [None if one is None else one.value * scale for one in totals],
-            [
-                0.0
-                if one is None
-                else float(((abs(one.value) * rounding + one.error) * scale).abs_upper())
-                for one in totals
-            ],
-            estimated,
-        )
+        values: list[Proved] = [None if one is None else one.value * scale for one in totals]
+        wide = (0 if one is None else abs(one.value) * rounding + one.error for one in totals)
+        claims: list[float | None] = [float((error * scale).abs_upper()) for error in wide]
+        return ProvedObservable(values, claims, estimated)
 
 
 def _unknown(observable: Observable, particles: int) -> ProvedObservable:
@@ -195,41 +192,30 @@ def _unknown(observable: Observable, particles: int) -> ProvedObservable:
 
 def _landings(
     realization: Realization, trajectory: Trajectory, errors: Errors
-) -> Iterator[tuple[Impact, Flight, arb, LandingErrors]]:
-    """Yield each landing in the window, the flight that it ends, the rebound, and the errors."""
-    flight: Flight | None = trajectory.launch
-    for impact in trajectory.impacts:
-        if flight is None:
-            return
-        seen = not realization.scene.windowed or impact.landing_time >= exact(realization.transient)
-        if seen:
-            stays = impact.flight is None or (realization.coupled and impact.rested)
+) -> Iterator[tuple[Numbers, bool, LandingErrors]]:
+    """Yield numbers, rest and errors of each landing in the window."""
+    for flight, impact in trajectory.landed():
+        if not realization.scene.windowed or impact.landing_time >= exact(realization.transient):
+            stays = realization.coupled and impact.rested
             rebound = arb(0) if stays or impact.flight is None else impact.flight.speed
-            yield impact, flight, rebound, errors(flight)
-        flight = impact.flight
+            numbers = impact.phase, flight.duration, impact.arrival, rebound
+            yield numbers, impact.rested, errors(flight)
 
 
-def _by_balls(
-    function: Callable[[Any], Any],
-    impact: Impact,
-    flight: Flight,
-    rebound: arb,
-    errors: LandingErrors,
-) -> Total:
+def _by_balls(function: Function, exactly: Numbers, rested: bool, errors: LandingErrors) -> Total:
     """Evaluate the function on the proved numbers of a landing, and on balls around them."""
-    exactly = impact.phase, flight.duration, impact.arrival, rebound
     widely = [
         ball + arb(0, error + 4.0 * EPS * float(abs(ball).upper()))
         for ball, error in zip(exactly, errors, strict=True)
     ]
     near, wide = (
-        _number(function(Landing._make([*map(Rounded, balls), impact.rested])))
+        _number(function(Landing._make([*map(Rounded, balls), rested])))
         for balls in (exactly, widely)
     )
     if not abs(widely[0]) <= 0.5:  # the phase of the kernel may have gone round
         turn = 1 if widely[0] > 0 else -1
         other = map(Rounded, (widely[0] - turn, *widely[1:]))
-        wide = wide.union(_number(function(Landing._make([*other, impact.rested]))))
+        wide = wide.union(_number(function(Landing._make([*other, rested]))))
     return Total(near, float((wide - near).abs_upper()))
 
 
@@ -240,22 +226,16 @@ def _number(result: object) -> arb:
     return ball
 
 
-def _by_changes(
-    function: Callable[[Any], Any],
-    impact: Impact,
-    flight: Flight,
-    rebound: arb,
-    errors: LandingErrors,
-) -> Total:
+def _by_changes(function: Function, exactly: Numbers, rested: bool, errors: LandingErrors) -> Total:
     """Evaluate the function in doubles in the middle of a landing's numbers, and beside it."""
-    middle = [np.float64(x) for x in (impact.phase, flight.duration, impact.arrival, rebound)]
+    middle = [np.float64(x) for x in exactly]
 
     def at(place: int, change: float) -> float:
         numbers = list(middle)
         numbers[place] += change
         if abs(numbers[0]) > 0.5:
             numbers[0] -= np.sign(numbers[0])
-        return float(function(Landing._make([*numbers, impact.rested])))
+        return float(function(Landing._make([*numbers, rested])))
 
     with np.errstate(all="ignore"):
         found = at(0, 0.0)

@@ -227,25 +227,22 @@ class Orbit:
 
 
 def numbered(
-    found: Sequence[tuple[Cycle, State | None] | None],
-) -> list[int] | None:
+    cycles: Sequence[Cycle | None], states: Sequence[State | None]
+) -> Sequence[int | None]:
     """Numbers of the orbits of particles, in the order of the particles on them.
 
-    Each particle is given by its cycle and representative, or by None if it does not recur, and
-    then has the number -1.  None if it cannot be decided whether two particles are on one orbit.
+    Each particle is given by its cycle and representative.  The number of one without a cycle is
+    -1; all are None if it cannot be decided whether two particles are on one orbit.
     """
     numbers: list[int] = []
     firsts: list[tuple[Cycle, State]] = []
-    for one in found:
-        if one is None:
+    for cycle, state in zip(cycles, states, strict=True):
+        if cycle is None:
             numbers.append(-1)
             continue
-        cycle, state = one
-        if state is None:
-            return None
-        same = [_same(cycle, state, *first) for first in firsts]
-        if None in same:
-            return None
+        same = [] if state is None else [_same(cycle, state, *first) for first in firsts]
+        if state is None or None in same:
+            return [None] * len(cycles)
         if True not in same:
             firsts.append((cycle, state))
             same.append(True)

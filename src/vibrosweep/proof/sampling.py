@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.abilities import refusal
-from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
@@ -31,12 +30,12 @@ from vibrosweep.model.parameters import (
 from vibrosweep.model.ragged_arrays import counts_agree, padded
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
 from vibrosweep.model.times import Periods, Time, amount
-from vibrosweep.proof.axes import judge_axes
 from vibrosweep.proof.coordinates import (
     RECORD_COORDINATES,
     SWEEP_COORDINATES,
     Expected,
     expected,
+    judge_axes,
 )
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.sample import Sample
@@ -98,15 +97,15 @@ def _drawn(
     here = provenance(threads=1)
     known = (*VARIABLES, *SWEEP_COORDINATES, *(observable.name for observable in observables))
     names = [n for n in VARIABLES if n in file.variables]
-    scene = _scene(file, file.attrs)
+    scene, coordinates = _scene(file, file.attrs), _coordinates(file, chosen)
     return Sample(
         total=total,
         rows=rows,
-        parameters={n: _parameter(file, n, chosen, rows) for n in _taken(file, scene)},
+        parameters={n: np.full(rows.size, coordinates[n], float) for n in _taken(file, scene)},
         scene=scene,
         current=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
-        coordinates=_coordinates(file, chosen),
+        coordinates=coordinates,
         others=_others(file, known, identity),
         observables={one: read_rows(file, one.name, chosen) for one in observables},
     )
@@ -152,16 +151,6 @@ def _require_same(
                     f"{path}: was not computed with observable {one.name!r}: its {key} is "
                     f"{getattr(one, key)}, that of the file {held or 'not there'}"
                 )
-
-
-def _parameter(
-    file: Any, name: str, chosen: slice | NDArray[np.int64], rows: NDArray[np.int64]
-) -> Array:
-    """Values of a parameter at the rows, sampled or fixed."""
-    variable = file.variables[name]
-    if not variable.dimensions:
-        return np.full(rows.size, variable[()], np.float64)
-    return np.asarray(read_rows(file, name, chosen), np.float64)
 
 
 def _taken(file: Any, scene: Scene) -> tuple[str, ...]:

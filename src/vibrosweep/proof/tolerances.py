@@ -28,13 +28,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from vibrosweep.proof.measures import HARMONICS, ProvedMeasures
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.statistics import LandingErrors, Proved, Uncertainty, statistics_claims
+from vibrosweep.proof.statistics import LandingErrors, Proved, size_of
 
 # for the higher orders, which the derivatives of a flight leave out
 FIRST_ORDER: Final = 2.0
@@ -48,15 +48,13 @@ class Bounds(NamedTuple):
 
     def phase_error(self, realization: Realization) -> float:
         """Bound of the errors of the phases of lift-offs, in turns."""
-        p = realization.parameters
-        lifted = realization.liftoff_error
-        return self.landing_time * p["frequency"] + lifted + 4.0 * EPS
+        frequency = realization.parameters["frequency"]
+        return self.landing_time * frequency + realization.liftoff_error + 4.0 * EPS
 
     def height_error(self, realization: Realization) -> float:
         """Bound of the errors of the height of the base at lift-offs, in m."""
-        p = realization.parameters
-        velocity = realization.velocity
-        return velocity * self.phase_error(realization) / p["frequency"] if velocity > 0.0 else 0.0
+        velocity, frequency = realization.velocity, realization.parameters["frequency"]
+        return velocity * self.phase_error(realization) / frequency if velocity > 0.0 else 0.0
 
     def speed_error(self, realization: Realization) -> float:
         """Bound of the errors of speeds relative to the base, in units of g / 2 f."""
@@ -99,24 +97,17 @@ class Bounds(NamedTuple):
     ) -> Mapping[str, float | None]:
         """Largest error of each variable, in its own unit; None: not claimed."""
         dt, period = self.landing_time, 1.0 / realization.parameters["frequency"]
-        exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
-        exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
+        names = ("at_rest_count", "status", "particle_at_rest", "particle_status")
+        exact: dict[str, float | None] = dict.fromkeys(names, 0.0)
         undecided = reaches(measured.overlap, _stay_error(dt, realization))
         exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
-        error = Uncertainty(
-            velocity=self.rebound_velocity,
-            height=self.height_error(realization),
-            duration=max(
-                (self.duration_error(realization, f) for f in measured.flights), default=0.0
-            ),
-        )
-        windowed = statistics_claims(
-            error, realization, measured.flights, measured.fastest, measured.longest
-        ) | _separations(dt, measured, period)
+        windowed = self.statistics_claims(realization, measured)
+        for name in ("dt_min", "dt_min_same_index"):
+            rounding = EPS * (2.0 * period + 2.0 * size_of(measured.values[name]))
+            windowed[name] = 2.0 * dt + rounding
         unit = realization.parameters["gravity"] / (2.0 * realization.parameters["frequency"])
         landed = (self.landing_errors(realization, flight).arrival for flight in measured.landed)
-        fastest: Any = measured.values["impact_speed_max"]
-        rounding = 4.0 * EPS * (0.0 if fastest is None else float(fastest))
+        rounding = 4.0 * EPS * size_of(measured.values["impact_speed_max"])
         windowed["impact_speed_max"] = max(landed, default=0.0) * unit + rounding
         order = order_claims(dt, realization, measured)
         windowed["order_changes"] = order.pop("order_changes")
@@ -126,6 +117,31 @@ class Bounds(NamedTuple):
         if realization.scene.windowed and abs(measured.launch_depth) < realization.launch_rounding:
             windowed["flight_height_max"] = None
         return exact | order | windowed
+
+    def statistics_claims(
+        self, realization: Realization, measured: ProvedMeasures
+    ) -> dict[str, float | None]:
+        """Largest errors of the statistics of a realization and of each particle."""
+        p, dv = realization.parameters, self.rebound_velocity
+        gravity, launch = p["gravity"], p["launch_velocity"]
+        rounding = (measured.longest + len(realization.launch_times) + 10) * EPS
+        v = size_of(measured.fastest)
+        raised = realization.velocity / (2.0 * math.pi * p["frequency"])
+        most = max(v, launch) ** 2 / (2.0 * gravity) + raised
+        height = (2.0 * v * dv + dv**2) / (2.0 * gravity)
+        height += self.height_error(realization) + rounding * most
+        flights = measured.flights
+        lasting = max((float(flight.duration) for flight in flights), default=0.0) / p["frequency"]
+        duration = max((self.duration_error(realization, f) for f in flights), default=0.0)
+        claimed: dict[str, float | None] = {
+            "impact_count": 0.0,
+            "rest_count": 0.0,
+            "rebound_height_mean": height,
+            "rebound_height_max": height,
+            "flight_time_mean": duration + rounding * lasting,
+        }
+        of_each = {f"particle_{name}": claim for name, claim in claimed.items()}
+        return {**claimed, **of_each, "flight_height_max": height}
 
 
 def order_claims(
@@ -144,19 +160,9 @@ def order_claims(
     undecided = reaches(measured.apart, 2.0 * dt)
     at_edge = reaches(measured.last_period, dt + 4.0 * EPS / frequency)
     for name, open_ in (("gap_min", at_edge), ("gap_median", at_edge or undecided)):
-        gap: Any = measured.values[name]
-        size = 0.0 if gap is None else float(gap)
-        claimed[name] = None if open_ else 2.0 * dt + EPS * (4.0 / frequency + 2.0 * size)
+        rounding = EPS * (4.0 / frequency + 2.0 * size_of(measured.values[name]))
+        claimed[name] = None if open_ else 2.0 * dt + rounding
     return claimed | {"order_changes": None if undecided else 0.0}
-
-
-def _separations(dt: float, measured: ProvedMeasures, period: float) -> dict[str, float | None]:
-    claimed: dict[str, float | None] = {}
-    for name in ("dt_min", "dt_min_same_index"):
-        gap: Any = measured.values[name]
-        size = 0.0 if gap is None else float(gap)
-        claimed[name] = 2.0 * dt + EPS * (2.0 * period + 2.0 * size)
-    return claimed
 
 
 def _stay_error(dt: float, realization: Realization) -> float:

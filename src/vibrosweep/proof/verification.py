@@ -11,11 +11,13 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.measures import RECORD as OF_RECORD
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.proof.coupled import CHANGE
 from vibrosweep.proof.judgement import Judgement
-from vibrosweep.proof.recorded import RECORDED
 
+# Variables of the record share names with those of the sweep, but not dimensions
+RECORDED: Final = {f"record/{name}": variable for name, variable in OF_RECORD.items()}
 ALL: Final = {**VARIABLES, **RECORDED}
 UNITS: Final = {
     **dict.fromkeys(("launch_time", "duration", "transient"), "s"),
@@ -123,12 +125,12 @@ class Report:
     seed: int  # seed with which realizations were drawn
     outcomes: Sequence[Outcome]  # of each realization drawn, then of the record where there is one
     claimed: bool  # True if the dataset holds error bounds; else they were computed again
-    coupled: bool  # True if the base couples the particles: then errors are estimated
-    # Comparisons of what all realizations share with the sweep file
-    coordinates: Sequence[Judgement]
     names: Sequence[str]  # every variable of the dataset
     unknown: Mapping[str, str]  # reason why a variable cannot be compared at all, by name
-    estimated: Sequence[str]  # names of observables whose claims are estimates
+    # Comparisons of what all realizations share with the sweep file
+    coordinates: Sequence[Judgement] = ()
+    coupled: bool = False  # True if the base couples the particles: then errors are estimated
+    estimated: Sequence[str] = ()  # names of observables whose claims are estimates
 
     @property
     def passed(self) -> bool:

@@ -28,8 +28,7 @@ from vibrosweep.proof.case import Case
 from vibrosweep.proof.coordinates import Expected
 from vibrosweep.proof.coupled import MAX_COUPLED, Estimate, prove
 from vibrosweep.proof.judgement import Judgement, judge
-from vibrosweep.proof.judges import judge_observable, judge_row
-from vibrosweep.proof.recorded import judge_record
+from vibrosweep.proof.judges import judge_observable, judge_record, judge_row
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.coupled import TooManyLandingsError

@@ -27,7 +27,7 @@ from vibrosweep.kernels.extended import (
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.shapes import SINE_NAME
-from vibrosweep.proof.closed_orbits import Setting, orbit_of
+from vibrosweep.proof.closed_orbits import orbit_of
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.closed import (
     BITS,
@@ -42,32 +42,31 @@ from vibrosweep.proof.reference.orbit_equations import EARLIER, RESTING, Orbit
 from vibrosweep.scene.scene import Scene
 
 NO_ORBIT, TOUCHES, UNPROVED, ELSEWHERE, FORCING, SWITCH = range(3, 9)
-ENDS: Final = (
-    (NO_WINDOW, "no_window"),
-    (PROVED, "proved"),
-    (OPEN_END, "open"),
-    (NO_ORBIT, "not_an_end_of_one_orbit"),
-    (TOUCHES, "touches_base_or_rests"),
-    (UNPROVED, "not_enclosed"),
-    (ELSEWHERE, "not_in_the_bracket"),
-    (FORCING, "waveform_needs_amplitude_or_base_velocity"),
-    (SWITCH, "corner_of_the_waveform_or_yielding"),
-)
-REASONS: Final = {"": PROVED, EARLIER: 2, RESTING: 3, NOT_ENCLOSED: 4, NOT_ATTRACTING: 5}
 UNBOUNDED: Final = 6
-INSIDE: Final = (
-    (NO_WINDOW, "no_window"),
-    (PROVED, "proved"),
-    (2, "earlier_landing_not_excluded"),
-    (3, "rest_not_excluded"),
-    (4, "branch_not_enclosed"),
-    (5, "attraction_not_proved"),
-    (UNBOUNDED, "ends_not_proved"),
-)
+# Codes by their meanings
+ENDS: Final = {
+    "no_window": NO_WINDOW,
+    "proved": PROVED,
+    "open": OPEN_END,
+    "not_an_end_of_one_orbit": NO_ORBIT,
+    "touches_base_or_rests": TOUCHES,
+    "not_enclosed": UNPROVED,
+    "not_in_the_bracket": ELSEWHERE,
+    "waveform_needs_amplitude_or_base_velocity": FORCING,
+    "corner_of_the_waveform_or_yielding": SWITCH,
+}
+INSIDE: Final = {
+    "no_window": NO_WINDOW,
+    "proved": PROVED,
+    **{EARLIER: 2, RESTING: 3, NOT_ENCLOSED: 4, NOT_ATTRACTING: 5},
+    "ends_not_proved": UNBOUNDED,
+}
 # Forcings whose ratio to the kick is the same for all waveforms
 OF_ANY_SHAPE: Final = (AMPLITUDE, "base_velocity")
 POINTS: Final = 10_000  # of a branch in each direction
 MULTIPLIER: Final = {SADDLE_NODE: 1, DOUBLING: -1}
+# Codes of the other events that end a branch
+LEAVES: Final = {GRAZE: TOUCHES, REST: TOUCHES, CORNER: SWITCH, YIELD: SWITCH}
 
 
 class _Proof(NamedTuple):
@@ -100,12 +99,13 @@ def prove_windows(found: xr.Dataset, scene: Scene) -> xr.Dataset:
             proofs[place] = _prove(one, scene, found["scan"].values, workers)
     forcing = FORCINGS[str(found.attrs["forcing"])]
     data: dict[str, Any] = {}
-    for name, field, flags, words in (
+    for name, field, meanings, words in (
         ("min_proof", "lower", ENDS, "proof of the lower end"),
         ("max_proof", "upper", ENDS, "proof of the upper end"),
         ("inside_proof", "inside", INSIDE, "proof of the attraction between both ends"),
     ):
         codes = np.array([getattr(p, field) for p in proofs.ravel()], np.int8).reshape(shape)
+        flags = tuple((code, meaning) for meaning, code in meanings.items())
         variable = Variable(name, dims, "int8", "1", words, flags=flags)
         data[name] = (dims, codes, variable.attributes)
     for name, field in (("min", "low"), ("max", "high")):
@@ -137,9 +137,8 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
     if line is None:
         return _Proof(UNPROVED, UNPROVED, UNBOUNDED)
     with ctx.workprec(BITS):
-        laws = Laws(scene.rebound, scene.restitution_law)
-        setting = Setting(scene.base, laws, scene.waveform)
-        orbit = orbit_of(setting, {**scene.inputs, "restitution": e}, 1, k)
+        laws = Laws(scene.rebound, scene.restitution_law, scene.waveform)
+        orbit = orbit_of(scene.base, laws, {**scene.inputs, "restitution": e}, 1, k)
     sides = sorted((_side(line, row, step) for step in (-1, 1)), key=lambda s: line.z[s[0], -1])
     codes, boxes, events = [OPEN_END] * 2, [(math.nan, math.nan)] * 2, []
     # the last column, the drive, becomes the kick
@@ -149,11 +148,7 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
             continue
         guess = points[at].tolist()
         proved = prove_event(orbit, MULTIPLIER[met], guess) if met in MULTIPLIER else None
-        codes[i] = UNPROVED
-        if met in (GRAZE, REST):
-            codes[i] = TOUCHES
-        elif met in (CORNER, YIELD):
-            codes[i] = SWITCH
+        codes[i] = LEAVES.get(met, UNPROVED)
         if proved:
             boxes[i] = low, high = _doubles(proved, forcing, scene, orbit)
             near = low - 0.5 * widths[i] <= ends[i] <= high + 0.5 * widths[i]
@@ -162,7 +157,7 @@ def _prove(one: xr.Dataset, scene: Scene, scan: Array, workers: Workers) -> _Pro
     within = UNBOUNDED
     if {*codes} <= {PROVED, OPEN_END}:
         first, last = sorted(at for at, _ in sides)
-        within = REASONS[cover(orbit, points[first : last + 1].tolist(), events)]
+        within = INSIDE[cover(orbit, points[first : last + 1].tolist(), events) or "proved"]
     return _Proof(codes[0], codes[1], within, boxes[0], boxes[1])
 
 

@@ -38,43 +38,31 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import partial
-from typing import Final
 
+from vibrosweep.model.parameters import NOISE
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference.bases import REFERENCE_OF
-from vibrosweep.proof.reference.decisions import decided
+from vibrosweep.proof.reference.decisions import decided, first_precision
 from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import Deviates, Problem
 from vibrosweep.proof.reference.orbit import attempt
 from vibrosweep.proof.reference.results import Trajectory
 
-GUARD_BITS: Final = 64
-
 
 def trajectory(
     *,
-    restitution: float,
-    amplitude: float,
-    frequency: float,
-    phase: float,
-    gravity: float,
-    launch_velocity: float,
-    contact_time: float,
     launch_time: float | Fraction,
     duration: float | Fraction,
     base: str = "high-bounce",
     rebound: str = "rest",
     restitution_law: str = CONSTANT,
-    restitution_speed: float | None = None,
     waveform: Waveform = SINE,
-    restitution_noise: float = 0.0,
-    kick_noise: float = 0.0,
-    drive_noise: float = 0.0,
     deviates: Deviates | None = None,
     max_impacts: int = 100_000,
     digits: int = 20,
     max_bits: int = 1 << 17,
+    **parameters: float,
 ) -> Trajectory:
     """Every landing of one particle, with proved error bounds.
 
@@ -82,32 +70,19 @@ def trajectory(
     restitution e, amplitude a, frequency 1, phase 0, gravity 2, launch_velocity u0, contact_time r,
     launch_time x0 and duration in periods: velocities are then flight times.
 
-    Noise needs the deviates of the particle, which are exact numbers.
+    Parameters are all of `vibrosweep.model.parameters.PARAMETERS`, `restitution_speed` under a law
+    that has one, and the strengths of noise, which needs the deviates of the particle: exact
+    numbers.  They are those of a scene that was checked, and are not checked again.
 
     Landings at t <= duration (s) count; a `Fraction` gives a time exactly.  Radii are at most
     10**-digits of a velocity or of v_rest, of a time or of the contact time, whichever is larger,
     and of a turn for a phase.
 
-    Parameters are those of a scene that was checked, and are not checked again.  Raises an
-    UndecidableError where a decision stays uncertain at `max_bits`: a tie, or an orbit that loses
-    more digits.
+    Raises an UndecidableError where a decision stays uncertain at `max_bits`: a tie, or an orbit
+    that loses more digits.
     """
-    values = {
-        "restitution": restitution,
-        "amplitude": amplitude,
-        "frequency": frequency,
-        "phase": phase,
-        "gravity": gravity,
-        "launch_velocity": launch_velocity,
-        "contact_time": contact_time,
-    }
-    if restitution_speed is not None:
-        values["restitution_speed"] = restitution_speed
-    if deviates is not None:
-        strengths = {"restitution_noise": restitution_noise, "kick_noise": kick_noise}
-        values |= strengths | {"drive_noise": drive_noise}
     problem = Problem(
-        {name: float(value) for name, value in values.items()},
+        dict.fromkeys(NOISE, 0.0) | {name: float(value) for name, value in parameters.items()},
         Fraction(launch_time),
         Fraction(duration),
         Laws(rebound, restitution_law, waveform),
@@ -115,5 +90,5 @@ def trajectory(
         digits,
         deviates,
     )
-    first = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
-    return decided(partial(attempt, problem, REFERENCE_OF[base].motion), first, max_bits)
+    attempt_at = partial(attempt, problem, REFERENCE_OF[base].motion)
+    return decided(attempt_at, first_precision(digits), max_bits)

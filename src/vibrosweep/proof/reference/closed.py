@@ -168,8 +168,8 @@ def prove_orbit(orbit: Orbit, guess: Sequence[float], kick: arb) -> Proved | Non
 
 
 # Reasons why a branch is not covered
-NOT_ENCLOSED: Final = "the branch is not enclosed"
-NOT_ATTRACTING: Final = "attraction is not proved"
+NOT_ENCLOSED: Final = "branch_not_enclosed"
+NOT_ATTRACTING: Final = "attraction_not_proved"
 
 
 class _Piece(NamedTuple):

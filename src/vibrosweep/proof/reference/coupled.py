@@ -9,7 +9,6 @@ ride and the forced oscillation, with the envelope of the free one, can no longe
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,9 +20,10 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx, exact
 from vibrosweep.proof.reference.decisions import (
-    UncertainError,
+    Narrow,
     certain_above,
     decided,
+    first_precision,
     nearest_integer,
 )
 from vibrosweep.proof.reference.drives import Mount
@@ -33,7 +33,6 @@ from vibrosweep.proof.reference.motion import Deviates
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.reference.sprung import System
 
-GUARD_BITS: Final = 64
 CONSTANT_LAWS: Final = Laws()
 PATIENCE: Final = 1  # periods after the end up to which a lift-off counts
 ZERO: Final = arb(0)
@@ -67,11 +66,6 @@ class _Problem:
     deviates: Callable[[int], Deviates] | None
 
     @property
-    def bits(self) -> int:
-        """Relative accuracy in bits that gives the digits."""
-        return math.ceil(self.digits * math.log2(10.0)) + 2
-
-    @property
     def launches(self) -> list[Launch]:
         """Particles by their launch, in the order of time and then of their numbers."""
         ordered = sorted(range(len(self.launch_times)), key=self.launch_times.__getitem__)
@@ -102,17 +96,14 @@ class _Problem:
 
     def require_narrow(self, impact: Impact, number: int) -> None:
         """Raise `UncertainError` unless a landing and the lift-off after it are narrow."""
-        radius = arb(10) ** -self.digits
-        time = radius * arb(self.parameters["contact_time"])
-        balls = [(impact.landing_time, time), (impact.phase, radius)]
+        narrow = Narrow(self.digits, self.parameters)
+        found = [(impact.landing_time, narrow.time), (impact.phase, narrow.phase)]
         if impact.liftoff_time is not None and impact.rebound_velocity is not None:
-            velocity = time * arb(self.parameters["gravity"]) / 2
-            balls += [(impact.liftoff_time, time), (impact.rebound_velocity, velocity)]
+            found.append((impact.liftoff_time, narrow.time))
+            found.append((impact.rebound_velocity, narrow.velocity))
         if impact.flight is not None:
-            balls.append((impact.flight.duration, radius))
-        for ball, small in balls:
-            if not (ball.rel_accuracy_bits() >= self.bits or ball.rad() <= small):
-                raise UncertainError("a result to the digits asked for", number)
+            found.append((impact.flight.duration, narrow.phase))
+        narrow.require(number, *found)
 
 
 def bodies_of(
@@ -171,7 +162,7 @@ def coupled(
     values = {name: float(value) for name, value in parameters.items()}
     launched = tuple(Fraction(time) for time in launch_times)
     problem = _Problem(values, launched, Fraction(duration), laws, max_landings, digits, deviates)
-    first = max(bits, GUARD_BITS * (2 + problem.bits // GUARD_BITS))
+    first = max(bits, first_precision(digits))
     return decided(partial(_attempt, problem), first, max_bits)
 
 

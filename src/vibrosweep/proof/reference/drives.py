@@ -141,13 +141,6 @@ class Stretch:
         return sizes[order] if order < len(sizes) else ZERO
 
 
-def drive_of(mount: Mount, x: arb, load: arb, side: int, impact: int) -> Tones | Stretch:
-    """Forced motion from a phase on, on a side where the waveform has corners."""
-    if mount.waveform.name == PARABOLIC_NAME:
-        return Stretch(mount, x, load, side)
-    return Tones(mount, x, load, impact)
-
-
 def _turn(number: int) -> arb:
     """Angular frequency of a harmonic, in forcing periods."""
     return 2 * arb.pi() * number

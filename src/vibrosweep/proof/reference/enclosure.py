@@ -30,8 +30,8 @@ class Enclosure:
     flown, speed
         The centre, exact numbers.
     bits
-        Precision that the centre is worth: bits far below the error carry nothing, so a chaotic
-        orbit needs fewer as it loses them.
+        Precision with which the centre is computed: bits far below the error carry nothing, so a
+        chaotic orbit needs fewer and fewer.
     """
 
     __slots__ = ("_cos", "_r1", "_r2", "_sin", "bits", "flown", "speed")

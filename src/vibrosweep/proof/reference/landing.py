@@ -53,6 +53,7 @@ class Course(Protocol):
 
     def above_all(self) -> tuple[arb, arb] | None:
         """Interval of time without a root, where one is known."""
+        return None
 
 
 @dataclass(frozen=True)

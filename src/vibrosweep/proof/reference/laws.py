@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
 from vibrosweep.model.outside_laws import OUTSIDE
@@ -19,8 +20,6 @@ from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.jets import Jet
-
-TURNS_BACK: Final[Mapping[str, bool]] = {"rest": False, "reflect": True}
 
 
 class Laws(NamedTuple):
@@ -33,7 +32,7 @@ class Laws(NamedTuple):
     @property
     def turns_back(self) -> bool:
         """True if a particle that is pushed into the base is turned back."""
-        return TURNS_BACK[self.rebound]
+        return self.rebound == "reflect"
 
     def in_periods(self, p: Mapping[str, arb]) -> Impact:
         """Return `impact` of physical parameters, with speeds as flights in forcing periods."""
@@ -51,22 +50,25 @@ class Laws(NamedTuple):
 
 
 class Impact(Protocol):
-    """The speed that an impact leaves."""
+    """A law of restitution: the speed that an impact leaves."""
 
     def share(self, v: arb) -> arb:
         """Share of v that is left."""
 
     def kept(self, v: arb) -> arb:
         """Speed that is left of v."""
+        return self.share(v) * v
 
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
 
     def bend(self, v: arb) -> arb:
         """Derivative of `slope`; NaN where it has none, or none is known."""
+        return arb("nan")
 
 
-class Constant(NamedTuple):
+@dataclass(frozen=True)
+class Constant(Impact):
     """The same share of any speed."""
 
     e: arb
@@ -74,10 +76,6 @@ class Constant(NamedTuple):
     def share(self, v: arb) -> arb:
         """Share of v that is left."""
         return self.e
-
-    def kept(self, v: arb) -> arb:
-        """Speed that is left of v."""
-        return self.e * v
 
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
@@ -88,7 +86,8 @@ class Constant(NamedTuple):
         return arb(0)
 
 
-class Plastic(NamedTuple):
+@dataclass(frozen=True)
+class Plastic(Impact):
     """The same share up to a speed, and e (v / speed)^(-1/4) above it."""
 
     e: arb
@@ -103,10 +102,6 @@ class Plastic(NamedTuple):
         """Share of v that is left."""
         return self._chosen(v, self.e, lambda: self.e * (self.speed / v).sqrt().sqrt())
 
-    def kept(self, v: arb) -> arb:
-        """Speed that is left of v."""
-        return self.share(v) * v
-
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
         return self._chosen(v, self.e, lambda: 0.75 * self.e * (self.speed / v).sqrt().sqrt())
@@ -118,7 +113,7 @@ class Plastic(NamedTuple):
         return -0.25 * self.slope(v) / v if v > self.speed else arb("nan")
 
 
-class Viscoelastic:
+class Viscoelastic(Impact):
     """P(y) of the speed with y = y_0 (v / speed)^(1/10), where P(y_0) = e."""
 
     def __init__(self, e: arb, speed: arb) -> None:
@@ -137,10 +132,6 @@ class Viscoelastic:
         top, higher, _, _ = _terms(self._scaled(v))
         return top / (top + higher)
 
-    def kept(self, v: arb) -> arb:
-        """Speed that is left of v."""
-        return self.share(v) * v
-
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
         return _slope_at(self._scaled(v))
@@ -151,10 +142,11 @@ class Viscoelastic:
         return _slope_at(Jet(y, [arb(1)])).d[0] * y / (10 * v)
 
 
-class Random:
+class Random(Impact):
     """A law under noise: random numbers are added to its share and to the speed after impact.
 
-    The speed after it is turned back where it would be negative, if `thrown`.
+    The speed after it is turned back where it would be negative, if `thrown`.  The slope has no
+    derivative here, which serves closed orbits only, and they are without noise.
     """
 
     def __init__(self, law: Impact, slip: arb, push: arb, thrown: bool) -> None:
@@ -181,10 +173,6 @@ class Random:
         if not self._thrown or self._left(v) > 0:
             return found
         return -found if self._left(v) < 0 else found.union(-found)
-
-    def bend(self, v: arb) -> arb:
-        """NaN: this derivative serves closed orbits only, and they are without noise."""
-        return arb("nan")
 
 
 def _slope_at(y: Any) -> Any:
@@ -221,8 +209,11 @@ def _root_at(e: arb) -> arb:
         found, y = closer, arb(closer.mid())
 
 
-class Outside:
-    """A law from outside the package, as it is now."""
+class Outside(Impact):
+    """A law from outside the package, as it is now.
+
+    It bounds the change of its slope, but does not give a derivative of it.
+    """
 
     def __init__(self, law: OutsideLaw, e: arb, speed: arb) -> None:
         self._ratio, self._slope = law.ball_ratio or law.ratio, law.ball_slope or law.slope
@@ -232,17 +223,9 @@ class Outside:
         """Share of v that is left."""
         return self._ratio(self._e, v / self._speed)
 
-    def kept(self, v: arb) -> arb:
-        """Speed that is left of v."""
-        return self.share(v) * v
-
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
         return self._slope(self._e, v / self._speed)
-
-    def bend(self, v: arb) -> arb:
-        """NaN: such a law bounds the change of its slope, but does not give its derivative."""
-        return arb("nan")
 
 
 OF_SPEED: Final[Mapping[str, Callable[[arb, arb], Impact]]] = {

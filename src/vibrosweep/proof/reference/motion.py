@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -39,11 +38,6 @@ class Problem:
     max_impacts: int
     digits: int
     deviates: Deviates | None = None
-
-    @property
-    def digits_bits(self) -> int:
-        """Relative accuracy in bits that gives the digits."""
-        return math.ceil(self.digits * math.log2(10.0)) + 2
 
     @property
     def launched(self) -> arb:

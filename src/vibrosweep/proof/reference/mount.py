@@ -18,8 +18,8 @@ from typing import Final
 
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
-from vibrosweep.proof.reference.drives import Mount, drive_of
-from vibrosweep.proof.reference.landing import SHY
+from vibrosweep.proof.reference.drives import Mount, Stretch, Tones
+from vibrosweep.proof.reference.landing import SHY, Course
 
 ZERO, ONE = arb(0), arb(1)
 # Number of derivatives of the height of the base that are needed.
@@ -75,7 +75,9 @@ class Arc:
             raise UncertainError("whether the free base oscillates", impact)
         self._excess = ZERO if excess.is_zero() else self._z * self._z - self._q
         self.level = -2 * load / square
-        self._drive = drive_of(mount, x, load, side, impact)
+        self._drive: Tones | Stretch = (
+            Stretch(mount, x, load, side) if mount.has_corners else Tones(mount, x, load, impact)
+        )
         answered, rate = self._drive.answer(after)
         self._free = self._carried(state[0] - self.level - answered, state[1] - rate, -after)
         self._last: tuple[arb, tuple[arb, arb, arb]] | None = None
@@ -209,7 +211,7 @@ def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -
     return until.lower()
 
 
-class Pressure:
+class Pressure(Course):
     """Acceleration of the base above that of gravity: it presses what rides while positive."""
 
     def __init__(self, arc: Arc) -> None:
@@ -227,9 +229,6 @@ class Pressure:
         """As `Above.curvature`."""
         arc = self._arc
         return -arc.derivative(4, s), -arc.derivative(5, s), arc.most(6, s), arc.most(4, s)
-
-    def above_all(self) -> None:
-        """Return None: no interval is known to be free of roots."""
 
     def lasts(self, s: arb) -> bool:
         """Return whether it is proved to stay positive from then on."""

@@ -9,35 +9,10 @@ from collections.abc import Callable
 from itertools import zip_longest
 
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.decisions import UncertainError, certain_above, nearest_integer
+from vibrosweep.proof.reference._flint import ctx
+from vibrosweep.proof.reference.decisions import Narrow, certain_above, nearest_integer
 from vibrosweep.proof.reference.motion import Landed, Left, Motion, Problem
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
-
-
-class _Narrow:
-    """Check that results are as narrow as a problem asks for."""
-
-    def __init__(self, problem: Problem) -> None:
-        p = problem.balls
-        self._bits = problem.digits_bits
-        self._phase = arb(10) ** -problem.digits
-        self._time = self._phase * p["contact_time"]
-        self._velocity = self._time * p["gravity"] / 2
-
-    def require(self, motion: Motion, landed: Landed, left: Left | None, impact: int) -> None:
-        """Raise `UncertainError` unless a landing and the lift-off after it are narrow."""
-        narrow = self._is(motion.time(landed.flown), self._time)
-        narrow = narrow and landed.half_turns.rad() <= self._phase
-        narrow = narrow and self._is(landed.duration, self._phase)
-        if left is not None:
-            narrow = narrow and self._is(motion.time(left.flown), self._time)
-            narrow = narrow and self._is(left.velocity, self._velocity)
-        if not narrow:
-            raise UncertainError("a result to the digits asked for", impact)
-
-    def _is(self, ball: arb, radius: arb) -> bool:
-        return bool(ball.rel_accuracy_bits() >= self._bits or ball.rad() <= radius)
 
 
 def _orbit(motion: Motion, problem: Problem) -> tuple[list[Landed], list[Left], Status]:
@@ -46,7 +21,7 @@ def _orbit(motion: Motion, problem: Problem) -> tuple[list[Landed], list[Left], 
     The last one is beyond the end or the budget, unless the particle comes to rest for good.
     """
     landings, lifted = [], [motion.launched]
-    narrow = _Narrow(problem)
+    narrow = Narrow(problem.digits, problem.parameters)
     for n in range(1, problem.max_impacts + 2):
         landed = motion.land(n)
         landings.append(landed)
@@ -55,7 +30,13 @@ def _orbit(motion: Motion, problem: Problem) -> tuple[list[Landed], list[Left], 
         if n > problem.max_impacts:
             break
         left = motion.leave(n)
-        narrow.require(motion, landed, left, n)
+        # the phase, which is reduced later, must be narrow in turns, however late the landing is
+        phase = landed.half_turns - landed.half_turns.mid()
+        found = [(phase, narrow.phase), (landed.duration, narrow.phase)]
+        found.append((motion.time(landed.flown), narrow.time))
+        if left is not None:
+            found += [(motion.time(left.flown), narrow.time), (left.velocity, narrow.velocity)]
+        narrow.require(n, *found)
         if left is None:
             return landings, lifted, Status.COMPLETED
         lifted.append(left)

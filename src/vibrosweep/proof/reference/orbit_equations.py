@@ -17,8 +17,8 @@ from vibrosweep.proof.reference.waves import SINE_WAVE, Wave
 
 Box = list[arb]
 # Reasons why a particle may not take an orbit
-EARLIER: Final = "an earlier landing is not excluded"
-RESTING: Final = "a rest is not excluded"
+EARLIER: Final = "earlier_landing_not_excluded"
+RESTING: Final = "rest_not_excluded"
 
 
 class Orbit(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -63,6 +63,14 @@ class Trajectory:
     status: Status
     # Precision at which every decision became certain and every ball narrow enough
     precision_bits: int
+
+    def landed(self) -> Iterator[tuple[Flight, Impact]]:
+        """Yield each landing with the flight that ends with it."""
+        flight: Flight | None = self.launch
+        for impact in self.impacts:
+            if flight is not None:
+                yield flight, impact
+            flight = impact.flight
 
     @cached_property
     def rested(self) -> NDArray[np.bool_]:

@@ -54,8 +54,8 @@ class System:
 
     Where all particles ride the base, their lift-off is looked for up to the phase `end`.
 
-    The state is that of an exact instant next to the last event, as if the motion after the event
-    had begun before: the event's own uncertain time then widens no ball that it does not concern.
+    The state is that of an exact instant next to the last event, to which the motion after the
+    event is continued: the uncertain time of the event then widens only balls that depend on it.
 
     Attributes
     ----------
@@ -219,7 +219,7 @@ class System:
         return certain_above(self._own_press - pull, ZERO, what, self.landings)
 
     def _settle(self) -> None:
-        """Begin the motion after the event, for all that fly, at the exact instant next to it."""
+        """Continue base and flights after the event from the exact instant next to it."""
         late, around = self._late, ZERO.union(self._late)
         before, self._arc = self._arc.derivative(2, self._passed + around), self._motion()
         after = self._arc.derivative(2, around)

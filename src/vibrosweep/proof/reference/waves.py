@@ -59,6 +59,7 @@ class Wave(Protocol):
 
     def slope_change(self, h: arb, error: float) -> float:
         """Bound of the change of w' within an error of a phase, in turns."""
+        return float(self.bounds.bend) * error
 
     def begun(self, h: arb) -> Begun:
         """Return what `rise` and `gain` need of the phase x of a lift-off."""
@@ -76,7 +77,7 @@ class Wave(Protocol):
         """Phases in turns at which 1 + G falls and rises through 0, G = alpha w' / 2."""
 
 
-class _Sine:
+class _Sine(Wave):
     """w = sin(2 pi x)."""
 
     @property
@@ -95,9 +96,6 @@ class _Sine:
 
     def rate(self, h: arb) -> arb:
         return -4 * arb.pi() ** 2 * h.sin_pi()
-
-    def slope_change(self, h: arb, error: float) -> float:
-        return float(self.bounds.bend) * error
 
     def begun(self, h: arb) -> Begun:
         sine, cosine = h.sin_cos_pi()
@@ -126,14 +124,14 @@ class _Sine:
 
 
 def _rising(x: arb) -> arb:
-    """Return which of two crossings, x and 1/2 - x, the kick rises at: before 0 it falls."""
+    """Return the one of two crossings, x and 1/2 - x, at which the kick rises."""
     return x if x > 0 else arb(0.5) - x
 
 
 SINE_WAVE: Final[Wave] = _Sine()
 
 
-class _Harmonics:
+class _Harmonics(Wave):
     """w = sum of c sin(2 pi h x + psi) = p sin(2 pi h x) + q cos(2 pi h x)."""
 
     def __init__(self, waveform: Waveform) -> None:
@@ -176,9 +174,6 @@ class _Harmonics:
     def rate(self, h: arb) -> arb:
         return self._along(h, lambda turn, u, v: -turn * turn * u)
 
-    def slope_change(self, h: arb, error: float) -> float:
-        return float(self.bounds.bend) * error
-
     def begun(self, h: arb) -> Begun:
         found = []
         for number, p, q in self._terms:
@@ -215,7 +210,7 @@ class _Harmonics:
         return [x for x, rising in found if not rising], [x for x, rising in found if rising]
 
 
-class _Triangle:
+class _Triangle(Wave):
     """w = 4 x for |x| <= 1/4 and 2 - 4 x up to 3/4: its height is made of parabolas."""
 
     @property
