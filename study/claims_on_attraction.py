@@ -41,7 +41,6 @@ from study.verdict import (
     Check,
     Evidence,
     Number,
-    Outcome,
     Picture,
     Reading,
     check,
@@ -63,26 +62,23 @@ WINDOW_OF_EXPONENTS: Final = 500.0
 PAIR: Final[Mapping[str, Any]] = {"particles": 2, "launch": [0.0, NEAR]}
 
 
-def synchronous(plan: Plan) -> Outcome:
-    """Synchronous impacts are unstable."""
+def synchronous_pictures(plan: Plan) -> list[Picture]:
+    """Figure of `synchronous`."""
     pictured = _late(
-        Plan(plan.threads, seeds=1, realizations=200),
+        Plan(plan.threads, seeds=1),
         HIGH_BOUNCE,
         FIRST,
         {**PAIR, "regimes": True},
     )
-    return Outcome(
-        [_synchronous(plan, base) for base in BASES],
-        [
-            Picture(
-                "claim04_synchronous_pairs",
-                "Separation of pairs (N = 2) launched 1 µs apart, in the last 10 s of 600 s, "
-                "against the amplitude A, with the study's equations (law rest), e 0.80 to 0.98, "
-                "f = 1 Hz: below the dashed line they have approached each other.",
-                for_file(fates, pictured, NEAR),
-            )
-        ],
-    )
+    return [
+        Picture(
+            "claim04_synchronous_pairs",
+            "Separation of pairs (N = 2) launched 1 µs apart, in the last 10 s of 600 s, "
+            "against the amplitude A, with the study's equations (law rest), e 0.80 to 0.98, "
+            "f = 1 Hz: below the dashed line they have approached each other.",
+            for_file(fates, pictured, NEAR),
+        )
+    ]
 
 
 def _late(
@@ -105,7 +101,8 @@ def _late(
     )
 
 
-def _synchronous(plan: Plan, base: str) -> Evidence:
+def synchronous(plan: Plan, base: str) -> Evidence:
+    """Synchronous impacts are unstable."""
     what = "share of pairs launched 1 µs apart, of those that still bounce, that have drawn apart"
     checks = []
     for one in settings_of(base):
@@ -189,12 +186,8 @@ def _bunch() -> tuple[Number, ...]:
     return (number(what, float(gap), "s"),)
 
 
-def staggered(plan: Plan) -> Outcome:
+def staggered(plan: Plan, base: str) -> Evidence:
     """Staggered motion attracts."""
-    return Outcome([_staggered(plan, base) for base in BASES])
-
-
-def _staggered(plan: Plan, base: str) -> Evidence:
     many = FEW if base == SPRUNG else 20
     two: list[Check] = []
     population: list[Check] = []

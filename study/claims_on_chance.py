@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from study.bases import FIXED, HIGH_BOUNCE, MOVING
+from study.bases import HIGH_BOUNCE, MOVING
 from study.claims_on_windows import STRONG
 from study.estimates import Estimate, mean
 from study.samples import (
@@ -22,7 +22,7 @@ from study.samples import (
     records,
     settings_of,
 )
-from study.verdict import Check, Evidence, Number, Outcome, Picture, Reading, check, number
+from study.verdict import Evidence, Number, Picture, Reading, check, number
 from vibrosweep.analysis import order_against_chance, separations_against_chance
 from vibrosweep.figures import separations_over_chance
 from vibrosweep.figures.style import for_file
@@ -42,10 +42,27 @@ ENOUGH: Final = 0.05
 PHASES_FOUND: Final = "independent landings at the phases found"
 SHIFTED: Final = "surrogates shifted by whole periods"
 UNIFORM: Final = "independent landings at uniform phases"
+# Reading, number, variable, bound and null model; {} is the number of particles
+COMPARED: Final = (
+    (
+        "separations of {} exceed those of chance",
+        "mean z = Λ dt_min of {} irregular particles, 1 by chance",
+        "dt_min_over_chance",
+        REPELLED,
+        PHASES_FOUND,
+    ),
+    (
+        "they exceed those of shifted copies, N = {}",
+        f"mean share of surrogates that come as close, {BY_CHANCE} by chance",
+        "dt_min_surrogate_share",
+        APART,
+        SHIFTED,
+    ),
+)
 
 
-def repulsion(plan: Plan) -> Outcome:
-    """Particles that approach synchronous impact repel each other, sec. 2.1."""
+def repulsion_pictures(plan: Plan) -> list[Picture]:
+    """Figure of `repulsion`."""
     one = Plan(plan.threads, seeds=1, realizations=1600)
     curves = {
         f"{words}, N = {n}": _irregular(one, base, setting.over(**_RANGES), n)
@@ -55,57 +72,41 @@ def repulsion(plan: Plan) -> Outcome:
         )
         for n in (FEW, MANY)
     }
-    return Outcome(
-        [_repulsion(plan, base) for base in FIXED],
-        [
-            Picture(
-                "claim24_separations_against_chance",
-                "Smallest separation dt_min in 100 s in units of what chance gives, z = Λ dt_min "
-                "with the phases found; e 0.80 to 0.98, A 4 to 12 m/s, f = 1 Hz, N = 5 and 20; the "
-                "study's equations under the law reflect, and a moving base; without realizations "
-                "that rest or chatter. The black curve is chance; repulsion would lie below it.",
-                for_file(separations_over_chance, list(curves.values()), list(curves)),
-            )
-        ],
-    )
+    return [
+        Picture(
+            "claim24_separations_against_chance",
+            "Smallest separation dt_min in 100 s in units of what chance gives, z = Λ dt_min "
+            "with the phases found; e 0.80 to 0.98, A 4 to 12 m/s, f = 1 Hz, N = 5 and 20; the "
+            "study's equations under the law reflect, and a moving base; without realizations "
+            "that rest or chatter. The black curve is chance; repulsion would lie below it.",
+            for_file(separations_over_chance, list(curves.values()), list(curves)),
+        )
+    ]
 
 
 _RANGES: Final = {"amplitude": STRONG, "phase": ANY_PHASE}
 
 
-def _repulsion(plan: Plan, base: str) -> Evidence:
+def repulsion(plan: Plan, base: str) -> Evidence:
+    """Particles that approach synchronous impact repel each other, sec. 2.1."""
     readings, numbers = [], []
+    settings = [setting.over(**_RANGES) for setting in settings_of(base)]
     for particles in (FEW, MANY):
-        further: list[Check] = []
-        beyond_phases: list[Check] = []
-        for setting in settings_of(base):
-            there = setting.over(**_RANGES)
-            found = _irregular(plan, base, there, particles)
-            what = f"mean z = Λ dt_min of {particles} irregular particles, 1 by chance"
-            further.append(
+        each = [(there, _irregular(plan, base, there, particles)) for there in settings]
+        for name, what, variable, least, null in COMPARED:
+            checks = [
                 check(
-                    what,
-                    _mean(found, "dt_min_over_chance"),
+                    what.format(particles),
+                    _mean(found, variable),
                     "at least",
-                    REPELLED,
-                    setting=there.against(PHASES_FOUND),
+                    least,
+                    setting=there.against(null),
                 )
-            )
-            what = f"mean share of surrogates that come as close, {BY_CHANCE} by chance"
-            beyond_phases.append(
-                check(
-                    what,
-                    _mean(found, "dt_min_surrogate_share"),
-                    "at least",
-                    APART,
-                    setting=there.against(SHIFTED),
-                )
-            )
+                for there, found in each
+            ]
+            readings.append(Reading(name.format(particles), checks))
+        for there, found in each:
             numbers += _in_units_of_chance(found, base, particles, there)
-        readings += [
-            Reading(f"separations of {particles} exceed those of chance", further),
-            Reading(f"they exceed those of shifted copies, N = {particles}", beyond_phases),
-        ]
     return Evidence(base, readings, numbers=(*numbers, *_of_sweeps(plan, base)))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from study.arrays import Array
-from study.bases import BASES, SPRUNG
+from study.bases import SPRUNG
 from study.estimates import mean
 from study.figures.pairs import separations_in_time
 from study.samples import (
@@ -17,7 +17,6 @@ from study.samples import (
     FOLLOWED,
     MOUNT,
     SMALLER,
-    TABLE_1,
     WINDOWS,
     Plan,
     Setting,
@@ -27,6 +26,7 @@ from study.samples import (
     mount,
     records,
     settings_of,
+    single,
 )
 from study.slots import (
     height_needed,
@@ -40,7 +40,6 @@ from study.verdict import (
     Check,
     Evidence,
     Number,
-    Outcome,
     Picture,
     Reading,
     check,
@@ -77,24 +76,22 @@ def in_own_slots(base: str, checks: Sequence[Check], largest: int, before: str =
     return Reading(before + words, checks, height_needed(largest))
 
 
-def preserved(plan: Plan) -> Outcome:
-    """Separation is preserved from impact to impact, Eqs. 23 and 24."""
+def preserved_pictures(plan: Plan) -> list[Picture]:
+    """Figure of `preserved`."""
     table_1 = simulate(launch_time=[0.1, 0.125, 0.15], duration=40.0, threads=plan.threads)
-    return Outcome(
-        [_preserved(plan, base) for base in BASES],
-        [
-            Picture(
-                "claim03_separations",
-                "Separations of N = 3 particles launched 25 ms apart, impact by impact, with the "
-                "study's equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz); "
-                "dashed, their separations at launch.",
-                for_file(separations_in_time, table_1),
-            )
-        ],
-    )
+    return [
+        Picture(
+            "claim03_separations",
+            "Separations of N = 3 particles launched 25 ms apart, impact by impact, with the "
+            "study's equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz); "
+            "dashed, their separations at launch.",
+            for_file(separations_in_time, table_1),
+        )
+    ]
 
 
-def _preserved(plan: Plan, base: str) -> Evidence:
+def preserved(plan: Plan, base: str) -> Evidence:
+    """Separation is preserved from impact to impact, Eqs. 23 and 24."""
     readings = [
         Reading(f"{what}, {when}", checks)
         for when, window in WINDOWS.items()
@@ -147,12 +144,8 @@ def _average(values: Array) -> float:
     return float(known.mean()) if known.size else float("nan")
 
 
-def bounded_and_ordered(plan: Plan) -> Outcome:
+def bounded_and_ordered(plan: Plan, base: str) -> Evidence:
     """Bounded, ordered motion for N from 5 to 100 without overlap."""
-    return Outcome([_ordered(plan, base) for base in BASES])
-
-
-def _ordered(plan: Plan, base: str) -> Evidence:
     readings = [
         Reading(
             name,
@@ -197,10 +190,6 @@ def _table_1_ordered(
 ) -> list[Check]:
     """Tests over populations at Table 1, launched at irregular times of one period."""
     sizes = (FEW, 20) if base == SPRUNG else populations(base)
-    given = {
-        name: np.array([value]) if name in TABLE_1.constants else value
-        for name, value in setting.constants.items()
-    }
     turned: list[float] = []
     alone: list[bool] = []
     for random in plan.random():
@@ -220,7 +209,7 @@ def _table_1_ordered(
             window = measured(
                 plan,
                 base,
-                given,
+                single(setting),
                 launch=launch.tolist(),
                 transient=since,
                 duration=until,
@@ -285,12 +274,8 @@ def _capacity(plan: Plan, base: str) -> tuple[Number, ...]:
     )
 
 
-def invariant(plan: Plan) -> Outcome:
+def invariant(plan: Plan, base: str) -> Evidence:
     """The collision-free configuration is a stable invariant manifold, sec. 3."""
-    return Outcome([_invariant(plan, base) for base in BASES])
-
-
-def _invariant(plan: Plan, base: str) -> Evidence:
     checks = []
     for setting in settings_of(base):
         drawn = setting.drawn(plan, scale=SMALLER[base])

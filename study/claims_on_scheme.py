@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from study.bases import HIGH_BOUNCE
-from study.figures.scheme import errors_in_time
+from study.figures.curves import errors_in_time
 from study.rk4 import CONTACT, rk4
 from study.samples import Plan
 from study.verdict import Evidence, Outcome, Picture, Reading, check, number
