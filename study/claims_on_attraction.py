@@ -52,12 +52,12 @@ from vibrosweep.figures.style import for_file
 
 # Launches nearly at once, s
 NEAR: Final = 1e-6
-# Two particles are called staggered from a quarter of the even spacing of one period on, s at 1 Hz
+# Least separation of two staggered particles: a quarter of even spacing over one period, s at 1 Hz
 APART: Final = 0.25 * 0.5
-# Until when, and the window at the end that is judged, s
+# Duration of an observation, and the window at its end that is judged, s
 LONG: Final = {base: 100.0 if base == SPRUNG else 600.0 for base in BASES}
 WINDOW: Final = 10.0
-# Exponents need more landings than fit into that, s
+# Window of exponents, which need more landings than that, s
 WINDOW_OF_EXPONENTS: Final = 500.0
 PAIR: Final[Mapping[str, Any]] = {"particles": 2, "launch": [0.0, NEAR]}
 

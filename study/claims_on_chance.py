@@ -27,17 +27,17 @@ from vibrosweep.analysis import order_against_chance, separations_against_chance
 from vibrosweep.figures import separations_over_chance
 from vibrosweep.figures.style import for_file
 
-# From when to when landings count, s
+# Window in which landings count, s
 WINDOW: Final = (50.0, 150.0)
 PART: Final = 0.25  # of the realizations
 SURROGATES: Final = 19
 MANY: Final = 20
-# A smallest separation that is so much larger than by chance would be repulsion
+# Least ratio of the smallest separation to that of chance which counts as repulsion
 REPELLED: Final = 1.25
-# Mean share of surrogates that come as close; by chance that of 1, 2, ... of `SURROGATES` + 1
+# Mean share of surrogates that come as close, by chance: 1, 2, ... of `SURROGATES` + 1
 BY_CHANCE: Final = 0.5 + 0.5 / (SURROGATES + 1)
 APART: Final = 0.6
-# Where fewer realizations move irregularly without rests, there is no such motion to judge
+# Least share of realizations in irregular motion without rests, for which such motion is judged
 ENOUGH: Final = 0.05
 PHASES_FOUND: Final = "independent landings at the phases found"
 SHIFTED: Final = "surrogates shifted by whole periods"

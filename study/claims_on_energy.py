@@ -36,12 +36,12 @@ from vibrosweep.figures.style import for_file
 RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
 # Landing times up to 1e5 s are rounded to 1e-11 s, and their phase enters the kick
 ROUNDING: Final = 1e-9
-# An orbit settles by the factor sqrt(e) per impact at the slowest: by so many factors exp(1) in all
+# Number of factors exp(1) by which orbits settle; at the slowest they settle by sqrt(e) per impact
 SETTLED: Final = 30.0
 ROUGHLY: Final = 0.1  # relative deviation that "about" in Eq. 26 allows
 # "A much smaller than 1", m s-1
 WEAK: Final = (0.01, 0.1)
-# Share of the realizations: enough, where a quarter of them never rest
+# Share of the realizations that is followed: enough, because a quarter of them never rest
 PART: Final = 0.5
 FIRST_HEIGHT: Final = 5.0**2 / (2.0 * 9.81)
 

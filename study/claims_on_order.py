@@ -54,7 +54,7 @@ from vibrosweep.figures.style import for_file
 # Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each
 SETTLED: Final = 1400
 FASTEST: Final = 35.0  # of the laboratory, Hz
-# Where staggered orbits of so many particles are on the base of finite mass
+# Parameters at which staggered orbits of so many particles exist on the base of finite mass
 STAGGERED: Final[dict[int, dict[str, float]]] = {
     FEW: {"restitution": 0.95, "base_acceleration": 0.7},
     20: {"restitution": 0.98, "base_acceleration": 0.8},
@@ -160,11 +160,17 @@ def bounded_and_ordered(plan: Plan, base: str) -> Evidence:
     if base == SPRUNG:
         return Evidence(base, readings, (_staggered_on_a_light_base(),))
     own = [own_slots(n, base, plan) for n in populations(base)]
+    closest = number(
+        "smallest separation of landings in own slots",
+        min(map(smallest_separation, own)),
+        "s",
+        own_slots_setting(base),
+    )
     return Evidence(
         base,
         readings,
         conditions=(in_own_slots(base, _in_order(own, base), 100),),
-        numbers=(*_capacity(plan, base), _closest(own, base)),
+        numbers=(*_capacity(plan, base), closest),
     )
 
 
@@ -250,12 +256,6 @@ def _over_bound(record: xr.Dataset, base: str) -> float:
         launch, unit * float(record["amplitude"]), float(record["restitution"]), base
     )
     return max(launch, unit * float(np.nanmax(record["rebound_velocity"].values))) / float(bound)
-
-
-def _closest(own: Sequence[xr.Dataset], base: str) -> Number:
-    closest = min(map(smallest_separation, own))
-    there = own_slots_setting(base)
-    return number("smallest separation of landings in own slots", closest, "s", there)
 
 
 def _capacity(plan: Plan, base: str) -> tuple[Number, ...]:

@@ -12,8 +12,8 @@ from study.samples import ANY_PHASE, Plan, Setting, measured, settings_of
 from study.verdict import Check, Evidence, Reading, nearly_all
 from vibrosweep import theory
 
-# Of the laboratory, Hz: amplitude and launch of Table 1 are scaled so that flights in forcing
-# periods are the same
+# Frequencies of the laboratory, Hz; amplitude and launch speed of Table 1 are scaled so that
+# flights last as many forcing periods
 LABORATORY: Final = (8.0, 35.0)
 UNSCALED: Final[dict[str, Any]] = {"frequency": LABORATORY, "amplitude": (1.2, 1.2)}
 BEGIN: Final = 20.0  # of a film, s
@@ -23,7 +23,7 @@ UNCERTAINTY: Final = 0.05
 VARIATION: Final = 0.08
 REPEATS: Final = 4
 CLOSE: Final = 0.02  # of a period
-# By which a setting may differ from one day to the next
+# Relative difference of a setting from one day to the next
 ADJUSTMENT: Final = 0.01
 
 

@@ -14,11 +14,11 @@ from study.samples import (
     ANY_PHASE,
     FEW,
     FOLLOWED,
-    MOUNT,
     Plan,
     by_seed,
     laws,
     measured,
+    mount,
     records,
     settings_of,
     single,
@@ -74,8 +74,9 @@ def replenished(plan: Plan, base: str) -> Evidence:
     """The excitation replenishes what impacts dissipate, secs. 2.1.2 and 3."""
     checks, averages, numbers = [], [], []
     for setting in settings_of(base):
+        ratio = setting.constants.get("mass_ratio", mount(base).get("mass_ratio", 0.0))
         each = [
-            energies(record, setting.constants.get("mass_ratio", _mass_ratio(base)))
+            energies(record, ratio)
             for record in records(
                 plan,
                 base,
@@ -111,10 +112,6 @@ def replenished(plan: Plan, base: str) -> Evidence:
         (Reading("in the mean over particles without rests", averages),),
         numbers,
     )
-
-
-def _mass_ratio(base: str) -> float:
-    return float(MOUNT["mass_ratio"]) if base == SPRUNG else 0.0
 
 
 def energies(record: xr.Dataset, mass_ratio: float) -> Array:

@@ -32,7 +32,7 @@ NEAR_TABLE_1: Final = {"restitution": (0.85, 0.95), "amplitude": (0.9, 1.5)}
 WIDE: Final = {"restitution": (0.5, 0.99), "amplitude": (0.1, 6.0)}
 ANY_PHASE: Final = (0.0, 2.0 * np.pi)  # rad: a launch at any phase of the forcing
 LAWS: Final = ("rest", "reflect")
-# From when to when landings count, s
+# Windows in which landings count, s
 WINDOWS: Final = {
     "from the launch on": (0.0, 12.0),
     "the first 30 s left out": (30.0, 42.0),
