@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.bases import BASES, HIGH_BOUNCE, SPRUNG
 from study.claims_on_order import SETTLED, in_own_slots
@@ -41,7 +42,6 @@ from study.verdict import (
     Check,
     Evidence,
     Number,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -62,7 +62,7 @@ WINDOW_OF_EXPONENTS: Final = 500.0
 PAIR: Final[Mapping[str, Any]] = {"particles": 2, "launch": [0.0, NEAR]}
 
 
-def synchronous_pictures(plan: Plan) -> list[Picture]:
+def synchronous_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `synchronous`."""
     pictured = _late(
         Plan(plan.threads, seeds=1),
@@ -70,15 +70,7 @@ def synchronous_pictures(plan: Plan) -> list[Picture]:
         FIRST,
         {**PAIR, "regimes": True},
     )
-    return [
-        Picture(
-            "claim04_synchronous_pairs",
-            "Separation of pairs (N = 2) launched 1 µs apart, in the last 10 s of 600 s, "
-            "against the amplitude A, with the study's equations (law rest), e 0.80 to 0.98, "
-            "f = 1 Hz: below the dashed line they have approached each other.",
-            for_file(fates, pictured, NEAR),
-        )
-    ]
+    return {"claim04_synchronous_pairs": for_file(fates, pictured, NEAR)}
 
 
 def _late(

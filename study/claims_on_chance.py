@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.bases import HIGH_BOUNCE, MOVING
 from study.claims_on_windows import STRONG
@@ -22,7 +23,7 @@ from study.samples import (
     records,
     settings_of,
 )
-from study.verdict import Evidence, Number, Picture, Reading, check, number
+from study.verdict import Evidence, Number, Reading, check, number
 from vibrosweep.analysis import order_against_chance, separations_against_chance
 from vibrosweep.figures import separations_over_chance
 from vibrosweep.figures.style import for_file
@@ -61,7 +62,7 @@ COMPARED: Final = (
 )
 
 
-def repulsion_pictures(plan: Plan) -> list[Picture]:
+def repulsion_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `repulsion`."""
     one = Plan(plan.threads, seeds=1, realizations=1600)
     curves = {
@@ -72,16 +73,11 @@ def repulsion_pictures(plan: Plan) -> list[Picture]:
         )
         for n in (FEW, MANY)
     }
-    return [
-        Picture(
-            "claim24_separations_against_chance",
-            "Smallest separation dt_min in 100 s in units of what chance gives, z = Λ dt_min "
-            "with the phases found; e 0.80 to 0.98, A 4 to 12 m/s, f = 1 Hz, N = 5 and 20; the "
-            "study's equations under the law reflect, and a moving base; without realizations "
-            "that rest or chatter. The black curve is chance; repulsion would lie below it.",
-            for_file(separations_over_chance, list(curves.values()), list(curves)),
+    return {
+        "claim24_separations_against_chance": for_file(
+            separations_over_chance, list(curves.values()), list(curves)
         )
-    ]
+    }
 
 
 _RANGES: Final = {"amplitude": STRONG, "phase": ANY_PHASE}

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.arrays import Flags
 from study.bases import HIGH_BOUNCE, SPRUNG
@@ -41,7 +42,6 @@ from study.verdict import (
     Evidence,
     Number,
     Outcome,
-    Picture,
     Reading,
     check,
     number,
@@ -65,7 +65,7 @@ GROOVE_DEPTH: Final = 2.0
 FREQUENCIES: Final = (8.0, 35.0)  # of the laboratory, Hz
 
 
-def separation_stays_positive_pictures(plan: Plan) -> list[Picture]:
+def separation_stays_positive_figures(plan: Plan) -> dict[str, Figure]:
     """Figures of `separation_stays_positive`."""
     one = Plan(plan.threads, seeds=1)
     drawn = FIRST.drawn(one)
@@ -73,28 +73,15 @@ def separation_stays_positive_pictures(plan: Plan) -> list[Picture]:
         measured(one, HIGH_BOUNCE, drawn, particles=20, duration=t, separation=True)
         for t in DURATIONS
     ]
-    return [
-        Picture(
-            "claim10_distribution",
-            "Empirical distribution of dt_min of N = 20 staggered particles over 200 "
-            "realizations of the study's equations (law rest), e 0.80 to 0.98, A 0.2 to 3.5 "
-            "m/s, f = 1 Hz, for three times of observation; the step at the left edge are "
-            "those with dt_min = 0. Claim 24 has them in units of chance.",
-            for_file(
-                separation_distributions,
-                [separation_distribution(s) for s in sweeps],
-                [f"{t:g} s" for t in DURATIONS],
-                TAU_C,
-            ),
+    return {
+        "claim10_distribution": for_file(
+            separation_distributions,
+            [separation_distribution(s) for s in sweeps],
+            [f"{t:g} s" for t in DURATIONS],
+            TAU_C,
         ),
-        Picture(
-            "claim10_slot",
-            "Separation of N = 2 particles in one slot at each impact, with the study's "
-            "equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz), and the decay "
-            "that the multipliers predict.",
-            for_file(decay_in_a_slot, decay_in_slot(plan, HIGH_BOUNCE, 1.2, 0.01)),
-        ),
-    ]
+        "claim10_slot": for_file(decay_in_a_slot, decay_in_slot(plan, HIGH_BOUNCE, 1.2, 0.01)),
+    }
 
 
 def separation_stays_positive(plan: Plan, base: str) -> Evidence:
@@ -176,17 +163,10 @@ def _apart(plan: Plan, base: str, setting: Setting, particles: int) -> xr.Datase
     return measured(plan, base, drawn, particles=particles, duration=12.0, separation=True)
 
 
-def heights_differ_pictures(plan: Plan) -> list[Picture]:
+def heights_differ_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `heights_differ`."""
     few = simulate(launch_time=[0.1, 0.55], duration=4.0, threads=plan.threads)
-    return [
-        Picture(
-            "claim11_crossings",
-            "Heights of N = 2 particles with the study's equations (law rest) at Table 1 (e = "
-            "0.9, A = 1.2 m/s, f = 1 Hz); circles mark where they are at one height.",
-            for_file(heights_and_crossings, few, crossings(few)),
-        )
-    ]
+    return {"claim11_crossings": for_file(heights_and_crossings, few, crossings(few))}
 
 
 def heights_differ(plan: Plan, base: str) -> Evidence:

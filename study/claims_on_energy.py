@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.arrays import Array
 from study.bases import HIGH_BOUNCE
@@ -23,7 +24,6 @@ from study.samples import (
 from study.verdict import (
     Check,
     Evidence,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -46,18 +46,10 @@ PART: Final = 0.5
 FIRST_HEIGHT: Final = 5.0**2 / (2.0 * 9.81)
 
 
-def decay_pictures(plan: Plan) -> list[Picture]:
+def decay_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `decay`."""
     pictured = simulate(restitution=0.9, amplitude=0.0, duration=12.0, threads=plan.threads)
-    return [
-        Picture(
-            "claim01_energy_decay",
-            "Energy of a particle (N = 1) at e = 0.9 without excitation (A = 0, where f, law "
-            "and motion of the base do not enter): a straight line against the number of "
-            "impacts (left), not against time (right).",
-            for_file(energy_decay, pictured),
-        )
-    ]
+    return {"claim01_energy_decay": for_file(energy_decay, pictured)}
 
 
 def decay(plan: Plan, base: str) -> Evidence:
@@ -116,7 +108,7 @@ def decay(plan: Plan, base: str) -> Evidence:
     )
 
 
-def balance_pictures(plan: Plan) -> list[Picture]:
+def balance_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `balance`."""
     sample = FIRST.drawn(Plan(seeds=1, realizations=60))
     record = simulate(
@@ -126,16 +118,11 @@ def balance_pictures(plan: Plan) -> list[Picture]:
         duration=60.0,
         threads=plan.threads,
     )
-    return [
-        Picture(
-            "claim02_energy_balance",
-            "Imbalance of each particle (N = 10 in each of 60 realizations) against the share "
-            "of its landings that end in a rest, with the study's equations (law rest), e "
-            "0.80 to 0.98, A 0.2 to 3.5 m/s, f = 1 Hz: without rests what is left is the "
-            "effect of the ends of the window.",
-            for_file(balance_against_rests, energy_balance(record, since=30.0)),
+    return {
+        "claim02_energy_balance": for_file(
+            balance_against_rests, energy_balance(record, since=30.0)
         )
-    ]
+    }
 
 
 def balance(plan: Plan, base: str) -> Evidence:

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.arrays import Array
 from study.bases import SPRUNG
@@ -40,7 +41,6 @@ from study.verdict import (
     Check,
     Evidence,
     Number,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -76,18 +76,10 @@ def in_own_slots(base: str, checks: Sequence[Check], largest: int, before: str =
     return Reading(before + words, checks, height_needed(largest))
 
 
-def preserved_pictures(plan: Plan) -> list[Picture]:
+def preserved_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `preserved`."""
     table_1 = simulate(launch_time=[0.1, 0.125, 0.15], duration=40.0, threads=plan.threads)
-    return [
-        Picture(
-            "claim03_separations",
-            "Separations of N = 3 particles launched 25 ms apart, impact by impact, with the "
-            "study's equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz); "
-            "dashed, their separations at launch.",
-            for_file(separations_in_time, table_1),
-        )
-    ]
+    return {"claim03_separations": for_file(separations_in_time, table_1)}
 
 
 def preserved(plan: Plan, base: str) -> Evidence:

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from study.bases import HIGH_BOUNCE
@@ -18,7 +19,6 @@ from study.verdict import (
     SOME,
     Check,
     Evidence,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -34,20 +34,12 @@ SHORT: Final = 0.2  # s
 LAUNCH_SPEEDS: Final = (0.5, 12.0)  # m s-1
 
 
-def linearised_update_pictures(plan: Plan) -> list[Picture]:
+def linearised_update_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `linearised_update`."""
     at = np.linspace(0.6, 2.95, 9)
     measured_decay = np.array([_fitted_decay(plan, HIGH_BOUNCE, a) for a in at])
     fitted = xr.Dataset({"modulus_fitted": ("amplitude", measured_decay)}, coords={"amplitude": at})
-    return [
-        Picture(
-            "claim06_decay_per_impact",
-            "Factor by which a small offset from the locked orbit of mode 1 changes per impact "
-            "against A (e = 0.9, f = 1 Hz, N = 2, the study's equations, law rest): measured, "
-            "from the full multipliers, and from the update without the timing term.",
-            for_file(decay_per_impact, 0.9, fitted),
-        )
-    ]
+    return {"claim06_decay_per_impact": for_file(decay_per_impact, 0.9, fitted)}
 
 
 def linearised_update(plan: Plan, base: str) -> Evidence:
@@ -107,19 +99,10 @@ def _fitted_decay(plan: Plan, base: str, amplitude: float) -> float:
     return float(decay_in_slot(plan, base, amplitude, 1e-4)["modulus_fitted"][0])
 
 
-def period_two_pictures(plan: Plan) -> list[Picture]:
+def period_two_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `period_two`."""
     pictured = simulate(launch_time=np.arange(20) / 20, duration=300.0, threads=plan.threads)
-    return [
-        Picture(
-            "claim08_return_map",
-            "Return map of N = 20 launches at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz), the "
-            "study's equations, law rest. Late points, "
-            "darker, are those of the locked orbit (on the diagonal) and of the orbit that "
-            "rests once in each period.",
-            for_file(return_map, pictured),
-        )
-    ]
+    return {"claim08_return_map": for_file(return_map, pictured)}
 
 
 def period_two(plan: Plan, base: str) -> Evidence:

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from study import light_particle
@@ -29,7 +30,6 @@ from study.verdict import (
     SOME,
     Check,
     Evidence,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -56,7 +56,7 @@ STRONG: Final = (4.0, 12.0)  # "A much larger than 1", m s-1
 FOLLOWED_FOR: Final = 1e6  # longest time in which a rest is awaited, s
 
 
-def windows_pictures(plan: Plan) -> list[Picture]:
+def windows_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `windows`."""
     plane_e, plane_a = np.meshgrid(np.linspace(0.5, 0.98, 49), np.linspace(0.1, 4.0, 40))
     plane = measured(
@@ -69,15 +69,7 @@ def windows_pictures(plan: Plan) -> list[Picture]:
     )
     locked = plane["locked_count"] / plane.attrs["particles"]
     plane["locked_share"] = locked.assign_attrs(long_name="share of launches that lock", units="1")
-    return [
-        Picture(
-            "claim05_locked_share",
-            "Share of N = 20 staggered launches that end on a locked orbit, with the study's "
-            "equations (law rest), e 0.5 to 0.98, A 0.1 to 4 m/s, f = 1 Hz, and the "
-            "closed-form ends of the windows of modes 1 to 3.",
-            for_file(parameter_plane, plane, variable="locked_share"),
-        )
-    ]
+    return {"claim05_locked_share": for_file(parameter_plane, plane, variable="locked_share")}
 
 
 def windows(plan: Plan, base: str) -> Evidence:
@@ -220,20 +212,11 @@ def cycles(found: xr.Dataset) -> list[NDArray[Any]]:
     return [found[name].values.ravel() for name in names]
 
 
-def strong_excitation_pictures(plan: Plan) -> list[Picture]:
+def strong_excitation_figures(plan: Plan) -> dict[str, Figure]:
     """Figure of `strong_excitation`."""
     taus = np.geomspace(1e-6, 1e-3, 4)
     each = {law: np.array([_time_to_rest(plan, law, tau) for tau in taus]) for law in LAWS}
-    return [
-        Picture(
-            "claim16_time_to_rest",
-            "Mean time until the first rest against the contact time, with the study's "
-            "equations under both laws of rebound: 200 realizations of N = 1, e 0.80 to 0.98, "
-            "A 4 to 12 m/s, f = 1 Hz, followed for 10^6 s; the time at risk of all over the "
-            "number of rests. The second rest closes the cycle.",
-            for_file(times_to_rest, taus, each, FOLLOWED_FOR),
-        )
-    ]
+    return {"claim16_time_to_rest": for_file(times_to_rest, taus, each, FOLLOWED_FOR)}
 
 
 def _time_to_rest(plan: Plan, law: str, contact_time: float) -> float:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from importlib.resources import files
-from typing import Any, Final
+from typing import Final
+
+from matplotlib.figure import Figure
 
 from study import claims_on_attraction as attraction
 from study import claims_on_chance as chance
@@ -23,41 +23,42 @@ from study import claims_on_transients as transients
 from study import claims_on_windows as windows
 from study.bases import BASES, FIXED
 from study.samples import Plan
-from study.verdict import Claim, Evidence, Outcome, Picture
+from study.texts import pictures, texts
+from study.verdict import Claim, Evidence, Outcome
 
 
 def _on(
     bases: Sequence[str],
     evidence: Callable[[Plan, str], Evidence],
-    pictures: Callable[[Plan], Sequence[Picture]] = lambda plan: (),
+    figures: Callable[[Plan], Mapping[str, Figure]] = lambda plan: {},
 ) -> Callable[[Plan], Outcome]:
     """Return the test of a claim that concerns some bases."""
 
     def test(plan: Plan) -> Outcome:
         judged = [evidence(plan, base) for base in bases if base in plan.bases]
-        return Outcome(judged, pictures(plan))
+        return Outcome(judged, pictures(figures(plan)))
 
     return test
 
 
 TESTS: Final[Mapping[str, Callable[[Plan], Outcome]]] = {
-    "1": _on(FIXED, energy.decay, energy.decay_pictures),
-    "2": _on(FIXED, energy.balance, energy.balance_pictures),
-    "3": _on(BASES, order.preserved, order.preserved_pictures),
-    "4a": _on(BASES, attraction.synchronous, attraction.synchronous_pictures),
+    "1": _on(FIXED, energy.decay, energy.decay_figures),
+    "2": _on(FIXED, energy.balance, energy.balance_figures),
+    "3": _on(BASES, order.preserved, order.preserved_figures),
+    "4a": _on(BASES, attraction.synchronous, attraction.synchronous_figures),
     "4b": _on(BASES, attraction.staggered),
-    "5": _on(BASES, windows.windows, windows.windows_pictures),
-    "6": _on(FIXED, stability.linearised_update, stability.linearised_update_pictures),
-    "7": _on(BASES, heights.plateau, heights.plateau_pictures),
-    "8": _on(FIXED, stability.period_two, stability.period_two_pictures),
+    "5": _on(BASES, windows.windows, windows.windows_figures),
+    "6": _on(FIXED, stability.linearised_update, stability.linearised_update_figures),
+    "7": _on(BASES, heights.plateau, heights.plateau_figures),
+    "8": _on(FIXED, stability.period_two, stability.period_two_figures),
     "9": _on(BASES, order.bounded_and_ordered),
-    "10": _on(BASES, contact.separation_stays_positive, contact.separation_stays_positive_pictures),
-    "11": _on(BASES, contact.heights_differ, contact.heights_differ_pictures),
+    "10": _on(BASES, contact.separation_stays_positive, contact.separation_stays_positive_figures),
+    "11": _on(BASES, contact.heights_differ, contact.heights_differ_figures),
     "12": scheme.step_of_one_millisecond,
     "13": laboratory.measured_and_predicted,
     "14": _on(BASES, heights.larger_amplitude),
     "15": _on(BASES, energy.weak_excitation),
-    "16": _on(FIXED, windows.strong_excitation, windows.strong_excitation_pictures),
+    "16": _on(FIXED, windows.strong_excitation, windows.strong_excitation_figures),
     "17": _on(BASES, order.invariant),
     "18": _on(FIXED, repeats.steady),
     "19": _on(FIXED, repeats.repeatable),
@@ -65,7 +66,7 @@ TESTS: Final[Mapping[str, Callable[[Plan], Outcome]]] = {
     "21": contact.grooves,
     "22": laboratory.masses,
     "23": laboratory.camera_from_above,
-    "24": _on(FIXED, chance.repulsion, chance.repulsion_pictures),
+    "24": _on(FIXED, chance.repulsion, chance.repulsion_figures),
     "25": _on(FIXED, transients.transient_decays),
     "26": _on(FIXED, stability.no_fixed_point),
     "27": setup.timing_within_a_frame,
@@ -77,17 +78,6 @@ TESTS: Final[Mapping[str, Callable[[Plan], Outcome]]] = {
     "33": _on(FIXED, robustness.heights_hardly_change),
     "34": _on(FIXED, robustness.excitation_separates),
 }
-
-
-def texts() -> dict[str, Any]:
-    """The words of the page; each text is one line."""
-    raw = files("study").joinpath("texts.toml").read_text(encoding="utf-8")
-    found = tomllib.loads(raw)
-    claims = {
-        key: {name: " ".join(text.split()) for name, text in words.items()}
-        for key, words in found.pop("claim").items()
-    }
-    return {key: " ".join(text.split()) for key, text in found.items()} | {"claims": claims}
 
 
 def judge_all(plan: Plan, keys: Iterable[str] | None = None) -> Iterator[Claim]:
