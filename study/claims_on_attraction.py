@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.bases import BASES, HIGH_BOUNCE, SPRUNG
 from study.claims_on_order import SETTLED, in_own_slots
@@ -41,8 +42,6 @@ from study.verdict import (
     Check,
     Evidence,
     Number,
-    Outcome,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -53,36 +52,25 @@ from vibrosweep.figures.style import for_file
 
 # Launches nearly at once, s
 NEAR: Final = 1e-6
-# Two particles are called staggered from a quarter of the even spacing of one period on, s at 1 Hz
+# Least separation of two staggered particles: a quarter of even spacing over one period, s at 1 Hz
 APART: Final = 0.25 * 0.5
-# Until when, and the window at the end that is judged, s
+# Duration of an observation, and the window at its end that is judged, s
 LONG: Final = {base: 100.0 if base == SPRUNG else 600.0 for base in BASES}
 WINDOW: Final = 10.0
-# Exponents need more landings than fit into that, s
+# Window of exponents, which need more landings than that, s
 WINDOW_OF_EXPONENTS: Final = 500.0
 PAIR: Final[Mapping[str, Any]] = {"particles": 2, "launch": [0.0, NEAR]}
 
 
-def synchronous(plan: Plan) -> Outcome:
-    """Synchronous impacts are unstable."""
+def synchronous_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `synchronous`."""
     pictured = _late(
-        Plan(plan.threads, seeds=1, realizations=200),
+        Plan(plan.threads, seeds=1),
         HIGH_BOUNCE,
         FIRST,
         {**PAIR, "regimes": True},
     )
-    return Outcome(
-        [_synchronous(plan, base) for base in BASES],
-        [
-            Picture(
-                "claim04_synchronous_pairs",
-                "Separation of pairs (N = 2) launched 1 µs apart, in the last 10 s of 600 s, "
-                "against the amplitude A, with the study's equations (law rest), e 0.80 to 0.98, "
-                "f = 1 Hz: below the dashed line they have approached each other.",
-                for_file(fates, pictured, NEAR),
-            )
-        ],
-    )
+    return {"claim04_synchronous_pairs": for_file(fates, pictured, NEAR)}
 
 
 def _late(
@@ -105,7 +93,8 @@ def _late(
     )
 
 
-def _synchronous(plan: Plan, base: str) -> Evidence:
+def synchronous(plan: Plan, base: str) -> Evidence:
+    """Synchronous impacts are unstable."""
     what = "share of pairs launched 1 µs apart, of those that still bounce, that have drawn apart"
     checks = []
     for one in settings_of(base):
@@ -189,12 +178,8 @@ def _bunch() -> tuple[Number, ...]:
     return (number(what, float(gap), "s"),)
 
 
-def staggered(plan: Plan) -> Outcome:
+def staggered(plan: Plan, base: str) -> Evidence:
     """Staggered motion attracts."""
-    return Outcome([_staggered(plan, base) for base in BASES])
-
-
-def _staggered(plan: Plan, base: str) -> Evidence:
     many = FEW if base == SPRUNG else 20
     two: list[Check] = []
     population: list[Check] = []

@@ -6,8 +6,9 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
-from study.bases import FIXED, HIGH_BOUNCE, MOVING
+from study.bases import HIGH_BOUNCE, MOVING
 from study.claims_on_windows import STRONG
 from study.estimates import Estimate, mean
 from study.samples import (
@@ -22,30 +23,47 @@ from study.samples import (
     records,
     settings_of,
 )
-from study.verdict import Check, Evidence, Number, Outcome, Picture, Reading, check, number
+from study.verdict import Evidence, Number, Reading, check, number
 from vibrosweep.analysis import order_against_chance, separations_against_chance
 from vibrosweep.figures import separations_over_chance
 from vibrosweep.figures.style import for_file
 
-# From when to when landings count, s
+# Window in which landings count, s
 WINDOW: Final = (50.0, 150.0)
 PART: Final = 0.25  # of the realizations
 SURROGATES: Final = 19
 MANY: Final = 20
-# A smallest separation that is so much larger than by chance would be repulsion
+# Least ratio of the smallest separation to that of chance which counts as repulsion
 REPELLED: Final = 1.25
-# Mean share of surrogates that come as close; by chance that of 1, 2, ... of `SURROGATES` + 1
+# Mean share of surrogates that come as close, by chance: 1, 2, ... of `SURROGATES` + 1
 BY_CHANCE: Final = 0.5 + 0.5 / (SURROGATES + 1)
 APART: Final = 0.6
-# Where fewer realizations move irregularly without rests, there is no such motion to judge
+# Least share of realizations in irregular motion without rests, for which such motion is judged
 ENOUGH: Final = 0.05
 PHASES_FOUND: Final = "independent landings at the phases found"
 SHIFTED: Final = "surrogates shifted by whole periods"
 UNIFORM: Final = "independent landings at uniform phases"
+# Reading, number, variable, bound and null model; {} is the number of particles
+COMPARED: Final = (
+    (
+        "separations of {} exceed those of chance",
+        "mean z = Λ dt_min of {} irregular particles, 1 by chance",
+        "dt_min_over_chance",
+        REPELLED,
+        PHASES_FOUND,
+    ),
+    (
+        "they exceed those of shifted copies, N = {}",
+        f"mean share of surrogates that come as close, {BY_CHANCE} by chance",
+        "dt_min_surrogate_share",
+        APART,
+        SHIFTED,
+    ),
+)
 
 
-def repulsion(plan: Plan) -> Outcome:
-    """Particles that approach synchronous impact repel each other, sec. 2.1."""
+def repulsion_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `repulsion`."""
     one = Plan(plan.threads, seeds=1, realizations=1600)
     curves = {
         f"{words}, N = {n}": _irregular(one, base, setting.over(**_RANGES), n)
@@ -55,57 +73,36 @@ def repulsion(plan: Plan) -> Outcome:
         )
         for n in (FEW, MANY)
     }
-    return Outcome(
-        [_repulsion(plan, base) for base in FIXED],
-        [
-            Picture(
-                "claim24_separations_against_chance",
-                "Smallest separation dt_min in 100 s in units of what chance gives, z = Λ dt_min "
-                "with the phases found; e 0.80 to 0.98, A 4 to 12 m/s, f = 1 Hz, N = 5 and 20; the "
-                "study's equations under the law reflect, and a moving base; without realizations "
-                "that rest or chatter. The black curve is chance; repulsion would lie below it.",
-                for_file(separations_over_chance, list(curves.values()), list(curves)),
-            )
-        ],
-    )
+    return {
+        "claim24_separations_against_chance": for_file(
+            separations_over_chance, list(curves.values()), list(curves)
+        )
+    }
 
 
 _RANGES: Final = {"amplitude": STRONG, "phase": ANY_PHASE}
 
 
-def _repulsion(plan: Plan, base: str) -> Evidence:
+def repulsion(plan: Plan, base: str) -> Evidence:
+    """Particles that approach synchronous impact repel each other, sec. 2.1."""
     readings, numbers = [], []
+    settings = [setting.over(**_RANGES) for setting in settings_of(base)]
     for particles in (FEW, MANY):
-        further: list[Check] = []
-        beyond_phases: list[Check] = []
-        for setting in settings_of(base):
-            there = setting.over(**_RANGES)
-            found = _irregular(plan, base, there, particles)
-            what = f"mean z = Λ dt_min of {particles} irregular particles, 1 by chance"
-            further.append(
+        each = [(there, _irregular(plan, base, there, particles)) for there in settings]
+        for name, what, variable, least, null in COMPARED:
+            checks = [
                 check(
-                    what,
-                    _mean(found, "dt_min_over_chance"),
+                    what.format(particles),
+                    _mean(found, variable),
                     "at least",
-                    REPELLED,
-                    setting=there.against(PHASES_FOUND),
+                    least,
+                    setting=there.against(null),
                 )
-            )
-            what = f"mean share of surrogates that come as close, {BY_CHANCE} by chance"
-            beyond_phases.append(
-                check(
-                    what,
-                    _mean(found, "dt_min_surrogate_share"),
-                    "at least",
-                    APART,
-                    setting=there.against(SHIFTED),
-                )
-            )
+                for there, found in each
+            ]
+            readings.append(Reading(name.format(particles), checks))
+        for there, found in each:
             numbers += _in_units_of_chance(found, base, particles, there)
-        readings += [
-            Reading(f"separations of {particles} exceed those of chance", further),
-            Reading(f"they exceed those of shifted copies, N = {particles}", beyond_phases),
-        ]
     return Evidence(base, readings, numbers=(*numbers, *_of_sweeps(plan, base)))
 
 

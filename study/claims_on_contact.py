@@ -8,12 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.arrays import Flags
-from study.bases import BASES, HIGH_BOUNCE, SPRUNG
+from study.bases import HIGH_BOUNCE, SPRUNG
 from study.claims_on_order import in_own_slots
 from study.estimates import Estimate, share
-from study.figures.crossings import heights_and_crossings
+from study.figures.curves import heights_and_crossings
 from study.samples import (
     FEW,
     FIRST,
@@ -29,6 +30,7 @@ from study.samples import (
 )
 from study.slots import (
     POPULATIONS,
+    decay_in_slot,
     own_slots,
     own_slots_setting,
     populations,
@@ -40,14 +42,13 @@ from study.verdict import (
     Evidence,
     Number,
     Outcome,
-    Picture,
     Reading,
     check,
     number,
     without_exception,
 )
 from vibrosweep import simulate, theory
-from vibrosweep.analysis import crossings, separation_distribution, slot_decay
+from vibrosweep.analysis import crossings, separation_distribution
 from vibrosweep.figures import decay_in_a_slot, separation_distributions
 from vibrosweep.figures.style import for_file
 
@@ -64,43 +65,27 @@ GROOVE_DEPTH: Final = 2.0
 FREQUENCIES: Final = (8.0, 35.0)  # of the laboratory, Hz
 
 
-def separation_stays_positive(plan: Plan) -> Outcome:
-    """The smallest separation stays positive for all stable conditions, and above tau_c."""
-    one = Plan(plan.threads, seeds=1, realizations=200)
+def separation_stays_positive_figures(plan: Plan) -> dict[str, Figure]:
+    """Figures of `separation_stays_positive`."""
+    one = Plan(plan.threads, seeds=1)
     drawn = FIRST.drawn(one)
-    high_bounce = HIGH_BOUNCE
     sweeps = [
-        measured(one, high_bounce, drawn, particles=20, duration=t, separation=True)
+        measured(one, HIGH_BOUNCE, drawn, particles=20, duration=t, separation=True)
         for t in DURATIONS
     ]
-    return Outcome(
-        [_positive(plan, base) for base in BASES],
-        [
-            Picture(
-                "claim10_distribution",
-                "Empirical distribution of dt_min of N = 20 staggered particles over 200 "
-                "realizations of the study's equations (law rest), e 0.80 to 0.98, A 0.2 to 3.5 "
-                "m/s, f = 1 Hz, for three times of observation; the step at the left edge are "
-                "those with dt_min = 0. Claim 24 has them in units of chance.",
-                for_file(
-                    separation_distributions,
-                    [separation_distribution(s) for s in sweeps],
-                    [f"{t:g} s" for t in DURATIONS],
-                    TAU_C,
-                ),
-            ),
-            Picture(
-                "claim10_slot",
-                "Separation of N = 2 particles in one slot at each impact, with the study's "
-                "equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz), and the decay "
-                "that the multipliers predict.",
-                for_file(decay_in_a_slot, _slot_decay(plan, high_bounce)),
-            ),
-        ],
-    )
+    return {
+        "claim10_distribution": for_file(
+            separation_distributions,
+            [separation_distribution(s) for s in sweeps],
+            [f"{t:g} s" for t in DURATIONS],
+            TAU_C,
+        ),
+        "claim10_slot": for_file(decay_in_a_slot, decay_in_slot(plan, HIGH_BOUNCE, 1.2, 0.01)),
+    }
 
 
-def _positive(plan: Plan, base: str) -> Evidence:
+def separation_stays_positive(plan: Plan, base: str) -> Evidence:
+    """The smallest separation stays positive for all stable conditions, and above tau_c."""
     checks: dict[str, list[Check]] = {}
     for setting in settings_of(base):
         for name, one in _of_setting(plan, base, setting):
@@ -149,20 +134,8 @@ def _stable(
     }
 
 
-def _slot_decay(plan: Plan, base: str) -> xr.Dataset:
-    phase = float(theory.locked_phase(1, 0.9, 1.2))
-    pair = simulate(
-        launch_velocity=4.905,
-        launch_time=[phase, phase + 0.01],
-        duration=450.0,
-        base=base,
-        threads=plan.threads,
-    )
-    return slot_decay(pair)
-
-
 def _closing(plan: Plan, base: str) -> tuple[Number, ...]:
-    decay = _slot_decay(plan, base).isel(realization=0)
+    decay = decay_in_slot(plan, base, 1.2, 0.01).isel(realization=0)
     closing = number(
         "time in which a slot closes from half a period to τ_c, Table 1",
         float(decay["closing_time"]),
@@ -190,23 +163,14 @@ def _apart(plan: Plan, base: str, setting: Setting, particles: int) -> xr.Datase
     return measured(plan, base, drawn, particles=particles, duration=12.0, separation=True)
 
 
-def heights_differ(plan: Plan) -> Outcome:
-    """No two particles are at one height, y_i(t) != y_j(t) at all times, Eq. 18."""
+def heights_differ_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `heights_differ`."""
     few = simulate(launch_time=[0.1, 0.55], duration=4.0, threads=plan.threads)
-    return Outcome(
-        [_heights_differ(plan, base) for base in BASES],
-        [
-            Picture(
-                "claim11_crossings",
-                "Heights of N = 2 particles with the study's equations (law rest) at Table 1 (e = "
-                "0.9, A = 1.2 m/s, f = 1 Hz); circles mark where they are at one height.",
-                for_file(heights_and_crossings, few, crossings(few)),
-            )
-        ],
-    )
+    return {"claim11_crossings": for_file(heights_and_crossings, few, crossings(few))}
 
 
-def _heights_differ(plan: Plan, base: str) -> Evidence:
+def heights_differ(plan: Plan, base: str) -> Evidence:
+    """No two particles are at one height, y_i(t) != y_j(t) at all times, Eq. 18."""
     record = simulate(
         launch_time=np.arange(20) / 20,
         duration=12.0,

@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.arrays import Array
-from study.bases import BASES, FIXED, HIGH_BOUNCE
+from study.bases import HIGH_BOUNCE
 from study.figures.balance import balance_against_rests, energy_decay
 from study.samples import (
     ANY_PHASE,
@@ -23,8 +24,6 @@ from study.samples import (
 from study.verdict import (
     Check,
     Evidence,
-    Outcome,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -37,34 +36,24 @@ from vibrosweep.figures.style import for_file
 RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
 # Landing times up to 1e5 s are rounded to 1e-11 s, and their phase enters the kick
 ROUNDING: Final = 1e-9
-# An orbit settles by the factor sqrt(e) per impact at the slowest: by so many factors exp(1) in all
+# Number of factors exp(1) by which orbits settle; at the slowest they settle by sqrt(e) per impact
 SETTLED: Final = 30.0
 ROUGHLY: Final = 0.1  # relative deviation that "about" in Eq. 26 allows
 # "A much smaller than 1", m s-1
 WEAK: Final = (0.01, 0.1)
-# Share of the realizations: enough, where a quarter of them never rest
+# Share of the realizations that is followed: enough, because a quarter of them never rest
 PART: Final = 0.5
 FIRST_HEIGHT: Final = 5.0**2 / (2.0 * 9.81)
 
 
-def decay(plan: Plan) -> Outcome:
-    """Without excitation the energy decays exponentially and the particle comes to rest."""
+def decay_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `decay`."""
     pictured = simulate(restitution=0.9, amplitude=0.0, duration=12.0, threads=plan.threads)
-    return Outcome(
-        [_decay(plan, base) for base in FIXED],
-        [
-            Picture(
-                "claim01_energy_decay",
-                "Energy of a particle (N = 1) at e = 0.9 without excitation (A = 0, where f, law "
-                "and motion of the base do not enter): a straight line against the number of "
-                "impacts (left), not against time (right).",
-                for_file(energy_decay, pictured),
-            )
-        ],
-    )
+    return {"claim01_energy_decay": for_file(energy_decay, pictured)}
 
 
-def _decay(plan: Plan, base: str) -> Evidence:
+def decay(plan: Plan, base: str) -> Evidence:
+    """Without excitation the energy decays exponentially and the particle comes to rest."""
     e = np.array(RESTITUTIONS)
     record = simulate(restitution=e, amplitude=0.0, duration=150.0, base=base, threads=plan.threads)
     ratios, rates, rest_errors = [], [], []
@@ -119,8 +108,8 @@ def _decay(plan: Plan, base: str) -> Evidence:
     )
 
 
-def balance(plan: Plan) -> Outcome:
-    """Balance of energy, Eq. 26."""
+def balance_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `balance`."""
     sample = FIRST.drawn(Plan(seeds=1, realizations=60))
     record = simulate(
         restitution=sample["restitution"],
@@ -129,22 +118,15 @@ def balance(plan: Plan) -> Outcome:
         duration=60.0,
         threads=plan.threads,
     )
-    return Outcome(
-        [_balance(plan, base) for base in FIXED],
-        [
-            Picture(
-                "claim02_energy_balance",
-                "Imbalance of each particle (N = 10 in each of 60 realizations) against the share "
-                "of its landings that end in a rest, with the study's equations (law rest), e "
-                "0.80 to 0.98, A 0.2 to 3.5 m/s, f = 1 Hz: without rests what is left is the "
-                "effect of the ends of the window.",
-                for_file(balance_against_rests, energy_balance(record, since=30.0)),
-            )
-        ],
-    )
+    return {
+        "claim02_energy_balance": for_file(
+            balance_against_rests, energy_balance(record, since=30.0)
+        )
+    }
 
 
-def _balance(plan: Plan, base: str) -> Evidence:
+def balance(plan: Plan, base: str) -> Evidence:
+    """Balance of energy, Eq. 26."""
     every, without = [], []
     left: list[float] = []
     for setting in settings_of(base):
@@ -254,12 +236,8 @@ def _imbalance(record: xr.Dataset, impacts: int) -> Array:
     return np.asarray((found["balance"] / found["mean_loss"]).values)
 
 
-def weak_excitation(plan: Plan) -> Outcome:
+def weak_excitation(plan: Plan, base: str) -> Evidence:
     """If the excitation is too small, dissipation dominates and the motion decays."""
-    return Outcome([_weak(plan, base) for base in BASES])
-
-
-def _weak(plan: Plan, base: str) -> Evidence:
     ends, low = [], []
     for setting in settings_of(base):
         there = setting.over(amplitude=WEAK, phase=ANY_PHASE)

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from study.bases import HIGH_BOUNCE
-from study.claims_on_contact import DIAMETERS
+from study.claims_on_contact import DIAMETERS, FREQUENCIES
 from study.estimates import Estimate, mean
 from study.samples import Plan, Setting
 from study.table4 import GROWTH, IMPERFECTIONS, SCENE, study_imperfections
@@ -35,7 +35,6 @@ SIZE: Final[dict[str, Any]] = {
     ),
 }
 # Sections 3.2.2 to 3.2.8 of the study
-FREQUENCIES: Final = (8.0, 35.0)  # Hz
 PLATFORM: Final = 180.0  # mm
 PIXELS: Final = 1080  # of the short side of the film
 UNCERTAINTY: Final = 0.05

@@ -7,9 +7,10 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.arrays import Array
-from study.bases import BASES, SPRUNG
+from study.bases import SPRUNG
 from study.estimates import mean
 from study.figures.pairs import separations_in_time
 from study.samples import (
@@ -17,7 +18,6 @@ from study.samples import (
     FOLLOWED,
     MOUNT,
     SMALLER,
-    TABLE_1,
     WINDOWS,
     Plan,
     Setting,
@@ -27,6 +27,7 @@ from study.samples import (
     mount,
     records,
     settings_of,
+    single,
 )
 from study.slots import (
     height_needed,
@@ -40,8 +41,6 @@ from study.verdict import (
     Check,
     Evidence,
     Number,
-    Outcome,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -55,7 +54,7 @@ from vibrosweep.figures.style import for_file
 # Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each
 SETTLED: Final = 1400
 FASTEST: Final = 35.0  # of the laboratory, Hz
-# Where staggered orbits of so many particles are on the base of finite mass
+# Parameters at which staggered orbits of so many particles exist on the base of finite mass
 STAGGERED: Final[dict[int, dict[str, float]]] = {
     FEW: {"restitution": 0.95, "base_acceleration": 0.7},
     20: {"restitution": 0.98, "base_acceleration": 0.8},
@@ -77,24 +76,14 @@ def in_own_slots(base: str, checks: Sequence[Check], largest: int, before: str =
     return Reading(before + words, checks, height_needed(largest))
 
 
-def preserved(plan: Plan) -> Outcome:
-    """Separation is preserved from impact to impact, Eqs. 23 and 24."""
+def preserved_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `preserved`."""
     table_1 = simulate(launch_time=[0.1, 0.125, 0.15], duration=40.0, threads=plan.threads)
-    return Outcome(
-        [_preserved(plan, base) for base in BASES],
-        [
-            Picture(
-                "claim03_separations",
-                "Separations of N = 3 particles launched 25 ms apart, impact by impact, with the "
-                "study's equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz); "
-                "dashed, their separations at launch.",
-                for_file(separations_in_time, table_1),
-            )
-        ],
-    )
+    return {"claim03_separations": for_file(separations_in_time, table_1)}
 
 
-def _preserved(plan: Plan, base: str) -> Evidence:
+def preserved(plan: Plan, base: str) -> Evidence:
+    """Separation is preserved from impact to impact, Eqs. 23 and 24."""
     readings = [
         Reading(f"{what}, {when}", checks)
         for when, window in WINDOWS.items()
@@ -147,12 +136,8 @@ def _average(values: Array) -> float:
     return float(known.mean()) if known.size else float("nan")
 
 
-def bounded_and_ordered(plan: Plan) -> Outcome:
+def bounded_and_ordered(plan: Plan, base: str) -> Evidence:
     """Bounded, ordered motion for N from 5 to 100 without overlap."""
-    return Outcome([_ordered(plan, base) for base in BASES])
-
-
-def _ordered(plan: Plan, base: str) -> Evidence:
     readings = [
         Reading(
             name,
@@ -167,11 +152,17 @@ def _ordered(plan: Plan, base: str) -> Evidence:
     if base == SPRUNG:
         return Evidence(base, readings, (_staggered_on_a_light_base(),))
     own = [own_slots(n, base, plan) for n in populations(base)]
+    closest = number(
+        "smallest separation of landings in own slots",
+        min(map(smallest_separation, own)),
+        "s",
+        own_slots_setting(base),
+    )
     return Evidence(
         base,
         readings,
         conditions=(in_own_slots(base, _in_order(own, base), 100),),
-        numbers=(*_capacity(plan, base), _closest(own, base)),
+        numbers=(*_capacity(plan, base), closest),
     )
 
 
@@ -197,10 +188,6 @@ def _table_1_ordered(
 ) -> list[Check]:
     """Tests over populations at Table 1, launched at irregular times of one period."""
     sizes = (FEW, 20) if base == SPRUNG else populations(base)
-    given = {
-        name: np.array([value]) if name in TABLE_1.constants else value
-        for name, value in setting.constants.items()
-    }
     turned: list[float] = []
     alone: list[bool] = []
     for random in plan.random():
@@ -220,7 +207,7 @@ def _table_1_ordered(
             window = measured(
                 plan,
                 base,
-                given,
+                single(setting),
                 launch=launch.tolist(),
                 transient=since,
                 duration=until,
@@ -263,12 +250,6 @@ def _over_bound(record: xr.Dataset, base: str) -> float:
     return max(launch, unit * float(np.nanmax(record["rebound_velocity"].values))) / float(bound)
 
 
-def _closest(own: Sequence[xr.Dataset], base: str) -> Number:
-    closest = min(map(smallest_separation, own))
-    there = own_slots_setting(base)
-    return number("smallest separation of landings in own slots", closest, "s", there)
-
-
 def _capacity(plan: Plan, base: str) -> tuple[Number, ...]:
     """Slots over all attractors at Table 1, where particles do not act on each other."""
     reached = basins(
@@ -285,12 +266,8 @@ def _capacity(plan: Plan, base: str) -> tuple[Number, ...]:
     )
 
 
-def invariant(plan: Plan) -> Outcome:
+def invariant(plan: Plan, base: str) -> Evidence:
     """The collision-free configuration is a stable invariant manifold, sec. 3."""
-    return Outcome([_invariant(plan, base) for base in BASES])
-
-
-def _invariant(plan: Plan, base: str) -> Evidence:
     checks = []
     for setting in settings_of(base):
         drawn = setting.drawn(plan, scale=SMALLER[base])

@@ -9,12 +9,11 @@ import numpy as np
 import xarray as xr
 
 from study.arrays import Array, Flags
-from study.bases import FIXED
 from study.disturbances import Orbit, disturbances, orbit, refusal
 from study.estimates import magnitude, mean
 from study.samples import ANY_PHASE, FEW, FIRST, Plan, Setting, by_seed, records
 from study.slots import RESTITUTION, height_needed
-from study.verdict import Check, Evidence, Outcome, Reading, check, nearly_all
+from study.verdict import Check, Evidence, Reading, check, nearly_all
 from vibrosweep import theory
 from vibrosweep.analysis import first_shared_base
 
@@ -85,18 +84,15 @@ def _streams(plan: Plan, scene: dict[str, Any], size: int) -> dict[str, Any]:
     return {"noise_stream": np.arange(size), "noise_seed": plan.first_seed} if noisy else {}
 
 
-def persists(plan: Plan) -> Outcome:
+def persists(plan: Plan, base: str) -> Evidence:
     """A periodic impact motion persists under small disturbances, sec. 2.1.2."""
     what = "share of particles locked to mode 1 that stay so for 1000 periods"
 
-    def evidence(base: str) -> Evidence:
-        def test(scene: dict[str, Any], there: Orbit, setting: Setting) -> Check:
-            each = _launched(plan, base, scene, there, duration=LONG)
-            return nearly_all(what, np.concatenate([_stay_locked(one) for one in each]), setting)
+    def test(scene: dict[str, Any], there: Orbit, setting: Setting) -> Check:
+        each = _launched(plan, base, scene, there, duration=LONG)
+        return nearly_all(what, np.concatenate([_stay_locked(one) for one in each]), setting)
 
-        return _judged(base, (TABLE_1,), test, lambda _, kind: kind)
-
-    return Outcome([evidence(base) for base in FIXED])
+    return _judged(base, (TABLE_1,), test, lambda _, kind: kind)
 
 
 def _stay_locked(record: xr.Dataset) -> Flags:
@@ -109,51 +105,45 @@ def _stay_locked(record: xr.Dataset) -> Flags:
     return np.asarray(~off.any(axis=1) & ~rests & (np.nanmax(landing, axis=1) > LONG - 2.0))
 
 
-def stays_staggered(plan: Plan) -> Outcome:
+def stays_staggered(plan: Plan, base: str) -> Evidence:
     """Temporal separation is maintained under bounded excitation, secs. 2.1.2 and 5."""
     what = "share of populations in which no two particles share the base in 100 impacts each"
 
-    def evidence(base: str) -> Evidence:
-        def test(scene: dict[str, Any], there: Orbit, setting: Setting) -> Check:
-            each = _launched(
-                plan,
-                base,
-                scene,
-                there,
-                part=0.1 * PART,
-                launch_time=np.arange(there.periods, dtype=np.float64),
-                duration=float(PER_SLOT * there.periods),
-            )
-            times = [first_shared_base(one)["first_shared_time"].values for one in each]
-            return nearly_all(what, np.isnan(np.concatenate(times)), setting)
-
-        return _judged(
+    def test(scene: dict[str, Any], there: Orbit, setting: Setting) -> Check:
+        each = _launched(
+            plan,
             base,
-            [(RESTITUTION, n, None) for n in POPULATIONS],
-            test,
-            lambda n, kind: f"{kind} ({n} particles, each in a slot of its own)",
+            scene,
+            there,
+            part=0.1 * PART,
+            launch_time=np.arange(there.periods, dtype=np.float64),
+            duration=float(PER_SLOT * there.periods),
         )
+        times = [first_shared_base(one)["first_shared_time"].values for one in each]
+        return nearly_all(what, np.isnan(np.concatenate(times)), setting)
 
-    return Outcome([evidence(base) for base in FIXED])
+    return _judged(
+        base,
+        [(RESTITUTION, n, None) for n in POPULATIONS],
+        test,
+        lambda n, kind: f"{kind} ({n} particles, each in a slot of its own)",
+    )
 
 
-def heights_hardly_change(plan: Plan) -> Outcome:
+def heights_hardly_change(plan: Plan, base: str) -> Evidence:
     """The maximum rebound height hardly changes under realistic uncertainties, Figs. 3 and 8."""
     what = "share of particles locked to mode 1 whose greatest rise in 12 s is its height, to 10 %"
 
-    def evidence(base: str) -> Evidence:
-        def test(scene: dict[str, Any], there: Orbit, setting: Setting) -> Check:
-            each = _launched(plan, base, scene, there, duration=SHOWN)
-            rise = np.concatenate([_rise(one) for one in each])
-            same = np.abs(rise / float(theory.locked_height(1)) - 1.0) <= HARDLY
-            return nearly_all(what, same, setting)
+    def test(scene: dict[str, Any], there: Orbit, setting: Setting) -> Check:
+        each = _launched(plan, base, scene, there, duration=SHOWN)
+        rise = np.concatenate([_rise(one) for one in each])
+        same = np.abs(rise / float(theory.locked_height(1)) - 1.0) <= HARDLY
+        return nearly_all(what, same, setting)
 
-        locked = _judged(base, (TABLE_1,), test, lambda k, kind: f"{kind} (locked to mode {k})")
-        return Evidence(
-            base, locked.readings, _on_average(plan, base), not_computed=locked.not_computed
-        )
-
-    return Outcome([evidence(base) for base in FIXED])
+    locked = _judged(base, (TABLE_1,), test, lambda k, kind: f"{kind} (locked to mode {k})")
+    return Evidence(
+        base, locked.readings, _on_average(plan, base), not_computed=locked.not_computed
+    )
 
 
 def _rise(record: xr.Dataset) -> Array:
@@ -190,20 +180,17 @@ def _on_average(plan: Plan, base: str) -> list[Reading]:
     return readings
 
 
-def excitation_separates(plan: Plan) -> Outcome:
+def excitation_separates(plan: Plan, base: str) -> Evidence:
     """Synchronous impacts are unstable under perturbations by the excitation, sec. 5."""
     what = "share of pairs launched 1 µs apart near mode 1 that have drawn apart after 1000 periods"
 
-    def evidence(base: str) -> Evidence:
-        def test(scene: dict[str, Any], there: Orbit, setting: Setting) -> Check:
-            pair = np.array([0.0, TOGETHER])
-            each = _launched(plan, base, scene, there, launch_time=pair, duration=LONG)
-            apart = [one > TOGETHER for record in each for one in _closest_at_the_end(record)]
-            return nearly_all(what, apart, setting)
+    def test(scene: dict[str, Any], there: Orbit, setting: Setting) -> Check:
+        pair = np.array([0.0, TOGETHER])
+        each = _launched(plan, base, scene, there, launch_time=pair, duration=LONG)
+        apart = [one > TOGETHER for record in each for one in _closest_at_the_end(record)]
+        return nearly_all(what, apart, setting)
 
-        return _judged(base, (TABLE_1,), test, lambda _, kind: kind)
-
-    return Outcome([evidence(base) for base in FIXED])
+    return _judged(base, (TABLE_1,), test, lambda _, kind: kind)
 
 
 def _closest_at_the_end(record: xr.Dataset) -> Iterable[float]:

@@ -6,12 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from study.bases import HIGH_BOUNCE
-from study.figures.scheme import errors_in_time
+from study.figures.curves import errors_in_time
 from study.rk4 import CONTACT, rk4
 from study.samples import Plan
-from study.verdict import Evidence, Outcome, Picture, Reading, check, number
+from study.texts import pictures
+from study.verdict import Evidence, Outcome, Reading, check, number
 from vibrosweep import PARAMETERS, simulate, theory
 from vibrosweep.figures.style import for_file
 
@@ -62,7 +64,7 @@ def step_of_one_millisecond(plan: Plan) -> Outcome:
             ),
         ),
     )
-    return Outcome([evidence], [_picture(errors, bouncing)])
+    return Outcome([evidence], pictures(_figure(errors, bouncing)))
 
 
 def _converged(name: str, errors: xr.DataArray) -> Reading:
@@ -86,18 +88,14 @@ def _converged(name: str, errors: xr.DataArray) -> Reading:
     )
 
 
-def _picture(errors: dict[float, xr.DataArray], bouncing: np.ndarray[Any, Any]) -> Picture:
-    return Picture(
-        "claim12_landing_time_errors",
-        "Error of the landing times of those of N = 20 staggered particles that do not rest in "
-        "12 s, seen at the next step, for four steps; the study's equations (law rest) at Table 1 "
-        "(e = 0.9, A = 1.2 m/s, f = 1 Hz).",
-        for_file(
+def _figure(errors: dict[float, xr.DataArray], bouncing: np.ndarray[Any, Any]) -> dict[str, Figure]:
+    return {
+        "claim12_landing_time_errors": for_file(
             errors_in_time,
             [errors[h].isel(particle=bouncing) for h in SHOWN],
             [f"{1e3 * h:g} ms" for h in SHOWN],
-        ),
-    )
+        )
+    }
 
 
 def _locked_error(plan: Plan, frequency: float) -> float:

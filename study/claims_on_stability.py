@@ -6,19 +6,19 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from study.bases import FIXED, HIGH_BOUNCE
+from study.bases import HIGH_BOUNCE
 from study.claims_on_windows import HORIZON, RESTITUTIONS, cycles, returns
 from study.estimates import share
-from study.figures.multipliers import decay_per_impact
+from study.figures.curves import decay_per_impact
 from study.samples import ANY_PHASE, TABLE_1, Plan, Setting, laws, measured
+from study.slots import decay_in_slot
 from study.verdict import (
     SOME,
     Check,
     Evidence,
-    Outcome,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -26,7 +26,6 @@ from study.verdict import (
     without_exception,
 )
 from vibrosweep import Regime, simulate, theory
-from vibrosweep.analysis import slot_decay
 from vibrosweep.figures import return_map
 from vibrosweep.figures.style import for_file
 
@@ -35,26 +34,16 @@ SHORT: Final = 0.2  # s
 LAUNCH_SPEEDS: Final = (0.5, 12.0)  # m s-1
 
 
-def linearised_update(plan: Plan) -> Outcome:
-    """The linearised update of sec. 2.1.2 decides stability."""
+def linearised_update_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `linearised_update`."""
     at = np.linspace(0.6, 2.95, 9)
     measured_decay = np.array([_fitted_decay(plan, HIGH_BOUNCE, a) for a in at])
     fitted = xr.Dataset({"modulus_fitted": ("amplitude", measured_decay)}, coords={"amplitude": at})
-    return Outcome(
-        [_linearised(plan, base) for base in FIXED],
-        [
-            Picture(
-                "claim06_decay_per_impact",
-                "Factor by which a small offset from the locked orbit of mode 1 changes per impact "
-                "against A (e = 0.9, f = 1 Hz, N = 2, the study's equations, law rest): measured, "
-                "from the full multipliers, and from the update without the timing term.",
-                for_file(decay_per_impact, 0.9, fitted),
-            )
-        ],
-    )
+    return {"claim06_decay_per_impact": for_file(decay_per_impact, 0.9, fitted)}
 
 
-def _linearised(plan: Plan, base: str) -> Evidence:
+def linearised_update(plan: Plan, base: str) -> Evidence:
+    """The linearised update of sec. 2.1.2 decides stability."""
     e, part = (v.ravel() for v in np.meshgrid(RESTITUTIONS, np.linspace(0.05, 0.95, 19)))
     low, high = theory.amplitude_min(1, e, base=base), theory.amplitude_max(1, e, base=base)
     both_e = np.tile(e, 2)
@@ -107,37 +96,17 @@ def _linearised(plan: Plan, base: str) -> Evidence:
 
 def _fitted_decay(plan: Plan, base: str, amplitude: float) -> float:
     """Decay per impact of the separation of two particles near the locked orbit of mode 1."""
-    phase = float(theory.locked_phase(1, 0.9, amplitude))
-    record = simulate(
-        amplitude=amplitude,
-        launch_velocity=4.905,
-        launch_time=[phase, phase + 1e-4],
-        duration=450.0,
-        base=base,
-        threads=plan.threads,
-    )
-    return float(slot_decay(record)["modulus_fitted"][0])
+    return float(decay_in_slot(plan, base, amplitude, 1e-4)["modulus_fitted"][0])
 
 
-def period_two(plan: Plan) -> Outcome:
-    """At Table 1 the return map shows a stable period-2 orbit on two branches of slope e."""
+def period_two_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `period_two`."""
     pictured = simulate(launch_time=np.arange(20) / 20, duration=300.0, threads=plan.threads)
-    return Outcome(
-        [_period_two(plan, base) for base in FIXED],
-        [
-            Picture(
-                "claim08_return_map",
-                "Return map of N = 20 launches at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz), the "
-                "study's equations, law rest. Late points, "
-                "darker, are those of the locked orbit (on the diagonal) and of the orbit that "
-                "rests once in each period.",
-                for_file(return_map, pictured),
-            )
-        ],
-    )
+    return {"claim08_return_map": for_file(return_map, pictured)}
 
 
-def _period_two(plan: Plan, base: str) -> Evidence:
+def period_two(plan: Plan, base: str) -> Evidence:
+    """At Table 1 the return map shows a stable period-2 orbit on two branches of slope e."""
     edge = float(theory.amplitude_max(1, 0.9, base=base))
     found: dict[str, list[Check]] = {}
     doubled: list[Check] = []
@@ -193,12 +162,8 @@ def _period_two(plan: Plan, base: str) -> Evidence:
     )
 
 
-def no_fixed_point(plan: Plan) -> Outcome:
+def no_fixed_point(plan: Plan, base: str) -> Evidence:
     """No stable fixed point of the return map is observed, Fig. 4."""
-    return Outcome([_no_fixed_point(plan, base) for base in FIXED])
-
-
-def _no_fixed_point(plan: Plan, base: str) -> Evidence:
     checks = []
     for law in laws(base):
         there = law.over(launch_velocity=LAUNCH_SPEEDS, phase=ANY_PHASE)

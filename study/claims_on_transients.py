@@ -8,22 +8,22 @@ import numpy as np
 import xarray as xr
 
 from study.arrays import Array
-from study.bases import BASES, FIXED, SPRUNG
+from study.bases import BASES, SPRUNG
 from study.estimates import magnitude, mean, share
 from study.samples import (
     ANY_PHASE,
     FEW,
     FOLLOWED,
-    MOUNT,
-    TABLE_1,
     Plan,
     by_seed,
     laws,
     measured,
+    mount,
     records,
     settings_of,
+    single,
 )
-from study.verdict import Check, Evidence, Outcome, Reading, check, nearly_all, number
+from study.verdict import Check, Evidence, Reading, check, nearly_all, number
 
 # Fig. 1 shows 12 s: its first and last third
 EARLY: Final = (0.0, 4.0)
@@ -36,21 +36,13 @@ PART: Final = {base: FOLLOWED if base == SPRUNG else 0.4 for base in BASES}  # o
 ROUGHLY: Final = 0.1
 
 
-def transient_decays(plan: Plan) -> Outcome:
+def transient_decays(plan: Plan, base: str) -> Evidence:
     """Heights decay from a large transient to a bounded oscillation, Fig. 1."""
-    return Outcome([_decays(plan, base) for base in FIXED])
-
-
-def _decays(plan: Plan, base: str) -> Evidence:
     as_told: list[Check] = []
     anywhere: list[Check] = []
     for setting in laws(base):
         what = "greatest height from 8 s to 12 s over that in the first 4 s"
-        columns = {
-            name: np.array([value]) if name in TABLE_1.constants else value
-            for name, value in setting.constants.items()
-        }
-        ratio = _decay(plan, base, columns)[0]
+        ratio = _decay(plan, base, single(setting))[0]
         as_told += [
             check(what, ratio, "at most", DECAYED, setting=setting),
             check(what, ratio, "at least", LEFT, setting=setting),
@@ -78,16 +70,13 @@ def _decay(plan: Plan, base: str, columns: dict[str, Any]) -> Array:
     return np.asarray(late / first["flight_height_max"].values)
 
 
-def replenished(plan: Plan) -> Outcome:
+def replenished(plan: Plan, base: str) -> Evidence:
     """The excitation replenishes what impacts dissipate, secs. 2.1.2 and 3."""
-    return Outcome([_replenished(plan, base) for base in BASES])
-
-
-def _replenished(plan: Plan, base: str) -> Evidence:
     checks, averages, numbers = [], [], []
     for setting in settings_of(base):
+        ratio = setting.constants.get("mass_ratio", mount(base).get("mass_ratio", 0.0))
         each = [
-            energies(record, setting.constants.get("mass_ratio", _mass_ratio(base)))
+            energies(record, ratio)
             for record in records(
                 plan,
                 base,
@@ -123,10 +112,6 @@ def _replenished(plan: Plan, base: str) -> Evidence:
         (Reading("in the mean over particles without rests", averages),),
         numbers,
     )
-
-
-def _mass_ratio(base: str) -> float:
-    return float(MOUNT["mass_ratio"]) if base == SPRUNG else 0.0
 
 
 def energies(record: xr.Dataset, mass_ratio: float) -> Array:

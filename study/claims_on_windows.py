@@ -6,13 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from study import light_particle
 from study.arrays import Array, Flags
-from study.bases import BASES, FIXED, HIGH_BOUNCE, MOVING, SPRUNG
+from study.bases import FIXED, HIGH_BOUNCE, MOVING, SPRUNG
 from study.estimates import share
-from study.figures.rests import times_to_rest
+from study.figures.curves import times_to_rest
 from study.samples import (
     ANY_PHASE,
     FIRST,
@@ -29,8 +30,6 @@ from study.verdict import (
     SOME,
     Check,
     Evidence,
-    Outcome,
-    Picture,
     Reading,
     check,
     nearly_all,
@@ -57,8 +56,8 @@ STRONG: Final = (4.0, 12.0)  # "A much larger than 1", m s-1
 FOLLOWED_FOR: Final = 1e6  # longest time in which a rest is awaited, s
 
 
-def windows(plan: Plan) -> Outcome:
-    """Stable operation in A_min < A < A_max, Eq. 27."""
+def windows_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `windows`."""
     plane_e, plane_a = np.meshgrid(np.linspace(0.5, 0.98, 49), np.linspace(0.1, 4.0, 40))
     plane = measured(
         plan,
@@ -70,21 +69,11 @@ def windows(plan: Plan) -> Outcome:
     )
     locked = plane["locked_count"] / plane.attrs["particles"]
     plane["locked_share"] = locked.assign_attrs(long_name="share of launches that lock", units="1")
-    return Outcome(
-        [_windows(plan, base) for base in BASES],
-        [
-            Picture(
-                "claim05_locked_share",
-                "Share of N = 20 staggered launches that end on a locked orbit, with the study's "
-                "equations (law rest), e 0.5 to 0.98, A 0.1 to 4 m/s, f = 1 Hz, and the "
-                "closed-form ends of the windows of modes 1 to 3.",
-                for_file(parameter_plane, plane, variable="locked_share"),
-            )
-        ],
-    )
+    return {"claim05_locked_share": for_file(parameter_plane, plane, variable="locked_share")}
 
 
-def _windows(plan: Plan, base: str) -> Evidence:
+def windows(plan: Plan, base: str) -> Evidence:
+    """Stable operation in A_min < A < A_max, Eq. 27."""
     stable = {"periodic": (Regime.LOCKED, Regime.RESTING), "locked": (Regime.LOCKED,)}
     found: dict[str, list[Check]] = {name: [] for name in stable}
     for setting in settings_of(base):
@@ -223,23 +212,11 @@ def cycles(found: xr.Dataset) -> list[NDArray[Any]]:
     return [found[name].values.ravel() for name in names]
 
 
-def strong_excitation(plan: Plan) -> Outcome:
-    """Excessive excitation may make the motion irregular."""
+def strong_excitation_figures(plan: Plan) -> dict[str, Figure]:
+    """Figure of `strong_excitation`."""
     taus = np.geomspace(1e-6, 1e-3, 4)
     each = {law: np.array([_time_to_rest(plan, law, tau) for tau in taus]) for law in LAWS}
-    return Outcome(
-        [_strong(plan, base) for base in FIXED],
-        [
-            Picture(
-                "claim16_time_to_rest",
-                "Mean time until the first rest against the contact time, with the study's "
-                "equations under both laws of rebound: 200 realizations of N = 1, e 0.80 to 0.98, "
-                "A 4 to 12 m/s, f = 1 Hz, followed for 10^6 s; the time at risk of all over the "
-                "number of rests. The second rest closes the cycle.",
-                for_file(times_to_rest, taus, each, FOLLOWED_FOR),
-            )
-        ],
-    )
+    return {"claim16_time_to_rest": for_file(times_to_rest, taus, each, FOLLOWED_FOR)}
 
 
 def _time_to_rest(plan: Plan, law: str, contact_time: float) -> float:
@@ -247,10 +224,11 @@ def _time_to_rest(plan: Plan, law: str, contact_time: float) -> float:
     there = FIRST.over(amplitude=STRONG, phase=ANY_PHASE).with_constants(
         rebound=law, contact_time=float(contact_time)
     )
+    one = Plan(plan.threads, seeds=1)
     found = measured(
-        Plan(plan.threads, seeds=1, realizations=200),
+        one,
         HIGH_BOUNCE,
-        there.drawn(Plan(seeds=1, realizations=200)),
+        there.drawn(one),
         particles=1,
         duration=FOLLOWED_FOR,
         regimes=True,
@@ -262,7 +240,8 @@ def _time_to_rest(plan: Plan, law: str, contact_time: float) -> float:
     return float(at_risk / rested) if rested else float("nan")
 
 
-def _strong(plan: Plan, base: str) -> Evidence:
+def strong_excitation(plan: Plan, base: str) -> Evidence:
+    """Excessive excitation may make the motion irregular."""
     some = []
     for setting in settings_of(base):
         there = setting.over(amplitude=STRONG, phase=ANY_PHASE)

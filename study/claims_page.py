@@ -15,8 +15,8 @@ from typing import Any, Final
 import matplotlib as mpl
 
 from study.bases import HIGH_BOUNCE, MOVING, SPRUNG
-from study.collect import texts
 from study.estimates import Estimate
+from study.texts import texts
 from study.verdict import (
     ANY_BASE,
     Check,

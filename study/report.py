@@ -15,7 +15,7 @@ import matplotlib as mpl
 
 from study.bases import HIGH_BOUNCE
 from study.claims_page import as_html, plain
-from study.collect import texts
+from study.texts import texts
 from study.verdict import Check, Claim, Evidence, Number, Picture, Reading
 from vibrosweep import sweep
 from vibrosweep.errors import OutputError

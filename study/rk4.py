@@ -9,8 +9,8 @@ On contact the position is set to 0 and w = e |v| + A sin(2 pi f t + phi), its a
 the `reflect` law.  With w <= v_rest = g tau_c / 2 the particle stays on the base until the first
 step at which the kick A sin(2 pi f t + phi) alone exceeds v_rest, and leaves with it.  As the step
 goes to zero this becomes the `rest` law, where the lift-off is at the crossing itself.  That takes
-steps well below tau_c, and below v_rest / (2 pi f A): with larger ones the late contact feeds a
-particle that should rest g times a step at each impact, and it may bounce on the base for ever.
+steps well below tau_c, and below v_rest / (2 pi f A).  With larger steps the late contact adds up
+to g times a step to the speed at each impact, and a particle that should rest may bounce for ever.
 
 In the other reading, `contact="interpolated"`, the landing is where the parabola through the step
 meets the base, and the lift-off is where the kick passes v_rest in the step, as with event

@@ -32,7 +32,7 @@ NEAR_TABLE_1: Final = {"restitution": (0.85, 0.95), "amplitude": (0.9, 1.5)}
 WIDE: Final = {"restitution": (0.5, 0.99), "amplitude": (0.1, 6.0)}
 ANY_PHASE: Final = (0.0, 2.0 * np.pi)  # rad: a launch at any phase of the forcing
 LAWS: Final = ("rest", "reflect")
-# From when to when landings count, s
+# Windows in which landings count, s
 WINDOWS: Final = {
     "from the launch on": (0.0, 12.0),
     "the first 30 s left out": (30.0, 42.0),
@@ -52,6 +52,7 @@ class Plan:
     seeds: int = 20
     # In a sample, over this package's ranges; a quarter of them over others
     realizations: int = 200
+    bases: tuple[str, ...] = BASES  # on which claims are judged, of those that they concern
 
     def random(self) -> list[np.random.Generator]:
         """A source of random numbers for each seed."""
@@ -125,6 +126,14 @@ def settings_of(base: str) -> tuple[Setting, ...]:
     """
     more = {HIGH_BOUNCE: (REFLECT,), SPRUNG: _MASSES}
     return (FIRST, *_OTHERS, *more.get(base, ()))
+
+
+def single(setting: Setting) -> dict[str, Any]:
+    """Parameters of the one realization of a setting that draws nothing, as `drawn` has them."""
+    return {
+        name: np.array([value]) if name in TABLE_1.constants else value
+        for name, value in setting.constants.items()
+    }
 
 
 def laws(base: str, setting: Setting = TABLE_1) -> tuple[Setting, ...]:

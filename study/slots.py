@@ -10,6 +10,7 @@ import xarray as xr
 from study.bases import SPRUNG
 from study.samples import MOUNT, Plan, Setting
 from vibrosweep import simulate, theory
+from vibrosweep.analysis import slot_decay
 
 POPULATIONS: Final = (5, 10, 20, 50, 100)
 RESTITUTION: Final = 0.98
@@ -56,6 +57,23 @@ def own_slots(particles: int, base: str, plan: Plan, impacts: int = 20) -> xr.Da
         duration=float(impacts * particles),
         threads=plan.threads,
     )
+
+
+def decay_in_slot(plan: Plan, base: str, amplitude: float, apart: float) -> xr.Dataset:
+    """Result of `slot_decay` for two particles of mode 1 at Table 1 but for the amplitude.
+
+    They are launched `apart` s from each other, the first one on the orbit.
+    """
+    phase = float(theory.locked_phase(1, 0.9, amplitude))
+    pair = simulate(
+        amplitude=amplitude,
+        launch_velocity=4.905,
+        launch_time=[phase, phase + apart],
+        duration=450.0,
+        base=base,
+        threads=plan.threads,
+    )
+    return slot_decay(pair)
 
 
 def landing_phase(k: int) -> float:

@@ -35,7 +35,7 @@ CASES: Final = {"A": 1, "B": 5, "C": 20, "D": 50}
 STUDY: Final = {"height": (3.8, 7.1), "period": (2.9, 6.0)}
 METHODS: Final = ("fit", "sign_change")
 ACCELERATION: Final = "base_acceleration"
-# Without noise, rounding or blur; what frames alone do remains.
+# Without noise, rounding or blur: only the effect of separate frames remains.
 PERFECT: Final = Camera(frame_rate=240.0, noise=0.0, whole_pixels=False)
 # At this phase the staggered launch of a single particle leads to a locked orbit; with one that
 # rests, case A would have nothing to compare.

@@ -106,13 +106,9 @@ class Reading:
         """Reason why the reading is open; empty where it is not."""
         if self.passed is not None:
             return ""
-        by_setting = self.by_setting
-        if not by_setting:
+        if not self.by_setting:
             return "no case to test under any setting"
-        passes, misses, few = (
-            " / ".join(name for name, passed in by_setting.items() if passed is one)
-            for one in (True, False, None)
-        )
+        passes, misses, few = (" / ".join(self._settings(one)) for one in (True, False, None))
         if passes and misses:
             return f"it differs between settings: passes under {passes}; missed under {misses}"
         return f"too few data{f' under {few}' if few else ''}"
@@ -120,9 +116,11 @@ class Reading:
     @property
     def unlike(self) -> tuple[str, ...]:
         """Settings whose outcome differs from that of most others; empty if all agree."""
-        found = self.by_setting.items()
-        passes, misses = ([name for name, one in found if one is want] for want in (True, False))
-        return tuple(passes if len(passes) < len(misses) else misses)
+        passes, misses = self._settings(True), self._settings(False)
+        return passes if len(passes) < len(misses) else misses
+
+    def _settings(self, outcome: bool | None) -> tuple[str, ...]:
+        return tuple(name for name, passed in self.by_setting.items() if passed is outcome)
 
 
 def _all_passed(each: Sequence[bool | None]) -> bool | None:

@@ -2,41 +2,19 @@
 
 import pytest
 
-from study import (
-    claims_on_attraction,
-    claims_on_contact,
-    claims_on_energy,
-    claims_on_heights,
-    claims_on_laboratory,
-    claims_on_order,
-    claims_on_robustness,
-    claims_on_transients,
-    claims_on_windows,
-    claims_page,
-    collect,
-)
+from study import claims_on_laboratory, claims_on_robustness, claims_page, collect
 from study.bases import FIXED
 from study.disturbances import DRIVE, OWN, WAVEFORM, disturbances
 from study.samples import Plan
 
-ON_EVERY_BASE = (
-    claims_on_attraction,
-    claims_on_contact,
-    claims_on_energy,
-    claims_on_heights,
-    claims_on_order,
-    claims_on_transients,
-    claims_on_windows,
-)
-SMALL = {"seeds": 3, "realizations": 8}
+# The base of finite mass has tests of its own
+SMALL = {"seeds": 3, "realizations": 8, "bases": FIXED}
 
 
 @pytest.fixture(scope="session", autouse=True)
 def small_campaign():
-    """Two bases: the base of finite mass has tests of its own; few disturbances; one experiment."""
+    """Few disturbances, one experiment."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in ON_EVERY_BASE:
-            patch.setattr(module, "BASES", FIXED)
         size = claims_on_laboratory.SIZE
         small = {"cases": {"A": 1, "B": 5}, "imperfections": size["imperfections"][:1]}
         patch.setattr(claims_on_laboratory, "SIZE", size | small)

@@ -6,9 +6,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from study import claims_page
-from study.collect import texts
 from study.estimates import Estimate
 from study.samples import FIRST, RANGES, Setting
+from study.texts import texts
 from study.verdict import (
     ANY_BASE,
     Check,

@@ -65,8 +65,8 @@ def test_claims_on_one_particle_are_judged_where_the_base_recoils(monkeypatch):
     for module in (claims_on_heights, claims_on_windows):
         monkeypatch.setattr(module, "settings_of", lambda base: (setting,))
     monkeypatch.setattr(claims_on_heights, "LAUNCHES", {claims_on_heights.ANYWHERE: 1})
-    heights = claims_on_heights._plateau(plan, SPRUNG)
+    heights = claims_on_heights.plateau(plan, SPRUNG)
     assert heights.conditions[0].passed  # among its tests: followed heights are those of `apex`
-    windows = claims_on_windows._windows(plan, SPRUNG)
+    windows = claims_on_windows.windows(plan, SPRUNG)
     assert windows.conditions[0].passed
     assert windows.verdict is Verdict.CONDITIONAL

@@ -159,7 +159,7 @@ def test_what_cannot_be_computed_is_told(page):
 
 
 def late_callback(page):
-    (found,) = (c for c in page.document.session_callbacks if "_simulate" in repr(c.callback))
+    (found,) = (c for c in page.document.session_callbacks if "_show.<locals>" in repr(c.callback))
     return found.callback
 
 

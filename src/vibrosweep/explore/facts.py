@@ -37,7 +37,9 @@ def facts(
     yield "acceleration of the base Γ", f"{float(one['base_acceleration']):.5g} g"
     yield "observed", f"{f'{begin:.6g} to ' if begin > 0.0 else ''}{end:.6g} forcing periods"
     if choice.scene.base == SPRUNG:
-        yield from _joint(one)
+        joint = one["joint_regime"]
+        yield "joint regime", meanings(joint.attrs)[int(joint)]
+        yield "largest Lyapunov exponent per period", _number(one["joint_exponent"])
     yield "largest rebound height", _number(one["rebound_height_max"], " m")
     if choice.scene.particles > 1:
         yield "smallest separation Δt min", _number(one["dt_min"], " s")
@@ -54,20 +56,13 @@ def facts(
 def facts_html(choice: Choice) -> str:
     """Write the facts of a realization as a table, or the reason why they cannot be computed."""
     try:
-        scene = choice.scene
-        unsettled = refusal(scene.base, measure="regimes")
-        settled = None if unsettled else choice.settle()
+        refused = refusal(choice.scene.base, measure="regimes")
+        settled = None if refused else choice.settle()
         found = list(facts(choice, choice.observe(), settled))
     except VibrosweepError as error:
         return html.escape(str(error))
     rows = (f"<tr><td>{html.escape(a)}</td><td>{html.escape(b)}</td></tr>" for a, b in found)
     return f"<table>{''.join(rows)}</table>"
-
-
-def _joint(one: xr.Dataset) -> Iterator[tuple[str, str]]:
-    joint = one["joint_regime"]
-    yield "joint regime", meanings(joint.attrs)[int(joint)]
-    yield "largest Lyapunov exponent per period", _number(one["joint_exponent"])
 
 
 def _regimes(one: xr.Dataset) -> Iterator[str]:

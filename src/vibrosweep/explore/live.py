@@ -177,9 +177,7 @@ class Page:
     def select_point(self, index: int) -> None:
         """Show the realization of a point."""
         self.index = index
-        self.plane.mark(
-            self.plane.values(self.plane.x)[index], self.plane.values(self.plane.y)[index]
-        )
+        self.plane.mark_point(index)
         self.controls.set(self.points.choice(index).shortened())
         self._show(f"point {index} of {self.points.count}")
 
@@ -193,11 +191,6 @@ class Page:
         self._scheduled = False
         self._show("moved by the controls")
 
-    def _show(self, what: str) -> None:
-        """Show the choice of the controls, once it is computed."""
-        with self._one_message():
-            self._simulate(what)
-
     @contextmanager
     def _one_message(self) -> Iterator[None]:
         self.document.hold("combine")
@@ -206,7 +199,8 @@ class Page:
         finally:
             self.document.unhold()
 
-    def _simulate(self, what: str) -> None:
+    def _show(self, what: str) -> None:
+        """Show the choice of the controls, once it is computed."""
         choice = self.controls.choice
         second = bool(self.controls.both.active)
         if second and choice.scene.base == SPRUNG:
@@ -218,11 +212,12 @@ class Page:
         self._stop_waiting()
         future = self.background.call(lambda: [one.simulate() for one in shown])
         wait([future], AT_ONCE)
-        if future.done():
-            self._draw(future, shown, what)
-        else:
-            self.status.text, self.facts.text = PREPARING, ""
-            self._after(future, lambda: self._show_late(future, shown, what))
+        with self._one_message():
+            if future.done():
+                self._draw(future, shown, what)
+            else:
+                self.status.text, self.facts.text = PREPARING, ""
+                self._after(future, lambda: self._show_late(future, shown, what))
 
     def _show_late(self, future: Future[Any], shown: list[Choice], what: str) -> None:
         """Show a simulation that took long, unless the visitor has chosen another one since."""

@@ -66,6 +66,7 @@ class MotionView:
     def __init__(self, key: str, *, complete: bool = False) -> None:
         self.complete = complete
         self.mapper = LinearColorMapper(palette=["#000000"], low=-0.5, high=0.5)
+        self.colour = {"field": "particle", "transform": self.mapper}
         self.sources = {
             "base": empty_source("time", "height", "floor"),
             "flights": empty_source(*FLIGHT, "particle"),
@@ -116,11 +117,8 @@ class MotionView:
     def _is_log(name: str) -> bool:
         return name in DOTS and DOTS[name].log
 
-    def _colour(self) -> dict[str, Any]:
-        return {"field": "particle", "transform": self.mapper}
-
     def _draw_heights(self) -> None:
-        plot, colour, base = self.figures["height"], self._colour(), self.sources["base"]
+        plot, colour, base = self.figures["height"], self.colour, self.sources["base"]
         plot.varea("time", "floor", "height", source=base, fill_color="#e6e6e6")
         plot.line("time", "height", source=base, line_color="#888888")
         # lines of one pixel are drawn twice as fast as wider ones
@@ -135,7 +133,7 @@ class MotionView:
         if name == "return map":
             plot.line(x=[-1e6, 1e6], y=[-1e6, 1e6], line_color="#bbbbbb")
         drawn = plot.scatter(
-            x, y, source=source, marker="square", size=3, fill_color=self._colour(), line_color=None
+            x, y, source=source, marker="square", size=3, fill_color=self.colour, line_color=None
         )
         tips = [(LABELS[name][0], f"@{x}{{0.000000}}"), (LABELS[name][1], f"@{y}{{0.00000000}}")]
         others = [("particle", "@particle")]
@@ -187,9 +185,6 @@ class MotionView:
         }
         for name in TITLES:
             content.update(self._visible(name))
-        self._send(content)
-
-    def _send(self, content: dict[str, Any]) -> None:
         self.holder.data = {"content": [content]}
 
     def _moved(self, name: str, event: RangesUpdate) -> None:
@@ -197,7 +192,7 @@ class MotionView:
         ends = event.x0, event.x1, event.y0, event.y1
         if is_window(*ends):
             self._views[name] = ends
-            self._send(self._visible(name))
+            self.holder.data = {"content": [self._visible(name)]}
 
     def _visible(self, name: str) -> dict[str, Columns]:
         """Columns of the elements that are visible in the window of a picture."""
