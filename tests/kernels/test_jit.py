@@ -191,7 +191,8 @@ def test_machine_code_is_kept_on_disk_and_never_stale(package):
     assert value == pytest.approx(2.25, abs=1e-12)
     assert hits == [0, 0]
     # a code that a kernel has as a constant, and the order of the arrays it is given
-    edit(package / "model" / "status.py", "BUDGET_EXCEEDED = 1", "BUDGET_EXCEEDED = 5")
+    code = "BUDGET_EXCEEDED = (\n        {},"
+    edit(package / "model" / "status.py", code.format(1), code.format(5))
     parameters = package / "model" / "parameters.py"
     edit(parameters, "    kick: Array  # a", "    kick_was: Array  # a")
     edit(parameters, "    end_phase: Array", "    kick: Array\n    end_phase: Array")

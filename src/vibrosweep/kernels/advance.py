@@ -46,7 +46,7 @@ from vibrosweep.kernels.cycles import (
     saves_work,
     stop_search,
 )
-from vibrosweep.kernels.impact import Batch, land, launch
+from vibrosweep.kernels.impact import Batch, Start, land, launch
 from vibrosweep.kernels.lanes import (
     ENDED,
     GOES_ON,
@@ -202,35 +202,33 @@ def _realization(base: Base, problem: Dimensionless, i: int) -> Realization:
 def _load(
     s: Floats,
     j: int,
-    lane: int,
-    particle: int,
-    start: Instant,
+    start: Start,
     realization: Realization,
     kinds: Kinds,
     window: int | None,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
-    """Load trajectory `lane`, of a particle that is launched at `start`, into lane j."""
-    n, x = start
+    """Load a trajectory into lane j."""
+    n, x = start.at
     n_end, x_end = realization.end
     s[ROW.X + j] = x
     s[ROW.N + j] = n - n_end
     s[ROW.U + j] = leave(realization.fixed, x, realization.speed)
     put(realization.fixed, s, j)
-    load_noise(realization.fixed.base.noise, realization.fixed.source, s, j, particle, n_end)
+    load_noise(realization.fixed.base.noise, realization.fixed.source, s, j, start.particle, n_end)
     s[ROW.X_END + j] = x_end
     if window is not None:
         n_begin, x_begin = realization.begin
         s[ROW.N_BEGIN + j] = n_begin - n_end
         s[ROW.X_BEGIN + j] = x_begin
     s[ROW.AGE + j] = 0.0
-    s[ROW.LANE + j] = lane
+    s[ROW.LANE + j] = start.lane
     clear(kinds, s, j)
     if cycles is not None:
         s[ROW.X_ANCHOR + j] = np.nan
         s[ROW.NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
-        cycles[CYCLE.IMPACTS, lane] = 0.0  # none is known yet
+        cycles[CYCLE.IMPACTS, start.lane] = 0.0  # none is known yet
 
 
 @jit
@@ -307,8 +305,8 @@ def advance(
             lane = following + q
             if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
                 return 0
-            start, kinds = launch(launches, i, p, problem.phase[i]), out.kinds
-            _load(s, places[q], lane, p, start, realization, kinds, window, cycles, patience)
+            start = Start(lane, p, launch(launches, i, p, problem.phase[i]))
+            _load(s, places[q], start, realization, out.kinds, window, cycles, patience)
             expect(out.kinds, out, lane)
             p += 1
             if p == particles:

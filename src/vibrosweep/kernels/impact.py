@@ -59,6 +59,14 @@ class Batch(NamedTuple):
     launches: Launches  # trajectory t of a batch is particle t % N of realization t // N
 
 
+class Start(NamedTuple):
+    """A trajectory that is to be followed."""
+
+    lane: int  # its index in the batch
+    particle: int
+    at: Instant  # of its launch
+
+
 class Impact(NamedTuple):
     """A landing and the lift-off that follows."""
 
