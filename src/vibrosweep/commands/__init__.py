@@ -26,5 +26,5 @@ COMMANDS: Final[Mapping[str, str]] = {
     "verify": "compare a result file with proved values",
     "lab": "measure camera tracks and compare them with prediction",
     "doctor": "examine the installation and this machine; exit code 1 if anything is wrong",
-    "warmup": "compile every variant of the kernels once and keep the machine code",
+    "warmup": "compile the kernels of common scenes once and keep the machine code",
 }

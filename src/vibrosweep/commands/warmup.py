@@ -1,4 +1,4 @@
-"""``vibrosweep warmup``: compile all kernels in advance, so that no run has to wait."""
+"""``vibrosweep warmup``: compile kernels in advance, so that common scenes need not wait."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compile every variant of the kernels that commands use."""
+"""Compile the kernels of common scenes: a sine, a constant restitution, no noise."""
 
 from __future__ import annotations
 
