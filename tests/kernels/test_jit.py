@@ -8,13 +8,14 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import vibrosweep
 from vibrosweep.engine.measure import measure
-from vibrosweep.kernels._jit import _fma_exact
+from vibrosweep.kernels._jit import _fma_exact, generic, implements
 from vibrosweep.model.parameters import NOISE
 
 PACKAGE = Path(vibrosweep.__file__).parent
@@ -130,6 +131,20 @@ def test_fma_rounds_once(a, b, c):
     compiled = njit(lambda x, y, z: fma(x, y, z))(a, b, c)
     exact = _fma_exact(a, b, c)
     assert exact == compiled or (np.isnan(exact) and np.isnan(compiled))
+
+
+class Doubling(NamedTuple):
+    """A law."""
+
+
+def test_a_formula_is_named_in_tracebacks_and_profiles():
+    @generic
+    def growth(law, e):
+        """How much e grows."""
+
+    formula = implements(growth, Doubling)(lambda law, e: 2.0 * e)
+    assert formula.__name__ == formula.__code__.co_name == "growth_doubling"
+    assert growth(Doubling(), 1.5) == 3.0
 
 
 PROBE = """

@@ -254,9 +254,16 @@ def generic(declared: F) -> F:
 
 
 def implements(function: F, *kinds: type) -> Callable[[F], F]:
-    """Compile the code of a generic function for kinds of named tuples."""
+    """Compile the code of a generic function for kinds of named tuples.
 
-    def keep(implementation: F) -> F:
+    A formula that is given as a lambda gets the name of a function, such as `ratio_constant`.
+    """
+    name = "_".join([function.__name__, *(kind.__name__.lower() for kind in kinds)])
+
+    def keep(implementation: Any) -> Any:
+        if implementation.__name__ == "<lambda>":
+            code = implementation.__code__.replace(co_name=name, co_qualname=name)
+            implementation.__code__, implementation.__name__ = code, name
         _implementations[function].update(dict.fromkeys(kinds, jit(implementation)))
         return implementation
 

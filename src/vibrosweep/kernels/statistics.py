@@ -14,8 +14,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit
+from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.markers import kind
 from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.model.landing import Landing
 
 # How the numbers of landings combine.  A count counts landings whose number, a flag, is true; the
 # numbers of a sum of products are pairs of factors, whose product is fused with the sum.
@@ -29,7 +31,7 @@ class Statistic(NamedTuple):
     """A statistic of the landings in the window, or of the flights that follow them."""
 
     name: str
-    number: Callable[[Any], Any]  # of a `Landing`, or of a flight, which is a `bases.Counted`
+    number: Callable[[Any], Any]  # of a `Landing`, or of a flight, which is a `Counted`
     combine: str  # COUNT, SUM, PRODUCTS, MAX or MIN
     of_flights: bool
 
@@ -66,26 +68,56 @@ def statistic_of(marker: type) -> Statistic:
     return _DECLARED[marker]
 
 
+@jit
+def _every(event: Landing | Counted) -> bool:
+    return True
+
+
+@jit
+def _rest(landing: Landing) -> bool:
+    return landing.rests
+
+
+@jit
+def _time(flight: Counted) -> float:
+    return flight.time
+
+
+@jit
+def _height_product(flight: Counted) -> tuple[float, float]:
+    return flight.height, flight.factor
+
+
+@jit
+def _height(flight: Counted) -> float:
+    return flight.height
+
+
+@jit
+def _ended(landing: Landing) -> float:
+    return landing.flight_time
+
+
+@jit
+def _arrival(landing: Landing) -> float:
+    return landing.arrival
+
+
 # The first two are always kept: cycles and orbits need them.
 KINDS: Final[Kinds] = (
-    declare("landings", jit(lambda landing: True), COUNT),
-    declare("rests", jit(lambda landing: landing.rests), COUNT),
-    declare("flight_sum", jit(lambda flight: flight.time), SUM, of_flights=True),
-    declare(
-        "height_sum", jit(lambda flight: (flight.height, flight.factor)), PRODUCTS, of_flights=True
-    ),
-    declare("height_max", jit(lambda flight: flight.height), MAX, of_flights=True),
+    declare("landings", _every, COUNT),
+    declare("rests", _rest, COUNT),
+    declare("flight_sum", _time, SUM, of_flights=True),
+    declare("height_sum", _height_product, PRODUCTS, of_flights=True),
+    declare("height_max", _height, MAX, of_flights=True),
 )
 LANDINGS, RESTS = 0, 1
 # Of the flights that end with a landing
-SHORTEST: Final = declare("flight_min", jit(lambda landing: landing.flight_time), MIN)
-LONGEST: Final = declare("flight_max", jit(lambda landing: landing.flight_time), MAX)
-IMPACT_SPEED: Final = declare("impact_speed", jit(lambda landing: landing.arrival), MAX)
+SHORTEST: Final = declare("flight_min", _ended, MIN)
+LONGEST: Final = declare("flight_max", _ended, MAX)
+IMPACT_SPEED: Final = declare("impact_speed", _arrival, MAX)
 # Over a base that lifts what rests on it when particles land, flights are counted one by one.
-KINDS_COUPLED: Final[Kinds] = (
-    *KINDS,
-    declare("flights", jit(lambda flight: True), COUNT, of_flights=True),
-)
+KINDS_COUPLED: Final[Kinds] = (*KINDS, declare("flights", _every, COUNT, of_flights=True))
 
 
 class Statistics(NamedTuple):
