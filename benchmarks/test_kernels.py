@@ -217,7 +217,7 @@ def test_hot_loop_uses_whole_vector_registers():
     fresh: Any = uncached(advance)
     memory = memory_around(scratch())
     fresh(Share(0, 8, 0), batch, Options(102), False, memory, empty_statistics(8), None, None)
-    (assembly,) = fresh.inspect_asm().values()
+    (assembly,) = fresh.dispatcher.inspect_asm().values()
     blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
     hot = max(blocks, key=lambda block: len(re.findall(r"vfn?m(?:add|sub)\w+pd", block)))
     registers = {r: len(re.findall(rf"%{r}\d", hot)) for r in ("zmm", "ymm", "xmm")}
