@@ -1,4 +1,4 @@
-"""Locks of files, and amounts of memory: what differs between operating systems.
+"""Signals, locks of files, amounts of memory: what differs between operating systems.
 
 Where memory is stated neither by the POSIX ``sysconf`` nor below ``/proc``, psutil is required.
 """
@@ -6,6 +6,7 @@ Where memory is stated neither by the POSIX ``sysconf`` nor below ``/proc``, psu
 from __future__ import annotations
 
 import os
+import signal
 import time
 from importlib import import_module
 from pathlib import Path
@@ -16,6 +17,10 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
+# Signals that end a program; Windows has no SIGHUP
+ENDINGS: Final = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
 POLL: Final = 0.05  # s between two attempts to lock a file on Windows
 # Windows allows nobody to read a locked byte, so this one lies behind the text of a lock file.
 LOCKED_BYTE: Final = 1 << 30

@@ -27,10 +27,10 @@ from vibrosweep.errors import RunError
 from vibrosweep.explore.background import Background
 from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Points
+from vibrosweep.system import ENDINGS
 
 HOST: Final = "localhost"
 NAMES: Final = (HOST, "127.0.0.1", "[::1]")  # names of this machine on itself
-ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 # Paths that a page requests; Bokeh serves more, for documents embedded in other sites
 SERVED: Final = re.compile(r"/|/ws|/favicon\.ico|/static/.*")
 HTTP_PORT: Final = 80  # the port that browsers leave out of an address
@@ -49,9 +49,8 @@ def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
     first.call(points.choice(points.count // 2).shortened().simulate)
     server, address = opened(points, port, backgrounds.add)
     loop = server.io_loop
-    for name in ENDINGS:
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+    for number in ENDINGS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
             # an exception that a signal raises in a callback would be logged with a traceback
             signal.signal(number, lambda *_: loop.add_callback_from_signal(loop.stop))
     server.start()

@@ -20,19 +20,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from vibrosweep.errors import ExistingOutputError, OutputError, ParameterError, TakenOutputError
 from vibrosweep.mistakes import OUTPUT
-from vibrosweep.system import locked
+from vibrosweep.system import ENDINGS, locked
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
-
-# Signals that end a program; Windows has no SIGHUP
-ENDINGS: Final = [
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-]
 
 
 def path_of(name: str, value: object) -> Path:
