@@ -46,9 +46,9 @@ def work(parameters, scene, *, skip=True):
     sizes = []
 
     class Counting(Workers):
-        def stream(self, begin, total):
+        def stream(self, begin, total, periods):
             sizes.append(total)
-            super().stream(begin, total)
+            super().stream(begin, total, periods)
 
         def run(self, task, total, size, *results):
             sizes.append(total)

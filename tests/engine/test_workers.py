@@ -9,8 +9,12 @@ from hypothesis import strategies as st
 from vibrosweep.engine.workers import LARGEST_PIECE, SMALLEST_PIECE, Workers
 
 
-@given(threads=st.integers(1, 4), total=st.integers(1, 40_000))
-def test_a_stream_hands_out_every_range_once(threads, total):
+@given(
+    threads=st.integers(1, 4),
+    total=st.integers(1, 40_000),
+    periods=st.floats(0.0, exclude_min=True),
+)
+def test_a_stream_hands_out_every_range_once(threads, total, periods):
     calls = []
 
     def begin():
@@ -19,7 +23,7 @@ def test_a_stream_hands_out_every_range_once(threads, total):
         return lambda first, last: own.append((first, last))
 
     with Workers(threads) as workers:
-        workers.stream(begin, total)
+        workers.stream(begin, total, periods)
     assert 1 <= len(calls) <= threads
     assert all(own[-1] == (total, total) for own in calls)
     ranges = sorted(one for own in calls for one in own[:-1])
@@ -36,7 +40,18 @@ def test_even_a_little_work_is_shared_among_all_threads():
         return lambda first, last: together.wait() if first < last else None
 
     with Workers(2) as workers:
-        workers.stream(begin, 10)
+        workers.stream(begin, 10, 1.0)
+
+
+def test_few_long_trajectories_are_cut_into_more_ranges_than_many_short_ones():
+    def ranges(total, periods):
+        starts = []
+        with Workers(2) as workers:
+            workers.stream(lambda: lambda first, last: starts.append(first), total, periods)
+        return len(starts) - 2  # each thread ends with an empty range
+
+    assert ranges(4000, 12.0) == 2
+    assert ranges(4000, 1000.0) >= 8
 
 
 def test_threads_take_no_more_work_after_a_failure():
@@ -56,7 +71,7 @@ def test_threads_take_no_more_work_after_a_failure():
     before = set(threading.enumerate())
     workers = Workers(2)
     with pytest.raises(RuntimeError, match="the first range"):
-        workers.stream(begin, 100 * SMALLEST_PIECE)
+        workers.stream(begin, 100 * SMALLEST_PIECE, 1e9)
     workers.__exit__(RuntimeError, None, None)  # as on leaving a context with this error
     failed.set()
     for thread in set(threading.enumerate()) - before:

@@ -92,8 +92,7 @@ def _follow(
 ) -> Followed:
     size, particles = tolerance.size, scene.particles
     measures, cycles = scene.measures, None
-    longest = np.max(problem.end_count) - np.min(launch.whole) + 2.0  # forcing periods
-    wanted = measures.regimes or (scene.skip and longest > PERIODS_TO_RECUR)
+    wanted = measures.regimes or (scene.skip and _longest(problem, launch) > PERIODS_TO_RECUR)
     if wanted and problem.noise is None:  # random motion never recurs
         cycles = workers.cycles(size * particles)
     trajectories = statistics(problem, launch, scene, workers, cycles)
@@ -158,9 +157,14 @@ def statistics(
 
         return task
 
-    workers.stream(begin, total)
+    workers.stream(begin, total, _longest(problem, launch))
     require_written(found, ("at_rest", "status"))  # written by the same function as the totals
     return found
+
+
+def _longest(problem: Dimensionless, launch: Launches) -> float:
+    """Return the forcing periods that no trajectory lasts longer than."""
+    return float(np.max(problem.end_count) - np.min(launch.whole) + 2.0)
 
 
 def settled(

@@ -13,9 +13,10 @@ from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statis
 from vibrosweep.kernels.unwritten import FLAG, require_written
 
 TRAJECTORIES_PER_TASK = 1 << 16
-# Ranges of a stream: long against the cost of a call, short enough to balance the threads
+# Ranges of a stream: long against a call, which costs some 15 us; short, to balance the threads
 PIECES_PER_THREAD = 16
-SMALLEST_PIECE, LARGEST_PIECE = 1 << 12, 1 << 14
+SMALLEST_PIECE, SMALL_PIECE, LARGEST_PIECE = 1 << 8, 1 << 12, 1 << 14  # trajectories
+PERIODS_PER_PIECE = 3 << 16  # of a small piece: its trajectories together
 
 compiling.listen()
 
@@ -73,14 +74,17 @@ class Workers:
         for result in results:
             require_written(result)
 
-    def stream(self, begin: Callable[[], Callable[[int, int], object]], total: int) -> None:
+    def stream(
+        self, begin: Callable[[], Callable[[int, int], object]], total: int, periods: float
+    ) -> None:
         """Let each thread take ranges of ``range(total)``, one after the other, until none is left.
 
         Each thread has its own ``task = begin()``.  It calls ``task(first, last)`` for each range,
         which may leave trajectories to the next call, and at the end ``task(total, total)``.
+        A trajectory lasts for at most `periods` forcing periods.
         """
-        piece = total // (PIECES_PER_THREAD * self.threads)
-        piece = max(SMALLEST_PIECE, min(piece, LARGEST_PIECE))
+        small = min(SMALL_PIECE, max(SMALLEST_PIECE, PERIODS_PER_PIECE // max(1.0, periods)))
+        piece = max(int(small), min(total // (PIECES_PER_THREAD * self.threads), LARGEST_PIECE))
         piece = max(1, min(piece, -(-total // self.threads)))
         starts = range(0, total, piece)
         # each thread has a first range of its own, so that no thread takes all
