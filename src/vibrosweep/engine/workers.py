@@ -13,7 +13,7 @@ from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statis
 from vibrosweep.kernels.unwritten import FLAG, require_written
 
 TRAJECTORIES_PER_TASK = 1 << 16
-# Ranges of a stream: long against the cost of a call, short enough to balance the threads
+# Ranges of a stream: long compared with the cost of a call, short enough to balance the threads
 PIECES_PER_THREAD = 16
 SMALLEST_PIECE, LARGEST_PIECE = 1 << 12, 1 << 14
 
@@ -77,7 +77,7 @@ class Workers:
         """Let each thread take ranges of ``range(total)``, one after the other, until none is left.
 
         Each thread has its own ``task = begin()``.  It calls ``task(first, last)`` for each range,
-        which may leave trajectories to the next call, and at the end ``task(total, total)``.
+        and ``task(total, total)`` at the end.  A call may leave trajectories to the next one.
         """
         piece = total // (PIECES_PER_THREAD * self.threads)
         piece = max(SMALLEST_PIECE, min(piece, LARGEST_PIECE))
