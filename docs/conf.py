@@ -56,7 +56,7 @@ nb_merge_streams = True
 
 
 def public(path: str) -> object:
-    """What a dotted name stands for."""
+    """Return the object that a dotted name stands for."""
     home, _, name = path.rpartition(".")
     return getattr(import_module(home), name)
 
@@ -73,7 +73,7 @@ def own_members(path: str) -> list[str]:
 
 
 def codes(path: str) -> list[tuple[str, int, str]]:
-    """Names, numbers and sentences of the codes of a class that has any."""
+    """Return name, number and sentence of each code of an enumeration; none of other things."""
     thing = public(path)
     return [(c.name, c.value, c.sentence) for c in thing] if isinstance(thing, EnumType) else []
 
@@ -107,7 +107,7 @@ EQUAL = re.compile(r"(?<=\b[A-Za-zΓ]) = (?=[-\d])")
 LETTERS = ["Gamma", "Lambda", "Phi", "alpha", "lambda", "mu", "phi", "pi", "sigma", "tau"]
 SIGNS = {"<=": "≤", ">=": "≥", **dict(zip(LETTERS, "ΓΛΦαλμφπστ", strict=True))}
 SPELLED = re.compile(r"[<>]=|(?<![^\W_])(?:" + "|".join(LETTERS) + r")(?![^\W_])")
-# an index of a single letter, an exponent, or that of a unit
+# an index (a letter or a short word), an exponent, or the exponent of a unit
 RAISED = re.compile(
     r"(?<=(?<!\w)[^\W\d_])_(?P<low>min|max|first|last|[a-z\d]|\([^()]+\))(?!\w)"
     r"|(?<=[\w)>'\N{RIGHT SINGLE QUOTATION MARK}])(?:\^|\*\*)(?P<high>-?\w+|\([^()]+\))"
@@ -121,7 +121,7 @@ BAR = re.compile("<mo[^>]*>&#x0007C;</mo>")
 # python -m sphinx -b linkcheck -D nb_execution_mode=off docs build/links
 linkcheck_timeout = 20
 linkcheck_anchors = False  # pages that a script fills have none in their text
-linkcheck_allow_unauthorized = True  # publishers let no robot in
+linkcheck_allow_unauthorized = True  # publishers refuse robots
 linkcheck_rate_limit_timeout = 60.0
 
 html_theme = "pydata_sphinx_theme"
@@ -134,7 +134,7 @@ html_sidebars = {page: [] for page in ("index", "start", "gallery")}  # nothing 
 html_theme_options = {
     "navbar_align": "left",
     "header_links_before_dropdown": 8,
-    "navbar_persistent": ["search-button"],  # a field would not leave the header on one line
+    "navbar_persistent": ["search-button"],  # with a search field the header takes two lines
     "icon_links": [
         {"name": "Repository", "url": url, "icon": "fa-solid fa-code-branch"}
         for url in (GIVEN["addresses"]["source"],)
@@ -183,14 +183,14 @@ def readable(
     given: str | None,
     out: str | None,
 ) -> tuple[str | None, str | None]:
-    """Write the parts of a signature that Sphinx makes of values as they stand in the source."""
+    """Replace the parts of a signature that Sphinx writes from values by their source text."""
     for found, instead in UNREADABLE.items():
         given, out = (part and re.sub(found, instead, part) for part in (given, out))
     return given, out
 
 
 def as_written(app: Sphinx, thing: object, bound: bool) -> None:
-    """Show the signature of a function without each keyword, which notebooks complete."""
+    """Show a signature as written, without the keywords that `completed` lists for notebooks."""
     if isinstance(thing, FunctionType):
         vars(thing).pop("__signature__", None)
 
@@ -226,7 +226,7 @@ def set_formulas(app: Sphinx, document: Element, name: str) -> None:
 
 
 def mark_tables(app: Sphinx, document: Element, name: str) -> None:
-    """Tell tables of sentences from others, and numbers, which never wrap.
+    """Mark tables of sentences, and cells that hold a number, which never wrap.
 
     On a phone a row of sentences is a list, in which each entry begins with the name of its column.
     """

@@ -19,7 +19,7 @@ from vibrosweep.model.scene_measures import KEYS
 from vibrosweep.model.shapes import WAVEFORMS
 
 PAGES: Final = ("sweep-files.md", "results.md")
-# A name of a variable within a sentence
+# The name of a variable within a sentence
 NAME: Final = re.compile(r"(?<![`\w.])((?<=see )\w+|[a-z]+(_[a-z\d]+)+)(?![`\w])")
 LONG: Final = 40  # characters above which a comment is not repeated
 _ALL: Final = (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
@@ -113,7 +113,7 @@ def _support(base: str, choice: dict[str, Any]) -> str:
 
 
 def choices() -> list[dict[str, Any]]:
-    """Return each law, waveform, noise, measure and analysis, as `refusal` takes it."""
+    """Return each law, waveform, noise, measure and analysis, as a keyword of `refusal`."""
     choices: dict[str, Iterable[Any]] = {"law": LAWS, "restitution": RESTITUTION_LAWS}
     choices |= {"waveform": WAVEFORMS, "noise": [(kind,) for kind in NOISE]}
     choices |= {"measure": MEASURES, "analysis": ANALYSES}

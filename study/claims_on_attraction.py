@@ -57,7 +57,7 @@ APART: Final = 0.25 * 0.5
 # Duration of an observation, and the window at its end that is judged, s
 LONG: Final = {base: 100.0 if base == SPRUNG else 600.0 for base in BASES}
 WINDOW: Final = 10.0
-# Window of exponents, which need more landings than that, s
+# Window of exponents, which need more landings than fall into `WINDOW`, s
 WINDOW_OF_EXPONENTS: Final = 500.0
 PAIR: Final[Mapping[str, Any]] = {"particles": 2, "launch": [0.0, NEAR]}
 
@@ -95,7 +95,7 @@ def _late(
 
 def synchronous(plan: Plan, base: str) -> Evidence:
     """Synchronous impacts are unstable."""
-    what = "share of pairs launched 1 µs apart, of those that still bounce, that have drawn apart"
+    what = "share of pairs launched 1 µs apart that have drawn apart, among those that still bounce"
     checks = []
     for one in settings_of(base):
         dt = _late(plan, base, one, PAIR)["dt_min"].values
@@ -124,7 +124,7 @@ def _in_irregular_motion(plan: Plan, base: str) -> Reading:
         apart = _late(plan, base, there, PAIR, 1.0 / there.part)["dt_min"].values > NEAR
         checks.append(nearly_all(what, apart[irregular_pair], there))
     return Reading(
-        "in irregular motion without rests, A 4 to 12 m/s, where that is 1 % of the pairs at least",
+        "in irregular motion without rests, A 4 to 12 m/s, if at least 1 % of the pairs move so",
         checks,
     )
 
@@ -209,12 +209,12 @@ def staggered(plan: Plan, base: str) -> Evidence:
             Reading(f"{many} staggered particles stay apart", population),
             Reading("pairs launched together become staggered", together),
         ),
-        conditions=(in_own_slots(base, (near,), 20, "only near by; "),),
+        conditions=(in_own_slots(base, (near,), 20, "launched nearby; "),),
     )
 
 
 def _return(plan: Plan, base: str, particles: int) -> float:
-    """Deviation of landings in own slots from whole periods at the end, over that at launch."""
+    """Deviation of landings in own slots from whole periods: at the end, relative to the launch."""
     record = own_slots(particles, base, plan, impacts=SETTLED).isel(realization=0)
     times = record["landing_time"].values
     last = np.array([row[np.isfinite(row)][-1] for row in times])

@@ -36,7 +36,7 @@ from vibrosweep.figures.style import for_file
 RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
 # Landing times up to 1e5 s are rounded to 1e-11 s, and their phase enters the kick
 ROUNDING: Final = 1e-9
-# Number of factors exp(1) by which orbits settle; at the slowest they settle by sqrt(e) per impact
+# Offsets from an orbit decay to exp(-SETTLED), at the slowest by sqrt(e) per impact
 SETTLED: Final = 30.0
 ROUGHLY: Final = 0.1  # relative deviation that "about" in Eq. 26 allows
 # "A much smaller than 1", m s-1
@@ -192,7 +192,7 @@ def _in_balance(whose: str, off: Array, setting: Setting) -> Check:
 def _relative(found: xr.Dataset) -> tuple[Array, Array]:
     """Imbalance relative to the loss, and the same without the effect of first and last speed.
 
-    The latter is an identity for the map without rests, whatever the motion.
+    For the map without rests the latter is identically 0, whatever the motion.
     """
     balance, loss = found["balance"].values, found["mean_loss"].values
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -39,7 +39,7 @@ from vibrosweep.figures.style import for_file
 
 FLAT: Final = 0.1
 GROUPS: Final = 5
-# All seven parameters, this package's ranges of e and A and a tenth or so around Table 1
+# All seven parameters: this package's ranges of e and A, and ranges of the others around Table 1
 AROUND_TABLE_1: Final[dict[str, Any]] = {
     **RANGES,
     "frequency": (0.9, 1.1),
@@ -129,7 +129,7 @@ def plateau(plan: Plan, base: str) -> Evidence:
                         FLAT,
                     ),
                     check(
-                        "distance of heights that were followed from the closed form, relative",
+                        "relative deviation of simulated heights from the closed form",
                         np.max(np.abs(followed / height - 1.0)),
                         "at most",
                         1e-6,
@@ -209,9 +209,9 @@ def _contact_time(one: Check) -> float:
 def _gains(
     plan: Plan, base: str, setting: Setting, window: str
 ) -> dict[str, tuple[Estimate, Estimate]]:
-    """Height and separation at a larger amplitude.
+    """Compare height and separation at A and at a larger amplitude.
 
-    The share of realizations that gain, and the gain of the mean over realizations, relative.
+    Returns for each the share of realizations that gain, and the relative gain of the mean.
     """
     begin, end = WINDOWS[window]
     # on a base of finite mass the time before the window takes most of the computation

@@ -26,7 +26,7 @@ DIFFERENCES: Final = {
     "worst": "of the particle that differs most",
     "flight": "of each flight from the mean predicted, averaged",
 }
-# Films shorter than the study's, two of its cases, one size of each imperfection: in half a minute
+# Films shorter than the study's, two of its cases, one size of each imperfection: half a minute
 SIZE: Final[dict[str, Any]] = {
     "cases": {"A": 1, "C": 20},
     "duration": 22.0,
@@ -38,7 +38,7 @@ SIZE: Final[dict[str, Any]] = {
 PLATFORM: Final = 180.0  # mm
 PIXELS: Final = 1080  # of the short side of the film
 UNCERTAINTY: Final = 0.05
-# Errors of tracking, in pixels: the study does not state its method, which may be far below a pixel
+# Errors of tracking in pixels: the study does not state its method; errors may be far below 1
 TRACKED: Final = (0.5, 0.1, 1.0)
 MASSES: Final = (3.5, 4.5)  # g
 # Stainless steels, g cm-3: ferritic to austenitic
@@ -79,10 +79,10 @@ def judged(study: xr.Dataset) -> Evidence:
                 [one[f"{q}_error"].transpose("seed", "case").values for q in QUANTITIES]
             )
             rise = (errors[..., -1] - errors[..., 0]).min(axis=0)
-            what = "largest difference, of heights and periods and of all N"
+            what = "largest difference, over heights, periods and all N"
             worst = mean(errors.max(axis=(0, 2)), 0.0)
             largest.append(check(what, worst, "at most", TOLERANCE, "%", setting))
-            what = "increase from the smallest N to the largest, the smaller of both"
+            what = "smaller of the increases of both errors from the smallest N to the largest"
             rises.append(check(what, mean(rise), "at least", GROWTH, "%", setting))
         words = DIFFERENCES[str(reading)]
         below.append(Reading(f"the text: below 8 %; {words}", largest))
@@ -182,11 +182,11 @@ def camera_from_above(plan: Plan) -> Outcome:
 
     near, far = DISTANCES
     slow, fast = FREQUENCIES
-    what = "image of 5 % of the height of mode 1 at the rim"
+    what = "shift of a ball's image at the rim by 5 % of the height of mode 1"
     return _any_base(
         Setting("the laboratory", {"frequency": FREQUENCIES, "distance_mm": DISTANCES}),
         Reading(
-            "without perspective, as the study wants it",
+            "without perspective, as the study requires",
             (check(what, shift(slow, math.inf), "at least", 1.0, "pixel"),),
         ),
         Reading(

@@ -54,7 +54,7 @@ from vibrosweep.figures.style import for_file
 # Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each
 SETTLED: Final = 1400
 FASTEST: Final = 35.0  # of the laboratory, Hz
-# Parameters at which staggered orbits of so many particles exist on the base of finite mass
+# Parameters at which staggered orbits of this many particles exist on the base of finite mass
 STAGGERED: Final[dict[int, dict[str, float]]] = {
     FEW: {"restitution": 0.95, "base_acceleration": 0.7},
     20: {"restitution": 0.98, "base_acceleration": 0.8},
@@ -104,7 +104,7 @@ def preserved(plan: Plan, base: str) -> Evidence:
 
 
 def _kept(plan: Plan, base: str, since: float, until: float) -> dict[str, list[Check]]:
-    """Tests of separations, and of the order of two particles alone, by what is tested."""
+    """Test whether separations are preserved, and, more weakly, which particle lands first."""
     found: dict[str, list[Check]] = {"separations": [], "only who lands first": []}
     for setting in settings_of(base):
         each = records(
@@ -167,7 +167,7 @@ def bounded_and_ordered(plan: Plan, base: str) -> Evidence:
 
 
 def _staggered_on_a_light_base() -> Reading:
-    """Staggered orbits of 5 and 20 particles on the base of finite mass: whether they attract."""
+    """Test whether staggered orbits of 5 and 20 particles attract on the base of finite mass."""
     checks = []
     for particles in (FEW, 20):
         forcing = STAGGERED[particles]

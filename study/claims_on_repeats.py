@@ -128,7 +128,7 @@ def _near_mode_1(plan: Plan, base: str, setting: Setting) -> tuple[list[xr.Datas
 
 
 def _hand(plan: Plan) -> np.random.Generator:
-    """Random numbers for actions by hand."""
+    """Random numbers for releases and adjustments by hand."""
     return np.random.default_rng([plan.first_seed, REPEATS])
 
 

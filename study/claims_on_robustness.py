@@ -40,7 +40,7 @@ def _judged(
 ) -> Evidence:
     """Test a statement under each kind of disturbance of some orbits; name refused combinations.
 
-    Scenes are restitution, mode and amplitude, `name` is that of a reading, of mode and kind.
+    A scene is a restitution, a mode and an amplitude; `name` names a reading by mode and kind.
     """
     readings: list[Reading] = []
     refused: dict[str, None] = {}
@@ -96,7 +96,7 @@ def persists(plan: Plan, base: str) -> Evidence:
 
 
 def _stay_locked(record: xr.Dataset) -> Flags:
-    """Return whether all flights last one period, within a quarter, until the end; none rests."""
+    """Return whether all flights until the end last one period, to within 1/4, without a rest."""
     landing = record["landing_time"].values[:, 0]
     flights = landing[:, 1:] - record["liftoff_time"].values[:, 0, :-1]
     with np.errstate(invalid="ignore"):
@@ -153,7 +153,7 @@ def _rise(record: xr.Dataset) -> Array:
 
 
 def _on_average(plan: Plan, base: str) -> list[Reading]:
-    """The median over random e, A and launches, with a disturbance and without."""
+    """Compare medians over random e, A and launches with and without each disturbance."""
     there = FIRST.over(phase=ANY_PHASE)
     drawn = there.drawn(plan)
 

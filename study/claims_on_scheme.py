@@ -37,7 +37,7 @@ def step_of_one_millisecond(plan: Plan) -> Outcome:
     order = np.polyfit(np.log(STEPS), np.log(largest), 1)[0]
     on_locked = np.max([_locked_error(plan, frequency) for frequency in FREQUENCIES])
     within = check(
-        "landing-time error in 100 s, largest, where 1 % of a period is enough",
+        "largest landing-time error in 100 s, where 1 % of a period is enough",
         on_locked,
         "at most",
         0.01,
@@ -122,7 +122,8 @@ def _errors(
 ) -> xr.DataArray:
     """Absolute errors of landing times (particle, impact) in s; NaN where only one has landed.
 
-    Coordinates: the exact ``landing_time``, and ``counted``, landings of the scheme too many.
+    Coordinates: the exact ``landing_time``, and ``counted``, the landings that the scheme finds
+    in excess of the exact number.
     """
     times = exact["landing_time"].values
     found = rk4(

@@ -35,12 +35,12 @@ ELASTIC: Final = 0.97
 def timing_within_a_frame(plan: Plan) -> Outcome:
     """The uncertainty of impact times stays below one frame, sec. 3.2.8."""
     checks = [_timing(plan, rate, name) for rate in FRAME_RATES for name in CAMERAS]
-    reading = Reading("impacts where the velocity turns, as sec. 3.2.7 has it", checks)
+    reading = Reading("impacts where the velocity turns, as in sec. 3.2.7", checks)
     return Outcome([Evidence(HIGH_BOUNCE, (reading,))])
 
 
 def _timing(plan: Plan, rate: float, camera: str) -> Check:
-    """Error of landing times that a virtual film gives, one for each seed."""
+    """Test the error of landing times found in a virtual film, one film for each seed."""
     errors = []
     for i in range(plan.seeds):
         seen = Camera(frame_rate=rate, **CAMERAS[camera])
@@ -105,7 +105,7 @@ def eccentric_motor(plan: Plan, base: str) -> Evidence:
     """
     slow, fast = FREQUENCIES
     needed = (fast / slow) ** 2
-    what = "A_max over A_min of mode 1; A f changes from 8 to 35 Hz by the factor that is the bound"
+    what = "A_max over A_min of mode 1; the bound is A f at 35 Hz over A f at 8 Hz"
     at_table_1, elastic = (
         check(what, _width(base, e), "at least", needed, setting=_at(e)) for e in (0.9, ELASTIC)
     )

@@ -154,7 +154,7 @@ def period_two(plan: Plan, base: str) -> Evidence:
             number("on an orbit that rests, share", share(regime == Regime.RESTING)),
             number("at rest for good, share", share(regime == Regime.AT_REST)),
             number(
-                "points within A/10 of the lines e v ± A, after flights above 0.2 s, share",
+                "share of points within A/10 of the lines e v ± A, after flights longer than 0.2 s",
                 _on_lines(plan, base),
             ),
             number("the same for a sine at random phase", 1.0 - 2.0 / np.pi * np.arcsin(0.9)),
@@ -169,7 +169,7 @@ def no_fixed_point(plan: Plan, base: str) -> Evidence:
         there = law.over(launch_velocity=LAUNCH_SPEEDS, phase=ANY_PHASE)
         regime, impacts, _, rests = _ended(plan, base, there)
         fixed = (regime == Regime.LOCKED) & (impacts == 1) & (rests == 0)
-        what = "launches that end on one: locked, each impact at the same speed"
+        what = "launches that end on a fixed point: locked, each impact at the same speed"
         checks.append(without_exception(what, ~fixed, there))
     modulus = float(np.abs(theory.multipliers(1, 0.9, 1.2, base=base)).max())
     return Evidence(

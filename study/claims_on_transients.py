@@ -54,14 +54,14 @@ def transient_decays(plan: Plan, base: str) -> Evidence:
     return Evidence(
         base,
         readings=(
-            Reading("launched at t = 0, as Fig. 1 has it", as_told),
+            Reading("launched at t = 0, as in Fig. 1", as_told),
             Reading("launched at any phase", anywhere),
         ),
     )
 
 
 def _decay(plan: Plan, base: str, columns: dict[str, Any]) -> Array:
-    """Greatest height of the last third over that of the first; 0 where nothing flies then."""
+    """Greatest height in the last third over that in the first; 0 without a flight in the last."""
     first, last = (
         measured(plan, base, columns, particles=1, transient=begin, duration=end)
         for begin, end in (EARLY, LATE)
@@ -117,10 +117,10 @@ def replenished(plan: Plan, base: str) -> Evidence:
 def energies(record: xr.Dataset, mass_ratio: float) -> Array:
     """Energy per mass and impact that each particle receives and that its impacts dissipate.
 
-    Shape (2, particle) over all realizations; NaN where a particle rests in the window, or has not
-    two landings there.  An impact takes a particle from the speed of arrival v to v' and dissipates
-    (1 - e^2) c^2 / 2(1 + mu), with c = (1 + mu)(v + v')/(1 + e), the speed of approach; of a base
-    at height zero it is that to the base for which the kick stands.
+    Shape (2, particle) over all realizations; NaN if a particle rests in the window, or has fewer
+    than two landings there.  An impact turns the speed of arrival v into v' and dissipates
+    (1 - e^2) c^2 / 2(1 + mu), with c = (1 + mu)(v + v')/(1 + e), the speed of approach; on the map
+    it is relative to the moving base that the kick represents.
     """
     e = np.broadcast_to(record["restitution"].values, record.sizes["realization"])
     factor = ((1.0 - e) * (1.0 + mass_ratio) / (1.0 + e) / 2.0)[:, np.newaxis, np.newaxis]

@@ -46,7 +46,7 @@ HORIZON: Final = 8000.0
 SETTLED: Final = 40000.0
 RESTITUTIONS: Final = np.linspace(0.5, 0.98, 12)
 MODES: Final = (1, 2, 3, 4)
-# On the base of finite mass, where resonances with the mount leave a window in one piece
+# Modes and restitutions on the base of finite mass whose windows no resonance with the mount cuts
 LOW_MODES: Final = (1, 2)
 DISSIPATIVE: Final = np.linspace(0.5, 0.9, 9)
 CLOSE: Final = dict.fromkeys(FIXED, "launched close to the locked orbit") | {
@@ -116,7 +116,7 @@ def _launched(plan: Plan, base: str, setting: Setting, where: str) -> NDArray[An
     there = setting.over(amplitude=(0.0, 1.0), phase=ANY_PHASE)
     drawn = there.drawn(plan, scale=SMALLER[base])
     e, part = drawn["restitution"], drawn["amplitude"]
-    # where the base recoils, the window of a heavy base, which ends within some per cent of it
+    # for a base that recoils take the window of a heavy one, whose ends are within some per cent
     solid = MOVING if base == SPRUNG else base
     low, high = (end(1, e, base=solid) for end in (theory.amplitude_min, theory.amplitude_max))
     below, beyond = 2.0 * part * low, (0.5 + part) * high
@@ -233,7 +233,7 @@ def _time_to_rest(plan: Plan, law: str, contact_time: float) -> float:
         duration=FOLLOWED_FOR,
         regimes=True,
     )
-    # the first lift-off from rest, or where an orbit without rests had begun
+    # the first lift-off from rest, or the time by which an orbit without rests was entered
     until = found["recurrent_from"].values
     at_risk = np.where(np.isfinite(until), until, FOLLOWED_FOR).sum()
     rested = np.count_nonzero(found["regime"].values == Regime.RESTING)
@@ -257,4 +257,4 @@ def strong_excitation(plan: Plan, base: str) -> Evidence:
         )
         what = "share of launches that end irregular (a positive Lyapunov exponent)"
         some.append(check(what, share(*irregular(found)), "at least", SOME, setting=there))
-    return Evidence(base, (Reading("irregular at times: in 1 % at least", some),))
+    return Evidence(base, (Reading("irregular at times: in at least 1 %", some),))

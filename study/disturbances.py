@@ -22,13 +22,13 @@ SIZES: Final = (0.01, 0.05)
 HARMONICS: Final = ((1, 1.0, 0.0), (2, 0.4, 1.1))  # number, weight, phase in rad
 YIELDING: Final = 0.8  # speed at which plastic balls begin to yield, over that of the orbit
 OWN: Final = (
-    "noise of the restitution, own to each impact",
-    "noise of the kick, own to each impact",
+    "noise of the restitution, drawn for each impact",
+    "noise of the kick, drawn for each impact",
 )
-DRIVE: Final = "noise of the drive, the same for all"
+DRIVE: Final = "noise of the drive, the same for all particles"
 WAVEFORM: Final = "a base that does not move as a sine"
 LAW: Final = "a restitution that falls with speed"
-# Points in a period at which a waveform is looked up
+# Points in a period at which a waveform is evaluated
 POINTS: Final = 200_000
 
 
@@ -50,7 +50,7 @@ class Orbit:
 def disturbances(
     restitution: Any, amplitude: Any, periods: int
 ) -> dict[str, dict[str, dict[str, Any]]]:
-    """Keys of `vibrosweep.simulate` by name, by kind, for a scene about mode `periods`."""
+    """Keys of `vibrosweep.simulate` for a scene near mode `periods`, as {kind: {name: keys}}."""
     speed = float(theory.locked_velocity(periods))
     noise: dict[str, tuple[str, Any]] = {
         OWN[0]: ("restitution_noise", restitution),

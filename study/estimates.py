@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 CONFIDENCE: Final = 0.95
-# A statement about all cases, without an exception found, passes if at least this share is true
+# A statement about all cases passes if no exception is found and Wilson's interval of the share
+# of true cases begins here or above
 ENOUGH: Final = 0.95
 
 
@@ -32,10 +33,10 @@ def exact(value: Estimate | SupportsFloat) -> Estimate:
 
 
 def share(flags: ArrayLike, known: ArrayLike = True) -> Estimate:
-    """Share of independent realizations that are true, with Wilson's interval.
+    """Share of true ones among independent realizations, with Wilson's interval.
 
-    NaN without any.  Where some are not known, neither is the share: its interval then reaches from
-    that with all of these false to that with all of them true.
+    NaN without realizations.  If some are unknown, so is the share; its interval then reaches from
+    the low end with all of these false to the high end with all of them true.
     """
     from scipy.stats import binomtest
 
@@ -53,10 +54,10 @@ def share(flags: ArrayLike, known: ArrayLike = True) -> Estimate:
 
 
 def exceptions(flags: ArrayLike) -> Estimate:
-    """Number of realizations in which a statement about all of them is false: one refutes it.
+    """Count the exceptions to a statement about all realizations, which a single one refutes.
 
-    Without an exception the interval reaches to the number that as many further realizations may
-    have: to 0 only if Wilson's interval of the true share begins above `ENOUGH`.
+    Without an exception the interval ends at 0 only if Wilson's interval of the true share begins
+    at `ENOUGH` or above; otherwise, with too few realizations, it has no upper end.
     """
     each = np.asarray(flags, np.bool_)
     found = float(np.count_nonzero(~each))
@@ -65,10 +66,10 @@ def exceptions(flags: ArrayLike) -> Estimate:
 
 
 def mean(values: ArrayLike, least: float = -np.inf) -> Estimate:
-    """Mean over the seeds whose value is known, with Student's interval above `least`.
+    """Mean over the seeds whose value is known, with Student's interval, cut off at `least`.
 
-    A number that cannot be below `least`, such as a magnitude, has no interval there.  NaN where
-    fewer than two values, or fewer than half of them, are known.
+    `least` is a bound below which the number cannot be, such as 0 for a magnitude.  NaN if fewer
+    than two values, or fewer than half of them, are known.
     """
     from scipy.stats import t
 
@@ -83,7 +84,7 @@ def mean(values: ArrayLike, least: float = -np.inf) -> Estimate:
 
 
 def magnitude(signed: Estimate) -> Estimate:
-    """Magnitude of a number of either sign; it may be 0 where the interval holds 0."""
+    """Magnitude of a number of either sign; the interval begins at 0 if the number's holds 0."""
     ends = sorted((abs(signed.low), abs(signed.high)))
     low = 0.0 if signed.low < 0.0 < signed.high else ends[0]
     return Estimate(abs(signed.value), low, ends[1], signed.cases)

@@ -1,7 +1,7 @@
 """One particle on the base of finite mass: windows of its locked orbits, and its final regimes.
 
 Its state returns to within rounding, but rarely bit for bit, because the base keeps oscillating.
-Instead, two successive intervals of time are compared that hold whole cycles of up to six periods.
+Therefore two successive intervals are compared, into which cycles of 1 to 6 periods fit exactly.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from vibrosweep import PARAMETERS, Regime, theory
 
 STRETCH: Final = 60.0  # s at 1 Hz
 ALIKE: Final = 1e-6  # relative, of heights
-# Orbits settle by e per impact, or as the base swings: by 1e-8 in this time at e = 0.99, s
+# Orbits settle by e per impact, or as the base's oscillation decays: by 1e-8 in this time at
+# e = 0.99, s
 SETTLED: Final = 2000.0
 
 

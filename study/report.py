@@ -32,10 +32,10 @@ def write(
     *,
     pictures: bool = False,
 ) -> list[Path]:
-    """Write page and JSON file, and the pictures as files where asked for; return their paths.
+    """Write the page, the JSON file and, on request, the pictures as files; return their paths.
 
     The directory is made if it does not exist; files of the same name are replaced; `origin` is
-    that of `provenance`.  Raises an OutputError where something cannot be written.
+    the result of `provenance`.  Raises an OutputError if something cannot be written.
     """
     contents: dict[str, bytes] = {
         "claims.html": as_html(claims, origin).encode(),
@@ -88,7 +88,7 @@ def _png(picture: Picture) -> bytes:
 
 
 def as_json(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
-    """Everything but the figures; apart from the provenance, one version gives one text."""
+    """Return everything but the figures as JSON; only the provenance differs from run to run."""
     words = texts()
     document = {
         **{name: words[name] for name in ("rule", "samples", "bases")},

@@ -8,7 +8,7 @@ exact on a parabola.
 On contact the position is set to 0 and w = e |v| + A sin(2 pi f t + phi), its absolute value under
 the `reflect` law.  With w <= v_rest = g tau_c / 2 the particle stays on the base until the first
 step at which the kick A sin(2 pi f t + phi) alone exceeds v_rest, and leaves with it.  As the step
-goes to zero this becomes the `rest` law, where the lift-off is at the crossing itself.  That takes
+goes to zero this becomes the `rest` law, where the lift-off is at the crossing itself.  This needs
 steps well below tau_c, and below v_rest / (2 pi f A).  With larger steps the late contact adds up
 to g times a step to the speed at each impact, and a particle that should rest may bounce for ever.
 
@@ -53,7 +53,7 @@ class Landings(NamedTuple):
 
 @compiled
 def _acceleration(y: float, v: float, gravity: float) -> float:
-    """Right-hand side of v' = -g, as a function of the state, as RK4 takes any field."""
+    """Right-hand side of v' = -g, written as a function of the state, because RK4 takes any."""
     return -gravity
 
 
@@ -167,11 +167,11 @@ def rk4_range(
 ) -> None:
     """Integrate the trajectories `start` to `stop` - 1 into their own rows of `out`.
 
-    It holds no lock, so threads may share one batch by disjoint ranges.  Parameters are of shape
-    (trajectory, 8): the seven of `vibrosweep.PARAMETERS` in their order, then the
-    launch time; `duration` and step `h` in s.  `reflect` is None for the `rest` law, and `located`
-    None where a landing is seen at the next step: both are chosen at compile time.  `out` is filled
-    with NaN beforehand.
+    It releases the GIL, so threads may share one batch by disjoint ranges.  Parameters have the
+    shape (trajectory, 8): the seven of `vibrosweep.PARAMETERS` in their order, then the launch
+    time; `duration` and step `h` in s.  `reflect` is None for the `rest` law, and `located` None if
+    a landing is seen at the next step: both are chosen at compile time.  `out` is filled with NaN
+    beforehand.
     """
     for i in range(start, stop):
         row = out.landing_time[i]

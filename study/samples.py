@@ -1,7 +1,7 @@
 """Random samples for the claims: ranges, contact times, masses, seeds.
 
 The study states none of them.  Ranges, contact times, the law of rebound and the base of finite
-mass are choices of this package, so that a verdict must be the same for all of them.
+mass are choices of this package; a verdict must therefore be the same for all of them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from vibrosweep import LANDINGS_OF_AN_EXPONENT, PARAMETERS, Regime, Status, simu
 from vibrosweep.errors import DataError
 
 IMPACT_BUDGET: Final = 10_000_000
-# Share of the realizations where every landing is analysed
+# Share of the realizations that is computed where every landing is analysed
 FOLLOWED: Final = 0.1
 TOGETHER: Final = 100  # realizations in a record
 FEW: Final = 5  # particles
@@ -50,9 +50,9 @@ class Plan:
     # sample
     first_seed: int = 0
     seeds: int = 20
-    # In a sample, over this package's ranges; a quarter of them over others
+    # Realizations in a sample over this package's ranges; other settings take a part of them
     realizations: int = 200
-    bases: tuple[str, ...] = BASES  # on which claims are judged, of those that they concern
+    bases: tuple[str, ...] = BASES  # bases on which claims are judged, if they concern them
 
     def random(self) -> list[np.random.Generator]:
         """A source of random numbers for each seed."""
@@ -64,12 +64,12 @@ class Setting:
     """Conditions of a number: ranges from which samples are drawn, and constants."""
 
     name: str  # on the page
-    # Ends of restitution, amplitude (m s-1) and what else is drawn
+    # Ends of the ranges of restitution, amplitude (m s-1) and other drawn parameters
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # Law of rebound, contact time (s), parameters that are not drawn
     constants: Mapping[str, Any] = field(default_factory=dict)
     part: float = 0.25  # of the realizations of a plan
-    null_model: str = ""  # what chance is, where a number is compared with it
+    null_model: str = ""  # the model of chance, if a number is compared with one
 
     def over(self, **ranges: tuple[float, float]) -> Setting:
         """Return the setting with further or other ranges."""
@@ -129,7 +129,7 @@ def settings_of(base: str) -> tuple[Setting, ...]:
 
 
 def single(setting: Setting) -> dict[str, Any]:
-    """Parameters of the one realization of a setting that draws nothing, as `drawn` has them."""
+    """Parameters of the one realization of a setting that draws nothing, in the form of `drawn`."""
     return {
         name: np.array([value]) if name in TABLE_1.constants else value
         for name, value in setting.constants.items()
@@ -149,9 +149,9 @@ def laws(base: str, setting: Setting = TABLE_1) -> tuple[Setting, ...]:
 def measured(plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any) -> xr.Dataset:
     """Measure realizations over a base, with further keys of `vibrosweep.sweep`.
 
-    Physical parameters differ where they are arrays, of shape (realization,); a sprung base gets
-    this package's mount unless they say otherwise.  Raises a DataError where one did not complete:
-    claims are judged by all.
+    A physical parameter is a number, or an array of shape (realization,); a sprung base gets this
+    package's mount unless `parameters` change it.  Raises a DataError if a realization did not
+    complete, because claims are judged by all of them.
     """
     drawn, fixed = _split(base, parameters)
     found = sweep(
@@ -183,7 +183,7 @@ def records(
 
 
 def _split(base: str, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Parameters that differ between realizations, and those that all share, the mount too."""
+    """Return the parameters that differ between realizations, and the others, with the mount."""
     every = mount(base) | dict(parameters)
     drawn = {name: values for name, values in every.items() if np.ndim(values)}
     return drawn, {name: value for name, value in every.items() if name not in drawn}
@@ -195,10 +195,11 @@ def mount(base: str) -> dict[str, Any]:
 
 
 def irregular(found: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Flags of aperiodic motion of a particle, and of those not known; shape (realization,).
+    """Flag realizations with an aperiodic particle, and those in which this is known.
 
-    It is not known where a particle has not settled and its landings in the window are too few for
-    an exponent.  `found` holds regimes and per-particle results.
+    Both have the shape (realization,).  It is unknown if no particle is aperiodic and one has not
+    settled and has too few landings in the window for an exponent.  `found` holds regimes and
+    per-particle results.
     """
     few = found["particle_impact_count"].values < LANDINGS_OF_AN_EXPONENT
     unknown = (found["regime"].values == Regime.UNSETTLED) & few

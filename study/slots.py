@@ -1,4 +1,4 @@
-"""Particles each in a slot of its own, for which the claims about order are true."""
+"""Particles in slots of their own, for which the claims about order are true."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vibrosweep.analysis import slot_decay
 
 POPULATIONS: Final = (5, 10, 20, 50, 100)
 RESTITUTION: Final = 0.98
-# On the base of finite mass, whose mount must not be in resonance with the mode
+# Parameters on the base of finite mass, whose mount must not be in resonance with the mode
 LIGHT: Final[dict[str, Any]] = {"restitution": 0.9, "base_acceleration": 0.6, **MOUNT}
 # Launches are this far from the exact instants, s
 SCATTER: Final = 1e-3
@@ -60,7 +60,7 @@ def own_slots(particles: int, base: str, plan: Plan, impacts: int = 20) -> xr.Da
 
 
 def decay_in_slot(plan: Plan, base: str, amplitude: float, apart: float) -> xr.Dataset:
-    """Result of `slot_decay` for two particles of mode 1 at Table 1 but for the amplitude.
+    """Apply `slot_decay` to two particles of mode 1 at Table 1, except for the amplitude.
 
     They are launched `apart` s from each other, the first one on the orbit.
     """

@@ -1,7 +1,7 @@
-"""Imperfections, and their size, that produce the errors of the study's Table 4 and their growth.
+"""Search for imperfections that produce the errors of the study's Table 4 and their growth.
 
 Each imperfection acts alone on an experiment that is otherwise perfect, in all four cases; the
-prediction is that of the perfect experiment.
+prediction is for the perfect experiment.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ ACCELERATION: Final = "base_acceleration"
 PERFECT: Final = Camera(frame_rate=240.0, noise=0.0, whole_pixels=False)
 # At this phase the staggered launch of a single particle leads to a locked orbit; with one that
 # rests, case A would have nothing to compare.
-# 23 Hz does not divide a frame rate: a flight lasts 10.4 frames at 240 Hz, whose phases vary.
+# 23 Hz does not divide a frame rate: a flight lasts 10.4 frames at 240 Hz, so that the phases at
+# which frames are taken vary.
 SCENE: Final[dict[str, Any]] = {
     **Experiment().parameters,
     "phase": float(np.pi),
@@ -63,10 +64,10 @@ class Imperfection:
     # Field of `Camera` or of `Variation` that takes the size; or the acceleration of a base that
     # moves, with heights counted from where it is at rest
     key: str
-    always: Mapping[str, Any] = field(default_factory=dict)  # fields that go with it
+    always: Mapping[str, Any] = field(default_factory=dict)  # other fields that are set with it
 
     def applied(self, experiment: Experiment, size: float) -> Experiment:
-        """The experiment with this imperfection."""
+        """Return an experiment with this imperfection."""
         if self.key == ACCELERATION:
             numbers = experiment.parameters
             turn = 2.0 * math.pi * numbers["frequency"]
@@ -128,8 +129,8 @@ def study_imperfections(
 ) -> xr.Dataset:
     """Errors of height and period that each imperfection makes by itself, in every case.
 
-    The scene holds every parameter of `vibrosweep.PARAMETERS`; cases are numbers of particles
-    by their letter.  By default four repeats from 20 s to 60 s, as long as the study's.
+    The scene holds every parameter of `vibrosweep.PARAMETERS`; cases map letters to numbers of
+    particles.  By default there are four repeats from 20 s to 60 s, as long as the study's.
 
     Dims (trial, procedure, reading, case): ``height_error``, ``period_error`` in per cent, the mean
     over the repeats, and their standard deviations ``height_error_sd``, ``period_error_sd``;

@@ -61,7 +61,7 @@ class Check:
 
     @property
     def passed(self) -> bool | None:
-        """Return whether the interval meets the bound; None if it does so in part."""
+        """Return whether the interval meets the bound; None if only in part, or if it is NaN."""
         low, high = self.value.low, self.value.high
         if math.isnan(low) or math.isnan(high):
             return None
@@ -133,7 +133,7 @@ class Evidence:
 
     base: str  # key of a base, or `ANY_BASE`
     readings: Sequence[Reading]  # ways to read the claim as stated, at least one
-    conditions: Sequence[Reading] = ()  # conditions that may save it; the name says the condition
+    conditions: Sequence[Reading] = ()  # conditions under which it may hold, stated by their names
     numbers: Sequence[Number] = ()  # further computed numbers
     setting: Setting = TABLE_1  # of all numbers without a setting of their own
     not_computed: Sequence[str] = ()  # the package's refusals on this base
@@ -195,7 +195,7 @@ class Claim:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Conditions under which the claim holds on some base where it does not without them."""
+        """Conditions under which the claim holds on some base where it does not hold as stated."""
         names = (
             reading.name
             for one in self.outcome.evidence
@@ -218,7 +218,7 @@ def check(
 
 
 def nearly_all(what: str, flags: ArrayLike, setting: Setting | None = None) -> Check:
-    """Compare the share of true cases with the least one for a statement about all of them."""
+    """Compare the share of true cases with `NEARLY_ALL`."""
     return check(what, share(flags), "at least", NEARLY_ALL, setting=setting)
 
 

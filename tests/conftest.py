@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-# Threads of linear algebra of several processes at once wait for each other, busily.
+# Linear-algebra threads of several processes at once would wait for each other in busy loops.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
@@ -16,17 +16,16 @@ from hypothesis import settings
 
 from vibrosweep.cli import OBJECTS_BETWEEN_COLLECTIONS
 
-# Compiling a kernel takes seconds: no single example may be held to a time.  The examples are the
-# same every time, so that nobody's change is judged by chance; `--hypothesis-profile=search` looks
-# for new ones.
+# Compiling a kernel takes seconds, so no example has a deadline.  The examples are the same every
+# time, so that no change is judged by chance; `--hypothesis-profile=search` looks for new ones.
 settings.register_profile("search", deadline=None, max_examples=1000)
 settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.load_profile("repeatable")
 
-# Compiling makes many objects and little garbage, as the command line knows.
+# Compiling makes many objects and little garbage; the command line sets the same threshold.
 gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
 
-# A shell makes what it runs in the background ignore SIGINT, and commands that tests begin too.
+# Background jobs of a shell ignore SIGINT, and so would the commands that tests start there.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -57,7 +56,7 @@ def workers():
 
 @pytest.fixture
 def memory(monkeypatch):
-    """Let this machine have so many bytes of memory."""
+    """Let this machine seem to have so many bytes of memory."""
 
     def has(size):
         pages = {"SC_PHYS_PAGES": size, "SC_PAGE_SIZE": 1}
@@ -68,7 +67,7 @@ def memory(monkeypatch):
 
 @pytest.fixture(scope="session")
 def parameters():
-    """Complete parameters by the defaults, as arrays of one length."""
+    """Complete parameters with the defaults, as arrays of one length."""
     from vibrosweep.engine.landings import all_parameters
 
     def complete(**given):
@@ -122,7 +121,7 @@ def observe():
 
 @pytest.fixture(scope="session")
 def record(workers):
-    """Every landing of what is observed, whatever its window."""
+    """Record every landing of a scene, whatever its window."""
     from vibrosweep.engine.landings import record_landings
 
     def landings(values, scene):
@@ -133,7 +132,7 @@ def record(workers):
 
 @pytest.fixture
 def compute(tmp_path):
-    """Compute the text of a sweep file; gives the path of the result."""
+    """Compute a sweep from the text of its file; return the path of the result."""
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.scene.sweep import read_spec
 
@@ -172,7 +171,7 @@ def moving_record():
             slope = (y - 2.0 * s) / 2.0 + ahead
             fall = np.cos(turn * (x + s)) - np.cos(turn * x) + turn * s * np.sin(turn * x)
             clearance = s * (y - s) / 2.0 + alpha / (4.0 * np.pi) * fall
-            # no parabola that the clearance lies above is left before this step
+            # the clearance lies above a parabola that is positive up to this step
             step = (slope + np.sqrt(max(slope**2 + 2.0 * (1.0 + gamma) * clearance, 0.0))) / (
                 1.0 + gamma
             )
@@ -241,7 +240,7 @@ def moving_record():
 
 @pytest.fixture
 def limited():
-    """Make the system refuse to write beyond so many bytes, as a full disk does."""
+    """Make the system refuse to write files beyond so many bytes, as a full disk does."""
     resource = pytest.importorskip("resource")
 
     @contextmanager

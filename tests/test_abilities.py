@@ -1,4 +1,4 @@
-"""Every cell of the table of abilities is refused, with its sentence, or not refused at all."""
+"""Every cell of the table of abilities is either refused with its sentence, or accepted."""
 
 from itertools import product
 from pathlib import Path
@@ -58,7 +58,7 @@ def over(base, **keywords):
 
 
 def perform(base, analysis, **others):
-    """Call an analysis that computes anew, with as little as it takes."""
+    """Ask for an analysis with as little input as it takes."""
     if analysis == "orbits":
         return vs.orbits(over(base, **others), impacts=1, periods=1)
     if analysis in ("verify", "explore"):
@@ -91,7 +91,7 @@ def perform(base, analysis, **others):
 
 
 def look(base, analysis, **others):
-    """Read a result."""
+    """Verify or explore the result of a small sweep."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "result.h5"
         vs.run(
@@ -126,7 +126,7 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
         "boundaries",
         *RESULTS,
     ):
-        return  # tests of their own compute them
+        return  # their own tests compute them
     if "analysis" in asked:
         perform(base, asked["analysis"])
     else:
@@ -137,7 +137,7 @@ NOISE = {"kick_noise": 0.1}
 
 
 @pytest.mark.parametrize("analysis", ANALYSES)
-def test_an_analysis_of_what_is_random_is_computed_or_refused(analysis):
+def test_an_analysis_of_a_scene_with_noise_is_computed_or_refused(analysis):
     sentence = refusal("high-bounce", analysis=analysis, noise=NOISE)
     if not sentence:
         perform("high-bounce", analysis, **NOISE)
@@ -148,7 +148,7 @@ def test_an_analysis_of_what_is_random_is_computed_or_refused(analysis):
 
 
 @pytest.mark.parametrize("measure", [m for m in MEASURES if not MEASURES[m].coupled])
-def test_a_measure_of_what_is_random_is_taken_or_refused(measure):
+def test_a_measure_of_a_scene_with_noise_is_taken_or_refused(measure):
     sentence = refusal("high-bounce", measure=measure, noise=NOISE)
     if not sentence:
         keyword_spec({**NOISE, measure: True})
@@ -159,7 +159,7 @@ def test_a_measure_of_what_is_random_is_taken_or_refused(measure):
 
 
 @pytest.mark.parametrize("analysis", OF_CONSTANT)
-def test_what_is_of_a_constant_restitution_is_refused_with_its_sentence(analysis):
+def test_analyses_for_constant_restitution_refuse_other_laws_with_their_sentence(analysis):
     with pytest.raises(VibrosweepError) as caught:
         perform("high-bounce", analysis, **lawful("plastic"))
     sentence = refusal("high-bounce", analysis=analysis, restitution="plastic")
@@ -200,7 +200,7 @@ def test_a_key_that_needs_another_one_is_refused_without_it(given, key):
     assert [mistake.key for mistake in listed.value.mistakes] == [key]
     old = keyword_spec(
         {"sample": {"design": "grid", "restitution": [0.8, 0.9], "seed": 1}}
-    )  # as a result holds it
+    )  # as results store it
     assert old.design.seed == 1
 
 
@@ -226,7 +226,7 @@ def test_every_base_law_and_waveform_is_among_those_computed_together():
 
 @pytest.mark.parametrize("names", TOGETHER, ids="-".join)
 def test_all_that_can_be_had_together_is_computed_and_proved(names, tmp_path):
-    """One scene holds every pair of measures that a base with its laws and waveform has."""
+    """One scene holds every pair of measures that a base allows with its laws and waveform."""
     of = dict(zip(("base", "rebound", "restitution_law", "waveform"), names, strict=True))
     assert of in list(combinations())
     assert together(tmp_path / "out.h5", of) == ([], True)

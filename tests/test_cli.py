@@ -18,8 +18,8 @@ from vibrosweep.cli import main
 ROOT = Path(__file__).parents[1]
 SINGLE = ROOT / "sweeps" / "single_ball.toml"
 COMMAND = [sys.executable, "-m", "vibrosweep"]
-# half a minute of work in chunks, and hours of one kernel that nothing can stop, for the bounds of
-# errors are carried along every landing
+# Half a minute of work in chunks, and hours in one call of a kernel that nothing can stop, because
+# error bounds follow every landing
 CHUNKS = """
 title = "A long sweep"
 [scene]
@@ -40,7 +40,7 @@ impact_budget = 1_000_000_000_000
 
 @pytest.fixture
 def vibrosweep(capsys):
-    """Run a command here; gives its exit code, output and messages."""
+    """Run a command in this process; return its exit code, output and messages."""
 
     def call(*words):
         try:
@@ -56,7 +56,7 @@ def vibrosweep(capsys):
 
 @pytest.fixture
 def refused(vibrosweep):
-    """Run a command that must fail by the user's mistake; gives its one message."""
+    """Run a command that must fail by the user's mistake; return its one message."""
 
     def call(*words):
         code, _, message = vibrosweep(*words)
@@ -89,7 +89,7 @@ def result(tmp_path, vibrosweep):
 
 @pytest.fixture
 def start():
-    """Begin a command as a process, which ends with the test at the latest."""
+    """Start a command as a process that ends with the test at the latest."""
     begun = []
 
     def begin(*words, **options):
@@ -128,7 +128,7 @@ def variables(path):
         return {name: values.values.tobytes() for name, values in result.variables.items()}
 
 
-# what it does
+# normal use
 
 
 def test_the_whole_job(vibrosweep, tmp_path, monkeypatch):
@@ -193,7 +193,7 @@ def test_importing_the_package_loads_little():
     assert done.stdout.strip() == "[]"
 
 
-# mistakes in what is asked
+# mistakes in commands and sweep files
 
 
 @pytest.mark.parametrize(
@@ -280,13 +280,13 @@ def test_numbers_on_the_command_line(vibrosweep, words):
 
 
 @pytest.mark.parametrize("words", [[], ["walk"], ["run"], ["run", "a", "b"], ["info", "--force"]])
-def test_commands_that_are_none(vibrosweep, words):
+def test_wrong_commands_get_the_usage(vibrosweep, words):
     code, _, message = vibrosweep(*words)
     assert code == 2
     assert message.startswith("usage: vibrosweep")
 
 
-# mistakes in what is read
+# mistakes in result files
 
 
 @pytest.mark.parametrize("command", ["info", "figures", "verify"])
@@ -343,7 +343,7 @@ def test_memory_that_runs_out(refused, monkeypatch, spec, tmp_path):
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_run_leaves_nothing(start, spec, tmp_path, ending):
-    """It has no finished chunk: one kernel computes it all."""
+    """It has no finished chunk: one call of a kernel computes it all."""
     if signal.getsignal(ending) is signal.SIG_IGN:
         pytest.skip("this signal is ignored, as under nohup, and so the command ignores it, too")
     old = tmp_path / "out.h5"
@@ -361,7 +361,7 @@ def test_an_interrupted_run_leaves_nothing(start, spec, tmp_path, ending):
 
 
 def test_an_interrupted_run_keeps_what_is_finished(start, spec, vibrosweep, tmp_path):
-    """By SIGTERM: the command takes all signals that end it in one way."""
+    """By SIGTERM: the command treats all signals that end it alike."""
     output = tmp_path / "out.h5"
     words = ("run", spec(CHUNKS.replace("10_000_000", "100_000")), "-o", output)
     process = start(*words, "--chunk", 200)
@@ -385,7 +385,7 @@ def test_an_interrupted_run_keeps_what_is_finished(start, spec, vibrosweep, tmp_
 
 
 def test_a_killed_run_continues(start, spec, refused, vibrosweep, tmp_path):
-    """A handful of kills at moments that nobody chose; checks/kills.py has hundreds."""
+    """A few kills at random moments; checks/kills.py makes hundreds."""
     output, delays = tmp_path / "out.h5", np.random.default_rng(1).uniform(0.0, 0.1, 4)
     path = spec(CHUNKS.replace("10_000_000", "60_000"))
     kept = set()
@@ -470,7 +470,7 @@ def test_a_plan(spec, refused, vibrosweep, tmp_path, memory):
         assert "shorten the duration" in refused(command, record, "-o", tmp_path / "out.h5")
 
 
-def test_an_interruption_inside_is_130(vibrosweep, monkeypatch):
+def test_an_interruption_exits_with_130(vibrosweep, monkeypatch):
     def describe(path):
         raise KeyboardInterrupt
 

@@ -17,7 +17,7 @@ def test_the_same_command_goes_on_after_a_power_cut(tmp_path, name):
 
 
 @pytest.mark.parametrize("lost", ["bytes", "names"])
-def test_the_campaign_sees_what_is_not_flushed(tmp_path, monkeypatch, lost):
+def test_the_campaign_notices_data_that_are_not_flushed(tmp_path, monkeypatch, lost):
     if lost == "bytes":  # as if the run had not asked for it
         monkeypatch.setattr(crashes.Recorder, "_flushes", lambda self, descriptor: None)
     else:

@@ -1,4 +1,4 @@
-"""The quick part of checks/definitions.py: one meaning of each measure, over every base."""
+"""The quick part of checks/definitions.py: each measure has one meaning, over every base."""
 
 import math
 
@@ -21,7 +21,7 @@ def test_measures_of_windows_that_begin_and_end_anywhere(base):
     assert compared > 24
 
 
-def test_bases_agree_where_they_are_one():
+def test_bases_agree_in_their_common_limit():
     rng, compared = np.random.default_rng(22), 0
     with Workers(1) as workers:
         for _ in range(16):
@@ -61,7 +61,7 @@ def test_a_record_knows_the_lift_off_after_a_stay_in_progress_at_the_end():
 
 
 def test_a_joint_cycle_without_mass_is_that_of_the_particles_together():
-    """Rounding makes neither one round three, nor particles that are one land in another order."""
+    """Rounding neither triples the joint cycle nor reorders particles that coincide."""
     rng = np.random.default_rng(5)
     scenes = {
         "restitution": np.append(rng.uniform(0.0, 0.9, 40), 0.7568630633759008),

@@ -1,4 +1,4 @@
-"""Damaged and invented input: a short form of checks/fuzz.py, and laws for all sweep files."""
+"""Damaged and invented input: a short form of checks/fuzz.py, and properties of all sweep files."""
 
 import string
 from contextlib import suppress
@@ -34,7 +34,7 @@ ENTRIES = st.lists(st.tuples(st.sampled_from(KEYS), VALUES), max_size=6)
 
 
 def either_valid_or_refused(text):
-    """Anything else that is raised fails the test."""
+    """Any other exception fails the test."""
     with suppress(SpecError):
         assert isinstance(parse_spec(text), Sweep)
 
@@ -63,7 +63,7 @@ def test_any_text_is_accepted_or_refused(text):
     [("sweep files", 12), ("tables", 8), ("result files", 8), ("results saved again", 2)],
 )
 def test_nothing_fails_badly(name, number, capsys):
-    """No traceback, no hang, nothing written beside the output, no other numbers shown."""
+    """No traceback, no hang, nothing written beside the output, no changed numbers shown."""
     (found,) = campaign({name: number}, seed=11).values()
     assert found.failures == []
     assert found.ends.total() >= number
@@ -71,7 +71,7 @@ def test_nothing_fails_badly(name, number, capsys):
     assert name in FUZZERS
 
 
-def test_damage_is_damage():
+def test_most_spoilt_bytes_differ_from_sound_ones():
     rng = np.random.default_rng(1)
     sound = bytes(range(256)) * 8
     assert sum(spoilt_bytes(rng, sound) != sound for _ in range(50)) > 40

@@ -1,4 +1,4 @@
-"""The house: how long files and functions may be, what they take, and one name for one thing."""
+"""House rules: length of files and functions, number of parameters, one name for one thing."""
 
 import ast
 from collections import defaultdict
@@ -19,7 +19,7 @@ LONGER_FILES = {
     "proof/judges.py": "one judge for each variable",
 }
 
-# Rooms in which a file has the name of what it commands, draws, spells or proves.
+# Packages in which a file is named after the thing that it commands, draws, reads or proves.
 BY_THE_NAME_OF = ("commands", "figures", "scene", "theory", "proof", "proof/reference")
 
 
@@ -30,7 +30,7 @@ def functions(path):
 
 
 def parameters(function):
-    """Number of parameters; those that callers of a public function name do not count."""
+    """Number of parameters; keyword-only parameters of a public function do not count."""
     given = function.args
     by_place = len(given.posonlyargs) + len(given.args)
     return by_place + (len(given.kwonlyargs) if function.name.startswith("_") else 0)
@@ -63,7 +63,7 @@ def test_files_of_one_name_are_about_one_thing():
         assert len(own) <= 1, f"{name} stands in {', '.join(own)}"
 
 
-def test_a_scene_is_what_a_user_describes():
+def test_only_one_class_is_called_a_scene():
     classes = [
         f"{name}: {node.name}"
         for name, path in FILES.items()

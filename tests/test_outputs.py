@@ -1,4 +1,4 @@
-"""Outputs that are in the way: nothing is lost, and the message says what stands there and why."""
+"""Outputs that are in the way: nothing is lost, and the message says what is there and why."""
 
 import ast
 import re
@@ -55,13 +55,13 @@ def refused(capsys):
     return call
 
 
-# what appears while it is computed
+# files that appear during a computation
 
 
 @pytest.mark.parametrize("chunk", [2, None])
 @pytest.mark.parametrize("links", [True, False])
 def test_a_file_that_appears_during_a_run_is_kept(spec, output, monkeypatch, chunk, links):
-    if not links:  # as on a file system that has none
+    if not links:  # as on a file system without hard links
 
         def refuse(self, target):
             raise PermissionError
@@ -86,7 +86,7 @@ def test_a_file_that_appears_during_a_run_is_kept(spec, output, monkeypatch, chu
 
 
 @pytest.mark.parametrize("ending", [".h5", ".png"])
-def test_what_appears_beside_a_diagram_is_kept(spec, output, refused, monkeypatch, ending):
+def test_a_file_that_appears_beside_a_diagram_is_kept(spec, output, refused, monkeypatch, ending):
     taken = output.with_suffix(ending)
     original = "vibrosweep.analysis.bifurcation.summary"
     monkeypatch.setattr(original, lambda found: [str(taken.write_bytes(b"mine"))])
@@ -96,7 +96,7 @@ def test_what_appears_beside_a_diagram_is_kept(spec, output, refused, monkeypatc
     assert output.with_name(f"out-1{ending}").stat().st_size > 1000
 
 
-# names that cannot be
+# impossible names
 
 
 @pytest.mark.parametrize("command", PICTURED)
@@ -125,10 +125,10 @@ def test_a_chunk_is_a_whole_number(spec, output, chunk):
     assert not output.exists()
 
 
-# what exists
+# existing outputs
 
 
-def test_what_exists_is_told_apart(spec, output, refused):
+def test_existing_results_are_told_apart(spec, output, refused):
     assert main(["run", str(spec()), "-o", str(output)]) == 0
     before = output.read_bytes()
     message = refused("run", spec("# a comment\n" + SWEEP), "-o", output)
@@ -141,7 +141,7 @@ def test_what_exists_is_told_apart(spec, output, refused):
     assert "it is no result of a sweep" in refused("run", spec(), "-o", output)
 
 
-def test_of_diagrams_too(spec, output, refused):
+def test_existing_diagrams_are_told_apart(spec, output, refused):
     path = spec(PICTURED["windows"])
     assert main(["windows", str(path), "-o", str(output)]) == 0
     words = "it is a result of vibrosweep windows from {} sweep file"
@@ -164,7 +164,7 @@ def test_python_opens_a_result_that_is_there(spec, output):
 
 
 def test_the_library_never_advises_options_of_the_command_line():
-    """Only the command line does, which knows for each argument its option."""
+    """Only the command line does, because it knows the option for each argument."""
     options = re.compile(r"(?<![\w-])-o\b|--(force|chunk|impact-budget)\b")
     rooms = ("commands", "doctor")
     advice = [

@@ -1,4 +1,4 @@
-"""The pages name files, functions, keys and variables that exist, and all of these."""
+"""The pages name files and functions that exist, and every key, variable, command and picture."""
 
 import re
 from importlib import import_module
@@ -76,7 +76,7 @@ def test_every_picture_is_in_the_gallery():
 
 
 def captions():
-    """Captions of the gallery's cards by their picture, but for those of costs."""
+    """Captions of the gallery's cards by their picture, without those on speed."""
     page = (DOCS / "gallery.md").read_text(encoding="utf-8").partition("\n## Speed\n")[0]
     cards = re.findall(r"\(images/([^)]+)\)\n\n(.*?)\n\n", page, flags=re.DOTALL)
     return {picture: " ".join(words.split()) for picture, words in cards}

@@ -32,7 +32,7 @@ def test_every_peer_has_a_time_and_an_error_in_both_scenes():
             assert 0.0 < float(row["largest_error_s"]) < 1e-6
 
 
-def test_what_is_written_is_read_from_the_rows():
+def test_the_written_table_shows_the_rows():
     rows = [dict(row) for row in ROWS]
     changed = next(row for row in rows if (row["scene"], row["method"]) == ("long", "numpy"))
     changed["ns_per_impact"] = "12345"

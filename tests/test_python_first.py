@@ -80,5 +80,5 @@ def test_plots_of_a_record_are_headed_by_what_was_chosen(tmp_path):
 
 @pytest.mark.parametrize("parameter", [*INPUTS.values()], ids=lambda parameter: parameter.name)
 def test_labels_of_axes_fit_into_one_line(parameter):
-    """A label that xarray breaks below the axis would be cut by matplotlib."""
+    """Matplotlib would cut off a label that xarray breaks into two lines."""
     assert len(f"{parameter.long_name} [{parameter.units}]") <= 30

@@ -15,7 +15,7 @@ LISTED = re.findall(r"^   (vibrosweep\.[\w.]+)$", PAGE, re.MULTILINE)
 
 
 def namespaces(module):
-    """A public module, and those among its public names."""
+    """A public module, and the modules among its public names."""
     yield module
     for name in module.__all__:
         if isinstance(getattr(module, name), ModuleType):
@@ -30,7 +30,7 @@ PUBLIC = {
     if not isinstance(getattr(module, name), ModuleType)
 }
 FUNCTIONS = [n for n in vibrosweep.__all__ if inspect.isfunction(getattr(vibrosweep, n))]
-TOLD = {"vibrosweep.__version__", "vibrosweep.errors.OPTIONS"}  # what needs no telling
+TOLD = {"vibrosweep.__version__", "vibrosweep.errors.OPTIONS"}  # names that need no entry
 
 
 def found(path):
@@ -51,7 +51,7 @@ def documented(section):
     return {name.strip(" *") for head in heads for name in head.partition(":")[0].split(",")}
 
 
-def test_what_is_public_is_on_the_page_and_nothing_else():
+def test_the_page_lists_the_public_names_and_no_others():
     assert {path for path, thing in PUBLIC.items() if callable(thing)} == {*LISTED}
     data = {path for path, thing in PUBLIC.items() if not callable(thing)} - TOLD
     assert {path for path in data if not re.search(rf"\b{path.split('.')[-1]}``", PAGE)} == set()
@@ -59,7 +59,7 @@ def test_what_is_public_is_on_the_page_and_nothing_else():
 
 @pytest.mark.parametrize("home", NAMESPACES)
 def test_no_public_name_is_that_of_a_hidden_module(home):
-    """Python would find the module once it is imported."""
+    """Once the module is imported, the name would refer to it."""
     folders = getattr(NAMESPACES[home], "__path__", [])
     beside = {path.stem for folder in folders for path in Path(folder).iterdir()}
     names = {path.rpartition(".")[2] for path in PUBLIC if path.rpartition(".")[0] == home}

@@ -27,7 +27,7 @@ def words(stored, measured):
     [(1.26, "WORSE", True), (1.24, "as before", False), (1.0, "as before", False),
      (1 / 1.24, "as before", False), (1 / 1.26, "improved", False)],
 )  # fmt: skip
-def test_a_quarter_of_the_time(slower, word, fails):
+def test_a_figure_is_worse_if_the_time_grows_by_more_than_a_quarter(slower, word, fails):
     (verdict,) = compare({"a": 8.0}, {"a": 8.0 / slower})
     assert verdict.word == word
     assert verdict.fails == fails
@@ -53,7 +53,7 @@ def test_the_report_names_figures_and_another_family():
     )
 
 
-def test_what_is_worse_or_failed_is_run_again_and_the_better_run_counts():
+def test_worse_and_failed_tests_are_run_again_and_the_better_run_counts():
     found = Collector()
     found.figures, found.failed = {"a": 1.0, "b": 2.0, "c": 3.0}, {"c"}
     stored = {"a": 2.0, "b": 2.0, "c": 3.0, "gone": 1.0}

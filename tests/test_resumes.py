@@ -14,14 +14,14 @@ def test_interrupted_and_changed_sweeps_are_refused_or_come_out_the_same(tmp_pat
     assert findings.refused > 2
 
 
-def test_the_campaign_sees_a_resume_that_is_wrong(tmp_path, monkeypatch):
+def test_the_campaign_notices_a_wrong_resume(tmp_path, monkeypatch):
     monkeypatch.setattr("vibrosweep.runs.kept.differences", lambda before, now: [])
     findings = resumes.campaign(tmp_path, 3, seed=3)
     assert findings.wrongly_taken + findings.harmed > 0
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_change_names_a_key_of_the_file(seed):
+def test_the_identity_changes_exactly_if_a_key_does(seed):
     rng = np.random.default_rng(seed)
     tables = resumes.random_tables(rng)
     other, key = resumes.changed(tables, rng)

@@ -25,7 +25,7 @@ LAW = st.sampled_from(LAWS)
 
 
 def exactly(*values, low, high):
-    """Some numbers on purpose, or any in a range."""
+    """Draw one of some special numbers, or any in a range."""
     return st.sampled_from(values) | st.floats(low, high)
 
 

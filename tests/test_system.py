@@ -1,4 +1,4 @@
-"""Differences between operating systems, also as on those that lack what this one has."""
+"""Differences between operating systems, with the features of others imitated or removed."""
 
 import errno
 import os
@@ -17,7 +17,7 @@ fcntl = pytest.importorskip("fcntl")
 
 @pytest.fixture
 def windows(monkeypatch):
-    """Locks of files as Windows has them: of bytes, refused with another error."""
+    """File locks as on Windows: they lock bytes and are refused with another error."""
 
     def locking(descriptor, mode, count):
         assert (mode, count, os.lseek(descriptor, 0, os.SEEK_CUR)) == (2, 1, system.LOCKED_BYTE)
@@ -46,7 +46,7 @@ def opened(path):
 
 
 def holds_one_at_a_time(path):
-    """A second one is refused, or waits; the lock ends with the file that has it."""
+    """A second lock is refused, or waits; closing the file releases the first one."""
     done = []
     with opened(path) as first, opened(path) as second:
         first.write("what a lock file says")

@@ -23,7 +23,7 @@ class Ability:
     """Bases that a measure, an analysis or a kind of noise supports."""
 
     bases: tuple[str, ...]
-    # Reason for the refusal of any other base, ``{base}``; ``{others}`` stands for `bases`
+    # Reason why any other base, ``{base}``, is refused; ``{others}`` stands for `bases`
     why: str
 
 

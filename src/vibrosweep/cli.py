@@ -28,15 +28,14 @@ from vibrosweep.errors import Interruption, VibrosweepError
 from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
-OBJECTS_BETWEEN_COLLECTIONS: Final = 50_000  # of garbage
+OBJECTS_BETWEEN_COLLECTIONS: Final = 50_000  # new objects between garbage collections
 PATIENCE: Final = 2.0  # seconds in which repeated interruptions count as one
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code.
 
-    Without `arguments` they are those of the process, whose streams, signals and exit are prepared
-    too.
+    Without `arguments`, take those of the process, and prepare its streams, signals and exit too.
     """
     if arguments is not None:
         return _perform(arguments)
@@ -86,13 +85,13 @@ def _complain(message: Text) -> None:
 
 
 def _drop_output() -> None:
-    """Discard further output where standard output is closed."""
+    """Discard further output, because standard output is closed or fails."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _prepare_output() -> None:
-    """Let any title or path be printed in any locale, and where no stream is open."""
+    """Make any title or path printable in any locale, even if no stream is open."""
     sys.stdout = sys.stdout or io.StringIO()
     sys.stderr = sys.stderr or io.StringIO()
     for stream in (sys.stdout, sys.stderr):

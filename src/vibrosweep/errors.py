@@ -70,7 +70,7 @@ class ExistingOutputError(OutputError):
     path
         The output.
     what
-        Description in words, where it is known.
+        Sentence that describes it, if known.
     """
 
     def __init__(self, path: Path, what: str = "") -> None:
@@ -105,11 +105,11 @@ class Interruption(_InDialect, KeyboardInterrupt):
 
 
 class TrackError(VibrosweepError, ValueError):
-    """Tracks of a camera cannot be read, or are no tracks of bouncing particles."""
+    """Tracks of a camera cannot be read, or are not those of bouncing particles."""
 
 
 class OtherKernelsWarning(UserWarning):
-    """The kernels differ from those that computed the result that is used."""
+    """A result is used that was computed with other kernels."""
 
 
 class ShortObservationWarning(UserWarning):

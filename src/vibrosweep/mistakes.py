@@ -48,7 +48,7 @@ class Cell(NamedTuple):
 class Mistake(NamedTuple):
     """One mistake: what was given, and how to mend it."""
 
-    # Path in a sweep file, or a cell; a path that ends with a point is that of a whole table
+    # Path in a sweep file, or a cell; a path that ends with a dot stands for a whole table
     key: str | Cell
     rule: Text  # the allowed values, or the contradiction
     value: object = ABSENT
@@ -150,8 +150,8 @@ PYTHON: Final = Dialect(lambda path: path.rpartition(".")[2], _python, lambda wo
 class Mistakes:
     """All mistakes in one description of a computation.
 
-    `where` is the name of its file, with which messages begin, `dialect` that of the description,
-    and `given` holds the keywords of Python as they were given, for messages.
+    `where` is the name of its file, with which messages begin, and `dialect` its dialect.  `given`
+    holds the keyword arguments as the user gave them, for messages.
     """
 
     def __init__(
@@ -207,8 +207,8 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def separator_mistake(names: Sequence[str]) -> str:
-    """Return what is wrong with a header of a CSV file that another mark separates, or ""."""
-    for mark, word in ((";", "semicolons"), ("\t", "tabulators")):
+    """Return the mistake of a CSV header with another separator than the comma, or ""."""
+    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
         if len(names) == 1 and mark in names[0]:
             return (
                 f"has columns separated by {word}; separate them by commas, and write decimals "

@@ -1,6 +1,6 @@
-"""Signals, locks of files, amounts of memory: what differs between operating systems.
+"""Signals, file locks and amounts of memory, which differ between operating systems.
 
-Where memory is stated neither by the POSIX ``sysconf`` nor below ``/proc``, psutil is required.
+psutil is required where neither the POSIX ``sysconf`` nor ``/proc`` states the memory.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ENDINGS: Final = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
 POLL: Final = 0.05  # s between two attempts to lock a file on Windows
-# Windows allows nobody to read a locked byte, so this one lies behind the text of a lock file.
+# Windows lets nobody read a locked byte, so this one lies beyond the text of a lock file.
 LOCKED_BYTE: Final = 1 << 30
 
 

@@ -1,6 +1,6 @@
 """A line on a terminal or in a notebook that says which task takes long.
 
-Nothing is written to any other standard error.  ``TQDM_DISABLE=1`` silences the line, as it does
+If standard error is neither, nothing is written.  ``TQDM_DISABLE=1`` silences the line, as it does
 the progress bars.
 """
 
@@ -13,7 +13,7 @@ import threading
 import time
 from typing import Final, Self
 
-SECONDS: Final = 1.0  # before the line, and between its versions
+SECONDS: Final = 1.0  # before the line appears, and between its updates
 
 
 class Line:

@@ -24,7 +24,7 @@ def small_campaign():
 
 
 def few_disturbances(*orbit):
-    """Of the kinds that a test compares one each: all of them take a minute to compile."""
+    """One disturbance of each kind that a test compares: all of them take a minute to compile."""
     every = disturbances(*orbit)
     chosen = {OWN[1]: "5 %", DRIVE: "5 %", WAVEFORM: "parabolic"}
     return {kind: {name: every[kind][name]} for kind, name in chosen.items()}

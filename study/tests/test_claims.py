@@ -1,4 +1,4 @@
-"""Every claim is computed: known numbers, verdicts that turn with the physics, and their page."""
+"""Every claim is computed: known numbers, verdicts that follow the physics, and their page."""
 
 import html
 import math
@@ -125,7 +125,7 @@ def test_irregular_particles_neither_repel_nor_attract_each_other():
 
 
 def test_particles_rest_the_later_the_shorter_the_contact_under_reflect():
-    """In proportion to 1 / tau_c, where rest knows no contact time at all."""
+    """In proportion to 1 / tau_c; under the law `rest` the contact time hardly matters."""
     times = [claims_on_windows._time_to_rest(Plan(2), "reflect", tau) for tau in (1e-4, 1e-5)]
     assert times[1] / times[0] == pytest.approx(10.0, rel=0.3)
     assert claims_on_windows._time_to_rest(Plan(2), "rest", 1e-4) < 100.0
@@ -149,7 +149,7 @@ def test_closed_forms_are_met(outcomes, base):
     assert reading(evidence(outcomes["2"], base), "over whole cycles").passed is True
 
 
-def test_conditions_say_what_they_take():
+def test_a_condition_states_the_heights_that_it_needs():
     condition = claims_on_order.in_own_slots(HIGH_BOUNCE, (), 20)
     assert "490 m high for N = 20" in condition.name  # g N^2 / 8 f^2
     assert "12 km for 100" in condition.name
@@ -204,7 +204,7 @@ def test_heights_hardly_depend_on_a_narrow_range(monkeypatch):
         claims_on_heights.MANY,
         "the first 200 s left out",
     )
-    assert max(map(abs, changes)) < 1e-4  # settling, by sqrt(e) per impact, takes longer
+    assert max(map(abs, changes)) < 1e-4  # not 0: settling, by sqrt(e) per impact, takes longer
 
 
 def test_order_is_not_granted_where_a_population_cannot_be_judged(monkeypatch):
@@ -271,7 +271,7 @@ def test_what_a_base_cannot_do_is_said_in_the_words_of_the_package(outcomes, sho
 
 
 def test_which_noise_separates_particles_of_one_slot(outcomes):
-    """Noise of its own does; that of the drive pushes both alike, as a waveform does."""
+    """Noise drawn for each impact does; noise of the drive pushes both particles alike."""
     found = evidence(outcomes["34"])
     assert reading(found, OWN[1]).checks[0].value.value == 1.0
     assert reading(found, DRIVE).checks[0].value.value == 0.0

@@ -47,7 +47,7 @@ def made_up(checks, base="moving", pictures=()):
     return Claim("7", "Eq. <1>", "x_{min} < y^2 & z", "method", "", outcome)
 
 
-def test_what_no_base_enters_spans_them_all():
+def test_a_verdict_that_depends_on_no_base_spans_all_columns():
     row = claims_page.as_html([made_up([check("a", 1.0, "at most", 2.0)], ANY_BASE)], {})
     assert 'colspan="3"' in row
 
@@ -113,7 +113,7 @@ def test_marks_become_subscripts_and_superscripts(text, shown):
 
 
 def test_the_ranges_of_samples_are_named_and_said_to_be_this_packages():
-    """The study states none: no share over random realizations may read as if it did."""
+    """The study states no ranges: no share over random realizations may read as if it did."""
     words = texts()["samples"]
     (low, high), (least, most) = RANGES.values()
     assert f"e from {low:.2f} to {high:.2f} and A from {least} to {most} m/s" in words

@@ -15,7 +15,7 @@ FILES = sorted(ROOM.rglob("*.py"))
 
 
 def namespaces(module):
-    """A public module, and those among its public names; by the names under which they stand."""
+    """Yield a public module and the modules among its public names, with their dotted names."""
     yield module.__name__, module
     for name in module.__all__:
         if isinstance(getattr(module, name), ModuleType):
@@ -86,7 +86,7 @@ def test_a_hidden_name_is_found(text):
 
 
 def test_the_command_line_of_the_package_does_not_know_the_study():
-    """It is no part of what is installed."""
+    """The study is not installed with the package."""
     source = Path(vibrosweep.__file__).parent
     for path in source.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

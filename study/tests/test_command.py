@@ -35,7 +35,7 @@ def test_a_directory_that_is_a_circle_of_links(one_claim, tmp_path, capsys):
     assert str(loop) in capsys.readouterr().err
 
 
-def test_a_number_of_threads_that_is_none(one_claim, tmp_path, capsys):
+def test_zero_threads_are_refused(one_claim, tmp_path, capsys):
     assert command.main(["-o", str(tmp_path), "--threads", "0"]) == 2
     assert "threads = 0" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())

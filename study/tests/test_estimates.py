@@ -33,14 +33,14 @@ def test_what_is_not_known_counts_neither_as_false_nor_as_true(rows):
     assert known.any() or (found.low < 1e-12 and found.high > 1.0 - 1e-12)
 
 
-def test_nothing_has_no_share_and_one_seed_no_interval():
+def test_no_cases_give_no_share_and_one_seed_gives_no_interval():
     for found in (share([]), mean([1.0]), mean([1.0, math.nan]), mean([1.0, 2.0] + [math.nan] * 3)):
         assert math.isnan(found.low)
         assert math.isnan(found.high)
 
 
 def test_the_interval_of_a_mean_is_students():
-    # that of 2 degrees of freedom has a closed form; scipy's is good to 1e-10
+    # the quantile for 2 degrees of freedom has a closed form; scipy's is good to 1e-10
     two_sided = 0.95 * math.sqrt(2.0 / (1.0 - 0.95**2))
     found = mean([1.0, 2.0, 3.0])
     assert found.value == 2.0
@@ -48,12 +48,12 @@ def test_the_interval_of_a_mean_is_students():
     assert 2.0 - found.low == pytest.approx(found.high - 2.0, rel=1e-12)
 
 
-def test_a_mean_leaves_out_what_is_not_known_and_says_of_how_many_it_is():
+def test_a_mean_leaves_out_unknown_values_and_counts_the_others():
     assert mean([1.0, math.nan, 2.0, 3.0]) == mean([1.0, 2.0, 3.0])
     assert mean([1.0, math.nan, 2.0]).cases == 2
 
 
-def test_a_number_that_cannot_be_negative_has_no_interval_there():
+def test_a_bound_of_the_number_cuts_off_its_interval():
     found = mean([0.0, 0.0, 1.0], least=0.0)
     assert (found.low, found.high) == (0.0, mean([0.0, 0.0, 1.0]).high)
 

@@ -1,4 +1,4 @@
-"""One particle on the base of finite mass: closed forms against what is followed."""
+"""One particle on the base of finite mass: closed forms against simulations."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_windows_end_where_the_orbit_ceases_to_exist_or_to_attract(ends):
             radius(begin * (1.0 - 1e-9))
         assert radius(begin * (1.0 + 1e-9)) < 1.0
         assert radius(end * (1.0 - 1e-6)) < 1.0 < radius(end * (1.0 + 1e-6))
-    # a light particle: close to those of a heavy table
+    # the particle is light, so that the ends are close to those over a heavy table
     np.testing.assert_allclose(low, theory.amplitude_min(K, E), rtol=0.02)
     np.testing.assert_allclose(high, theory.amplitude_max(K, E, base=MOVING), rtol=0.02)
 
@@ -49,7 +49,7 @@ def test_launches_return_inside_the_window_only(ends):
 
 
 def test_where_particles_end():
-    """Locked to mode 1, below 1 g from rest, at rest in each period at 1.4 g and e = 0.3."""
+    """Locked to mode 1; at rest for good below 1 g; resting in each period at 1.4 g, e = 0.3."""
     e = np.array([0.9, 0.9, 0.3])
     amplitude = np.array([1.2, 0.1, 1.4 * 1.3 * 9.81 / (2.0 * np.pi)])
     speed = np.array([float(theory.locked_velocity(1)), 5.0, 0.1])

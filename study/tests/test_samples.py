@@ -35,7 +35,7 @@ def test_settings_are_three_ranges_and_contact_times_over_a_factor_of_ten(base):
 
 
 def test_a_setting_says_what_is_drawn_and_what_is_not():
-    """Under each law, with other ranges and constants, and never both of one parameter."""
+    """Under each law, with other ranges and constants; no parameter has both."""
     rest, reflect = laws(HIGH_BOUNCE, FIRST)
     assert (rest.law, reflect.law) == LAWS
     assert reflect.drawn(Plan(seeds=1, realizations=2))["rebound"] == "reflect"
@@ -67,7 +67,7 @@ def test_records_hold_all_that_is_drawn_in_its_order(monkeypatch):
 
 
 @pytest.mark.parametrize(("window", "known"), [(40.0, False), (2000.0, True)])
-def test_a_window_without_room_for_exponents_holds_no_share_of_irregular_motion(window, known):
+def test_a_window_too_short_for_exponents_gives_no_share_of_irregular_motion(window, known):
     """At e = 0.9 and 3 g over a moving base a flight takes a period or more."""
     found = measured(
         Plan(threads=1),

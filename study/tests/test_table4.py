@@ -68,7 +68,7 @@ def test_imperfections_are_rows():
     figure = imperfections(study, "flight", "fit")[0].figure
     axes = figure.axes[0]
     assert [t.get_text() for t in axes.get_yticklabels()] == ["pixel 0.0001 m", "scale error 0.05"]
-    # what exceeds the axis stands at its end, which says so
+    # an error beyond the axis is drawn at its end, which is labelled "30 +"
     assert axes.lines[0].get_xdata().tolist() == [1.0, 30.0]
     # standard error of the mean of four repeats
     bar = axes.containers[0].lines[2][0].get_segments()[0]

@@ -1,4 +1,4 @@
-"""The rule: every verdict comes out of made-up evidence, and only from the numbers."""
+"""The rule: every verdict can follow from made-up evidence, and only numbers decide."""
 
 import math
 
@@ -108,8 +108,8 @@ def test_a_setting_without_a_case_says_nothing():
     ("flags", "passed"),
     [([True] * 73, True), ([True] * 72, None), ([True] * 5000 + [False], False)],
 )
-def test_one_exception_refutes_what_is_said_to_be_so_throughout(flags, passed):
-    """Without one it takes so many that Wilson's interval begins above 95 %: 73."""
+def test_one_exception_refutes_a_statement_about_all_cases(flags, passed):
+    """Without an exception it takes 73 cases for Wilson's interval to begin above 95 %."""
     assert without_exception("exceptions", flags).passed is passed
 
 
@@ -130,7 +130,7 @@ def test_settings_that_come_out_unlike_most_others_are_named():
 
 
 def test_flights_higher_than_a_room_are_no_usable_condition():
-    """Unless the claim holds under another one, or as stated."""
+    """Unless the claim holds under another condition, or as stated."""
     high, low = Reading("high", [PASSED], 2.0 * ROOM), Reading("low", [PASSED], 0.5 * ROOM)
     missed = [Reading("", [MISSED])]
     assert Evidence("moving", missed, [high]).verdict is Verdict.OUTSIDE
@@ -138,7 +138,7 @@ def test_flights_higher_than_a_room_are_no_usable_condition():
     assert Evidence("moving", [Reading("", [PASSED])], [high]).verdict is Verdict.HOLDS
 
 
-def test_what_the_claim_holds_under_is_named():
+def test_readings_under_which_a_claim_holds_are_named():
     first, second = Reading("first", [MISSED]), Reading("second", [PASSED])
     third = Reading("third", [PASSED])
     assert Evidence("moving", [first, second], [third]).holding == (second, third)

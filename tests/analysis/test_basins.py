@@ -147,7 +147,7 @@ def test_basins_say_how_the_forcing_was_given():
 
 @pytest.fixture(scope="module")
 def along():
-    """Basins where mode 1 exists, twice, and where nothing is locked."""
+    """Basins at two amplitudes at which mode 1 exists, and at one at which nothing locks."""
     launched = {"launch_velocity": np.linspace(0.0, 9.0, 10), "particles": 16, "duration": 4000.0}
     values = [1.2, 1.0, 0.3]
     one = [vs.basins(amplitude=a, **launched) for a in values]

@@ -25,7 +25,7 @@ def test_the_locked_orbit_doubles_its_period_and_is_lost_on_the_way_down():
     assert np.ptp(down["rebound_velocity"].values[5]) > 0.1
     speeds = down["rebound_velocity"].values[5]
     assert np.allclose(speeds[2:], speeds[:-2], rtol=1e-9)
-    # below A_min = 0.4905 the orbit is gone, and what remains rests
+    # below A_min = 0.4905 the orbit is gone, and the one that remains rests
     assert down["cycle_rests"].values[0] > 0
     assert down["lyapunov_largest"].values[0] == -np.inf
     exponent = 0.5 * np.log(0.9)

@@ -67,7 +67,7 @@ def test_the_cascade_accumulates_with_the_ratio_of_feigenbaum(base, ratios):
 @pytest.mark.parametrize("base", BASES)
 @pytest.mark.parametrize("e", [0.5, 0.8])
 def test_two_impacts_are_born_at_saddle_nodes(base, e):
-    """Of (2, 1) and (2, 3): the orbits of both sides of the fold exist beyond it only."""
+    """For 2 impacts in 1 and in 3 periods: both orbits of the fold exist beyond it only."""
     found = vs.branches(
         restitution=e, amplitude=[0.5, 3.0, 5.0, 8.0], impacts=2, periods=3, base=base
     )
@@ -91,13 +91,13 @@ def test_a_mode_under_two_tones_ends_in_a_fold_and_begins_again_before_it():
     """Orbits of one impact are roots of a w(x) = 1 - e: 0.1688 to 0.2855, and 0.2852 to 0.6657."""
     kicks = np.array([0.12, 0.25, 0.29, 0.9])
     found = vs.branches(restitution=0.85, amplitude=kicks * GRAVITY / 2.0, waveform=TWO_TONES)
-    assert found.sizes["branch"] == 1  # round both folds
+    assert found.sizes["branch"] == 1  # it goes round both folds
     folds, (last,) = (
         [a * 2.0 / GRAVITY for a in met(found, 0, k)] for k in (SADDLE_NODE, DOUBLING)
     )
     assert sorted(folds) == pytest.approx([0.1688, 0.2852, 0.2855], abs=5e-5)
     assert last == pytest.approx(0.6657, abs=5e-5)
-    for a in folds:  # at a fold the velocity of the base is stationary, so that it is a w = 1 - e
+    for a in folds:  # at a fold w is stationary in the phase, and a w = 1 - e
         x = np.linspace(0.0, 1.0, 200_001)
         w = np.sin(2 * np.pi * x) + 0.4 * np.sin(4 * np.pi * x + 1.1)
         tops = w[1:-1][(np.diff(w)[:-1] > 0) != (np.diff(w)[1:] > 0)]
@@ -118,7 +118,7 @@ def test_orbits_are_followed_under_a_law_of_restitution_and_marked_where_they_yi
     assert np.nanmin(np.abs(near.arrival_velocity - 4.0)) < 1e-9
 
 
-def test_a_branch_goes_round_its_fold_and_knows_why_it_ends():
+def test_a_branch_goes_round_its_fold_and_states_why_it_ends():
     found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], base="moving", impacts=2)
     one = found.isel(branch=0)
     values = one.amplitude.dropna("point").values
@@ -131,7 +131,7 @@ def test_a_branch_goes_round_its_fold_and_knows_why_it_ends():
     assert ((touching.admissible.dropna("point") != 0) | (touching.stable == -1)).sum() > 0
 
 
-def test_where_a_flight_grazes_it_touches_the_base_without_a_relative_speed():
+def test_one_admissible_orbit_appears_or_vanishes_at_a_graze():
     found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], base="moving", impacts=2)
     for branch in range(found.sizes["branch"]):
         for at in met(found, branch, GRAZING):
@@ -150,7 +150,7 @@ def test_where_a_flight_grazes_it_touches_the_base_without_a_relative_speed():
 
 @pytest.mark.parametrize("name", ["base_velocity", "base_displacement", "base_acceleration"])
 def test_other_forcings_bifurcate_at_the_same_amplitude(name):
-    """The restitution is followed at a fixed forcing, which then is another amplitude."""
+    """The restitution is followed at a fixed forcing, and the amplitude changes with it."""
     scale = {
         "base_velocity": 2.0 * math.pi * FREQUENCY / GRAVITY,
         "base_displacement": (2.0 * math.pi * FREQUENCY) ** 2 / GRAVITY,
@@ -180,7 +180,7 @@ def test_boundaries_are_the_closed_forms_at_every_point(base):
         assert (one.admissible == 1).all()
 
 
-def test_what_spends_its_points_says_so():
+def test_a_branch_that_spends_its_points_is_reported():
     found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], points=10)
     assert 5 in found.ends.values
     assert "points spent" in "".join(summary(found))
@@ -219,7 +219,7 @@ def test_figures_show_branches_and_curves_alone_and_over_a_sweep():
     curves = vs.boundaries(restitution=[0.8, 0.9], base_displacement=[0.03, 0.3])
     velocity = 2.0 * np.pi * curves.base_displacement
     xr.testing.assert_allclose(curves.amplitude, (1.0 + curves.restitution) * velocity)
-    # the plane is that of the amplitude
+    # the plane has the amplitude as an axis
     plane = vs.sweep(restitution=[0.8, 0.85, 0.9], base_displacement=[0.03, 0.1, 0.3])
     before = len(parameter_plane(plane, ax=Figure().add_subplot()).lines)
     drawn = orbit_boundaries(curves, sweep=plane, ax=Figure().add_subplot())

@@ -1,4 +1,4 @@
-"""Independent landings are chance: their separations, order and gaps come out as such."""
+"""Independent landings agree with chance in their separations, order and gaps."""
 
 import numpy as np
 import pytest
@@ -48,8 +48,8 @@ def test_independent_landings_are_exponential(phases, overlap):
     assert float(found["phase_factor"].mean()) == pytest.approx(overlap, rel=0.02)
 
 
-def test_uniform_phases_make_locked_landings_look_attracted():
-    """Without the overlap of phases z would be smaller by it, which the test above excludes."""
+def test_peaked_phases_look_like_attraction_if_they_are_taken_as_uniform():
+    """Without the overlap of phases, z would be smaller by that factor, and not exponential."""
     found = order_against_chance(independent(peaked), surrogates=1)
     naive = found["dt_min_over_chance"] / found["phase_factor"]
     assert kstest(naive, "expon").pvalue < 1e-6
@@ -79,7 +79,7 @@ def test_particles_that_avoid_each_other_are_not_chance():
     assert float(found["dt_min_surrogate_share"].min()) > 0.9
 
 
-def test_locked_particles_and_rests_are_no_points_of_a_density():
+def test_locked_and_resting_particles_have_no_density_of_phases():
     locked = vs.simulate(launch_time=[0.1, 0.6], launch_velocity=4.905, duration=300.0)
     resting = vs.simulate(amplitude=5.0, launch_time=[0.1, 0.6], duration=60.0)
     chatter = vs.simulate(restitution=0.98, amplitude=0.0, launch_time=[0.1, 0.6], duration=30.0)
@@ -96,7 +96,7 @@ def test_shifts_do_not_change_particles_locked_one_to_one():
 
 
 def test_a_sweep_takes_uniform_phases():
-    """The rate is sum n_i n_j over ordered pairs by the window, as a record's uniform one."""
+    """The rate, sum n_i n_j over ordered pairs / window, is that of a record for uniform phases."""
     given = {"rebound": "reflect", "duration": 60.0, "restitution": 0.9}
     sweep = vs.sweep(
         **given,
@@ -114,7 +114,7 @@ def test_a_sweep_takes_uniform_phases():
     np.testing.assert_array_equal(found["dt_min"], sweep["dt_min"])
 
 
-def test_what_cannot_be_compared_is_refused():
+def test_records_that_cannot_be_compared_with_chance_are_refused():
     record = vs.simulate(duration=5.0)
     with pytest.raises(ParameterError, match="less than a forcing period"):
         order_against_chance(record, since=4.5)

@@ -32,7 +32,7 @@ def test_axes_of_a_grid_are_dims(plane):
 
 
 def test_flights_and_speeds_are_in_physical_units(plane):
-    """Flight times of an orbit add up to its periods, and on the map end with their first speed."""
+    """Flight times of an orbit add up to its periods, and on the map each is 2 v / g."""
     period = 1.0 / plane.frequency
     total = plane.flight_time.sum("impact")
     assert np.allclose(total, plane.cycle_periods * period)
@@ -41,7 +41,7 @@ def test_flights_and_speeds_are_in_physical_units(plane):
     )
 
 
-def test_multipliers_tell_what_attracts(plane):
+def test_an_orbit_attracts_if_its_multipliers_are_within_the_unit_circle(plane):
     modulus = np.hypot(plane.multiplier_real, plane.multiplier_imaginary)
     present = plane.cycle_impacts > 0
     assert bool(
@@ -67,7 +67,7 @@ def test_a_stable_orbit_attracts_launches_on_it():
     assert last == pytest.approx(float(one.rebound_velocity), abs=1e-9)
 
 
-def test_what_no_count_tells_is_unknown():
+def test_the_balance_is_unknown_where_no_count_decides_it():
     assert (vs.orbits(base="moving", impacts=1, periods=1).balanced == -1).all()
     assert (vs.orbits(restitution=1.0, impacts=1, periods=1).balanced == -1).all()
     assert (vs.orbits(impacts=1, periods=1).balanced == 1).all()
@@ -78,7 +78,7 @@ def test_results_do_not_depend_on_threads_nor_on_the_other_points(plane):
     assert plane.equals(again)
 
 
-def test_more_orbits_than_at_first_have_room(monkeypatch):
+def test_more_orbits_than_the_first_room_holds_are_found(monkeypatch):
     module = "vibrosweep.analysis.closed_orbits"
     whole = vs.orbits(amplitude=[1.2, 3.1], **FEW)
     monkeypatch.setattr(f"{module}.CAPACITY", 1)

@@ -1,4 +1,4 @@
-"""Conditions are true, false or undetermined, and what is undetermined is never an end."""
+"""Conditions hold, fail or are undetermined, and ends next to undetermined points say so."""
 
 import numpy as np
 import pytest
@@ -126,7 +126,7 @@ def test_beyond_an_end_the_condition_fails_or_the_end_says_that_it_is_undetermin
         return condition.judge(xr.Dataset(data, times, {"particles": 2})).tolist()
 
     def around(e, amplitude):
-        """Codes at an end of a bracket, which is known but for a rounding."""
+        """Codes at an end of a bracket and at the doubles next to it."""
         return codes(e, *(np.nextafter(amplitude, to) for to in (0.0, amplitude, np.inf)))
 
     unknown = 0

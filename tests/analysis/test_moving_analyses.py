@@ -91,7 +91,7 @@ def test_an_orbit_goes_on_from_its_own_state(changed, workers):
     for name in ("regime", "impacts", "periods", "rests"):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
     np.testing.assert_allclose(first.flight, again.flight, atol=1e-9)
-    # and what is launched is what a sweep launches
+    # the launches are those of a sweep
     measured = measure(parameters, scene.only(regimes=True), workers)
     np.testing.assert_array_equal(measured["regime"].ravel(), first.regime)
     np.testing.assert_array_equal(measured["cycle_impacts"].ravel(), first.impacts)
@@ -160,7 +160,7 @@ def test_a_launch_one_period_later_is_one_slot_further(plane):
 
 
 def test_states_are_relative_to_the_base_as_it_moves():
-    """With harmonics, too: what a continued scan or a basin hands on is a state of the shape."""
+    """Also under harmonics: the states of continued scans and basins depend on the waveform."""
     shape = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
     scene = keyword_spec({"base": "moving", "waveform": shape, "particles": 3}).scene
     parameters = scene.parameters({"amplitude": np.array([1.2, 2.0])})

@@ -14,7 +14,7 @@ from vibrosweep.analysis.records import flights
 from vibrosweep.analysis.returns import return_map
 from vibrosweep.errors import DataError
 
-STRONG = {"restitution": 0.6, "amplitude": 7.0, "phase": 0.4}  # Gamma = 2.8: particles rest and go
+STRONG = {"restitution": 0.6, "amplitude": 7.0, "phase": 0.4}  # Gamma = 2.8: some rests end
 
 
 def locked(moving_record, mode, e, share, duration=60.0, launches=(0.0,), **changed):
@@ -57,7 +57,7 @@ def test_flights_begin_and_end_on_the_base(moving_record, changed):
     assert np.count_nonzero(landed) > 10
     np.testing.assert_allclose(ending[landed], base.height(each.end[landed]), atol=1e-12)
     np.testing.assert_array_equal(each.height, base.height(each.start))
-    # the height of the base is what its velocity gives
+    # the velocity of the base is the derivative of its height
     t, step = np.linspace(0.0, 3.0, 50), 1e-6
     slope = (base.height(t + step) - base.height(t - step)) / (2.0 * step)
     np.testing.assert_allclose(slope, base.velocity(t), atol=1e-8)
@@ -94,7 +94,7 @@ def test_energy_is_given_by_the_base_and_dissipated(moving_record):
         np.testing.assert_allclose(
             found["base_work"] - found["dissipated_energy"], found["energy_balance"], atol=1e-12
         )
-        # no energy is lost in flight: what impacts add is that of the last flight less the first's
+        # no energy is lost in flight: impacts add that of the last flight less that of the first
         for i, count in enumerate(found["balanced_impacts"].values[0]):
             first, last = one["launch_time"].values[i], one["liftoff_time"].values[i, count - 1]
             speed = one["rebound_velocity"].values[i, count - 1]

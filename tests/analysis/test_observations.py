@@ -1,4 +1,4 @@
-"""Analyses that keep no landing follow nothing that is known already, and find the same."""
+"""Analyses that keep no landings skip what is known already, and find the same."""
 
 import dataclasses
 import math
@@ -52,7 +52,7 @@ ANALYSES = {
 
 @pytest.fixture
 def asked(monkeypatch):
-    """Observations with which the engine and a record are asked."""
+    """Observations that the engine and a recorder of landings are called with."""
     seen = []
     for module, name in ((engine, "follow"), (landings, "statistics")):
         function = getattr(module, name)

@@ -1,4 +1,4 @@
-"""Positions at any times: parabolas in flight, the base at rest, nothing where nothing is known."""
+"""Positions at any times: parabolas in flight, the base during rests, NaN where unknown."""
 
 import numpy as np
 import pytest
@@ -84,7 +84,7 @@ def test_a_rest_for_good_lasts_to_the_end_and_before_its_launch_a_particle_is_no
     np.testing.assert_array_equal(found.height.values[0, 0, 1:], found.base_height.values[0, 1:])
 
 
-def test_nothing_is_said_of_a_particle_after_it_was_given_up():
+def test_positions_after_a_particle_was_given_up_are_nan():
     record = scene("moving", impact_budget=2)
     assert np.isnan(vs.positions(record, [8.0]).height).all()
 
@@ -112,7 +112,7 @@ def test_the_record_of_a_sweep_gives_the_same_as_the_scene(tmp_path):
 
 
 @pytest.mark.parametrize("times", [[[0.0]], [np.nan], 1.0])
-def test_what_is_no_list_of_times_is_refused(times):
+def test_times_must_be_a_list_of_finite_numbers(times):
     with pytest.raises(ParameterError, match="times"):
         vs.positions(vs.simulate(), times)
 

@@ -42,7 +42,7 @@ def test_a_rectangle_says_how_much_of_it_is_empty():
     assert found.attrs["notes"].startswith(f"{empty:.0%} of the ")
 
 
-def test_what_takes_rectangles_says_so():
+def test_functions_that_need_a_rectangle_name_the_conversion():
     ragged = vs.simulate(ragged=True)
     for take in (vs.analysis.landing_phases, vs.figures.return_map):
         with pytest.raises(DataError, match=r"vibrosweep.rectangle\(record\)"):
@@ -76,7 +76,7 @@ def test_a_ragged_record_in_a_file_is_its_rectangle_without_empty_places(files):
         assert again.identical(full)
 
 
-def test_a_file_names_the_dimension_of_its_landings_as_it_has_it(files):
+def test_a_file_names_the_dimension_of_its_landings_by_its_own_name(files):
     with h5py.File(files[0]) as file:
         record = file["record"]
         assert record["landing_time"].dims[0][0].name == "/record/record_landing"
@@ -93,7 +93,7 @@ def test_a_ragged_record_depends_on_neither_threads_nor_chunks(files, tmp_path):
             assert one["record"][name][()].tobytes() == two["record"][name][()].tobytes(), name
 
 
-def test_information_tells_the_form_and_the_waste(files):
+def test_a_description_states_the_form_and_its_empty_places(files):
     told = ["\n".join(describe(path)) for path in files]
     assert "landings, one after the other" in told[0]
     assert "places are empty" not in told[0]

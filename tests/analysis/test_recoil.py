@@ -55,13 +55,13 @@ def test_momentum_is_conserved_and_restitution_is_that_of_the_scene(one):
     np.testing.assert_allclose((after - then)[alone], (0.6 * (before - v))[alone], atol=1e-12)
 
 
-def test_it_reaches_as_far_as_it_is_sampled(one):
+def test_the_reach_of_the_base_is_that_of_its_samples(one):
     base = base_motion(one, "test")
     assert base.reach == np.max(np.abs(base.height(np.linspace(0.0, 6.0, 386))))
     assert base.reach != base.displacement
 
 
-def test_massless_particles_leave_it_as_it_is():
+def test_massless_particles_do_not_change_the_motion_of_the_base():
     one = simulate(mass_ratio=0.0, **SCENE).isel(realization=0)
     base, times = base_motion(one, "test"), np.linspace(-1.0, 7.0, 200)
     angle = 2.0 * np.pi * times

@@ -7,7 +7,7 @@ from vibrosweep.analysis.requirements import remedy, require
 from vibrosweep.errors import DataError
 
 
-def test_what_is_there_passes():
+def test_variables_that_are_present_pass():
     dataset = xr.Dataset({"dt_min": ("realization", [1.0])}, coords={"amplitude": 1.2})
     require(dataset, "separation statistics", "dt_min", "amplitude")
 

@@ -38,7 +38,7 @@ def test_return_points_follow_each_other_from_the_launch():
     assert np.all(late["landing_time"] >= 6.0)
 
 
-def test_the_kick_of_a_locked_orbit_is_what_the_loss_takes():
+def test_the_kick_of_a_locked_orbit_balances_its_loss():
     phase = float(theory.locked_phase(1, 0.9, 1.2))
     record = simulate(launch_velocity=4.905, launch_time=phase, duration=30.0)
     np.testing.assert_allclose(return_map(record)["kick"], 0.1 * 4.905, rtol=1e-9)

@@ -104,12 +104,12 @@ COUPLED = {"base": "sprung", "mass_ratio": 0.01, "mount_frequency": 0.5}
         ("dt_min_resolved", {"launch": [0.0, 0.3], "impact_budget": 20, "base": "moving"}),
         ("base_shared", {"launch": [0.0, 0.3], "impact_budget": 20, **COUPLED}),
         ("rebound_height_max", {"impact_budget": 3}),
-        # no cycle is found, of which 0 is said
+        # no cycle is found, for which 0 is stored
         ("joint_cycle_impacts", {"launch": [0.0, 0.3], "duration": 3.0, **COUPLED}),
         ("joint_cycle_rests", {"launch": [0.0, 0.3], "duration": 3.0, **COUPLED}),
     ],
 )
-def test_what_stands_where_nothing_is_known_is_no_number(output, options):
+def test_codes_for_unknown_values_are_not_used_as_numbers(output, options):
     with pytest.raises(DataError, match=r"did not complete|is undefined in \d+ of"):
         sobol(
             restitution=(0.7, 0.95),
@@ -121,7 +121,7 @@ def test_what_stands_where_nothing_is_known_is_no_number(output, options):
 
 
 @pytest.mark.parametrize("output", ["status", "joint_regime", "regime", "particle_impact_count"])
-def test_codes_and_what_is_of_particles_have_no_indices(output):
+def test_codes_and_variables_of_particles_have_no_indices(output):
     ranges = {"restitution": (0.7, 0.95), "amplitude": (0.3, 3.0)}
     with pytest.raises(
         ParameterError, match=f"outputs: {output} (is a code|has a number for each)"
@@ -161,12 +161,12 @@ def test_the_change_of_height_is_that_of_the_medians():
 
 
 @pytest.mark.parametrize("unknown", ["height", "status"])
-def test_a_height_that_is_not_known_is_on_no_plateau_and_off_none(unknown):
+def test_unknown_heights_count_neither_on_nor_off_a_plateau(unknown):
     e = np.linspace(0.8, 0.98, 90)
     modes, lost = 1 + np.arange(90) % 2, np.arange(90) % 3 == 0
     height = theory.locked_height(modes)
     sweep = heights_sweep(e, np.where(lost & (unknown == "height"), np.nan, height))
-    if unknown == "status":  # what was measured until the impact budget ran out
+    if unknown == "status":  # measured until the impact budget ran out
         sweep["rebound_height_max"][lost] = 100.0
         sweep["status"] = ("realization", np.where(lost, 1, 0).astype(np.int8))
     found = heights_against_restitution(sweep, bins=3)

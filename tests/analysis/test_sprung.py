@@ -28,6 +28,6 @@ def test_a_sprung_base_moves_and_recoils():
         slot_decay,
     ],
 )
-def test_analyses_of_independent_particles(analysis):
+def test_analyses_of_independent_particles_refuse_a_sprung_base(analysis):
     with pytest.raises(DataError, match=r"mass_ratio = 0"):
         analysis(SPRUNG)

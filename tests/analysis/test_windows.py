@@ -77,7 +77,7 @@ def test_keywords_may_scan_the_acceleration_of_the_base():
     assert "amplitude" not in found.variables
 
 
-def test_a_condition_of_launches_holds_for_the_same_base_however_it_is_said():
+def test_windows_of_landings_are_the_same_for_any_forcing_that_is_scanned():
     scene = keyword_spec(
         {"particles": 3, "duration": 3.0}
     ).scene  # orbits depend smoothly on the forcing
@@ -99,7 +99,7 @@ def exact_window(k, e, frequency, gravity, sign=1, base="high-bounce"):
 
 
 def holds_inside(end, bracket, square):
-    """Tell whether a bracket around an end holds the exact one, given by its square."""
+    """Return whether a bracket around an end holds the exact one, given by its square."""
     middle, half = Fraction(float(end)), Fraction(float(bracket)) / 2
     return (middle - half) ** 2 <= square <= (middle + half) ** 2
 
@@ -147,7 +147,7 @@ def test_the_brackets_of_every_locked_window_hold_its_exact_ends(
             and holds_inside(one["A_max"], one["A_max_bracket"], square)
         ]
     assert len(held) == count
-    for lower, square in exact:  # what is wider than the tolerance is found
+    for lower, square in exact:  # windows wider than the tolerance are found
         if float(1 - lower**2 / square) > 2.1 * tolerance:
             assert (lower, square) in held
 
@@ -217,7 +217,7 @@ def test_more_than_fits_into_memory_is_refused_with_a_remedy_that_exists():
 
 
 def sides_of(found, condition, scene, workers):
-    """Results of the engine just inside and just outside of every edge, and at next numbers."""
+    """Results of the engine just inside and outside of every edge, and at doubles next to these."""
     one = found.sel(condition=condition.name, direction="launch")
     e = np.broadcast_to(one["restitution"].values[:, np.newaxis], one["A_min"].shape)
     for end, inward in (("A_min", 1.0), ("A_max", -1.0)):
@@ -259,7 +259,7 @@ def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, wo
             ).all(axis=1),
         }[name]
         held = np.array([holds(one) for one in measured])
-        # next to a bifurcation rounding decides whether bits recur in time: no edge to be sure of
+        # next to a bifurcation, rounding decides whether a recurrence is seen in time: no sure edge
         sure = (held == held[0]).all(axis=0)
         assert (held[0, sure] == (side > 0.0)).all()
         tested, asked = tested + np.count_nonzero(sure), asked + sure.size
@@ -272,7 +272,7 @@ def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, wo
 
 
 def test_continuation_sees_the_hysteresis_of_the_locked_orbit():
-    # a particle that rests in every period does so until 2.26 m/s; one that is locked stays locked
+    # a particle that rests in every period does so up to 2.26 m/s; one that is locked stays locked
     # down to the end of its window
     scene = keyword_spec({"duration": 20_000.0, "launch_velocity": 4.905, "launch": [0.473]}).scene
     axis = np.linspace(0.3, 2.9, 400)
@@ -296,13 +296,13 @@ def test_a_condition_of_ones_own():
         keyword_spec({"duration": 12.0}).scene, [0.9], np.linspace(0.1, 4.0, 40), [calm]
     )
     assert found["condition"].values.tolist() == ["calm"]
-    # a result tells what the condition was
+    # a result stores the code of the condition
     assert calm.code in found.attrs["condition_code"]
     assert "< 2.0" in calm.code
     assert found["window_count"].item() >= 1
 
 
-def test_a_condition_whose_function_a_result_could_not_name_is_refused():
+def test_a_condition_whose_code_cannot_be_stored_is_refused():
     builtin = Condition("builtin", len, ())
     with pytest.raises(ParameterError, match=r"^condition builtin: .* def "):
         _ = builtin.code
@@ -359,7 +359,7 @@ def test_an_unknown_variable_of_a_condition_is_refused():
 
 
 @pytest.mark.parametrize("name", sorted(NAMED))
-def test_a_dataset_without_what_a_condition_reads_names_variable_and_key(name, paper):
+def test_a_condition_names_the_variables_that_a_dataset_lacks_and_their_key(name, paper):
     import xarray as xr
 
     condition = named(name)
@@ -440,7 +440,7 @@ NOISY = {"restitution": 0.9, "kick_noise": 1e-3, "duration_periods": 60.0, "nois
 
 
 def test_windows_under_noise_are_shares_of_replicas():
-    """Weak noise keeps all of 10 particles within the ends without noise, and none beyond them."""
+    """Weak noise keeps all of 10 particles locked between the ends without noise, none beyond."""
     low, high = (float(f(1, 0.9)) for f in (theory.amplitude_min, theory.amplitude_max))
     scan = [0.8 * low, 1.2 * low, 0.5 * (low + high), 0.9 * high, 1.3 * high]
     found = windows(NOISY | {"amplitude": scan, "particles": 2, "tolerance": 0.01})
@@ -465,6 +465,6 @@ def test_windows_under_noise_are_shares_of_replicas():
         ({"noise_replicas": 0}, "noise_replicas = 0.*at least 1"),
     ],
 )
-def test_what_windows_refuse_under_noise(given, words):
+def test_requests_that_noise_rules_out_are_refused(given, words):
     with pytest.raises(SpecError, match=words):
         windows(NOISY | {"amplitude": [1.0, 2.0]} | given)

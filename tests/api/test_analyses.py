@@ -1,4 +1,4 @@
-"""Analyses from Python: the same as of a sweep file, whatever the number of threads."""
+"""Analyses from Python give the same as those of a sweep file, with any number of threads."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_a_mapping_means_what_the_same_keywords_mean():
     assert vs.sobol(ranges).equals(vs.sobol(**ranges))
 
 
-def test_sobol_takes_what_is_fixed_and_measures_what_it_needs():
+def test_sobol_takes_fixed_parameters_and_chooses_its_outputs():
     asks = {"restitution": (0.5, 0.9), "launch_velocity": (4.0, 5.0), "realizations": 64}
     found = vs.sobol(**asks, amplitude=0.0, gravity=2.0, outputs=["rebound_height_max"])
     mean = found["mean"].item()
@@ -124,7 +124,7 @@ def test_separations_of_keywords_and_of_a_result():
         (lambda: vs.separations({}, particles=2), ParameterError, "particles: cannot"),
     ],
 )
-def test_mistakes_are_told_in_keywords(call, error, message):
+def test_messages_about_mistakes_name_the_keyword(call, error, message):
     with pytest.raises(error, match=message):
         call()
 
@@ -161,7 +161,7 @@ def test_without_a_duration_orbits_are_observed_until_they_settle(analysis, keyw
     assert found.attrs["notes"] == ""
     assert found.duration * 25.0 > 3.9 * enough
     with pytest.warns(ShortObservationWarning, match="100000 are observed"):
-        analysis(**keywords, base=base, restitution=0.9999)  # the longest that is chosen
+        analysis(**keywords, base=base, restitution=0.9999)  # longest default duration
 
 
 def test_windows_of_regular_motion_do_not_fall_apart():
@@ -191,7 +191,7 @@ def test_a_condition_of_landings_keeps_the_duration_of_sweeps():
     assert found.duration == 12.0
 
 
-def test_indices_of_orbits_are_warned_of_and_others_are_not():
+def test_sobol_warns_of_short_observations_for_outputs_of_orbits_only():
     asks = {"amplitude": (0.2, 3.0), "phase": (0.0, 1.0), "realizations": 8, "particles": 6}
     with pytest.warns(ShortObservationWarning):
         vs.sobol(**asks, outputs=["unsettled_count"], duration=100.0)
@@ -199,7 +199,7 @@ def test_indices_of_orbits_are_warned_of_and_others_are_not():
 
 
 @pytest.mark.parametrize("command", ["windows", "basins", "bifurcation"])
-def test_the_command_line_says_it_once(command, tmp_path, monkeypatch, capsys):
+def test_the_command_line_prints_the_note_once(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     swept = "launch_velocity = [4.0, 5.0]" if command == "basins" else "amplitude = [0.5, 1.0]"
     text = TITLE + f'[scene]\nparticles = 2\nduration = 12.0\n[sample]\ndesign = "grid"\n{swept}\n'

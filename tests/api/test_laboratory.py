@@ -1,4 +1,4 @@
-"""The laboratory by its public names: files of tracks and of the base in, parameters out."""
+"""The laboratory by its public names: parameters from files of tracks and of the base."""
 
 import math
 

@@ -54,7 +54,7 @@ def test_a_histogram_of_phases(in_memory):
 
 
 def test_a_file_in_chunks_holds_the_same(in_memory, tmp_path):
-    """Also where the run is interrupted and continued, with a function that does the same."""
+    """Also after an interruption, if the run is continued with the same function."""
     path = tmp_path / "out.h5"
 
     def interrupted(job, indices, tick):
@@ -70,20 +70,20 @@ def test_a_file_in_chunks_holds_the_same(in_memory, tmp_path):
         assert found.landings_at_phase.identical(
             in_memory.landings_at_phase.assign_coords(found.landings_at_phase.coords)
         )
-    vs.run(SWEEP, path, observables=[phases()]).close()  # opened, for it is that of this sweep
+    vs.run(SWEEP, path, observables=[phases()]).close()  # opened: it holds this sweep
     for others in ([phases(count_more)], [phases(initial=1.0)], []):
         with pytest.raises(ExistingOutputError, match="landings_at_phase"):
             vs.run(SWEEP, path, observables=others)
 
 
-def test_what_knows_the_sweep_file_only_says_so(tmp_path):
+def test_a_retry_without_the_observable_is_refused(tmp_path):
     path = tmp_path / "out.h5"
     vs.run(SWEEP, path, observables=[phases()]).close()
     with pytest.raises(RunError, match=r"landings_at_phase\.code: "):
         retry_failed(keyword_spec(SWEEP), path, threads=1)
 
 
-def test_it_reaches_workers_of_a_cluster():
+def test_an_observable_reaches_workers_of_a_cluster():
     """Functions of a script or a notebook are sent by value, with the numbers that they use."""
 
     def bins(number):
@@ -99,7 +99,7 @@ def test_it_reaches_workers_of_a_cluster():
     assert spec != keyword_spec(SWEEP).with_observables([phases(bins(BINS + 1))])
 
 
-def test_one_that_cannot_be_compiled_leaves_nothing(tmp_path):
+def test_an_observable_that_cannot_be_compiled_leaves_no_file(tmp_path):
     def function(totals, landing):
         totals[0] += landing.colour
 
@@ -109,7 +109,7 @@ def test_one_that_cannot_be_compiled_leaves_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_where_they_are_refused(tmp_path):
+def test_names_that_are_taken_are_refused(tmp_path):
     with pytest.raises(ParameterError, match="name"):
         vs.sweep(SWEEP, observables=[phases(), phases()])
     table = tmp_path / "pairs.csv"
@@ -118,7 +118,7 @@ def test_where_they_are_refused(tmp_path):
         vs.sweep(design=str(table), observables=[phases()])
 
 
-def test_a_description_names_it_and_verification_says_that_it_cannot_compare(tmp_path):
+def test_a_description_lists_an_observable_and_verification_does_not_compare_it(tmp_path):
     path = tmp_path / "out.h5"
     table = {"restitution": [0.8, 0.9], "amplitude": [1.0, 2.0], "ball": ["brass", "steel"]}
     vs.run({"design": table}, path, observables=[phases()]).close()

@@ -1,4 +1,4 @@
-"""Realizations of a sweep followed again: the same landings, bit for bit."""
+"""Realizations of a sweep, when followed again, have the same landings, bit for bit."""
 
 import re
 
@@ -44,14 +44,14 @@ def test_realizations_of_a_sweep_are_followed_exactly(scene):
 
 
 def test_launches_are_the_phases_of_the_sweep_and_not_its_seconds():
-    """At 30 Hz these fractions of a period, in seconds, are other phases by an ulp."""
+    """At 30 Hz these fractions of a period change by an ulp if they are given in seconds."""
     scene = {"restitution": 0.85, "frequency": 30.0, "base_acceleration": 2.0, "duration": 2.0}
     found = vs.sweep(**scene, particles=7, base="moving", per_particle=True)
     count = vs.simulate(found).impact_count
     assert np.array_equal(count, found.particle_impact_count)
 
 
-def test_a_point_of_a_grid_and_of_a_file(tmp_path):
+def test_points_of_a_grid_in_a_file_are_followed_exactly(tmp_path):
     spec = {"restitution": [0.8, 0.9], "amplitude": [1.0, 2.0, 3.0], "particles": 2}
     vs.run({**spec, "per_particle": True}, tmp_path / "grid.h5").close()
     with vs.open_sweep(tmp_path / "grid.h5") as found:
@@ -62,7 +62,7 @@ def test_a_point_of_a_grid_and_of_a_file(tmp_path):
         assert np.array_equal(one.impact_count, chosen)
 
 
-def test_other_code_is_warned_of():
+def test_a_result_of_other_kernels_is_warned_of():
     found = swept()
     found.attrs["kernels"] = "of another version"
     with pytest.warns(OtherKernelsWarning, match="another version"):
@@ -78,7 +78,7 @@ def test_other_code_is_warned_of():
         (lambda found: found.drop_attrs(), "attributes"),
     ],
 )
-def test_what_no_sweep_has_computed_is_refused(change, word):
+def test_a_result_that_no_sweep_computed_is_refused(change, word):
     found = vs.sweep(restitution=0.9, particles=3)
     with pytest.raises(DataError, match=re.escape(word)):
         vs.simulate(change(found))

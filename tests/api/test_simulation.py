@@ -1,4 +1,4 @@
-"""The contract of `simulate`: what comes back, and what is refused with which words."""
+"""The contract of `simulate`: its results, and the messages with which it refuses."""
 
 import re
 import subprocess
@@ -69,14 +69,14 @@ def test_realizations_and_particles_do_not_depend_on_their_company():
                 assert np.array_equal(one, alone[name].values[0, 0], equal_nan=True)
 
 
-def test_a_base_that_no_shaker_drives_is_noted():
+def test_a_base_too_strong_for_any_shaker_is_noted():
     strong = simulate(base_displacement=0.5, frequency=25.0, duration=0.2)
     assert "up to 1258 g" in strong.attrs["notes"]
 
 
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
 def test_phase_and_speed_of_arrival_give_the_rebound(base):
-    """The law w = e v + A sin(2 pi x), which w - V = e (v + V) is with A = (1 + e) V0."""
+    """w = e v + A sin(2 pi x), which equals w - V = e (v + V) for A = (1 + e) V0."""
     found = simulate(amplitude=[1.2, 2.0], launch_time=[0.0, 0.4], base=base)
     kick = found.amplitude * np.sin(2.0 * np.pi * found.impact_phase)
     bounced = (found.rested == 0) & np.isfinite(found.rebound_velocity)
@@ -235,13 +235,13 @@ def test_a_particle_that_is_given_up_is_noted():
 @pytest.mark.parametrize(
     "draw", [figures.parameter_plane, figures.height_time, analysis.slot_decay, simulate]
 )
-def test_a_path_is_no_dataset(draw):
+def test_a_path_in_place_of_a_dataset_is_refused(draw):
     with pytest.raises(DataError, match=r"^str: .*open_sweep\(path\)"):
         draw("out.h5")
 
 
 @pytest.mark.parametrize("opened", ["open_sweep", "open_record"])
-def test_what_is_no_result_is_refused(opened, tmp_path):
+def test_files_that_are_no_results_are_refused(opened, tmp_path):
     function = getattr(vibrosweep, opened)
     absent, text = tmp_path / "absent.h5", tmp_path / "text.h5"
     text.write_text("no result")
@@ -271,7 +271,7 @@ def test_public_names_are_loaded_lazily():
         _ = vibrosweep.absent
 
 
-def test_what_is_public_no_more_names_what_is():
+def test_names_that_are_no_longer_public_point_to_their_successors():
     with pytest.raises(AttributeError, match=r"vibrosweep\.windows"):
         _ = vibrosweep.analysis.Scene
 

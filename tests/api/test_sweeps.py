@@ -1,4 +1,4 @@
-"""Sweeps from Python: in memory and in a file the same, from keywords, a mapping or a file."""
+"""Sweeps from keywords, a mapping or a file are the same in memory and in a result file."""
 
 import inspect
 import os
@@ -81,7 +81,7 @@ def test_a_bar_is_shown_where_it_is_wanted(capsys, monkeypatch):
     assert "realizations/s" in capsys.readouterr().err
 
 
-def test_what_does_not_fit_into_memory_is_refused(memory):
+def test_a_sweep_that_does_not_fit_into_memory_is_refused(memory):
     memory(10_000)
     with pytest.raises(ParameterError, match=r"vibrosweep\.run"):
         vs.sweep(**DRAWN)
@@ -135,8 +135,8 @@ COUNTS = [np.uint8, np.int8, np.uint64, np.int64]
 
 
 @pytest.mark.parametrize("kind", COUNTS)
-def test_counts_of_numpy_are_counts(tmp_path, kind):
-    """They are computed with, and those of numpy would overflow."""
+def test_counts_may_be_numpy_integers(tmp_path, kind):
+    """Arithmetic with counts would overflow in a small integer type of NumPy."""
     one = {"restitution": 0.9, "amplitude": 1.2, "duration": 4.0}
     whole, several = kind(100), kind(2)
     drawn = {"restitution": (0.8, 0.9), "amplitude": 1.0, "realizations": several, "seed": several}
@@ -181,7 +181,7 @@ def test_a_table_without_columns_is_refused(tmp_path, fixed, table):
 PLAIN = {"restitution": [0.8, 0.9, 0.95], "amplitude": [1.0, 2.0, 3.0]}
 
 
-def test_a_label_may_be_called_as_what_python_and_xarray_know(tmp_path):
+def test_a_label_may_have_a_name_that_python_or_xarray_uses(tmp_path):
     names = ("self", "class", "None", "lambda", "dims", "values", "attrs")
     labels = {name: [3.0, 1.0, 2.0] for name in names}
     design = PLAIN | labels
@@ -195,7 +195,7 @@ def test_a_label_may_be_called_as_what_python_and_xarray_know(tmp_path):
         assert main([words[0], str(tmp_path / "out.h5"), *words[1:]]) == 0
 
 
-def test_a_label_is_not_called_as_a_group_of_a_result(tmp_path):
+def test_a_label_may_not_have_the_name_of_a_group_of_the_result(tmp_path):
     for name in ("record", "identity"):
         with pytest.raises(TableError, match=f'"{name}" has the name'):
             vs.run({"design": PLAIN | {name: [1.0, 2.0, 3.0]}}, tmp_path / "out.h5")
@@ -204,7 +204,7 @@ def test_a_label_is_not_called_as_a_group_of_a_result(tmp_path):
 @pytest.mark.parametrize("character", ["\0", "\ud800"])
 @pytest.mark.parametrize("chunk", [1, None])
 def test_a_text_that_no_file_can_hold(tmp_path, character, chunk):
-    """In a label it is refused before anything is computed, in words about one it is marked."""
+    """In a label it is refused before anything is computed; in an attribute it is replaced."""
     design = PLAIN | {"name": ["a", f"b{character}c", "d"]}
     for compute in (
         lambda: vs.run({"design": design}, tmp_path / "out.h5", chunk=chunk),
@@ -234,8 +234,8 @@ def test_more_labels_than_a_file_can_hold(tmp_path):
         ("MPLBACKEND=nope", "is not a backend", "figures any.h5", "figures"),
     ],
 )
-def test_an_environment_that_a_library_does_not_start_in(tmp_path, setting, words, command, module):
-    """One message by the command, and one error from Python."""
+def test_an_environment_that_stops_a_library_is_named(tmp_path, setting, words, command, module):
+    """The command prints one message, and Python raises one error."""
     variable, _, value = setting.partition("=")
     source = str(Path(vs.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": source, variable: value}

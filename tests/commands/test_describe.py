@@ -7,7 +7,7 @@ from vibrosweep.commands.describe import describe
 from vibrosweep.errors import DataError
 
 
-def test_what_a_result_holds(paper):
+def test_a_result_is_described(paper):
     text = "\n".join(describe(paper))
     lines = {line.split()[0]: line for line in text.splitlines()}
     assert text.startswith("Table 1 with 200 random realizations")
@@ -25,7 +25,7 @@ def test_what_a_result_holds(paper):
     assert "completed 200 (100.0%)" in lines["status"]
 
 
-def test_rows_at_a_time_say_the_same(paper, monkeypatch):
+def test_reading_rows_in_slices_gives_the_same_description(paper, monkeypatch):
     expected = list(describe(paper))
     monkeypatch.setattr("vibrosweep.store.rows.ROWS_OF_A_SLICE", 64)
     assert list(describe(paper)) == expected
@@ -37,10 +37,10 @@ def damaged(data, rng):
     return data
 
 
-# a file object of h5netcdf that could not be opened complains again when it is thrown away
+# after a failed open the file object of h5netcdf complains again when it is garbage-collected
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("seed", range(8))
-def test_damage_is_said_or_harmless(paper, tmp_path, seed):
+def test_damage_is_reported_or_harmless(paper, tmp_path, seed):
     rng = np.random.default_rng(seed)
     data = np.frombuffer(paper.read_bytes(), np.uint8).copy()
     data = damaged(data, rng) if seed % 2 else data[: rng.integers(data.size)]
@@ -54,7 +54,7 @@ def test_damage_is_said_or_harmless(paper, tmp_path, seed):
     assert lines[0].startswith(("Table", *(f"{path}: {words}" for words in said)))
 
 
-def test_other_files(tmp_path):
+def test_files_that_are_no_results_are_refused(tmp_path):
     text, empty, foreign = (tmp_path / name for name in ("text.h5", "empty.h5", "foreign.h5"))
     text.write_text("no HDF5")
     empty.touch()

@@ -57,13 +57,13 @@ def test_an_unknown_name_is_refused(tmp_path, capsys):
     assert contents(tmp_path) == {}
 
 
-def test_a_package_without_them_says_so(tmp_path):
+def test_a_package_without_examples_says_so(tmp_path):
     with pytest.raises(DataError, match="sweeps are missing; install vibrosweep again"):
         examples_in([tmp_path / "none"])
 
 
 @pytest.mark.parametrize("inside", [True, False])
-def test_an_installed_package_has_them_inside(tmp_path, inside):
+def test_examples_are_found_inside_or_beside_the_package(tmp_path, inside):
     """Examples inside the package are preferred to those beside it."""
     places = (tmp_path / "package" / "sweeps", tmp_path / "sweeps")
     for place in places[0 if inside else 1 :]:

@@ -48,8 +48,8 @@ def test_a_number_that_is_no_port_is_reported(swept, capsys, port):
 
 
 @pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="names there are Unicode")
-def test_names_that_are_no_text_can_be_explored_and_written_to(swept, tmp_path):
-    """Of a result, of a page, and of what another program wrote as a title."""
+def test_names_that_are_not_unicode_can_be_read_and_written(swept, tmp_path):
+    """Names of a result and of a page, and a title that another program wrote."""
     odd = tmp_path / os.fsdecode(b"\xff.h5")
     page = tmp_path / os.fsdecode(b"\xff.html")
     with_title(swept, odd, b"\xfftitle")

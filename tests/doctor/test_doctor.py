@@ -131,7 +131,7 @@ def test_a_limit_on_the_memory(tmp_path):
     assert "lower --chunk" in found.trouble
 
 
-def test_places_for_results(monkeypatch, tmp_path):
+def test_a_full_or_unwritable_disk_is_reported(monkeypatch, tmp_path):
     assert machine.disk(tmp_path).trouble == ""
     monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=1 << 20))
     assert "free some space" in machine.disk(tmp_path).trouble

@@ -1,4 +1,4 @@
-"""Warming up compiles what commands use, and only that once."""
+"""After warming up no command compiles anything, and all machine code is on disk."""
 
 from collections import Counter
 
@@ -63,7 +63,7 @@ def test_all_machine_code_is_on_disk_afterwards():
     assert done.directory == _jit.cache_directory
 
 
-def test_nowhere_to_keep_it(monkeypatch):
+def test_warming_up_without_a_cache_directory_is_refused(monkeypatch):
     monkeypatch.setattr(_jit, "cache_directory", None)
     with pytest.raises(OutputError, match="NUMBA_CACHE_DIR"):
         warm_up()

@@ -1,4 +1,4 @@
-"""The line that says that a kernel is compiled: on terminals alone, where it takes long."""
+"""The notice of a compilation: on terminals only, and only if it takes long."""
 
 import gc
 import io
@@ -25,7 +25,7 @@ def event(function, module="vibrosweep.kernels.advance"):
 
 @pytest.fixture
 def told(monkeypatch):
-    """Tell a notice of a kernel and of a piece inside, and return what a stream then holds."""
+    """Announce a kernel and a function inside it to a notice; return the text of the stream."""
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
 
@@ -42,14 +42,14 @@ def told(monkeypatch):
     return tell
 
 
-def test_a_long_compilation_is_said_and_the_line_taken_away(told):
+def test_a_long_compilation_is_announced_and_the_line_is_removed(told):
     lines = told(Terminal(), 0.2).split("\r")
     assert lines[1].startswith("vibrosweep: compiling advance (first use only")
     assert lines[-2].strip() == lines[-1] == ""
     assert len(lines[-2]) == len(lines[-3])
 
 
-def test_loading_is_said_once(monkeypatch):
+def test_loading_is_announced_and_the_line_is_removed(monkeypatch):
     stream = Terminal()
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     monkeypatch.setattr(sys, "stderr", stream)
@@ -60,7 +60,7 @@ def test_loading_is_said_once(monkeypatch):
     assert last == ""
 
 
-def test_nothing_is_said_elsewhere_or_of_others_or_of_what_is_fast(told, monkeypatch):
+def test_files_other_modules_and_fast_compilations_get_no_notice(told, monkeypatch):
     assert told(io.StringIO(), 0.1) == ""
     assert told(Terminal(), 0.1, "elsewhere.module") == ""
     assert told(Terminal(), 0.0) == ""
@@ -69,7 +69,7 @@ def test_nothing_is_said_elsewhere_or_of_others_or_of_what_is_fast(told, monkeyp
 
 
 @pytest.mark.parametrize("often", [700, 10**6, 0])
-def test_cycles_of_objects_are_looked_for_less_often_meanwhile_if_at_all(often):
+def test_the_garbage_collector_runs_less_often_during_compilation(often):
     before = gc.get_threshold()
     gc.set_threshold(often, 10, 10)
     try:

@@ -1,4 +1,4 @@
-"""Particles on a base of finite mass: its limit of infinite mass, budgets, and what is measured."""
+"""Particles on a base of finite mass: massless particles, conserved momentum, and measures."""
 
 import itertools
 
@@ -88,7 +88,7 @@ def test_each_landing_is_on_the_base_and_each_impact_keeps_momentum(mu, natural,
             new = speeds[k + 1] if leaves[k + 1] == lands[k + 1] else np.nan
             assert new - after[0] == pytest.approx(e * (was[0] - arrives), abs=1e-10)
             riding = round((mu * (new - arrives) / (was[0] - after[0]) - 1.0) / mu)
-            mass = 1.0 + riding * mu  # of the base with what rides it
+            mass = 1.0 + riding * mu  # of the base and its riders
             assert mu * new + mass * after[0] == pytest.approx(
                 mu * arrives + mass * was[0], abs=1e-10
             )
@@ -201,7 +201,7 @@ def test_a_budget_of_just_the_landings_in_the_window_is_enough():
         assert found["status"] == status
 
 
-def test_results_do_not_depend_on_how_many_impact_numbers_are_remembered_at_first(monkeypatch):
+def test_results_do_not_depend_on_the_initial_memory_for_impact_numbers(monkeypatch):
     given = {"restitution": np.array([0.3, 0.9]), "amplitude": np.array([3.0, 0.8])}
     given |= {name: np.full(2, value) for name, value in MOUNT.items()}
     asked = Measures(separation=True, per_particle=True, ordering=True)
@@ -232,7 +232,7 @@ def test_a_separation_of_equal_numbers_once_unknown_stays_unknown():
 
 
 def test_a_stiff_overdamped_mount_moves_nearly_as_its_foot():
-    """The recoil has gone after 1e-6 periods, and steps along a ride need not resolve that."""
+    """The recoil decays in 1e-6 periods, which steps along a ride need not resolve."""
     scene = {
         "restitution": [0.0, 0.6],
         "base_acceleration": [1.5, 2.0],
@@ -249,7 +249,7 @@ def test_a_stiff_overdamped_mount_moves_nearly_as_its_foot():
 
 
 def test_a_mount_too_stiff_to_be_followed_is_given_up():
-    """Steps along the ride of a particle resolve its free motion, of 1e-13 periods here."""
+    """Steps along a ride resolve the free motion of the mount, which takes 1e-13 periods here."""
     found = vs.simulate(
         base="sprung",
         mass_ratio=1e-3,

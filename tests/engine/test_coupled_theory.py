@@ -13,7 +13,7 @@ UNIT = 9.81 / 2.0  # of speed, at 1 Hz: flights of one period
 
 
 def followed(launch, k, duration, **changes):
-    """Every landing; times in periods."""
+    """Record of every landing; times in periods."""
     scene = {
         "base": "sprung",
         "restitution": E,
@@ -62,7 +62,7 @@ def test_without_mass_the_base_is_the_moving_one():
 def locked_phases(base, k):
     """Phases of the last landings of those of eight launches that were locked to mode k.
 
-    They do not rest: one that rests once a period lands once a period, too.
+    Orbits with rests are left out: with one rest per period they also land once per period.
     """
     turns = np.linspace(0.2, 0.5, 8)
     seen = followed(
@@ -106,7 +106,7 @@ def locked_phases(base, k):
 def test_a_particle_locks_where_and_when_the_closed_form_says(
     damping, mass_ratio, natural, above, restitution
 ):
-    """Stable orbits to which some of the launches lead: a rest once per period attracts, too."""
+    """Some of the launches lead to this stable orbit, others to an orbit with rests."""
     least = coupled_theory.locked_acceleration_min(1, restitution, mass_ratio, natural, damping)
     base = CoupledBase(restitution, above * float(least), mass_ratio, natural, damping)
     cycle = staggered(base, 1, [0])
@@ -164,7 +164,7 @@ def test_staggered_particles_return_at_the_rate_of_the_spectral_radius(natural):
     ends = np.sort(times[np.isfinite(times)])
     off = np.abs(ends - (cycle.time[0] + np.rint(ends - cycle.time[0])))
     early, late = (off[(ends > t) & (ends < t + 30.0)].max() for t in (140.0, 320.0))
-    # 15 landings of each show the envelope of a rotating pair to 20 %, which is 0.001 a period
+    # 15 landings of each show the envelope of a complex pair to 20 %, or 0.001 per period
     assert (late / early) ** (1.0 / 180.0) == pytest.approx(spectral_radius(cycle), abs=1e-3)
 
 

@@ -22,7 +22,7 @@ def test_the_restitution_at_the_fastest_impact_of_the_range_is_the_least():
     assert np.isinf(fastest_in_range("plastic", e, e)).all()
 
 
-def test_results_without_landings_say_up_to_where_the_law_holds():
+def test_results_without_landings_state_the_range_of_the_law():
     inputs = {"restitution": 0.8, "restitution_speed": 0.01}
     limit = fastest_in_range("viscoelastic", np.array([0.8]), np.array([0.01])).item()
     assert f"up to {limit:.4g} m s-1" in range_of("viscoelastic", inputs)
@@ -32,8 +32,8 @@ def test_results_without_landings_say_up_to_where_the_law_holds():
     assert found.restitution_law_range == range_of("viscoelastic", inputs)
 
 
-def test_impacts_outside_the_range_are_flagged_though_nothing_asks_for_it():
-    """The first impact on a base that stays is the fastest: that of the launch."""
+def test_impacts_outside_the_range_are_always_flagged():
+    """On a base that does not kick, the first impact is the fastest: it has the launch speed."""
     limit = fastest_in_range("viscoelastic", np.array([0.8]), np.array([0.01])).item()
     speeds = [0.1 * limit, 0.999 * limit, 1.001 * limit]
     found = vs.sweep(**LIMITED, amplitude=0.0, launch_velocity=speeds, duration=20.0)
@@ -44,7 +44,7 @@ def test_impacts_outside_the_range_are_flagged_though_nothing_asks_for_it():
     assert f"up to {limit:.4g} m s-1" in every.restitution_law_range
 
 
-def test_what_did_not_complete_is_undetermined_unless_it_was_outside():
+def test_incomplete_realizations_are_undetermined_unless_they_left_the_range():
     totals = np.zeros((len(KINDS) + 1, 4))
     totals[0], totals[-1] = [3, 3, 0, 3], [1.0, 9.0, -np.inf, 9.0]
     spent, lost = Status.BUDGET_EXCEEDED, Status.NON_FINITE

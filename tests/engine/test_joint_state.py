@@ -41,7 +41,7 @@ class Neighbours:
     phase: float  # of the forcing, in turns
     deviation: tuple[float, float]  # of the base from its forced oscillation: height and velocity
     # Derivative by the initial heights and velocities of the particles and of the base, shape
-    # (2 * particle + 2,) twice
+    # (2 * particle + 2, 2 * particle + 2)
     matrix: np.ndarray
     landings: int  # during the motion
 
@@ -158,7 +158,7 @@ def test_floquet_map_of_staggered_particles(natural, printed):
 
 @pytest.mark.parametrize("mass_ratio", [0.05, 0.2, 0.5])
 @pytest.mark.parametrize("natural", [0.37, 1.6])
-def test_a_locked_orbit_without_damping_exists_just_above_its_limit_and_be_it_unstable(
+def test_a_locked_orbit_without_damping_exists_just_above_its_limit_even_if_unstable(
     mass_ratio, natural
 ):
     limit = np.pi * 0.1 / 1.9 * (1.0 + mass_ratio)
@@ -206,8 +206,8 @@ def test_matrix_is_the_derivative_and_volume_contracts_as_theory_says():
         np.testing.assert_allclose(relative[:, column], slope, rtol=1e-6, atol=1e-6)
     zeta, w0 = base.damping, 2.0 * np.pi * base.natural
     expected = base.restitution ** (2 * end.landings) * np.exp(-2.0 * zeta * w0 * periods)
-    # one impact changes the volume by e^2 times the speeds of approach before and after over
-    # each other, which closes over an orbit; here both ends are in flight, so that it is exact
+    # from impact to impact, the volume changes by e^2 times a ratio of speeds of approach, which
+    # cancels over an orbit; between two instants in flight, as here, by exactly e^2 per impact
     assert np.linalg.det(end.matrix) == pytest.approx(expected, rel=1e-10)
 
 
@@ -257,7 +257,7 @@ def test_rest_after_the_last_landing_that_the_budget_allows_is_seen():
 
 
 @pytest.mark.parametrize(("walk", "ends"), [(1.0, 0.0), (0.0, 1.0), (0.03, 1.0)])
-def test_standard_error_of_what_adds_up_and_of_what_ends_of_blocks_give_back(walk, ends):
+def test_standard_error_of_growth_that_adds_up_and_of_shifts_at_ends_of_blocks(walk, ends):
     rng, rows, events = np.random.default_rng(6), 1000, 2000
     turned = np.diff(rng.normal(0.0, ends, (rows, events + 1)), axis=1)
     growth = rng.normal(0.0, walk, (rows, events)) + turned
@@ -267,7 +267,7 @@ def test_standard_error_of_what_adds_up_and_of_what_ends_of_blocks_give_back(wal
             _add_waves(one, (k + 0.5) / events, waves[i])
     error = standard_error(growth.reshape(rows, BLOCKS, -1).sum(axis=2), waves)
     scatter = np.sqrt(events * walk**2 + 2.0 * ends**2)
-    # of the ends, slow waves of 2000 events hold 2 (2 pi)^2 7.5 / 2000 = 0.15 of their 2 t^2
+    # slow waves of 2000 events hold 2 (2 pi)^2 7.5 / 2000 = 0.15 of the variance 2 t^2 of the ends
     assert np.sqrt(np.mean(error**2)) == pytest.approx(scatter, rel=0.06)
     assert 0.6 < np.mean(abs(growth.sum(axis=1)) < error) < 0.74
 
@@ -282,7 +282,7 @@ def test_standard_error_of_what_adds_up_and_of_what_ends_of_blocks_give_back(wal
 def test_standard_error_is_the_scatter_over_launches(
     restitution, gamma, mass_ratio, natural, transient
 ):
-    """The blocks of locked motion scatter 2.5 times as much."""
+    """For locked motion, the scatter of the blocks would overestimate the error 2.5 times."""
     rng, size = np.random.default_rng(1), 60
     given = {
         "restitution": restitution,

@@ -1,4 +1,4 @@
-"""Laws that every recorded landing obeys, and the scenes at the edge of what can be launched."""
+"""Laws that every recorded landing obeys, and scenes at the limits of what can be launched."""
 
 import math
 import tracemalloc
@@ -123,11 +123,11 @@ def test_equal_dimensionless_problems_have_one_orbit():
 )
 def test_a_launch_whole_periods_later_is_the_same_orbit(scene, periods, exponent):
     frequency = 2.0**exponent
-    launch = round(scene["launch_time"][0] * 256) / 256  # exact, wherever it is shifted
+    launch = round(scene["launch_time"][0] * 256) / 256  # exact after any shift
     shift = periods / frequency
     here = scene | {"frequency": frequency, "launch_time": launch}
     there = here | {"launch_time": launch + shift}
-    # the last landings are left out: ends are rounded to different places
+    # the last landings are left out: the two ends are rounded differently
     one = simulate(duration=launch + 5.0, impact_budget=200, **here) if launch > -5.0 else None
     if one is None or launch + shift + 5.0 <= 0.0:
         return
@@ -198,7 +198,7 @@ def test_without_restitution_every_flight_is_the_kick_alone():
 
 @pytest.mark.parametrize("rebound", LAWS)
 def test_a_launch_at_rest_lands_at_once(rebound):
-    # the first landing is the launch; where the kick is up, the particle leaves with it alone
+    # the first landing is the launch; where the kick is positive, it alone gives the rebound speed
     found = simulate(
         launch_velocity=0.0,
         launch_time=[0.25, 0.75],
@@ -253,7 +253,7 @@ def test_a_kick_above_the_threshold_lifts_again():
     land, leave, _, rested = only(found)
     assert rested.sum() > 10
     assert not np.isnan(leave).any()
-    # it lifts where it is strongest
+    # the kick lifts where it is strongest
     assert leave[rested == 1] % 1.0 == pytest.approx(0.25, abs=1e-7)
     assert np.all(np.diff(land) > 0.0)
 
@@ -285,7 +285,7 @@ def test_some_particles_land_and_others_do_not():
 
 
 @pytest.mark.parametrize("budget", [1, 8, 9, 1000])
-def test_a_budget_ends_what_would_not_end(budget):
+def test_a_budget_ends_a_decay_without_end(budget):
     # decays over 1e12 impacts, of 4e-7 s at first
     found = simulate(
         restitution=1.0 - 1e-12,
@@ -301,7 +301,7 @@ def test_a_budget_ends_what_would_not_end(budget):
     assert found.sizes["impact"] == given_up
 
 
-def test_a_spent_budget_is_no_fault_where_nothing_else_lands():
+def test_a_budget_spent_at_the_last_landing_is_not_exceeded():
     budget = 2 * LOOK_AFTER  # impacts, one each second
     scene = {"restitution": 1.0, "amplitude": 0.0, "launch_velocity": 1.0, "impact_budget": budget}
     for late, status in ((0.5, Status.COMPLETED), (1.0, Status.BUDGET_EXCEEDED)):
@@ -311,7 +311,7 @@ def test_a_spent_budget_is_no_fault_where_nothing_else_lands():
 
 
 def test_a_flight_whose_square_overflows_gets_a_status(parameters, observe, record, workers):
-    """No parameters within their ranges have one; a record holds no squares."""
+    """Parameters within their ranges cannot reach it; a record holds no squares."""
     scene = parameters(launch_velocity=0.0, amplitude=1e200, **DYADIC), observe(launch=[0.25])
     assert record(*scene)["rebound_velocity"].item() == 1e200
     assert measure(*scene, workers)["status"].item() == Status.NON_FINITE
@@ -333,7 +333,7 @@ def test_a_record_that_would_not_fit_into_memory_is_refused(memory):
 
 @pytest.mark.parametrize("ragged", [False, True])
 def test_a_record_is_refused_by_the_bytes_of_its_form(memory, observe, parameters, workers, ragged):
-    """Not one byte earlier, also where one particle has most of the landings."""
+    """Not one byte earlier, even if one particle has most of the landings."""
     scene, given = observe(launch=[0.0, 11.0, 11.0, 11.0]).recorded(), parameters()
     count = landings.record_landings(given, scene, workers)["impact_count"]
     places = count.sum() if ragged else count.size * count.max()

@@ -25,7 +25,7 @@ def in_window(found, transient):
 def check_counts(measured, found, inside):
     """Counts are equal, per particle and per realization."""
     rested = (found["rested"] == 1) & inside
-    # whoever rests for good does so before the end, be it before the window
+    # a particle counts as at rest for good even if that began before the window
     finished = ((found["rested"] == 1) & np.isnan(found["liftoff_time"])).any(axis=-1)
     for name, particles in (
         ("impact_count", inside.sum(axis=-1)),
@@ -54,7 +54,7 @@ def check_means(measured, found, inside, inputs):
         ):
             found_values = measured[prefix + name]
             assert np.array_equal(np.isnan(found_values), ~some)
-            # where there is none, any number in its place
+            # where there is none, any number will do
             filled = np.where(some.reshape(some.shape + (1,) * (3 - some.ndim)), values, 0.0)
             expected = function(filled, axis=axis)
             assert np.all(
@@ -122,7 +122,7 @@ def test_statistics_are_those_of_the_record_bit_for_bit(
 def test_a_launch_counts_for_the_highest_flight_in_its_window(
     launch, transient, counted, parameters, observe, workers
 ):
-    # a throw far above all that follows
+    # a launch far higher than all flights that follow
     inputs = parameters(launch_velocity=20.0, restitution=0.1, amplitude=0.1)
     scene = observe(launch, particles=4, transient=transient)
     measured = measure(inputs, scene, workers)

@@ -1,4 +1,4 @@
-"""Scenes in which something is random: against plain Python, closed forms, and themselves."""
+"""Scenes with noise, against plain Python, closed forms, and each other."""
 
 import math
 
@@ -11,12 +11,12 @@ from vibrosweep.kernels.deviates import OF_DRIVE, OF_KICK, OF_RESTITUTION, devia
 ALL = {"restitution_noise": 0.05, "kick_noise": 0.1, "drive_noise": 0.4}
 OWN = {"restitution_noise": 0.3, "kick_noise": 0.2}  # to each impact
 SCENE = {"restitution": (0.5, 0.95), "amplitude": (0.0, 2.0), "realizations": 60, "particles": 2}
-# In units of g / (2 f), whose flights last one forcing period
+# speeds in units of g / (2 f), at which a flight lasts one forcing period
 UNITS = {"gravity": 2.0, "frequency": 1.0, "phase": 0.0}
 
 
 def plain(e, a, r, u, law, noise, *, stream, particle, start, end):
-    """Landing times, in periods, of the map as its definition reads, one impact at a time."""
+    """Landing times, in periods, of the map by its definition, one impact at a time."""
     key, sigma = key_of(5), {name.partition("_")[0]: value for name, value in noise.items()}
 
     def xi(kind, purpose, who, number):
@@ -91,7 +91,7 @@ def test_a_realization_of_a_sweep_is_replayed_landing_by_landing():
         assert np.nanmin(apart) == pytest.approx(of_each.dt_min.values[realization], abs=1e-13)
 
 
-def test_results_depend_on_nothing_but_the_place():
+def test_noise_depends_on_seed_stream_particle_and_impact_only():
     asked = {**SCENE, **ALL, "duration": 15.0, "seed": 1, "separation": True}
     one = vs.sweep(**asked, threads=1)
     assert vs.sweep(**asked, threads=2).equals(one)
@@ -143,7 +143,7 @@ def test_exponents_along_the_path():
     assert found.lyapunov_sum.item() == pytest.approx(2.0 * math.log(0.9), abs=1e-4)
 
 
-def test_no_noise_is_no_noise():
+def test_noise_of_strength_zero_is_no_noise():
     still = vs.sweep(amplitude=(0.2, 3.5), realizations=20, regimes=True, kick_noise=0.0)
     assert "noise_seed" not in still.attrs
     assert "kick_noise" not in still
@@ -161,7 +161,7 @@ def test_particles_share_the_noise_of_the_drive_alone():
 
 
 def test_a_rest_without_end_is_given_up():
-    """An amplitude that a deviate must raise more than eightfold to lift the particle."""
+    """A deviate above 8.4 would lift the particle of the first sweep; none exceeds 8.4908."""
     scene = {**UNITS, "restitution": 0.0, "contact_time": 0.1, "drive_noise": 1.0}
     scene |= {"waveform": "parabolic"}
     found = vs.sweep(**scene, amplitude=0.1 / 9.4, launch_velocity=1.0, duration_periods=1e12)
@@ -171,7 +171,7 @@ def test_a_rest_without_end_is_given_up():
 
 
 def test_the_stationary_energy_of_a_base_that_only_trembles():
-    """<u^2> = sigma^2 / (1 - e^2 - sigma_e^2), by the means of 400 particles.
+    """<u^2> = sigma^2 / (1 - e^2 - sigma_e^2), from the means of 400 particles.
 
     Noise of the drive changes nothing where there is no drive.
     """
@@ -190,7 +190,7 @@ def test_the_stationary_energy_of_a_base_that_only_trembles():
 
 
 def test_particles_still_bouncing_after_n_impacts():
-    """C(2n, n) / 4^n (Sparre Andersen) of those whose kicks alone are random, at e = 1."""
+    """C(2n, n) / 4^n of them (Sparre Andersen), if kicks are purely random and e = 1."""
     found = vs.simulate(
         **UNITS, kick_noise=0.5, restitution=1.0, amplitude=0.0, contact_time=1e-30,
         launch_velocity=1e-20, launch=[0.0] * 20000, duration=1e9, impact_budget=12,
@@ -226,7 +226,7 @@ def test_the_covariance_about_a_locked_orbit(noise, known):
 
 
 def test_how_far_apart_two_particles_in_one_slot_stay():
-    """sqrt(2 S_xx) under noise of their own, rounding alone under that of the drive."""
+    """sqrt(2 S_xx) under separate noise of their kicks, roundings under noise of the drive."""
     phase = 0.5 - math.asin(0.1 / 0.4) / (2.0 * math.pi)
     scene = {**UNITS, **LOCKED, "launch_time": [phase, phase + 1e-3], "duration": 600.0}
     kick = vs.simulate(**scene, kick_noise=1e-3 / 1.9, noise_stream=np.arange(60))
@@ -248,7 +248,7 @@ def test_how_far_apart_two_particles_in_one_slot_stay():
         ({"noise_seed": -1}, "noise_seed = -1.*at least 0"),
     ],
 )
-def test_what_is_refused(given, words):
+def test_noise_that_is_refused(given, words):
     with pytest.raises(vs.errors.SpecError, match=words):
         vs.sweep(**given)
 
@@ -266,7 +266,7 @@ def test_streams_that_are_refused(given, words):
         vs.simulate(**given)
 
 
-def test_noise_in_a_table_is_judged_as_that_of_a_key():
+def test_noise_in_a_table_obeys_the_rules_of_its_key():
     table = {"restitution": [0.8, 0.9], "amplitude": [1.0, 1.1], "drive_noise": [0.0, 0.1]}
     found = vs.sweep(design=table, duration=5.0)
     assert found.noise_stream.values.tolist() == [0.0, 1.0]

@@ -19,7 +19,7 @@ DURATION, TRANSIENT = 40.0, 7.3
 
 
 def everything(totals, landing):
-    """The sum of each quantity; that of the phase as a square, which no sign cancels."""
+    """Sum each quantity; the phase is squared, so that signs do not cancel."""
     totals[0] += 1.0
     totals[1] += landing.phase * landing.phase
     totals[2] += landing.flight_time
@@ -108,7 +108,7 @@ def test_every_landing_in_the_window_is_seen(base, transient, scenes, observe, r
 
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
 def test_other_measures_and_threads_change_no_bit(base, scenes, observe):
-    """Over 400 periods most orbits repeat; other measures count them, an observable follows."""
+    """In 400 periods most orbits repeat; other measures count cycles, observables follow them."""
     plain = observe(particles=5, duration=400.0, base=base, regimes=True)
     asked = plain.with_measures(observables=(ALL,))
     with Workers(1) as one, Workers(3) as three:
@@ -130,7 +130,7 @@ def test_units_and_sums_over_particles(scenes, observe, workers):
     np.testing.assert_allclose(found["arrivals"], expected, rtol=1e-13)
 
 
-def test_what_cannot_be_computed_is_nan(parameters, observe, workers):
+def test_realizations_that_cannot_be_computed_are_nan(parameters, observe, workers):
     inputs = parameters(amplitude=[1.0, 1e300], restitution=0.9)
     found = measure_all(inputs, observe(particles=2, observables=(ALL,)), workers)
     assert found["status"].tolist() == [0, 3]
@@ -156,7 +156,7 @@ def test_division_by_zero_is_an_error_as_in_python():
 
 
 def test_functions_that_it_calls_are_compiled_with_it():
-    """A number that they use may have changed since, and an index must not spoil memory."""
+    """A number that they use may have changed since, and bad indices must raise an error."""
     helper = without_limits("def g(totals, k): totals[k] += K", K=1.0)
     room = np.zeros(4)
     helper(room, 0)

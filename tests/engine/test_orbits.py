@@ -185,7 +185,7 @@ def test_an_orbit_that_is_lifted_from_two_rests_is_resting(
             assert one["recurrent_from"] == pytest.approx(lifted[0], rel=1e-12)
         seen = np.count_nonzero(kept["landing_time"][place][rests] >= begin)
         if exponents and (rests.size > 1 or (seen > 0 and one["regime"] != Regime.LOCKED)):
-            # -inf of a cycle; of one rest without a cycle nothing is known
+            # -inf for a cycle; nothing is known after one rest without a cycle
             value = -np.inf if rests.size > 1 else np.nan
             error = np.inf if one["cycle_uncertain"] == 1 else 0.0 if rests.size > 1 else np.nan
             for name in ("largest", "sum"):
@@ -213,7 +213,7 @@ def test_two_rests_close_a_cycle_however_long_it_is(parameters, observe, workers
     assert before["lyapunov_largest"].item() > 0.0
 
 
-def test_exponents_do_not_change_what_is_said_of_regimes(parameters, observe, workers):
+def test_exponents_do_not_change_regimes(parameters, observe, workers):
     rng = np.random.default_rng(8)
     inputs = parameters(
         restitution=rng.uniform(0.5, 0.98, 100), amplitude=rng.uniform(0.5, 9.0, 100)
@@ -226,7 +226,7 @@ def test_exponents_do_not_change_what_is_said_of_regimes(parameters, observe, wo
             assert np.array_equal(plain[name], exponents[name], equal_nan=True), name
 
 
-def test_orbits_that_still_settle_are_told_from_those_that_do_not(parameters, observe, workers):
+def test_orbits_that_still_settle_are_not_called_aperiodic(parameters, observe, workers):
     # locked orbits at e = 0.95 take 150 / 0.05 = 3000 periods to return bit for bit
     settling = parameters(restitution=0.95, amplitude=np.linspace(1.0, 2.0, 20))
     # far beyond the cascade

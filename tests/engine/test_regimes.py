@@ -1,4 +1,4 @@
-"""Orbits that repeat bit for bit: their regimes, and that counting replaces following them."""
+"""Orbits that repeat bit for bit: their regimes, cycles, and where the recurrence begins."""
 
 import numpy as np
 import pytest
@@ -78,7 +78,7 @@ def test_no_recurrence_is_claimed_before_it_happens():
 
 @pytest.mark.parametrize("ratio", [1.05, 1.2, 2.0])
 def test_an_orbit_that_makes_no_headway_has_no_cycle(ratio):
-    """Flights too short for the phase to change: the same state at the same instant."""
+    """Flights are too short to change the phase: the state returns at the same instant."""
     tiny = 9.81 * 1e-18
     parameters = scene(
         amplitude=0.5 * ratio * tiny, contact_time=1e-18, launch_velocity=tiny, restitution=0.5

@@ -1,4 +1,4 @@
-"""Everything that is skipped leaves the result as if it had been done: each skip off and on."""
+"""Skips do not change results: each is compared with following everything."""
 
 import dataclasses
 import math
@@ -83,8 +83,8 @@ def test_orbits_that_recur(rebound, transient, particles):
 
 @pytest.mark.parametrize("particles", [2, 6])
 def test_orbits_of_different_pace(particles):
-    # resting orbits of hundreds of impacts beside locked ones; those reach the window at impact
-    # numbers that are hundreds of times apart
+    # resting orbits of hundreds of impacts beside locked ones: at the beginning of the window
+    # their impact numbers differ by a factor of hundreds
     launch = tuple(np.random.default_rng(5).uniform(0.0, 3.0, particles))
     scene = observed(700.0, particles, launch=launch, transient=400.0)
     parameters = drawn(12, 60, restitution=np.random.default_rng(6).uniform(0.7, 0.9, 60))
@@ -152,7 +152,7 @@ def test_problems_with_launches_of_their_own_are_not_confused():
 
 
 def test_realizations_without_excitation_have_the_separations_of_their_landings():
-    """Particles that settle on a base at rest: gaps against those of every landing kept."""
+    """Particles settle on a base at rest; gaps are compared with those of all landings."""
     rng = np.random.default_rng(18)
     parameters = drawn(18, 40, amplitude=0.0, contact_time=0.01, restitution=0.5)
     parameters["restitution"] = 1.0 - 10.0 ** rng.uniform(-6.0, -0.3, 40)
@@ -167,7 +167,7 @@ def test_realizations_without_excitation_have_the_separations_of_their_landings(
         np.testing.assert_allclose(skipped["dt_min"][i], gap, rtol=0.0, atol=1e-14)
 
 
-def test_particles_that_rounding_makes_one_are_told_from_those_that_meet():
+def test_particles_that_rounding_merges_are_distinguished_from_those_that_meet():
     """Table 1: launched 1 ms apart they approach by sqrt(e) per impact, and never rest."""
     parameters = drawn(20, 1, restitution=0.9, amplitude=1.2, phase=0.0)
     soon, late = (

@@ -76,4 +76,4 @@ def test_threads_take_no_more_work_after_a_failure():
     failed.set()
     for thread in set(threading.enumerate()) - before:
         thread.join()
-    assert len(taken) == 1  # what the other thread was at, of a hundred ranges
+    assert len(taken) == 1  # the range that the other thread had begun, of a hundred

@@ -1,4 +1,4 @@
-"""Computations while the page goes on."""
+"""Computations that run while the page stays responsive."""
 
 import threading
 
@@ -26,7 +26,7 @@ class Gate:
         return threading.get_ident()
 
 
-def test_one_thing_is_done_at_a_time_and_of_what_waits_the_newest(background):
+def test_one_task_runs_at_a_time_and_only_the_newest_task_waits(background):
     gate, done = Gate(), []
     first = background.call(gate)
     assert gate.begun.wait(10.0)
@@ -49,7 +49,7 @@ def test_two_visitors_do_not_wait_for_each_other(background):
     other.close()
 
 
-def test_what_waits_is_given_up_where_a_visitor_leaves(background):
+def test_a_waiting_task_is_cancelled_when_its_visitor_leaves(background):
     gate = Gate()
     background.call(gate)
     assert gate.begun.wait(10.0)
@@ -60,7 +60,7 @@ def test_what_waits_is_given_up_where_a_visitor_leaves(background):
     gate.open.set()
 
 
-def test_a_mistake_is_handed_on_and_ends_nothing(background):
+def test_an_exception_is_handed_on_and_later_tasks_still_run(background):
     with pytest.raises(ZeroDivisionError):
         background.call(lambda: 1 / 0).result(10.0)
     assert background.call(lambda: 3).result(10.0) == 3

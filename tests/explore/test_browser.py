@@ -34,7 +34,7 @@ FLAGS = (
     "--disable-component-update",
     "--disable-sync",
 )
-# the first pictures are there, which may have waited for a compilation
+# true once the first pictures are drawn, which may have to wait for a compilation
 READY = """() => window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle
   && Bokeh.documents[0].get_model_by_name("heading first").text !== "" """
 # left, top, width, height of the view of the plane in the window
@@ -94,7 +94,7 @@ def browser():
 
 @pytest.fixture
 def opened(browser):
-    """Open an address in a window; no message on its console, no request to elsewhere."""
+    """Open an address in a window; fail on a console message or a request to another host."""
     said, asked, pages = [], [], []
 
     def show(address, width=1280, **options):
@@ -116,7 +116,7 @@ def opened(browser):
 
 
 def changed(page, before):
-    """The picture, once it is another than before."""
+    """Wait until the picture has changed, and return it."""
     for _ in range(200):
         drawn = page.evaluate(DRAWN)
         if all(drawn[name] != before[name] for name in ("start", "code")):
@@ -126,14 +126,14 @@ def changed(page, before):
 
 
 def realization(drawn):
-    """The record that the lines of Python on the page give."""
+    """Run the Python lines of the page; return their record."""
     names = {}
     exec(drawn["code"].partition("\nvs.figures.")[0], names)
     return names["record"]
 
 
 def assert_drawn(drawn):
-    """The flights are those that `simulate` gives, but for such as others hide."""
+    """Check that the flights are those of `simulate`, except those that others hide."""
     starts = heights(realization(drawn)).flights["start"].tolist()
     assert set(drawn["start"]) <= set(starts)
     assert all(min(abs(s - d) for d in drawn["start"]) <= drawn["pixel"] for s in starts)
@@ -161,7 +161,7 @@ def test_a_click_and_a_slider_change_the_pictures(address, opened, width):
 
 
 def lasso(page):
-    """Draw a line around the left half of the plane; give the number of points within."""
+    """Draw a line around the left half of the plane; return the number of points inside."""
     page.locator(".bk-tool-icon-lasso-select, [title='Lasso Select']").first.click()
     left, top, width, height = page.evaluate(VIEW)
     corners = [(0.01, 0.01), (0.5, 0.01), (0.5, 0.99), (0.01, 0.99), (0.01, 0.02)]
@@ -229,7 +229,7 @@ def test_the_page_loads_nothing_from_elsewhere(address):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are those of POSIX")
-def test_an_interruption_ends_it_without_a_traceback(process, address):
+def test_an_interruption_ends_the_server_without_a_traceback(process, address):
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 0

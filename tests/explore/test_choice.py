@@ -43,7 +43,7 @@ def test_the_mount_counts_over_a_sprung_base_only(choice):
     assert choice.over("sprung").over("moving") == choice.over("moving")
 
 
-def test_another_base_has_the_law_that_holds_over_all(choice):
+def test_another_base_gets_the_law_of_rebound_that_every_base_has(choice):
     assert choice.over("high-bounce").scene.rebound == "reflect"
     assert choice.over("moving").scene.rebound == "rest"
 
@@ -55,7 +55,7 @@ def test_long_observations_are_drawn_in_part(choice):
     assert longer.periods == MOST_PERIODS
 
 
-def test_what_is_observed_are_the_same_particles(choice):
+def test_observations_are_of_the_same_particles(choice):
     launched = choice.over("moving")
     observed = launched.settle()
     assert observed.regime.shape == (1, 4)

@@ -1,4 +1,4 @@
-"""Closed forms over planes of any axes."""
+"""Closed forms of window ends, drawn over planes of any axes."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def test_axes_may_be_exchanged(points):
 
 
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
-def test_in_units_of_gravity_they_are_those_of_the_base(points, base):
+def test_ends_against_base_acceleration_are_those_of_the_base(points, base):
     moved = replace(points, base_choice=points.base_choice.over(base))
     gamma = np.linspace(0.01, 2.0, points.count)
     ends, _ = drawn(moved, ("restitution", "base_acceleration"), base_acceleration=gamma)
@@ -45,7 +45,7 @@ def test_in_units_of_gravity_they_are_those_of_the_base(points, base):
         assert np.allclose(end.y, expected, rtol=1e-12, atol=0.0)
 
 
-def test_it_is_said_why_there_are_none(points):
+def test_the_reason_is_given_where_no_ends_are_drawn(points):
     assert "an axis is the forcing" in drawn(points, ("restitution", "dt_min"))[1]
     frequency = np.linspace(1.0, 2.0, points.count)
     ends, reason = drawn(points, ("restitution", "amplitude"), frequency=frequency)

@@ -34,7 +34,7 @@ def test_facts_are_those_of_the_observation(base):
     assert f"<td>{base}</td>" in facts_html(choice)
 
 
-def test_what_has_no_value_is_not_known():
+def test_a_missing_value_is_shown_as_not_known():
     choice = Choice(Scene(inputs=TABLE_1, particles=2))
     observed = choice.observe()
     observed = observed.assign(

@@ -59,14 +59,14 @@ def rows(columns, names):
 
 
 def farthest(values, shown):
-    """Largest distance from a value to the next one that is shown."""
+    """Largest distance from a value to the nearest one that is shown."""
     if not len(values):
         return 0.0
     return np.abs(np.subtract.outer(np.asarray(values), np.asarray(shown))).min(axis=1).max()
 
 
 def assert_shows(view, record):
-    """Points drawn are of this record, value for value; others lie within a pixel."""
+    """Each point drawn is one of the record; each other point has one within a pixel."""
     content = view.content
     base = pictures.heights(record).base
     assert all(np.array_equal(content["base"][name], base[name]) for name in base)
@@ -130,7 +130,7 @@ def test_sliders_of_the_mount_appear_with_the_sprung_base(page):
 
 
 def window(page, name, *ends):
-    """Points of a picture that are drawn in another window."""
+    """Move the window of a picture; return the content that is drawn in it."""
     ranges = dict(zip(ENDS, ends, strict=True))
     page.motions[0]._moved(name, SimpleNamespace(**ranges))
     return page.motions[0].content
@@ -151,7 +151,7 @@ def test_a_window_that_is_moved_gets_all_that_is_seen_in_it(page):
     assert len(flights["start"]) < over.size
 
 
-def test_what_cannot_be_computed_is_told(page):
+def test_a_failed_computation_is_reported(page):
     page.controls.choice = page.controls.choice.with_inputs(amplitude=np.nan)
     page._follow()
     assert "not computed" in page.status.text
@@ -163,7 +163,7 @@ def late_callback(page):
     return found.callback
 
 
-def test_what_takes_long_is_waited_for_with_a_message(page, monkeypatch):
+def test_a_long_computation_shows_a_message_until_it_ends(page, monkeypatch):
     waits = Future()
     monkeypatch.setattr(page.background, "call", lambda work: waits)
     before = page.motions[0].content
@@ -176,7 +176,7 @@ def test_what_takes_long_is_waited_for_with_a_message(page, monkeypatch):
     assert_shows(page.motions[0], page.controls.choice.simulate())
 
 
-def test_what_cannot_be_computed_after_long_is_told(page, monkeypatch):
+def test_the_failure_of_a_long_computation_is_reported(page, monkeypatch):
     waits = Future()
     monkeypatch.setattr(page.background, "call", lambda work: waits)
     page._follow()
@@ -186,8 +186,8 @@ def test_what_cannot_be_computed_after_long_is_told(page, monkeypatch):
     assert "no such thing" in page.status.text
 
 
-def test_of_many_movements_all_but_the_running_and_the_newest_are_given_up(points):
-    """One computation at a time, and pictures of no movement but the last."""
+def test_movements_between_the_running_and_the_newest_one_are_dropped(points):
+    """Only one computation runs at a time, and only the newest one waits."""
     background, gate, begun, simulated = Background(), Event(), Event(), []
     page = Page(points, Document(), background)
 
@@ -217,8 +217,8 @@ WILD = (1e6, -1e6, 1e308, -1e308, 1e-320, math.nan, math.inf, -math.inf, 10**309
 
 
 @pytest.mark.parametrize("wild", WILD, ids=str)
-def test_what_comes_from_a_browser_is_held_to_the_ranges_of_the_widgets(page, wild):
-    """Whatever it says of the widgets themselves, too."""
+def test_values_from_a_browser_are_clipped_to_the_ranges_of_the_widgets(page, wild):
+    """Even if the browser changes the ranges of the widgets themselves."""
     sliders = {**page.controls.sliders, **page.controls.launch}
     ranges = {name: (slider.start, slider.end) for name, slider in sliders.items()}
     for name, slider in sliders.items():
@@ -252,13 +252,13 @@ def test_a_duration_in_seconds_is_no_more_periods_than_its_slider_has(page):
 
 
 @pytest.mark.parametrize("wild", [None, -1, 7])
-def test_a_base_that_there_is_not_is_not_taken(page, wild):
+def test_an_unknown_base_is_ignored(page, wild):
     page.controls.base.active = wild
     assert page.controls.base.active == 0
     assert page.controls.choice.scene.base == "high-bounce"
 
 
-def test_a_column_that_there_is_not_is_not_shown(page):
+def test_an_unknown_column_is_ignored(page):
     for name, one in page.pickers.items():
         before = one.value
         one.options = ["nothing"]
@@ -267,7 +267,7 @@ def test_a_column_that_there_is_not_is_not_shown(page):
 
 
 @pytest.mark.parametrize("wild", [None, "a", math.nan, math.inf, 10**309, [0.0]], ids=str)
-def test_places_and_windows_that_are_none_change_nothing(page, wild):
+def test_invalid_places_and_windows_change_nothing(page, wild):
     before = page.motions[0].content, page.status.text
     page._tapped(SimpleNamespace(x=0.9, y=wild))
     page._tapped(SimpleNamespace(x=wild, y=1.0))
@@ -288,11 +288,11 @@ def test_places_and_windows_that_are_none_change_nothing(page, wild):
 
 
 def many_times(points):
-    """Return so many points that they are gathered in pixels, at the places of a few."""
+    """Repeat the points until there are so many that they are gathered in pixels."""
     return points.taken(np.arange(plane_view.MANY + 1) % points.count)
 
 
-def test_a_view_without_a_size_is_that_of_all_points(points):
+def test_a_view_without_a_size_shows_all_points(points):
     page = Page(many_times(points), Document(), Foreground())
     whole = page.plane.image.data["image"][0]
     plot = page.plane.figure

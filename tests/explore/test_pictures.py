@@ -28,7 +28,7 @@ def test_flights_begin_and_end_where_simulate_says(record):
     assert np.isin(flights["start"], begun).all()
     landed = known(record.landing_time.values)
     assert np.isin(flights["end"], np.append(landed, end)).all()
-    assert np.isin(landed, flights["end"]).mean() > 0.9  # all but landings at once
+    assert np.isin(landed, flights["end"]).mean() > 0.9  # a flight without duration is not drawn
     speeds = np.append(known(record.rebound_velocity.values), float(record.launch_velocity))
     assert np.isin(flights["velocity"], speeds).all()
 
@@ -78,7 +78,7 @@ def test_the_view_holds_all_flights(record):
     assert top <= highest.max(initial=0.0) + 1e-12
 
 
-def test_landing_phases_come_to_that_of_the_locked_orbit():
+def test_landing_phases_converge_to_that_of_the_locked_orbit():
     record = vs.simulate(**LOCKED, duration=800.0)
     found = vs.analysis.landing_phases(record)
     assert np.array_equal(found["landing_time"], known(record.landing_time.values))

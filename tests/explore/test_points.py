@@ -29,7 +29,7 @@ def test_the_realization_behind_a_point_is_the_one_that_was_swept(results, base)
         ("sprung", ("base_mass", "mount_frequency")),
     ],
 )
-def test_what_was_varied_makes_the_axes(results, of, axes):
+def test_varied_parameters_become_the_axes(results, of, axes):
     assert of_result(results[of], HERE, "sweep").axes == axes
 
 
@@ -44,7 +44,7 @@ def test_codes_and_units_are_read_from_the_result(points):
     assert not points.columns["impact_count"].codes
 
 
-def test_ends_of_windows_are_points_and_open_ends_are_none():
+def test_ends_of_windows_are_points_and_open_ends_are_not():
     found = vs.windows(
         restitution=[0.7, 0.9],
         base_acceleration=np.linspace(0.05, 1.1, 12).tolist(),
@@ -77,7 +77,7 @@ def test_impacts_of_a_bifurcation_diagram_are_points(forcing):
     assert "launched at each point" in points.remark
 
 
-def test_a_launch_of_basins_is_followed_by_itself():
+def test_a_point_of_basins_simulates_its_launch_alone():
     found = vs.basins(
         restitution=0.9,
         amplitude=1.2,

@@ -28,7 +28,7 @@ def scattered():
     return rng.random(60), rng.random(60), rng.random(60)
 
 
-def test_numbers_are_means_of_what_is_finite(scattered):
+def test_a_pixel_holds_the_mean_of_its_finite_numbers(scattered):
     x, y, values = scattered
     values[::7] = np.nan
     values[3] = -np.inf
@@ -44,7 +44,7 @@ def test_numbers_are_means_of_what_is_finite(scattered):
             assert np.isneginf(value) if inside.size else np.isnan(value)
 
 
-def test_codes_are_the_commonest(scattered):
+def test_a_pixel_holds_its_commonest_code(scattered):
     x, y, values = scattered
     codes = np.round(2.0 * values)
     found = raster(x, y, codes, VIEW, np.arange(3.0))
@@ -57,7 +57,7 @@ def test_codes_are_the_commonest(scattered):
             assert np.isnan(value)
 
 
-def test_a_grid_has_its_own_cells():
+def test_each_point_of_a_grid_has_a_cell():
     x, y = (axis.ravel() for axis in np.meshgrid([0.0, 1.0, 2.0], [5.0, 7.0], indexing="ij"))
     found = raster(x, y, np.arange(6.0), VIEW)
     assert (found.x, found.y) == ((-0.5, 2.5), (4.0, 8.0))

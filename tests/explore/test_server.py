@@ -41,7 +41,7 @@ UPGRADE = {
 
 @pytest.fixture(scope="module")
 def port(points):
-    """That of a server in a thread."""
+    """Port of a server that runs in a thread."""
     made, found = threading.Event(), []
 
     def serve():
@@ -66,7 +66,7 @@ def port(points):
 
 @pytest.fixture
 def ask(port):
-    """Ask for something as a browser that was told a name of the server."""
+    """Send a request as a browser does that knows the server by a host name."""
 
     def answer(path, method="GET", host="localhost:{}", **headers):
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
@@ -82,14 +82,14 @@ def ask(port):
 
 def assert_refused(found):
     assert found.status == 403
-    assert "for browsers of its own machine" in found.text or not found.text
+    assert "for browsers on its own machine" in found.text or not found.text
     assert "docs_json" not in found.text
 
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("host", FOREIGN)
-def test_whoever_asks_another_name_is_refused_whatever_is_asked(ask, path, host):
-    """The name server of another site may say that its name is this machine."""
+def test_requests_under_foreign_host_names_are_refused(ask, path, host):
+    """The name server of another site may resolve the site's name to this machine."""
     upgrade = UPGRADE if path == "/ws" else {}
     assert_refused(ask(path, host=host, **upgrade))
     assert_refused(ask(path, host=host, Origin=f"http://{host}", **upgrade))
@@ -98,12 +98,12 @@ def test_whoever_asks_another_name_is_refused_whatever_is_asked(ask, path, host)
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("method", ["GET", "HEAD", "POST", "OPTIONS"])
 @pytest.mark.parametrize("origin", ["http://example.org:{}", "https://localhost:{}", "null"])
-def test_pages_of_other_origins_are_refused_whatever_they_ask(ask, path, method, origin):
+def test_requests_of_pages_of_other_origins_are_refused(ask, path, method, origin):
     assert_refused(ask(path, method, Origin=origin, **(UPGRADE if path == "/ws" else {})))
 
 
 @pytest.mark.parametrize("host", OWN)
-def test_the_page_is_there_under_every_name_of_this_machine_for_itself(ask, host):
+def test_the_page_is_served_under_every_name_of_this_machine(ask, host):
     page = ask("/", host=host)
     assert page.status == 200
     token = re.search(r'"token":"([^"]+)"', page.text)[1]
@@ -115,18 +115,18 @@ def test_the_page_is_there_under_every_name_of_this_machine_for_itself(ask, host
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("method", ["GET", "OPTIONS"])
-def test_no_other_page_is_told_that_it_may_read_an_answer(ask, path, method):
+def test_no_answer_lets_pages_of_other_origins_read_it(ask, path, method):
     for headers in ({}, {"Origin": "http://localhost:{}"}, {"Cookie": "a=b"}):
         found = ask(path, method, **headers)
         assert not [name for name, _ in found.getheaders() if "access-control" in name.lower()]
 
 
 def test_only_what_the_page_asks_for_is_served(ask):
-    """A script that shows the page within another one is not."""
+    """The script that embeds the page in another one is not served."""
     assert [ask(path).status for path in PATHS[4:]] == [404] * 3
 
 
-def test_a_value_that_comes_by_the_socket_is_held_to_the_range_of_its_widget(port):
+def test_a_value_that_comes_by_the_socket_is_clipped_to_the_range_of_its_widget(port):
     session = pull_session(url=f"http://localhost:{port}/")
     slider = session.document.get_model_by_name("particles")
     slider.end = 1e7

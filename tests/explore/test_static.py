@@ -14,11 +14,11 @@ def test_a_page_is_one_file_that_says_what_it_holds(points, tmp_path):
     text = path.read_text("utf-8")
     assert "20 of 30 points; a click shows the nearest of 3 realizations" in said
     assert "20 of 30 points" in text
-    # nothing is fetched: scripts and styles stand in the file
+    # nothing is fetched: scripts and styles are in the file
     assert not re.search(r"<(script|link|img)[^>]*\b(src|href)\s*=\s*.?(?!data:)\w+:", text)
     with pytest.raises(ExistingOutputError):
         write_page(points, path, force=False)
-    # what would be too large has fewer motions, or is refused
+    # a page that would be too large gets fewer motions, or is refused
     smaller = limits._replace(size=path.stat().st_size - 1)
     said = write_page(points, path, force=True, limits=smaller)
     assert "nearest of 1 realizations" in said

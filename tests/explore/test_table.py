@@ -35,7 +35,7 @@ def test_points_in_a_polygon_are_those_that_matplotlib_finds(places):
     x = x + 1e-3 * np.sqrt(2.0)  # off the corners
     across, up = np.array(places).T
     found = in_polygon(x, y, across, up)
-    # matplotlib fills by the rule of even and odd too
+    # matplotlib uses the even-odd rule, too
     closed = Polygon([*places, places[0]])
     near = closed.contains_points(np.column_stack([x, y]), radius=1e-9)
     far = closed.contains_points(np.column_stack([x, y]), radius=-1e-9)

@@ -13,7 +13,7 @@ X, Y = Axis(1.0, 3.0, 20), Axis(1e-3, 1.0, 10, log=True)
 
 @settings(max_examples=60, deadline=None)
 @given(COUNTS, SEEDS)
-def test_of_dots_in_a_pixel_the_last_is_seen(count, seed):
+def test_the_last_of_the_dots_in_a_pixel_is_kept(count, seed):
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(1.0, 3.0, count), 10.0 ** rng.uniform(-3.0, 0.0, count)
     last = {}
@@ -24,7 +24,7 @@ def test_of_dots_in_a_pixel_the_last_is_seen(count, seed):
 
 @settings(max_examples=60, deadline=None)
 @given(COUNTS, SEEDS)
-def test_of_lines_that_agree_in_all_pixels_the_last_is_seen(count, seed):
+def test_the_last_of_the_lines_in_the_same_pixels_is_kept(count, seed):
     rng = np.random.default_rng(seed)
     start, length, up = rng.uniform(-1.0, 5.0, count), rng.uniform(0.0, 3.0, count), np.ones(count)
     shown = visible_rows([start, start + length], up, X, Axis(0.0, 2.0, 10))
@@ -32,10 +32,10 @@ def test_of_lines_that_agree_in_all_pixels_the_last_is_seen(count, seed):
     for i in np.flatnonzero(reaches):
         like = shown[shown >= i]
         near = np.abs(start[like] - start[i]) + np.abs(length[like] - length[i])
-        assert near.min() <= 0.3  # three pixels of 0.1: those of both ends, and of their difference
+        assert near.min() <= 0.3  # three pixels of 0.1: one for each end, one for their difference
     assert set(shown) <= set(np.flatnonzero((start + length > 0.0) & (start < 4.0)))
 
 
-def test_what_has_no_place_on_a_logarithmic_axis_is_not_seen():
+def test_values_without_a_logarithm_are_left_out():
     gaps = np.array([0.0, 0.1, np.nan, -1.0])
     assert visible_rows([np.full(4, 2.0)], gaps, X, Y).tolist() == [1]

@@ -1,4 +1,4 @@
-"""Share of the landings after which a particle rests, along the restitution."""
+"""Share of the landings after which a particle rests, as a function of the restitution."""
 
 from collections.abc import Iterator
 
@@ -26,7 +26,7 @@ def lines(result: xr.Dataset) -> Iterator[str]:
 
 
 def draw(result: xr.Dataset, *, ax: Axes | None = None) -> Axes:
-    """The share against the restitution, for ``vibrosweep figures``."""
+    """Plot the share against the restitution, for ``vibrosweep figures``."""
     axes = vs.figures.style.axes_on(ax, width=5.0, height=3.0)
     axes.plot(result["restitution"], result["rest_share"], ".")
     axes.set(xlabel="coefficient of restitution", ylabel="share of landings with a rest")

@@ -1,4 +1,4 @@
-"""A statistic of another package: over every base, where cycles are counted, and after an edit."""
+"""A statistic of another package: over every base, with repeated cycles, and after an edit."""
 
 import json
 import subprocess
@@ -27,7 +27,7 @@ def flight_times(landings, begin):
 
 
 @pytest.mark.parametrize("base", BASES)
-def test_it_is_that_of_all_landings(base):
+def test_the_longest_flight_is_that_of_all_landings(base):
     found = vs.sweep(
         **SCENE,
         **BASES[base],
@@ -49,14 +49,14 @@ def test_it_is_that_of_all_landings(base):
 
 
 @pytest.mark.parametrize("base", BASES)
-def test_verify_compares_it_and_notices_a_change(base, tmp_path):
+def test_verify_compares_the_longest_flight_and_notices_a_change(base, tmp_path):
     path = tmp_path / "out.h5"
     sweep = {**SCENE, **BASES[base], "base": base, "launch": LAUNCHES, "transient": 2.0}
     vs.run({**sweep, "particles": 3}, path, observables=[LONGEST_FLIGHT]).close()
     report = vs.verify(path, observables=[LONGEST_FLIGHT])
     assert report.passed
     compared = report.variables()["flight_time_max"]
-    assert len(compared.compared) >= 3  # of four; over a sprung base rounding may decide
+    assert len(compared.compared) >= 3  # of four: over a sprung base one may be undecided
     assert len(compared.errors) == 3 * len(compared.compared)
     assert "flight_time_max" in vs.verify(path).not_compared()
     with h5netcdf.File(path, "a") as file:
@@ -68,7 +68,7 @@ def test_verify_compares_it_and_notices_a_change(base, tmp_path):
     assert vs.verify(path).passed
 
 
-def test_cycles_are_counted_and_give_the_same():
+def test_a_sum_over_repeated_cycles_is_that_of_all_landings():
     total = vs.Observable("flown", LONGEST_FLIGHT.function, "sum of flights", "s", landings="sum")
     scene = {"restitution": 0.8, "amplitude": [1.2, 2.0, 3.0], "duration": 2000.0}
     found = vs.sweep(**scene, launch=LAUNCHES, particles=3, transient=100.0, observables=[total])

@@ -25,14 +25,14 @@ SCENE = {
 
 @pytest.fixture(scope="module", autouse=True)
 def law():
-    """The law, which no other test knows."""
+    """The law, registered for these tests only."""
     others = list(RESTITUTION_LAWS)
     yield import_module("tests.extension.softening").SOFTENING
     RESTITUTION_LAWS[:] = others
     OUTSIDE.clear()
 
 
-def test_each_impact_keeps_what_the_law_says(law):
+def test_each_rebound_speed_follows_the_law(law):
     found = vs.simulate(**SCENE, duration=12.0).isel(realization=0, particle=0)
     unit = 9.81 / 2.0
     speeds = np.concatenate([[5.0], found.rebound_velocity.values]) / unit
@@ -70,7 +70,7 @@ raise SystemExit(main(["verify", sys.argv[2]]))
 """
 
 
-def test_what_is_no_law_is_refused(law):
+def test_an_invalid_law_is_refused(law):
     with pytest.raises(ParameterError, match="this package"):
         vs.register_law(vs.Law("plastic", law.ratio, law.slope, law.bend))
     with pytest.raises(ParameterError, match="ratio must take 2 arguments"):

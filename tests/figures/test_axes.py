@@ -1,4 +1,4 @@
-"""Figures draw on the axes that are given, or on their own, which a notebook shows."""
+"""Figures draw on given axes, or on axes of their own, which a notebook shows."""
 
 import os
 import subprocess
@@ -35,7 +35,7 @@ def drawings(sweep, twenty):
     }
 
 
-def test_what_is_given_is_drawn_on_and_returned(drawings):
+def test_given_axes_are_drawn_on_and_returned(drawings):
     before = pyplot.get_fignums()
     figure, panels = pyplot.subplots(2, 2)
     for (name, dataset), axes in zip(drawings.items(), panels.ravel(), strict=True):
@@ -63,7 +63,7 @@ def test_legends_and_labels_have_room_on_the_axes_of_a_user(drawings):
         assert all(one.x0 >= 0.0 and one.x1 <= figure.bbox.x1 for one in around)
 
 
-def test_what_a_user_placed_stays_and_has_the_legend_inside(twenty):
+def test_axes_that_a_user_placed_stay_and_have_the_legend_inside(twenty):
     adjusted = pyplot.figure()
     adjusted.subplots_adjust(left=0.2)
     for axes in (pyplot.figure().add_axes((0.1, 0.1, 0.8, 0.8)), adjusted.subplots()):
@@ -75,7 +75,7 @@ def test_what_a_user_placed_stays_and_has_the_legend_inside(twenty):
         assert legend.x1 <= around.x1
 
 
-def test_without_axes_pyplot_has_the_figure(drawings):
+def test_without_axes_pyplot_shows_the_figure(drawings):
     for name, dataset in drawings.items():
         axes = getattr(figures, name)(dataset)
         assert isinstance(axes, Axes)
@@ -83,7 +83,7 @@ def test_without_axes_pyplot_has_the_figure(drawings):
     assert figures.sobol_bars(INDICES).shape == (2,)
 
 
-def test_for_a_file_pyplot_has_none(drawings):
+def test_a_figure_for_a_file_is_unknown_to_pyplot(drawings):
     for name, dataset in drawings.items():
         assert for_file(getattr(figures, name), dataset).axes
     assert len(for_file(figures.sobol_bars, INDICES).axes) == 2
@@ -106,7 +106,7 @@ def test_files_are_written_without_pyplot(twenty, tmp_path):
     assert out.stdout.split() == ["6", "False"]
 
 
-def test_what_a_backend_of_notebooks_sets_outlasts_the_style(tmp_path):
+def test_the_interactive_mode_of_a_notebook_outlasts_the_style(tmp_path):
     backend = "import matplotlib\nfrom matplotlib.backends.backend_agg import *\n"
     (tmp_path / "of_notebooks.py").write_text(backend + "matplotlib.interactive(True)\n")
     code = (
@@ -126,7 +126,7 @@ def test_what_a_backend_of_notebooks_sets_outlasts_the_style(tmp_path):
     assert out.stdout.strip() == "True"
 
 
-def test_what_is_no_axes_or_too_few_is_refused(sweep):
+def test_wrong_axes_and_too_few_are_refused(sweep):
     with pytest.raises(ParameterError, match=r"^ax = 3: "):
         figures.parameter_plane(sweep, ax=3)
     with pytest.raises(ParameterError, match="2 axes"):

@@ -77,14 +77,14 @@ def test_a_remark_that_fits_no_line_is_broken_after_commas():
 
 
 @pytest.mark.parametrize("name", sorted(OF_REALIZATIONS))
-def test_what_stands_for_no_value_is_left_blank(name):
+def test_codes_for_no_value_are_left_blank(name):
     variable = OF_REALIZATIONS[name]
     none = np.nan if variable.dtype == "float64" else 0 if variable.cycle else -1
     values = np.array([none, 1.0]).astype(variable.dtype)
     data = {name: ("realization", values, variable.attributes)}
     dataset = xr.Dataset(data | {variable.cycle or name: data[name]})
     drawn, column = quantity(dataset, name), _column(name, _numbers(name, dataset))
-    expected = values if variable.flags else [np.nan, 1.0]  # a code has its name
+    expected = values if variable.flags else [np.nan, 1.0]  # flags are drawn with their names
     np.testing.assert_array_equal(drawn, expected)
     np.testing.assert_array_equal(column.values, expected)
     assert bool(column.codes) == bool(variable.flags)

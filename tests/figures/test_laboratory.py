@@ -39,9 +39,9 @@ def test_the_track_shows_samples_flights_and_landings(flights):
     curves = [
         line for line in top.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 9
     ]
-    assert len(curves) == 2  # of the particle that flies longest
+    assert len(curves) == 2  # both of the particle that flies longest
     assert max(curves[0].get_ydata()) == pytest.approx(1e3 * 9.81 * 0.1**2 / 8.0, rel=1e-3)
-    assert curves[1].get_ydata()[0] == pytest.approx(2.0)  # where the base is by then
+    assert curves[1].get_ydata()[0] == pytest.approx(2.0)  # the height of the base at that time
     assert "height $y$ (mm)" in top.get_ylabel()
     dots = residuals.lines[0].get_ydata()
     assert len(dots) == 10
@@ -74,5 +74,5 @@ def test_errors_stand_beside_the_range_of_the_study():
     ]
     box = heights.patches[0].get_extents().transformed(heights.transData.inverted())
     assert (box.y0, box.y1) == pytest.approx((3.8, 7.1))
-    own = errors_by_case(comparison().drop_attrs())  # of another experiment than the study's
+    own = errors_by_case(comparison().drop_attrs())  # not an experiment of the study
     assert not own[0].patches

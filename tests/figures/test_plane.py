@@ -246,7 +246,7 @@ def test_the_calls_that_draw_do_not_grow_with_the_sweep(variable, tmp_path, synt
     assert calls[1] < 1.2 * calls[0]
 
 
-def test_what_is_missing_is_named(sweep, make_sweep):
+def test_missing_variables_and_ranges_are_named(sweep, make_sweep):
     with pytest.raises(DataError, match="dt_min or rebound_height_max"):
         parameter_plane(sweep.drop_vars(["dt_min", "rebound_height_max"]))
     with pytest.raises(DataError, match="variable regime"):

@@ -68,7 +68,7 @@ def test_a_fixed_parameter_is_missing_not_an_error(twenty, make_sweep):
     assert set(lacking) == {"height_against_restitution", "parameter_plane"}
 
 
-def test_separations_against_chance_need_what_is_measured_of_each_particle(sweep):
+def test_separations_against_chance_need_measures_of_each_particle(sweep):
     without = sweep.drop_vars("particle_impact_count")
     assert "separation_over_chance" not in available(without, None)
     assert missing(without, None)["separation_over_chance"] == (
@@ -120,7 +120,7 @@ def test_a_directory_that_cannot_be_made_is_named(sweep, tmp_path):
         save_all(sweep, None, occupied)
 
 
-def test_only_what_is_available_is_written_and_a_file_that_cannot_be_is_named(sweep, tmp_path):
+def test_available_figures_are_written_and_a_file_that_cannot_be_is_named(sweep, tmp_path):
     (tmp_path / "parameter_plane.png").mkdir()
     with pytest.raises(OutputError, match=r"parameter_plane\.png: .*another place"):
         save_all(sweep, None, tmp_path)
@@ -162,7 +162,7 @@ def test_a_result_without_landings_or_with_huge_heights_has_figures(compute, sce
             figure.draw_without_rendering()
 
 
-def test_the_command_reads_of_single_particles_what_figures_need(compute, tmp_path, capsys):
+def test_the_command_reads_the_measures_of_particles_that_figures_need(compute, tmp_path, capsys):
     sample = '[sample]\ndesign = "grid"\nrestitution = [0.8, 0.9]\n'
     path = compute(
         f"[scene]\nparticles = 2\n{sample}[measure]\nseparation = true\nper_particle = true\n"

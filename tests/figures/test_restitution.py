@@ -118,7 +118,7 @@ def test_very_many_realizations_are_counted_in_cells(synthetic_sweep):
     assert mesh.get_array().sum() == 30_000
 
 
-def test_what_is_missing_is_named(sweep):
+def test_missing_variables_and_ranges_are_named(sweep):
     with pytest.raises(DataError, match="variable rebound_height_max"):
         height_against_restitution(sweep.drop_vars("rebound_height_max"))
     with pytest.raises(DataError, match=r"restitution = \[low, high\]"):

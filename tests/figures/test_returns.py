@@ -10,7 +10,7 @@ from vibrosweep.figures import return_map
 
 
 def drawn_points(figure):
-    """Coordinates of all points that are not the legend's or the locked orbits'."""
+    """Coordinates of all points but those of the legend and of locked orbits."""
     lines = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
     return np.concatenate([np.asarray(line.get_xydata()) for line in lines])
 

@@ -1,4 +1,4 @@
-"""Figures of analyses refuse what is no result of them."""
+"""Figures of analyses refuse datasets that are not their results."""
 
 import numpy as np
 import pytest
@@ -17,12 +17,12 @@ FLAGS = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "a b c"}
 OTHER = xr.Dataset({"separation": ("particle", [1.0])})
 
 
-def test_what_is_no_distribution_is_refused():
+def test_a_dataset_that_is_no_distribution_is_refused():
     with pytest.raises(DataError, match=r"result of separation_distribution.*cumulative_fraction"):
         separation_distributions([OTHER], ["other"], 1e-4)
 
 
-def test_what_is_not_compared_with_chance_is_refused():
+def test_a_dataset_that_is_not_compared_with_chance_is_refused():
     with pytest.raises(DataError, match=r"result of separations_against.*dt_min_over_chance"):
         separations_over_chance([OTHER], ["other"])
 
@@ -35,7 +35,7 @@ def test_realizations_without_chance_are_left_out_and_counted():
     np.testing.assert_array_equal(some.get_xdata(), [1e-3, 1e-3, 20.0, 20.0])
     np.testing.assert_array_equal(some.get_ydata(), [0.0, 0.5, 1.0, 1.0])
     assert axes.get_xlim() == (1e-3, 20.0)  # no value lies beyond
-    assert np.isfinite(none.get_ydata()).sum() == 1  # which is no line
+    assert np.isfinite(none.get_ydata()).sum() == 1  # a single point draws no line
     with pytest.raises(DataError, match="rests or is locked"):
         separations_over_chance([nowhere], ["none"])
     assert [one.get_label() for one in (some, none)] == [
@@ -60,11 +60,11 @@ def test_a_noise_that_varies_has_a_curve_for_each_quarter_of_its_range():
     assert middles == sorted(middles, reverse=True)
 
 
-def test_what_is_no_decay_is_refused():
+def test_a_dataset_that_is_no_decay_is_refused():
     with pytest.raises(DataError, match=r"result of slot_decay.*modulus_predicted"):
         decay_in_a_slot(OTHER)
 
 
-def test_what_holds_no_indices_is_refused():
+def test_a_dataset_without_indices_is_refused():
     with pytest.raises(DataError, match=r"result of sobol\b.*first_order"):
         sobol_bars(OTHER)

@@ -1,4 +1,4 @@
-"""Figures of windows, bifurcation diagrams, basins: what they show is what is given."""
+"""Figures of windows, bifurcation diagrams and basins show what their datasets hold."""
 
 import io
 
@@ -70,7 +70,7 @@ def test_windows_of_any_forcing_are_drawn_with_its_symbol(forcing, base):
 
 
 @pytest.mark.parametrize("rebound", ["rest", "reflect"])
-def test_what_is_undetermined_is_grey(rebound):
+def test_undetermined_points_are_grey(rebound):
     scene = keyword_spec({"particles": 2, "duration": 20.0, "rebound": rebound}).scene
     found = find_windows(scene, [0.9, 0.95], [0.5, 1.0, 1.5, 2.0], ["ordered"])
     unknown = found["holds"].values[0, 0] == -1
@@ -99,7 +99,7 @@ def test_windows_of_another_forcing_have_its_axis_and_curves():
     assert upper.get_ydata() == pytest.approx(exact, rel=1e-12)
 
 
-def test_curves_of_the_reflect_law_are_said_to_be_of_one_orbit():
+def test_curves_under_the_reflect_law_are_labelled_as_orbits_without_reflection():
     found = find_windows(
         keyword_spec({"duration": 2000.0, "rebound": "reflect"}).scene,
         [0.8],

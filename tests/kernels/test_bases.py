@@ -51,7 +51,7 @@ def test_the_jacobian_is_the_derivative_of_the_exact_map(constants_of, law, e, a
     # the cosine's error, and its change by the rounding of the phase of the landing
     allowed = ROUNDING * terms + TURN * a * (COSINE_ERROR + TURN * HALF_ULP)
     with ctx.workprec(BITS):
-        h, x, u = arb(2) ** -100, arb(x), arb(u)  # h^2 is no error any more
+        h, x, u = arb(2) ** -100, arb(x), arb(u)  # h^2 is below every error
         by_phase = exact_image(law, e, a, x + h, u), exact_image(law, e, a, x - h, u)
         by_speed = exact_image(law, e, a, x, u + h), exact_image(law, e, a, x, u - h)
         for entries, (ahead, behind) in (((xx, ux), by_phase), ((xu, uu), by_speed)):
@@ -59,10 +59,10 @@ def test_the_jacobian_is_the_derivative_of_the_exact_map(constants_of, law, e, a
                 assert float(abs((one - other) / (2 * h) - entry).abs_upper()) <= allowed
     assert terms >= abs(xx) + abs(xu)
     assert terms >= abs(ux) + abs(uu) - ROUNDING * terms
-    # uu - ux, of which the larger is rounded
+    # the determinant is uu - ux, whose larger term is rounded
     assert abs(xx * uu - xu * ux - sign * e) <= 2.0 * HALF_ULP * terms
     assert bases.contraction(fixed, hit.v) == e
-    if e > 0.0:  # else nothing is left to be reversed
+    if e > 0.0:  # else the determinant is 0 and has no sign
         assert bases.reverses(fixed, hit.x, hit.v) == sign
 
 
@@ -70,7 +70,7 @@ def test_the_jacobian_is_the_derivative_of_the_exact_map(constants_of, law, e, a
 def test_the_jacobian_changes_by_no_more_than_its_error(constants_of, law, e, a, x, v, off):
     fixed = constants_of(law, e, a)
     assume(bases.reverses(fixed, x, v) == bases.reverses(fixed, x + off, v))
-    assume(e > 0.0)  # else that does not tell whether the particle is turned back at both
+    assume(e > 0.0)  # with e = 0 `reverses` is 1, also where the particle is turned back
     flights = [bases.Flight(0.0, v, v, phase, v) for phase in (x, x + off)]
     here, there = (bases.jacobian(fixed, flight) for flight in flights)
     spread = StateError(abs(off), 0.0)
@@ -185,7 +185,7 @@ for kind in KINDS:
         own |= {n: np.full(size, 0.3) for n in ("restitution_noise", "kick_noise", "drive_noise")}
         own["noise_stream"], own["amplitude"] = np.arange(size), own["amplitude"] + 1.0
         law = "rest"
-    if kind[2] != "constant":  # of which one is of a restitution of 0.46 or more
+    if kind[2] != "constant":  # the viscoelastic law needs 0.46 or more
         own["restitution"] = np.maximum(own["restitution"], 0.5)
     problem = dimensionless(own, 1.0)
     noise = noise_of(problem.noise, 7)
@@ -199,7 +199,7 @@ for kind in KINDS:
 """
 
 
-def test_every_question_has_the_same_bits_compiled_and_as_plain_python(capsys):
+def test_every_generic_function_gives_the_same_bits_compiled_and_in_plain_python(capsys):
     exec(SAME_BITS, {"__name__": __name__})
     compiled = capsys.readouterr().out.splitlines()
     plain = subprocess.run(
@@ -216,13 +216,13 @@ def test_every_question_has_the_same_bits_compiled_and_as_plain_python(capsys):
         for name, function in vars(module).items()
         if name.islower() and getattr(function, "__module__", None) == module.__name__
     ]
-    assert len(declared) > 40  # or they were not found
+    assert len(declared) > 40  # else the search for them has failed
     assert [call for call in declared if call not in SAME_BITS] == []
     assert compiled == plain
 
 
 class Unknown(NamedTuple):
-    """Constants of a base that there is not."""
+    """Constants of a base that does not exist."""
 
     e: float
 
@@ -234,6 +234,6 @@ def fly_compiled(fixed, x, u):
 
 @pytest.mark.parametrize("ask", [bases.fly, fly_compiled])
 @pytest.mark.parametrize("wrong", [Unknown(0.9), 0.9])
-def test_a_base_that_is_unknown_is_named(ask, wrong):
+def test_an_unknown_base_is_named(ask, wrong):
     with pytest.raises(TypeError, match=r"^fly has no .*(Unknown|[Ff]loat)"):
         ask(wrong, 0.1, 1.0)

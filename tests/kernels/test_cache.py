@@ -92,8 +92,8 @@ def test_a_damaged_file_is_compiled_again_and_replaced(kernel, tmp_path, ending,
     assert (mended(2.0, 1), hits(mended)) == (-2.0, 1)
 
 
-def test_a_changed_bit_of_a_number_gives_no_other_result(kernel, tmp_path):
-    """Machine code with another constant is as good as any to a loader that compares nothing."""
+def test_a_changed_bit_of_a_constant_does_not_change_the_result(kernel, tmp_path):
+    """A loader without checksums would accept machine code with another constant."""
     kernel(scaled)(1.0)
     (file,) = tmp_path.rglob("*.nbc")
     data = file.read_bytes()
@@ -103,7 +103,7 @@ def test_a_changed_bit_of_a_number_gives_no_other_result(kernel, tmp_path):
 
 
 def test_machine_code_of_another_variant_under_the_same_name(kernel, tmp_path):
-    """As a process that is killed between the two files of a variant may leave it."""
+    """A process that is killed between writing the two files of a variant may leave this."""
     first = kernel()
     assert (first(2.0, None), first(2.0, 1)) == (2.0, -2.0)
     one, other = tmp_path.rglob("*.nbc")
@@ -136,7 +136,7 @@ def test_machine_code_with_vectors_of_another_width(kernel, tmp_path, monkeypatc
     assert variants(tmp_path) == Variants(1, 1, 0)
 
 
-def test_a_disk_that_takes_nothing_still_computes(kernel, tmp_path, monkeypatch):
+def test_a_kernel_computes_although_the_disk_is_full(kernel, tmp_path, monkeypatch):
     def full(*arguments):
         raise OSError(28, "No space left on device")
 

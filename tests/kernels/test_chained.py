@@ -1,4 +1,4 @@
-"""Flights over the base of parabolas against exact rational arithmetic, and against the proof."""
+"""Flights over a parabolic base against exact rational arithmetic and proved trajectories."""
 
 import json
 import os
@@ -29,7 +29,7 @@ def fixed_of(alpha):
 
 
 def exact_clearance(alpha, x, y, s):
-    """Clearance, its derivative, minus its second one, and the time to the next corner."""
+    """Clearance, its derivative, minus its second derivative, and the time to the next corner."""
     alpha, x, y, s = map(Fraction, (alpha, x, y, s))
 
     def stretch(phase):
@@ -60,7 +60,7 @@ def exact_clearance(alpha, x, y, s):
 
 
 def has_root(f, f1, bend, left):
-    """Whether f + f1 s - bend s^2 / 2, positive at first, has a zero for 0 < s < left."""
+    """Return whether f + f1 s - bend s^2 / 2, positive at first, has a zero for 0 < s < left."""
     ends = f + f1 * left - bend * left**2 / 2 < 0
     dips = bend < 0 and f1 < 0 and f1 / bend < left and f1**2 + 2 * bend * f > 0
     return ends or dips
@@ -137,7 +137,7 @@ def flights():
 
 
 def test_a_flight_solves_its_equation_within_rounding(flights):
-    """Errors of the clearance at the beginning of the stretch, of the root, and of their sum."""
+    """The bound adds errors where the stretch begins, and roundings of the terms and the root."""
     for alpha, x, y, s, v, tried in flights:
         f, f1, _, _ = map(float, exact_clearance(alpha, x, y, s))
         begin, at = tried[-1], along(fixed_of(alpha), x, y, tried[-1])
@@ -146,7 +146,7 @@ def test_a_flight_solves_its_equation_within_rounding(flights):
         terms = abs(first) + abs(slope) * step + abs(bend) * step**2 / 2
         bound = at.f_error + 0.5 * step * at.z_error + HALF_ULP * (8.0 * terms + s * abs(f1))
         assert abs(f) <= bound
-        # v is 2 sqrt(F'^2 + 2 (1 + G) F) from there, and the landing is off by the residual
+        # v = 2 sqrt(F'^2 + 2 (1 + G) F) with values from there; the landing is off by the residual
         square = slope**2 + 2.0 * abs(bend) * abs(first)
         off = 4.0 * abs(bend) * (at.f_error + bound) + 2.0 * abs(slope) * at.z_error
         assert abs(v + 2.0 * f1) * v <= off + 16.0 * HALF_ULP * square

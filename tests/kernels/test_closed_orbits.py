@@ -1,4 +1,4 @@
-"""Closed orbits: what is found is an orbit, closed forms are among them, and nothing is missed."""
+"""Closed orbits: each one found is an orbit, closed forms are among them, none is missed."""
 
 import math
 
@@ -90,7 +90,7 @@ def test_orbits_of_one_impact_are_the_closed_forms(e, a, base):
     for k in range(1, 5):
         need = (1.0 - e) * k / a
         if abs(need - 1.0) < 1e-9:
-            return  # the two are as good as one
+            return  # the two orbits nearly coincide
         if need < 1.0:
             x = math.asin(need) / (2.0 * math.pi)
             expected += [(k, x), (k, 0.5 - x)]
@@ -103,7 +103,7 @@ def test_orbits_of_one_impact_are_the_closed_forms(e, a, base):
         trace = 1.0 + e + slope
         if base == "moving":
             trace = 1.0 + e * e + (1.0 + e) * slope / 2.0
-        # the phase is as far off as the slope of the sine is small
+        # the error of the phase is inversely proportional to the slope of the sine
         assert landed[at, 1] == pytest.approx(x, abs=4e-15 / abs(math.cos(2.0 * math.pi * x)))
         assert found.trace[0, own][at] == pytest.approx(trace, abs=1e-9)
 
@@ -120,7 +120,7 @@ def test_solutions_of_the_map_balance(e, a):
 
 
 def test_one_orbit_has_doubled():
-    """Just above the end of the mode k = 1 at e = 0.9 there is one orbit of two impacts in two."""
+    """Just above the end of the mode k = 1 at e = 0.9 one orbit has 2 impacts in 2 periods."""
     found = search("high-bounce", 0.9, 0.62, impacts=2, periods=2)
     own = (found.impacts[0] == 2) & (found.periods[0] == 2)
     assert own.sum() == 1
@@ -144,7 +144,7 @@ TONES = Waveform(HARMONICS_NAME, ((1, 1.0, 0.0), (2, 0.4, 1.1)))
 @pytest.mark.parametrize(
     ("base", "waveform"), [("high-bounce", SINE), ("moving", SINE), ("moving", TONES)]
 )
-def test_two_landings_tell_the_speeds_of_the_flight_between_them(base, waveform):
+def test_two_landings_determine_the_speeds_of_the_flight_between_them(base, waveform):
     given_ = problem([0.8], [1.4])
     fixed = constants(base_of(base, "rest", waveform), given_, 0)
     for x, u in ((-0.3, 0.7), (0.1, 1.9), (0.45, 0.3)):
@@ -152,7 +152,7 @@ def test_two_landings_tell_the_speeds_of_the_flight_between_them(base, waveform)
         assert chord(fixed, x, time) == pytest.approx((u, v), abs=1e-13)
 
 
-def test_too_little_room_is_said():
+def test_too_little_room_is_reported():
     wanted = Wanted(1, 4, 8, True)
     found = empty_closed(1, 2, wanted)
     find_closed(0, 1, base_of("high-bounce", "rest"), problem(0.9, 0.9), wanted, found)

@@ -1,4 +1,4 @@
-"""Realizations that are one problem, against comparison of all pairs."""
+"""The search for identical realizations, against a comparison of all pairs."""
 
 import numpy as np
 import pytest

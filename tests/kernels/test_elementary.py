@@ -47,7 +47,7 @@ def test_the_sine_of_the_arcsine(x):
     assert math.sin(2.0 * math.pi * phase) == pytest.approx(x, rel=2e-15)
 
 
-def test_of_an_array_and_of_its_numbers_the_same_bits():
+def test_an_array_and_its_single_numbers_give_the_same_bits():
     x = np.random.default_rng(1).uniform(0.0, 1.0, 1000)
     found = arcsin_turns(x)
     assert found.tolist() == [arcsin_turns(one) for one in x]

@@ -28,7 +28,7 @@ def solved(e, a, k, r=1e-4, sign=1.0):
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 @pytest.mark.parametrize("e", [0.0, 0.3, 0.7, 0.9, 0.99])
-def test_both_edges_divide_what_the_closed_forms_divide(k, e):
+def test_states_change_at_the_edges_of_the_closed_forms(k, e):
     near = np.array([-1e-3, -1e-9, -1e-12, 1e-12, 1e-9])
     lower = float(theory.amplitude_min(k, e, **UNITS)) * (1.0 + near)
     upper = float(theory.amplitude_max(k, e, **UNITS)) * (1.0 + near)
@@ -64,7 +64,7 @@ def test_nothing_attracts_where_no_energy_is_lost(sign):
     assert ATTRACTS not in solved(1.0, a, 1, sign=sign).state
 
 
-def test_an_orbit_of_flights_no_longer_than_a_contact_is_none():
+def test_an_orbit_with_flights_no_longer_than_a_contact_does_not_exist():
     assert solved(0.9, 0.3, 1, r=np.array([0.9, 1.0, 2.0])).state.tolist() == [
         ATTRACTS,
         ABSENT,

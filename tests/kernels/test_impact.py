@@ -16,7 +16,7 @@ SINE_ERROR = 2.4e-16  # see test_sine.py
 
 @pytest.fixture(scope="module")
 def impacts(constants_of):
-    """Random states, what the kernel makes of them, and proved balls."""
+    """Random states, their images by the kernel, and proved balls."""
     rng = np.random.default_rng(11)
     e = rng.choice([0.0, 1.0, 0.9], STATES)
     e[::2] = rng.uniform(0.0, 1.0, STATES // 2)
@@ -45,7 +45,7 @@ def test_a_landing_is_reduced_and_rounded_once(impacts):
 
 def test_a_rebound_is_rounded_as_its_terms_are(impacts):
     for (e, a, _, u), (phase, _, w), (_, _, exact) in impacts:
-        # the landing's rounding, the sine's, that of the product and that of the sum
+        # roundings of the landing, the sine, the product and the sum
         sine, slope = abs(math.sin(2 * math.pi * phase)), 2 * math.pi * HALF_ULP / 2.0
         allowed = a * (SINE_ERROR + HALF_ULP * sine + slope) + HALF_ULP * abs(w)
         assert float(abs(exact - w).abs_upper()) <= allowed * (1.0 + 1e-9) + 1e-300
@@ -65,7 +65,7 @@ def test_the_determinant_of_an_impact_is_the_restitution(impacts, constants_of):
         fixed = constants_of("rest", e, a)
 
         def image(dx, du, fixed=fixed, x=x, u=u):
-            # the phase may leave the reduced interval by h: the map does not mind
+            # the phase may leave the reduced interval by h, which the map allows
             hit = impact(fixed, 0.0, x + dx, u + du)
             return hit.x + hit.n, rebound(fixed, hit.x, hit.v)
 
@@ -109,5 +109,5 @@ def test_whole_periods_do_not_change_a_landing():
     for u in (0.3, 0.75, 0.015625):
         for whole in (1.0, 1e6, 2.0**40):
             later = whole + u
-            kept = later - whole  # what of u a double of that size keeps
+            kept = later - whole  # u as rounded in a double of that size
             assert land(0.2, later) == (land(0.2, kept)[0], land(0.2, kept)[1] + whole)

@@ -21,7 +21,7 @@ GAP = 1.0
 
 
 def impact_damper(gap, amplitude, e, mu, natural):
-    """Return (u, phase) of each cycle with two impacts, none to two.
+    """Return (u, phase) of each cycle with two impacts; there are at most two.
 
     Half a period after an impact everything has changed its sign.  With the speed u of the
     particle, momentum and restitution give the velocity of the oscillator
@@ -87,7 +87,7 @@ def test_a_particle_between_two_walls_repeats_the_impact_damper(amplitude, e, mu
 
 
 def follow_damper(gap, amplitude, e, mu, natural, speed, phase):
-    """Follow a particle from its impact at the wall ahead to that at the other."""
+    """Follow a particle from its impact at the wall ahead to its impact at the other wall."""
     b = amplitude
 
     def oscillator(state, since, t):

@@ -23,7 +23,7 @@ PACKAGE = Path(vibrosweep.__file__).parent
 
 def python(script, *arguments, source=PACKAGE.parent, **environment):
     """Run a script in a fresh interpreter; return what it prints."""
-    # sources are edited within a second: no bytecode may hide that
+    # sources are edited within a second, which stale bytecode would hide
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
     fresh = {"PYTHONPATH": str(source), "PYTHONDONTWRITEBYTECODE": "1"}
     run = subprocess.run(
@@ -70,8 +70,8 @@ found.write_bytes(pickle.dumps(results))
 def test_plain_python_gives_the_bits_of_the_machine_code(
     base, rebound, noise, tmp_path, parameters, random_scenes, observe, record, workers
 ):
-    # all products are fused where the source says so and nowhere else; nothing divides by zero
-    # otherwise
+    # products are fused where the source says so and nowhere else, and nothing divides by zero,
+    # at which plain Python would raise an error
     rng, size = np.random.default_rng(6), 4
     scene = random_scenes(seed=70, size=size, contact_time=0.02, launch_velocity=2.0)
     thrown = 10.0 ** rng.uniform(-1.0, 1.0, size) * (1.0 + scene["restitution"])
@@ -80,7 +80,7 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
     late = parameters(restitution=0.3, amplitude=3.857, launch_velocity=4.905)
     measures = {"regimes": True, "lyapunov": True, "trust": True, "tolerance": 1e-9}
     measures |= {"ordering": True}
-    if noise:  # no orbit recurs, and plain Python takes its time over the numbers drawn
+    if noise:  # no orbit recurs, and plain Python draws numbers slowly
         scene = {name: values[:3] for name, values in scene.items()}
         measures = {"separation": True, "ordering": True}
         for given in (scene, late):
@@ -96,7 +96,7 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
         (scene, observe(launch, duration=3.0, transient=begin, impact_budget=60, **measures))
         for launch, begin in (((0.0, -1.7), 0.0), ((0.1, 0.2), 1.3))
     ]
-    # orbits that recur, of which two are one
+    # orbits that recur; the second launch is the first, a period later
     lasting = 9.0 if base == "sprung" or noise else 350.0
     cases.append((late, observe((0.3, 1.3), duration=lasting)))
     cases = [(given, replace(seen, base=base, rebound=rebound)) for given, seen in cases]
@@ -200,12 +200,12 @@ def edit(path, old, new):
 def test_machine_code_is_kept_on_disk_and_never_stale(package):
     assert use(package) == (2.0, 1.0, [0, 0])
     assert use(package) == (2.0, 1.0, [1, 1])
-    # what a kernel inlines from its neighbour
+    # a constant that a kernel inlines from another module
     edit(package / "kernels" / "sine.py", "C0_HIGH = 6.28", "C0_HIGH = 7.28")
     value, _, hits = use(package)
     assert value == pytest.approx(2.25, abs=1e-12)
     assert hits == [0, 0]
-    # a code that a kernel has as a constant, and the order of the arrays it is given
+    # a status that a kernel holds as a constant, and the order of the arrays in its argument
     code = "BUDGET_EXCEEDED = (\n        {},"
     edit(package / "model" / "status.py", code.format(1), code.format(5))
     parameters = package / "model" / "parameters.py"
@@ -217,7 +217,7 @@ def test_machine_code_is_kept_on_disk_and_never_stale(package):
     assert hits == [0, 0]
 
 
-def test_a_package_that_cannot_be_written_still_computes(package, tmp_path):
+def test_kernels_compute_although_no_machine_code_can_be_written(package, tmp_path):
     environment = {"HOME": str(tmp_path / "nowhere"), "NUMBA_CACHE_DIR": "/dev/null/none"}
     script = USE.replace("print(", "assert _jit.cache_directory is None\nprint(")
     script = script.replace("sum(k.dispatcher.stats.cache_hits.values())", "0")
@@ -227,7 +227,7 @@ def test_a_package_that_cannot_be_written_still_computes(package, tmp_path):
 
 def test_every_kernel_is_read_from_disk_when_nothing_changed(parameters, observe, workers):
     scene, observation = parameters(), observe(particles=3)
-    measure(scene, observation, workers)  # compiled by now, if it was not
+    measure(scene, observation, workers)  # compiles what is not compiled yet
     script = """
 import sys
 import numpy as np
@@ -245,7 +245,7 @@ with Workers(1) as workers:
 for kernel in (advance, combine, separate):
     assert sum(kernel.dispatcher.stats.cache_hits.values()) == 1, kernel
     assert not kernel.dispatcher.stats.cache_misses, kernel
-# what only a compiler needs takes longer to import than all else
+# modules that only a compiler needs take longer to import than all others
 assert not {"scipy.linalg", "numba.np.arrayobj", "numba.np.linalg"} & sys.modules.keys()
 """
     cache = {k: v for k, v in os.environ.items() if k == "NUMBA_CACHE_DIR"}

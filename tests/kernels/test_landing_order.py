@@ -10,7 +10,7 @@ from vibrosweep.analysis import order_of_landings
 from vibrosweep.engine.measure import measure
 
 HARMONICS = {"order_1": 1, "order_2": 2, "order_3": 3, "order_half": 1 / 2, "order_third": 1 / 3}
-LAUNCH = (0.0, 0.2, 0.2, 0.7)  # two particles are one from the beginning
+LAUNCH = (0.0, 0.2, 0.2, 0.7)  # two particles coincide from the beginning
 
 
 def plain(times, frequency, begin, end):

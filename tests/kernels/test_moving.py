@@ -1,4 +1,4 @@
-"""Streaming over the moving base: pass by pass, against whole flights one by one."""
+"""Streaming over the moving base in passes, against whole flights followed one by one."""
 
 import numpy as np
 import pytest
@@ -79,8 +79,8 @@ def one_by_one(batch, capacity):
 
 
 @pytest.mark.parametrize("name", ["high-bounce", "moving"])
-def test_a_record_holds_what_one_impact_after_the_other_finds(name):
-    """And more trajectories than a block has lanes, of which some have no room."""
+def test_a_record_equals_impacts_that_are_followed_one_by_one(name):
+    """There are more trajectories than lanes in a block, and some have too little room."""
     scene, starts = problem(60, 6.0, 30.0)
     base = base_of(name, "rest")
     landing, lift_off, rests = one_by_one(Batch(base, scene, starts), 3000)
@@ -110,7 +110,7 @@ def test_without_arcs_the_bits_are_the_same():
     assert fitted(base, lifting) == base
 
 
-def test_passes_of_all_lanes_find_what_one_flight_after_another_finds():
+def test_passes_over_all_lanes_equal_flights_that_are_followed_one_by_one():
     scene, starts = problem(60, 6.0, 30.0)
     base = base_of("moving", "rest")
     found = streamed(base, scene, starts)

@@ -37,7 +37,7 @@ fractions = st.floats(-1.0, 1.0)
 
 @pytest.fixture(scope="session")
 def problem_of(parameters):
-    """Realizations in units of the forcing: gravity 2 and frequency 1, so that A is its kick."""
+    """Realizations in units of the forcing: gravity 2 and frequency 1, so that A is the kick."""
 
     def make(e, gamma, duration=1.0, transient=-math.inf, r=1e-4, **given):
         a = (1.0 + np.asarray(e)) * np.asarray(gamma) / math.pi
@@ -74,7 +74,7 @@ def test_the_jacobian_is_the_derivative_of_the_exact_impact(problem_of, e, gamma
             ((xu, uu), of_speed, exact_image(e, a, x, y + h), exact_image(e, a, x, y - h)),
         )
         for entries, changed, ahead, behind in pairs:
-            # the third derivative times h^2, which only next to a graze is no rounding error
+            # the third derivative times h^2, which exceeds a rounding error only next to a graze
             allowed = ROUNDING * terms + changed + 2.0**-100 * terms**5
             for entry, one, other in zip(entries, ahead, behind, strict=True):
                 assert float(abs((one - other) / (2 * h) - entry).abs_upper()) <= allowed
@@ -136,7 +136,7 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
         grid = np.linspace(0.05, 3.0, 400)
         s = np.array([bases.fly(fixed, x, y)[0] for y in grid.tolist()])
         for k in np.flatnonzero(np.abs(np.diff(s)) > 0.2):
-            low, high = grid[k], grid[k + 1]  # in between, a root appears, or ceases to be one
+            low, high = grid[k], grid[k + 1]  # in between, a root appears or vanishes
             while high - low > 4.0 * np.spacing(low):
                 middle = 0.5 * (low + high)
                 near_low = abs(bases.fly(fixed, x, middle)[0] - s[k]) < 0.1
@@ -152,7 +152,7 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
 
 
 @pytest.mark.parametrize("gamma", [0.3, 1.7, 6.0])
-def test_a_rest_in_doubt_is_said(problem_of, gamma):
+def test_a_doubtful_rest_is_reported(problem_of, gamma):
     fixed = bases.constants(BASE, problem_of(0.5, gamma, r=1e-3), 0)
     doubt = error_bounds.rest_is_doubtful
     assert doubt(fixed, 0.1, 1e-3, StateError(1e-9, 1e-9))
@@ -235,7 +235,7 @@ def test_every_landing_lies_within_its_bound(problem_of):
     assert np.nanmedian(out.landing_error) < 1e-11
 
 
-def test_a_particle_that_is_put_on_the_base_is_known(problem_of):
+def test_the_errors_of_a_particle_put_on_the_base_are_bounded(problem_of):
     problem = problem_of(0.6, [0.5, 2.0], 5.0, launch_velocity=0.0)
     batch = Batch(BASE, problem, Launches(np.zeros((1, 1)), np.zeros((1, 1))))
     out = empty_trust(2)
@@ -284,7 +284,7 @@ def test_regimes_of_the_moving_base(followed):
     assert np.all(orbits.largest[rests] == -np.inf)
     locked = (orbits.regime == Regime.LOCKED) & (e > 0.0)
     assert np.all(orbits.uncertain[locked] == 0)
-    # one multiplier at least is within sqrt(det) = e per impact, and both are where they are a pair
+    # the larger multiplier has at least the modulus sqrt(det), e per impact; a pair has just that
     per_impact = np.abs(orbits.multiplier[locked]) ** (1.0 / orbits.impacts[locked])
     assert np.all(per_impact >= e[locked] * (1.0 - 1e-6))
 

@@ -47,7 +47,7 @@ def test_the_search_finds_the_first_change_of_sign_of_a_fine_scan():
     for alpha, x, y in zip(*flights, strict=True):
         root, undecided = first_root(alpha, x, y, np.empty((MOST_GRAZES, 2)))
         assert undecided == 0
-        # from a tenth of the earliest root on, as dense as the root is early
+        # from a tenth of the earliest possible root on, with steps in proportion to the root
         s = np.linspace(0.1 * y / (1.0 + math.pi * alpha), 1.0001 * root, 20_000)
         turned = 2.0 * math.pi * s
         values = s * (y - s) / 2.0 + alpha / (4.0 * math.pi) * (

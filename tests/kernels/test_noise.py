@@ -1,4 +1,4 @@
-"""The generator of normal deviates: known answers, errors, and independence of places."""
+"""The generator of normal deviates: known answers, errors, moments, and independence of streams."""
 
 import math
 
@@ -45,7 +45,7 @@ def drawn(numbers, stream=0.0, particle=0.0, seed=0):
 
 
 def words_of(number, stream, particle, purpose, seed):
-    """Words of a place, whose counter is written down by Python's integers."""
+    """Words for one impact of a particle and a purpose, with the counter in Python's integers."""
     place = stream + (particle << 36) + (purpose << 62)
     counter = [number & 0xFFFFFFFF, number >> 32 & 0xFFFFFFFF, place & 0xFFFFFFFF, place >> 32]
     found = np.empty((1, 4), np.uint64)
@@ -55,7 +55,7 @@ def words_of(number, stream, particle, purpose, seed):
 
 
 def exact(words):
-    """Box and Muller's pair of four words, in ball arithmetic."""
+    """Box and Muller's pair of deviates from four words, in ball arithmetic."""
     p, q = ((high << 32 | low) >> 12 for low, high in (words[:2], words[2:]))
     radius = (-2 * (1 - flint.arb(p) / 2**52).log()).sqrt()
     turns = flint.arb(q) / 2**52 - flint.arb("0.5")
@@ -87,7 +87,7 @@ def test_deviates_of_a_place_and_their_error(number, stream, particle, seed):
             assert error <= DEVIATE_ERROR * abs(float(known))
 
 
-def test_no_deviate_is_larger_than_the_largest():
+def test_no_deviate_exceeds_the_stated_largest():
     with flint.ctx.workprec(120):
         assert float((2 * 52 * flint.arb(2).log()).sqrt()) < noise.LARGEST
 
@@ -100,7 +100,7 @@ def test_impacts_take_the_deviates_of_a_pair_in_turn():
 
 
 def test_moments_and_correlations():
-    """Of a sample of 2 * 10^5 within four standard errors."""
+    """For 2 * 10^5 deviates, all are within four standard errors."""
     z = drawn(np.arange(1e5)).ravel()
     for power, mean, variance in ((1, 0, 1), (2, 1, 2), (3, 0, 15), (4, 3, 96)):
         assert abs((z**power).mean() - mean) < 4 * math.sqrt(variance / z.size)

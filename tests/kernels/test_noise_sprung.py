@@ -1,4 +1,4 @@
-"""Noise over a base of finite mass: without mass that of the moving base, with it momentum."""
+"""Noise over a base of finite mass: the moving base for massless particles, and momentum."""
 
 import numpy as np
 import pytest

@@ -30,7 +30,7 @@ def all_pairs(whole, phase, who):
 
 @st.composite
 def landings(draw):
-    """Landings of as many particles, alone, in clusters and at the same instant."""
+    """Landings, each of another particle, alone, in clusters and at the same instant."""
     seed = draw(st.integers(0, 2**32 - 1))
     rng = np.random.default_rng(seed)
     number = draw(st.integers(2, 200))
@@ -56,12 +56,12 @@ def test_the_closest_of_landings_that_are_not_in_order(given_landings, exponent)
 
 
 @pytest.mark.parametrize("gap", [np.inf, 0.0, NARROWEST / 2])
-def test_gaps_that_need_an_order(gap):
+def test_gaps_that_only_sorted_landings_can_give_are_nan(gap):
     phase = np.linspace(-0.4, 0.4, 9)
     assert np.isnan(closest(*listed(np.zeros(9), phase, np.arange(9)), 9, gap))
 
 
-def test_landings_that_are_too_far_apart():
+def test_the_gap_of_landings_that_are_too_far_apart_is_nan():
     whole = np.array([0.0, FARTHEST + 1.0])
     assert np.isnan(closest(*listed(whole, np.zeros(2), np.arange(2)), 2, 0.1))
 

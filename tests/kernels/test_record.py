@@ -1,8 +1,8 @@
 """Recorded landings against trajectories with proved error bounds.
 
 Each rounding of the kernel is bounded and carried along the recorded orbit by the product of the
-Jacobians that follow it: a landing may be off by the sum of that, and is compared as long as the
-sum is small (the orbit's own instability then decides the horizon) and decides no branch.
+Jacobians that follow it.  A landing may be off by the sum of these errors; it is compared as long
+as the sum is small (the orbit's own instability decides how long) and changes no decision.
 """
 
 import numpy as np
@@ -68,7 +68,7 @@ class Errors:
 
 
 class Scene:
-    """Landings of one realization to compare, and those that each decision leaves."""
+    """Dimensionless parameters of one realization, and the errors of its impacts and rests."""
 
     def __init__(self, problem, i, frequency, gravity, duration, reflect):
         self.e, self.a, self.r = (
@@ -79,11 +79,11 @@ class Scene:
         self.duration, self.reflect = duration, reflect
 
     def rounding(self, time):
-        """Of a recorded time: a sum of periods and a phase, divided by the frequency."""
+        """Rounding error of a recorded time: a sum of periods and a phase, over the frequency."""
         return 3.0 * HALF_ULP * (abs(time) + 1.0 / self.frequency)
 
     def lift_error(self):
-        """Of the phase of lift-off, asin(r / a) / 2 pi."""
+        """Error of the phase of lift-off, asin(r / a) / 2 pi."""
         ratio = self.r / self.a
         return 8.0 * HALF_ULP * (ratio / np.sqrt(1.0 - ratio**2) + 1.0)
 
@@ -135,7 +135,7 @@ def compare(land, leave, speed, rested, exact, scene):
         time = exact.liftoff_time[n]
         assert abs(leave[n] - time) <= rise / scene.frequency + scene.rounding(time)
         assert speed[n] == pytest.approx(exact.rebound_velocity[n], rel=4.0 * HALF_ULP)
-        # the state is forgotten
+        # a rest erases earlier errors
         u, errors = scene.r, Errors(rise, HALF_ULP * scene.r)
     if exact.status == Status.COMPLETED:
         assert np.isnan(land[len(exact.impacts) :]).all()

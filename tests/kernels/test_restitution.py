@@ -1,4 +1,4 @@
-"""Laws of restitution: values, slopes and their errors against ball arithmetic and the contact."""
+"""Laws of restitution: values, slopes and their errors against ball arithmetic and a contact."""
 
 import numpy as np
 import pytest
@@ -50,14 +50,14 @@ def test_values_of_the_viscoelastic_law():
     ("b", "e", "above"),
     [(0.1, 0.892859, 5e-5), (0.2, 0.800965, 3e-4), (0.4, 0.654113, 1.2e-3), (0.8, 0.459740, 4e-3)],
 )
-def test_the_viscoelastic_law_is_that_of_the_contact_until_its_force_is_zero(b, e, above):
-    """x'' = -(x^1.5 + b x^0.5 x'), x' = 1 at first: P(b^0.5) is above the speed that is left."""
+def test_the_viscoelastic_law_is_near_a_contact_that_ends_when_its_force_is_zero(b, e, above):
+    """x'' = -(x^1.5 + b x^0.5 x'), x' = 1 at first: P(b^0.5) slightly exceeds the final speed."""
 
     def force(_, state):
         x, v = max(state[0], 0.0), state[1]
         return x**1.5 + b * np.sqrt(x) * v
 
-    def ends(t, state):  # the force over sqrt(x), which is zero once only
+    def ends(t, state):  # the force over sqrt(x), which passes zero once
         return state[0] + b * state[1] if t > 0.0 else 1.0
 
     ends.terminal = True
@@ -87,7 +87,7 @@ def test_ratio_and_slope_are_within_their_bounds(name, e, speed, v):
         assert abs(ratio(*law, v) / kept - 1) <= ratio_error(*law, v)
         low, high = slope_range(*law, v, v)
         assert low <= derivative <= high
-        # a component of a Jacobian may be off by 16 half ulps of all its terms, of 2 and more
+        # a component of a Jacobian may be off by 16 half ulps of its terms, whose sum is at least 2
         assert abs(slope(*law, v) - derivative) <= 32.0 * HALF_ULP or name == "plastic"
 
 
@@ -123,7 +123,7 @@ def test_the_plastic_law_has_a_kink_where_yielding_begins():
 
 
 @pytest.mark.parametrize("name", FALLING)
-def test_slow_impacts_keep_all_that_they_may(name):
+def test_the_slowest_impacts_keep_the_largest_share_of_their_speed(name):
     law = numbers(name, 0.8, 1.0)
     assert ratio(*law, 0.0) == slope(*law, 0.0) == (0.8 if name == "plastic" else 1.0)
     assert lost_speed(*law, 2.0, 1.0) == pytest.approx(2.0 * (1.0 - ratio(*law, 2.0)))
@@ -155,7 +155,7 @@ def test_the_jacobian_is_the_derivative_and_its_determinant_the_slope(parameters
 
 @pytest.mark.parametrize("name", FALLING)
 def test_locked_orbits_attract_up_to_the_closed_form(parameters, name):
-    """-a w'(x) < 2 (1 + q): the multipliers are those of z^2 - (1 + q + a w'(x)) z + q."""
+    """-a w'(x) < 2 (1 + q): the multipliers are roots of z^2 - (1 + q + a w'(x)) z + q."""
     given = {"restitution": 0.8, "amplitude": 1.0, "restitution_speed": 0.3}
     law = numbers(name, 0.8, 0.3)
     need, q = lost_speed(*law, 1.0, 1.0), slope(*law, 1.0)

@@ -70,7 +70,7 @@ def test_the_jacobian_is_the_derivative_and_the_determinant_a_product(parameters
         hit = impact(fixed, 0.0, x, y)
         xx, xu, ux, uu, _ = jacobian(fixed, hit.flight)
         np.testing.assert_allclose([[xx, xu], [ux, uu]], differences(fixed, x, y), atol=1e-7)
-        # q y / z, of which what a cycle does not see is left out
+        # q y / z; `contraction` omits factors whose product over a cycle is 1
         determinant = slope(*law, hit.v) * y / hit.v
         assert xx * uu - xu * ux == pytest.approx(determinant, rel=1e-12)
         seen = contraction(fixed, hit.v) * density(fixed, y) / density(fixed, hit.u)

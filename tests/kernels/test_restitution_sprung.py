@@ -1,4 +1,4 @@
-"""Laws of restitution over a base of finite mass: the map without mass, recoil, its slope."""
+"""Laws of restitution over a base of finite mass: massless particles, recoil and its slope."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_momentum_is_conserved_and_the_slope_is_the_derivative(parameters, name)
     fixed = mount(dimensionless(batch, 1.0), known, 0)
     for c in (0.3, 2.0, 7.0):
         lost = recoil(fixed, 0, c, False)
-        # the base loses what the particle, of 0.2 of its mass, gains: c and E(c) less the recoil
+        # the base loses the momentum that the particle gains: 0.2 times c + E(c) less the recoil
         gained = c + ratio(fixed.law, fixed.e, fixed.scale, c) * c - lost
         assert lost == pytest.approx(0.2 * gained, rel=1e-14)
         change = recoil(fixed, 0, c + 1e-5, False) - recoil(fixed, 0, c - 1e-5, False)

@@ -14,7 +14,7 @@ from numba import config
 
 import vibrosweep as vs
 
-# SHA-256 of every measured number, as it was on an AMD Zen 5; no function of a library takes part.
+# SHA-256 of all measured numbers, computed on an AMD Zen 5; no library function takes part.
 HASHES = {
     "high-bounce": "60a221e7ac75d93955b8879e389c94bb33f727a8db0c0c3bd611c3f1ef0e180b",
     "moving": "f49b4e5fed8bfe74086fa68d1e993830a0753f2d3cc49f5047ab73afd15ec05b",
@@ -67,7 +67,7 @@ def of_scene(name):
 
 
 def of_width(bits, name):
-    """Hash of a scene with registers of so many bits, in a process of its own; None where none are.
+    """Hash of a scene with registers of so many bits, from another process; None if there are none.
 
     The vectors that kernels use are chosen when the package is imported.
     """
@@ -94,7 +94,7 @@ def test_the_hashes_of_this_processor(name):
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="plain Python has no vector registers")
 def test_the_hash_of_the_narrowest_width():
-    # all of it is compiled anew; this file as a script compares every scene at every width
+    # it compiles everything anew; this file as a script compares every scene at every width
     found = of_width("128", "noise")
     if found is None:
         pytest.skip(f"this processor has no {WIDTHS['128']}")

@@ -34,7 +34,7 @@ def all_pairs(found, i, contact_time, begin):
 
 
 def all_particles(found, i, contact_time, begin):
-    """The same by bisection between the landings of each two particles, for many landings."""
+    """The same by bisection in the landings of each pair of particles, for many landings."""
     landing, liftoff = found["landing_time"][i], found["liftoff_time"][i]
     gap = same = np.inf
     together = -np.inf
@@ -58,7 +58,7 @@ def all_particles(found, i, contact_time, begin):
 
 
 def check(inputs, scene, workers, record, brute=all_pairs):
-    """Compare what is measured with all pairs; return the measures."""
+    """Compare the measures with all pairs, and return them."""
     measured = measure(inputs, scene, workers)
     found = record(inputs, scene)
     for i in range(measured["dt_min"].size):
@@ -140,14 +140,14 @@ def test_equal_launches_share_every_landing(
 @pytest.mark.parametrize(
     "launch",
     [
-        np.zeros(17),  # as one
+        np.zeros(17),  # all coincide
         np.linspace(0.0, 1e-7, 17),
         np.random.default_rng(2).uniform(-3.0, 3.0, 17),
     ],
 )
 def test_chatter_that_overflows_a_slab(launch, transient, parameters, observe, workers, record):
-    # e = 0.98 and so short a contact: a thousand bounces of each particle crowd before its rest.
-    # The list of 4096 landings overflows, and slabs are halved until it holds.
+    # At e = 0.98 and so short a contact each particle bounces a thousand times before it rests.
+    # The list of 4096 landings overflows, and slabs are halved until their landings fit.
     inputs = parameters(
         restitution=0.98,
         amplitude=[0.0, 1e-12],
@@ -184,7 +184,7 @@ def test_two_ways_of_brute_force_agree(transient, random_scenes, observe, record
 
 
 def test_crowds_beyond_the_shortest_slab_are_undetermined(parameters, observe, workers):
-    # flights shrink below 2^-53 periods: their landings are one instant, and more than the list
+    # flights shrink below 2^-53 periods; more of them land at one instant than the list can hold
     inputs = parameters(restitution=0.9999, amplitude=0.0, contact_time=1e-18, launch_velocity=1e-6)
     measured = measure(inputs, observe((0.0, 0.5), duration=1.0, ordering=True), workers)
     assert measured["impact_count"] > 200_000
@@ -234,7 +234,7 @@ def test_occupants_at_the_beginning_of_the_window(
 @pytest.mark.parametrize(
     "order", [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
 )
-def test_an_occupant_stands_between_no_two_landings(order, parameters, observe, workers):
+def test_an_occupant_is_no_landing_between_two_others(order, parameters, observe, workers):
     # a landing exactly at the beginning of the window, one soon after, and an occupant
     times = (0.875, RESTS, 0.9375)
     scene = observe([times[j] for j in order], transient=1.875, duration=1.95)
@@ -277,7 +277,7 @@ def test_a_late_end_costs_nothing_when_all_rest_for_good(parameters, observe, wo
 
 
 @pytest.mark.parametrize("launch", [(0.0,), (0.0, 50.0), (50.0, 51.0)])
-def test_no_pair_has_no_separation(launch, parameters, observe, workers):
+def test_without_a_pair_there_is_no_separation(launch, parameters, observe, workers):
     measured = measure(parameters(), observe(launch), workers)
     assert np.isnan(measured["dt_min"])
     assert np.isnan(measured["dt_min_same_index"])

@@ -1,4 +1,4 @@
-"""Landings that come in the order of time, one by one, against all pairs of them."""
+"""Separations and order of landings, taken one by one in order of time, against all pairs."""
 
 import itertools
 
@@ -20,7 +20,7 @@ LATE = 3.0  # beginning of its last period
 def scenes(draw):
     """Particles and times, in their order, and stays that end before the particle lands again.
 
-    One particle may land far more often than another, so that equal numbers are far apart.
+    One particle may land far more often than another, so that equal impact numbers are far apart.
     """
     particles = draw(st.integers(1, 4))
     share = np.array(draw(st.lists(st.sampled_from([1, 3, 30]), min_size=4, max_size=4)))

@@ -65,7 +65,7 @@ def test_the_exponent_of_a_locked_orbit_changes_sign_at_the_upper_edge(k, e, par
     found = settled(at_locked_orbit(parameters, k, e, amplitude), 2000.5 * k)
     largest = found["largest"][:, 0]
     assert largest[0] < 0.0 < largest[1]
-    # a mean over 2000 impacts feels how the first tangent vector lies
+    # a mean over 2000 impacts depends on the first tangent vector
     assert largest == pytest.approx(np.log(modulus), abs=5.0 / 2000.0)
 
 
@@ -128,14 +128,14 @@ def test_multipliers_of_any_cycle_are_the_eigenvalues_of_its_jacobians(
         exact = np.linalg.eigvals(product)
         leading = exact[np.argmax(np.abs(exact))]
         value = found["multiplier"][i, 0]
-        # the cycle is known to 1e-12, and a double eigenvalue feels the square root of that
+        # the cycle is known to 1e-12, and a double eigenvalue to the square root of that
         assert abs(value.real - leading.real) + abs(abs(value.imag) - abs(leading.imag)) < 1e-5
         exponent = np.log(abs(leading)) / found["impacts"][i, 0]
         assert found["largest"][i, 0] == pytest.approx(exponent, abs=1e-6)
 
 
 def test_an_orbit_that_rests_is_superstable(parameters, settled):
-    # Table 1, the launch whose orbit is known to rest; and no excitation at all
+    # Table 1 with a launch whose orbit is known to rest, and no excitation at all
     found = settled(parameters(amplitude=[1.2, 0.0]), 2000.0)
     assert found["regime"].ravel().tolist() == [Regime.RESTING, Regime.AT_REST]
     assert found["rests"].ravel().tolist() == [1, 0]
@@ -182,7 +182,7 @@ def test_the_stated_error_of_an_exponent_is_its_scatter(parameters, settled):
     assert chaotic.mean() > 0.8
     value, error = found["largest"][0, chaotic], found["largest_error"][0, chaotic]
     deviation = (value - value.mean()) / error
-    # 300 orbits know the scatter to 4 %; blocks of an orbit that is not quite mixing miss a little
+    # 300 orbits give the scatter to 4 %; blocks of an orbit that does not quite mix miss a little
     assert 0.8 < np.sqrt(np.mean(deviation**2)) < 1.3
 
 
@@ -217,7 +217,7 @@ def test_without_restitution_the_exponents_sum_to_minus_infinity(parameters, set
 
 @pytest.mark.parametrize(("e", "amplitude"), [(0.8, 1.0), (0.9, 1.2)])
 def test_a_cycle_that_rounding_decides_is_uncertain(e, amplitude, parameters, settled):
-    # under `reflect` a hundred chaotic impacts from rest to rest: no double knows their number
+    # under `reflect` a hundred chaotic impacts from rest to rest: rounding decides their number
     inputs = parameters(restitution=e, amplitude=amplitude)
     found = settled(inputs, 2000.0, launch=np.arange(20) / 20.0, rebound="reflect")
     resting = found["regime"] == Regime.RESTING
@@ -230,7 +230,7 @@ def test_a_cycle_that_rounding_decides_is_uncertain(e, amplitude, parameters, se
     assert np.all(found["largest_error"][locked] < 1e-9)
 
 
-def test_cycles_are_certain_only_if_a_change_by_rounding_leaves_them(parameters, settled):
+def test_certain_cycles_survive_a_change_by_rounding(parameters, settled):
     """With an amplitude changed by one ulp, certain cycles remain what they are."""
     rng = np.random.default_rng(21)
     drawn = {

@@ -31,7 +31,7 @@ def test_no_first_landing_is_missed():
 
 
 def test_a_known_trajectory():
-    """Of 40 digits, computed apart from this program."""
+    """The expected numbers were computed to 40 digits without this program."""
     scene = {"restitution": 0.85, "phase": 0.3, "base": "moving", "waveform": TWO_TONES}
     one = vs.simulate(**scene, base_velocity=[0.7, 3.0])
     lands, speeds = (one[name].values[0, 0, :2] for name in ("landing_time", "rebound_velocity"))
@@ -40,7 +40,7 @@ def test_a_known_trajectory():
 
 
 def test_one_tone_is_the_sine():
-    """Up to rounding, while it has not grown; rests and lift-offs included."""
+    """Up to rounding, as long as that has not grown; rests and lift-offs included."""
     scene = {"amplitude": [1.0, 3.0, 5.0], "launch_time": [0.2, 0.0], "base": "moving"}
     scene["restitution"] = 0.3
     sine = vs.simulate(**scene, duration=6.0)
@@ -51,7 +51,7 @@ def test_one_tone_is_the_sine():
         np.testing.assert_allclose(one[name].values, sine[name].values, rtol=1e-9, atol=1e-9)
 
 
-def test_lanes_and_records_agree_whatever_the_threads():
+def test_lanes_and_records_agree_for_any_number_of_threads():
     """Statistics of the vector kernel are those of the landings, which are followed one by one."""
     scene = {"waveform": TWO_TONES, "base": "moving", "restitution": 0.6, "duration": 20.0}
     scene |= {"amplitude": [0.5, 2.0, 5.0], "particles": 3}
@@ -80,7 +80,7 @@ def test_a_sweep_and_its_bounds_of_errors_are_proved(tmp_path):
 
 
 def test_a_locked_orbit_has_the_multipliers_of_its_closed_form():
-    """z^2 - (1 + e^2 + (1 + e)^2 G) z + e^2 at a w(x) = (1 - e) k."""
+    """Roots of z^2 - (1 + e^2 + (1 + e)^2 G) z + e^2 at a w(x) = (1 - e) k."""
     e, one = 0.6, tones_of(TWO_TONES)
     x = np.linspace(0.2, 0.5, 7)[2:5]
     a = (1.0 - e) / one.velocity(x)

@@ -1,4 +1,4 @@
-"""A base of finite mass that moves with another waveform than the sine, against its proof."""
+"""A base of finite mass with other waveforms than the sine, against proved trajectories."""
 
 import json
 import os
@@ -19,7 +19,7 @@ SCENE |= {"mass_ratio": 0.2, "mount_frequency": 1.6, "mount_damping": 0.1}
 LAUNCHES = [0.0, 0.3, 0.55]
 DURATION = 2.5
 SHAPES = [{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}, "parabolic"]
-# compiling would take longer than to interpret some dozen landings
+# interpreted, since compiling would take longer than a few dozen landings
 FOLLOW = """
 import json, sys
 import vibrosweep as vs

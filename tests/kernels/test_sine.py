@@ -30,9 +30,9 @@ def phases():
 
 @pytest.fixture(scope="module")
 def compared():
-    """Phases, sines, and proved bounds of their absolute error and of that in units of last place.
+    """Phases, sines, and proved bounds of their errors: absolute, and in units in the last place.
 
-    The place is that of the exact value's double.
+    The place is that of the double nearest to the exact value.
     """
     x = phases()
     assert x.size > 200_000
@@ -46,19 +46,19 @@ def compared():
 
 
 def test_absolute_error(compared):
-    # below 1 a result has half an ulp of 2^-54 for its last rounding; the product that is added
-    # there (up to 0.57) and its factor are rounded once each: 2.33e-16 was seen
+    # below 1 the last rounding is half an ulp, 2^-54, at most; the product that is added there
+    # (up to 0.57) and its factor are rounded once each: 2.33e-16 was seen
     *_, error, _ = compared
     assert error.max() < 2.4e-16
 
 
 def test_error_in_units_of_the_last_place(compared):
-    # the same roundings just above the fold of the exponent: 2.09 was seen
+    # the same roundings, of results just above a power of two: 2.09 was seen
     *_, places = compared
     assert places.max() < 2.25
 
 
-def test_relative_error_is_that_which_error_bounds_assume(compared):
+def test_the_relative_error_is_within_that_of_the_error_bounds(compared):
     x, found, error, _ = compared
     normal = np.abs(x) > 2.0**-1000
     assert np.all(error[normal] <= SINE_ERROR * np.abs(found[normal]))
@@ -94,7 +94,7 @@ def test_the_sine_is_odd_and_folds_about_its_peak(compared):
     assert np.array_equal(mirrored, found[:half][exact])
 
 
-def test_what_a_sine_lags_behind_its_angle():
+def test_the_lag_of_a_sine_behind_its_angle():
     rng = np.random.default_rng(6)
     around = 0.25 + np.arange(-200, 201) * 2.0**-50
     s = np.concatenate(

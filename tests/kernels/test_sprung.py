@@ -1,4 +1,4 @@
-"""A base of finite mass: its free motion against ball arithmetic, its impacts against budgets."""
+"""A base of finite mass: free motion against ball arithmetic, momentum and energy at impacts."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_free_motion_is_accurate_however_short(damping):
             # the phase w s is rounded; terms of d and v may cancel each other
             few = 16.0 * EPS * (1.0 + (1.0 + damping) * w * s)
             size = abs(d * fall) + abs(v * lag)
-            if damping > 1.0:  # a difference, once what is fast has decayed
+            if damping > 1.0:  # a difference, once the fast part has decayed
                 size += abs(d) + abs(v * s)
             assert abs(rise - (d * fall + v * lag)) <= few * size
             assert abs(gain - (d * slowed + v * gained)) <= few * (

@@ -1,4 +1,4 @@
-"""Error bounds of trajectories against proved trajectories: they hold, and they are not idle."""
+"""Error bounds of trajectories against proved trajectories: they hold, and are often finite."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_every_landing_lies_within_its_bound(
         except UndecidableError:
             assert landing_bound[i] == np.inf
             continue
-        # a bound is of the phase: a time in seconds is rounded three times more
+        # the bound is one of the phase; a time in seconds is rounded three times more
         rounding = 3.0 * HALF_ULP * (duration + 1.0 / inputs["frequency"])
         n = len(exact.impacts)
         landing, speed = found["landing_time"][i, 0], found["rebound_velocity"][i, 0]
@@ -79,7 +79,7 @@ def test_a_stable_orbit_is_known_for_ever(parameters, bounds):
     )
     x = float(theory.locked_phase(1, 0.9, 1.2))
     until, landing, speed = bounds(inputs, x, duration=1e6, impact_budget=2_000_000)
-    # a million impacts with multipliers of 0.949: errors settle at some roundings
+    # a million impacts with multipliers of 0.949: errors settle at a few roundings
     assert until == 1e6
     assert landing < 1e-13
     assert speed < 1e-12

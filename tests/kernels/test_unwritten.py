@@ -40,7 +40,7 @@ def arrays(results):
 
 
 @pytest.mark.parametrize("results", EMPTY, ids=lambda results: type(results).__name__)
-def test_a_single_number_that_is_left_is_told(results):
+def test_a_single_unwritten_number_is_reported(results):
     for values in arrays(results):
         if values.dtype.kind in "fc":
             assert np.isnan(values).all()
@@ -56,7 +56,7 @@ def test_a_single_number_that_is_left_is_told(results):
 
 
 def left(kernel, *fields):
-    """Return the kernel, which leaves something of its results unwritten."""
+    """Return the kernel, made to leave a number of its results unwritten."""
 
     def leaves(*arguments):
         result, out = kernel(*arguments), arguments[-1]
@@ -68,7 +68,7 @@ def left(kernel, *fields):
     return leaves
 
 
-def test_what_a_kernel_leaves_is_an_error_that_names_it(monkeypatch):
+def test_a_result_that_a_kernel_leaves_unwritten_is_named(monkeypatch):
     scene = {"particles": 3, "restitution": [0.7, 0.8], "duration": 3.0, "design": "grid"}
     monkeypatch.setattr(trajectories, "separate", left(trajectories.separate, "shared"))
     with pytest.raises(RunError, match=r"Separations\.shared"):
@@ -78,7 +78,7 @@ def test_what_a_kernel_leaves_is_an_error_that_names_it(monkeypatch):
         vs.sweep(**scene)
 
 
-def test_a_variable_that_nothing_computes_is_an_error_that_names_it(monkeypatch):
+def test_a_variable_that_nothing_computes_is_named(monkeypatch):
     monkeypatch.setattr(coupled, "separations_in_units", lambda *_: {})
     monkeypatch.setattr(measure, "separations_in_units", lambda *_: {})
     for base in (

@@ -43,7 +43,7 @@ def test_the_width_from_the_environment(monkeypatch, text, bits):
     assert vectors._set_by_environment() == bits
 
 
-def test_no_width(monkeypatch):
+def test_a_width_that_does_not_exist_is_refused(monkeypatch):
     monkeypatch.setenv(vectors.VARIABLE, "1024")
     with pytest.raises(VibrosweepError, match=r"VIBROSWEEP_VECTOR_BITS=1024.*128, 256, 512 bits"):
         vectors._set_by_environment()
@@ -67,7 +67,7 @@ step = njit(signature, _nrt=False, **OPTIONS)(_step.__wrapped__)
 
 
 def hot_loop(show, base, **environment):
-    """Text that a fresh process prints of the kernels' hottest loop, compiled for a base."""
+    """Text that a fresh process prints about the kernels' hottest loop, compiled for a base."""
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "VIBROSWEEP_"))}
     done = subprocess.run(
         [sys.executable, "-c", STEP.replace("BASE", base) + show],
@@ -101,7 +101,7 @@ AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi
     ],
 )
 def test_the_hot_loop_uses_registers_of_the_width_that_is_asked_for(base, bits, register, feature):
-    """And no choice is made by a masked store, which AMD processors with AVX2 are slow at."""
+    """There are no masked stores, which are slow on AMD processors with AVX2."""
     if not binding.get_host_cpu_features().get(feature):
         pytest.skip(f"this processor has no {feature}")
     environment = {"VIBROSWEEP_VECTOR_BITS": str(bits)} | (AVX2 if feature == "avx2" else {})
@@ -111,7 +111,7 @@ def test_the_hot_loop_uses_registers_of_the_width_that_is_asked_for(base, bits, 
     assert masked == "0"
 
 
-# numba's code before any optimisation, made into code for a plain ARMv8
+# numba's code before any optimisation, compiled for a plain ARMv8
 ON_ARM = """
 from llvmlite import binding
 (text,) = step.inspect_llvm().values()
@@ -141,7 +141,7 @@ def test_the_hot_loop_becomes_vector_code_on_arm(base):
         if "No available targets" in str(error):
             pytest.skip("this LLVM has no code for ARM")
         raise
-    # a packed fused multiply-add for each `fma` of the source, and no call of a library's
+    # a packed fused multiply-add for each `fma` of the source, and no call of a library
     packed = [line for line in assembly.splitlines() if "\tfmla\t" in line and ".2d" in line]
     assert len(packed) >= 10
     assert "\tbl\tfma" not in assembly

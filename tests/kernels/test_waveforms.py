@@ -39,7 +39,7 @@ def exact(one, x, order=0):
 
 
 def test_a_known_trajectory():
-    """Of 40 digits, computed apart from this program."""
+    """The expected numbers were computed to 40 digits without this program."""
     one = vs.simulate(
         amplitude=1.2, launch_time=0.2, waveform={"harmonics": [[1, 1.0, 0.0], [2, 0.2, 0.0]]}
     )
@@ -83,7 +83,7 @@ def test_a_resting_particle_is_lifted_at_the_next_of_several_rises():
     assert phases.size == 2
     assert one.velocity(phases) == pytest.approx(np.full(2, r), abs=1e-14)
     assert (one.slope(phases) > 0.0).all()
-    # the launches rest at once and leave at the next of them
+    # launched particles rest at once and leave at the next of these phases
     starts = np.array([-0.45, -0.3, -0.1, 0.05, 0.2, 0.4])
     starts = starts[one.velocity(starts) < 0.0]
     scene = {
@@ -192,7 +192,7 @@ def test_a_mode_has_two_windows_one_of_which_ends_in_a_fold():
 
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
 def test_balance_and_decay_follow_the_waveform(base):
-    """Of two particles in one slot: kicks balance losses, and Jacobians predict their approach."""
+    """For two particles in one slot, kicks balance losses and Jacobians predict the approach."""
     given = {"waveform": TWO_TONES, "gravity": 2.0, "restitution": 0.85, "amplitude": 0.5}
     given |= {"base": base, "launch_velocity": 1.0, "launch_time": [0.45, 0.46], "duration": 400.0}
     record = vs.simulate(**given)

@@ -150,7 +150,7 @@ def test_impossible_marks_are_refused(film, marked):
         ({"frequency": 40.0}, "given as 40 Hz, but the trace of the base repeats at 20"),
     ],
 )
-def test_what_contradicts_a_trace_is_refused(film, known, message):
+def test_settings_that_contradict_a_trace_are_refused(film, known, message):
     with pytest.raises(TrackError, match=message):
         find_impacts(film[1].tracks, trace=make_trace(TIME, film_height(film), "height"), **known)
 

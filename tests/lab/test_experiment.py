@@ -14,7 +14,7 @@ from vibrosweep.lab.trials import perform_trials
 G = LABORATORY["gravity"]
 SHARP = Camera(noise=0.0, whole_pixels=False)
 MOUNT = {"mass_ratio": 0.01, "mount_frequency": 7.4, "mount_damping": 0.05}
-# The recoiling base is interpolated between instants 50 us apart: 1e-8 m, over a frame squared.
+# The recoiling base is interpolated between instants 50 us apart: 1e-8 m over a squared frame time.
 PUSHED = {"moving": -1e-9, "sprung": -1e-3}
 OMEGA = 2.0 * math.pi * LABORATORY["frequency"]
 

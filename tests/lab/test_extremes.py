@@ -20,7 +20,7 @@ OMEGA = 40.0 * np.pi
 
 @pytest.fixture(scope="module")
 def moving():
-    """Over a base that moves, at Gamma 0.4."""
+    """Tracks over a base that moves, at Gamma 0.4."""
     amplitude = 1.9 * 0.4 * LABORATORY["gravity"] / OMEGA
     scene = {**LABORATORY, "amplitude": amplitude, "phase": 0.7}
     plan = Experiment(**scene, base="moving", particles=3, repeats=1, transient=0.0, duration=4.0)

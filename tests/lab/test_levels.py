@@ -48,7 +48,7 @@ def test_levels_that_agree_are_one(found):
 
 
 def test_stays_between_flights_that_are_all_alike_are_no_low_level(trial):
-    """A particle that rests once in each period, for a frame or two: its parabolas meet below."""
+    """A particle rests in each period for a frame or two: its parabolas meet below the base."""
     film = trial(scene={**LABORATORY, "phase": 1.64}, particles=5, length=2.0)
     resting = np.isfinite(film.record.landing_time) & (film.record.rested == 1)
     assert 0 < resting.any(axis=1).sum() < 5
@@ -91,7 +91,7 @@ def test_the_gravity_of_positions_in_whole_pixels_is_within_its_error():
 
 
 def test_a_few_flights_before_long_rests_show_their_gravity(trial):
-    """Waves of noise between the low points of a rest are no flights, whatever they fall with."""
+    """Waves of noise between the low points of a rest are no flights, however they are curved."""
     scene = {**LABORATORY, "amplitude": 1.9 * 0.4 * 9.81 / (40.0 * np.pi), "phase": 1.83}
     scene["launch_velocity"] = 0.393
     film = trial(scene=scene, transient=0.0, length=6.0, seed=3)

@@ -109,7 +109,7 @@ def test_stays_on_the_base_are_no_flights_and_landings_are_finer_than_a_frame(ch
     off, error = np.concatenate(off), np.concatenate(error)
     assert off.size > 60
     assert np.sqrt(np.mean(off**2)) * 240.0 < 0.1
-    # 68 % of so many: three standard deviations on either side
+    # 68 %, and three standard deviations of this share on either side
     assert 0.5 < np.mean(off < error) < 0.86
 
 

@@ -1,4 +1,4 @@
-"""Dependence of restitution on the speed of impact: the law that bounces leave, over both bases."""
+"""Dependence of restitution on the speed of impact: the law that bounces favour, on both bases."""
 
 import math
 
@@ -42,12 +42,12 @@ def test_bounces_determine_the_law_of_their_restitution(base, law):
     fitted = one.sel(law=law)
     e, speed = float(fitted["law_restitution"]), float(fitted["law_speed"])
     truth = SCENES[base]["restitution"]
-    if law == VISCOELASTIC:  # at a speed of its choice
+    if law == VISCOELASTIC:  # at the speed that the fit chose
         truth = float(restitution_at(speed, truth, law, SPEED[base]))
     assert abs(e - truth) < 5.0 * float(fitted["law_restitution_error"]) < 0.03
     if law == PLASTIC:
         assert abs(speed - SPEED[base]) < 5.0 * float(fitted["law_speed_error"]) < 0.03
-    # all parameters are those of the law; of a constant restitution they would be off
+    # all parameters are those of the law; those of a constant restitution would be off
     values = {**SCENES[base], "phase": 0.3, "restitution_speed": SPEED[base], "restitution": truth}
     if base == "moving":  # A = (1 + e) V0
         values["amplitude"] *= (1.0 + truth) / (1.0 + SCENES[base]["restitution"])
@@ -129,7 +129,7 @@ def test_laws_are_left_open_unless_most_bounces_speak_against_them():
 
 @pytest.mark.parametrize("law", [PLASTIC, VISCOELASTIC])
 def test_derivatives_of_laws(law):
-    """By speed, restitution and the logarithm of the speed of yielding, off the kink."""
+    """Derivatives by speed, restitution and the logarithm of the yield speed, off the kink."""
     v, fitted, y = np.array([0.05, 0.15, 0.9, 4.0]), Law(law, 0.4), math.log(0.4)
     after, slope = fitted.rebound_speed(v, 0.8, y)
     np.testing.assert_allclose(after, v * restitution_at(v, 0.8, law, 0.4), rtol=1e-14)

@@ -23,8 +23,8 @@ from vibrosweep.lab.which_base import _preferred
 G = LABORATORY["gravity"]
 NAMES = ("restitution", "amplitude", "frequency", "phase", "launch_velocity")
 # Films of irregular motion with bounces too low for the camera: base, parameters of `NAMES`,
-# transient, frames per second, noise and seed.  The landings were taken for those of the other
-# base, with a restitution above 1 (the first two), and of another scale (the others).
+# transient, frames per second, noise and seed.  Once, their landings were attributed to the other
+# base, with a restitution above 1 (the first two), or to another scale (the others).
 HARD = {
     "low bounces": (
         "high-bounce",
@@ -82,7 +82,7 @@ def fitted_base(distance, restitution=0.8, error=0.01):
 
 
 @pytest.mark.parametrize("name", HARD)
-def test_bounces_too_low_to_be_seen_do_not_make_another_base_nor_another_scale(name):
+def test_bounces_too_low_to_be_seen_suggest_no_other_base_and_no_other_scale(name):
     base, values, rest = HARD[name]
     fitted = fit_tracks(film(base, values, rest), G, Setup(frequency=values[2]))
     assert fitted.favoured_base in ("undetermined", "moving" if base == "moving" else "level")

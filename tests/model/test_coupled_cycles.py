@@ -47,7 +47,7 @@ def fly(base, state, t):
 
 
 def followed(cycle, state):
-    """State after one cycle, each impact found as a root in its turn."""
+    """State after one cycle; each impact in turn is found as a root."""
     base, now = cycle.base, cycle.time[-1] - cycle.periods
     for particle, at in zip(cycle.particle, cycle.time, strict=True):
         y = 2 + 2 * particle
@@ -92,9 +92,9 @@ def test_a_cycle_repeats_and_its_tangent_map_is_that_of_the_motion(name):
 
 @pytest.mark.parametrize("name", CYCLES)
 def test_volumes_contract_at_every_impact(name):
-    """An impact multiplies relative height and velocity by -e; between them the mount dissipates.
+    """An impact multiplies relative height and velocity by -e; in between the mount dissipates.
 
-    The motion of the common centre of mass is that before the impact, whatever the masses.
+    An impact leaves the motion of the centre of mass unchanged, whatever the masses.
     """
     cycle = CYCLES[name]()
     e, _, _, natural, damping = cycle.base
@@ -112,7 +112,7 @@ def test_spectral_radii_known_from_an_independent_computation(natural, radius):
 
 
 @pytest.mark.parametrize(("k", "separation"), [(1, 0.00234), (2, 0.00400)])
-def test_separations_known_from_orbits_that_were_followed(k, separation):
+def test_separations_known_from_simulated_orbits(k, separation):
     cycle = reversing(SOFT._replace(mass_ratio=0.001), k)
     assert np.diff(cycle.time)[[0, 2]] == pytest.approx(separation, abs=5e-6)
     assert spectral_radius(cycle) < 1.0

@@ -1,4 +1,4 @@
-"""Closed forms of a base of finite mass, against matrix exponentials and orbits followed."""
+"""Closed forms of a base of finite mass, against matrix exponentials and independent results."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_the_free_base_moves_as_the_matrix_exponential_says(natural, damping, pe
 
 
 @given(natural=NATURAL, damping=st.floats(1e-3, 3.0), spacing=st.integers(1, 4))
-def test_a_base_hit_regularly_repeats_and_damping_holds_it_back(natural, damping, spacing):
+def test_a_base_hit_regularly_repeats_and_damping_bounds_its_velocity(natural, damping, spacing):
     before = coupled_theory.recoil_deviation(natural, damping, spacing)
     phi = coupled_theory.mount_propagator(natural, damping, spacing)
     after = before - np.array([0.0, 1.0])

@@ -62,7 +62,7 @@ def test_all_ways_lead_to_one_amplitude(e, f, g, v):
 
 @pytest.mark.parametrize("forcing", FORCINGS)
 @pytest.mark.parametrize("varied", [name for name in INPUTS if name not in OF_MOUNT])
-def test_what_differs_is_what_follows_from_what_is_varied(forcing, varied):
+def test_only_quantities_that_follow_from_the_varied_input_differ(forcing, varied):
     if varied in FORCINGS and varied != forcing:
         return
     own = OTHERS | dict.fromkeys((*OF_RESTITUTION, *NOISE), np.array([0.4]))
@@ -74,7 +74,7 @@ def test_what_differs_is_what_follows_from_what_is_varied(forcing, varied):
 
 @pytest.mark.parametrize("first", FORCINGS)
 @pytest.mark.parametrize("second", FORCINGS)
-def test_two_ways_are_one_too_many(first, second):
+def test_two_forcings_are_refused(first, second):
     if first == second:
         assert forcing_of(["phase", first]) == first
         return
@@ -84,12 +84,12 @@ def test_two_ways_are_one_too_many(first, second):
     assert second in str(caught.value)
 
 
-def test_without_any_the_amplitude_is_the_forcing():
+def test_the_default_forcing_is_the_amplitude():
     assert forcing_of(["restitution"]) == "amplitude"
 
 
 @pytest.mark.parametrize("forcing", FORCINGS)
-def test_no_extreme_overflows_and_what_is_too_large_is_refused(forcing):
+def test_no_extreme_overflows_and_too_large_amplitudes_are_refused(forcing):
     ends = {n: (INPUTS[n].low, INPUTS[n].high) for n in (*PARAMETERS, forcing)}
     for which in np.ndindex(*(2,) * 4):
         names = ("restitution", "frequency", "gravity", forcing)
@@ -104,6 +104,6 @@ def test_no_extreme_overflows_and_what_is_too_large_is_refused(forcing):
                 refuse_extreme(found, forcing, "constant")
 
 
-def test_what_a_base_implements_is_a_law_of_the_kernels():
+def test_the_kernels_implement_every_law_of_every_base():
     assert set(KIND_OF) < set(BASES) == set(LAWS_OF)
     assert set(LAWS) == set(LAW_OF)

@@ -15,7 +15,7 @@ USES = "def f(t, x): t[0] += K"
 
 
 def defined(text, **outside):
-    """A function of this text, as if its module had these globals."""
+    """Define the function f of this text in a module with these globals."""
     names = dict(outside)
     exec(text, names)
     return names["f"]
@@ -37,14 +37,14 @@ def identified(function):
         ("def f(t, x): t[:] = [i for i in t]", "def f(t, x): t[:] = [-i for i in t]"),
     ],
 )
-def test_what_a_function_does_is_part_of_it(before, after):
+def test_a_function_that_does_something_else_has_another_fingerprint(before, after):
     texts = (before, f"# again\n\n{before}", after)
     first, same, other = (identified(defined(text, K=1.0)) for text in texts)
     assert first == same
     assert first != other
 
 
-def test_values_from_outside_are_part_of_a_function():
+def test_values_from_outside_enter_the_fingerprint():
     values = (1, 1.0, 2.0, (1, 2), "a", math, np.float64(1), math.sin, np.sin, np.clip, float)
     assert len({identified(defined(USES, K=k)) for k in values}) == len(values)
 
@@ -57,7 +57,7 @@ def test_values_from_outside_are_part_of_a_function():
     assert identified(enclosed(1.0)) == identified(enclosed(1.0)) != identified(enclosed(2.0))
 
 
-def test_functions_that_call_each_other():
+def test_functions_that_call_each_other_have_a_fingerprint():
     def pair(k):
         def even(n):
             return n == 0 or odd(n - 1)
@@ -74,18 +74,18 @@ def test_functions_that_call_each_other():
 
 
 @pytest.mark.parametrize("value", [[1.0], np.ones(2), {"a": 1}, object(), (1.0, [2.0])])
-def test_what_could_change_without_notice_is_refused(value):
+def test_values_that_could_change_unnoticed_are_refused(value):
     with pytest.raises(ParameterError, match=r"here: .* uses K, a "):
         identified(defined(USES, K=value))
 
 
-def test_a_module_of_the_user_could_change_too():
+def test_a_module_of_the_user_is_refused():
     with pytest.raises(ParameterError, match=r"uses K, a module, .* settings import"):
         identified(defined(USES, K=types.ModuleType("settings")))
 
 
 @pytest.mark.parametrize("expression", ["K.random.rand()", "K.random.default_rng().random()"])
-def test_numbers_at_random_are_refused(expression):
+def test_random_numbers_are_refused(expression):
     with pytest.raises(ParameterError, match="draws random numbers"):
         identified(defined(f"def f(t, x): t[0] += {expression}", K=np))
     for drawing in (np.random, np.random.rand, np.random.default_rng):

@@ -1,4 +1,4 @@
-"""Words for what is not modelled, or under another key, get an answer instead of a list of keys."""
+"""Words for effects that are not modelled or have another key get an answer, not a list of keys."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from vibrosweep.scene.sweep import parse_spec
 PAGE = Path(__file__).parents[2] / "docs" / "limits.md"
 
 
-def test_no_word_is_a_key():
+def test_no_word_with_an_answer_is_a_key():
     assert ANSWERS.keys().isdisjoint(
         {*SECTIONS, *(key for keys in SECTIONS.values() for key in keys)}
     )

@@ -44,7 +44,7 @@ def test_a_sine_has_the_windows_of_its_closed_form(base, e):
         assert abs(window.high - end) <= window.high_error < 1e-11
 
 
-def test_the_parabolic_shape_is_born_at_its_corner():
+def test_locked_orbits_of_the_parabolic_shape_are_born_at_its_corner():
     (window,) = windows_of(Waveform("parabolic"), mode_of(1, 0.7, "high-bounce"))
     assert (window.low, window.high) == pytest.approx((0.3, 0.85), abs=1e-15)
     (moving,) = windows_of(Waveform("parabolic"), mode_of(1, 0.7, "moving"))
@@ -64,7 +64,7 @@ def test_the_orbit_attracts_inside_and_nowhere_else(tones, e, base):
     shape, limit = Waveform("harmonics", tones), steepest(base, e)
     x = np.linspace(0.0, 1.0, 2001)
     w, slope = shape.velocity(x), shape.slope(x)
-    upwards = w > 1e-6  # where the base throws
+    upwards = w > 1e-6  # where the base rises
     a = np.divide(1.0 - e, w, out=np.full_like(w, np.nan), where=upwards)
     stable = upwards & (slope < -1e-6) & (-a * slope < limit * (1.0 - 1e-6))
     windows = windows_of(shape, mode_of(1, e, base))
@@ -78,7 +78,7 @@ def test_the_orbit_attracts_inside_and_nowhere_else(tones, e, base):
     assert not (stable & ~inside).any()
 
 
-def test_the_public_form_has_units_and_takes_what_a_scene_takes():
+def test_the_public_function_has_units_and_takes_waveforms_as_a_scene_does():
     two = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
     for base in ("high-bounce", "moving"):
         known = windows_of(TWO, mode_of(1, 0.85, base))

@@ -1,4 +1,4 @@
-"""The registry of measures agrees with itself, and whatever derives from it with the registry."""
+"""The registry of measures is consistent, and everything derived from it agrees with it."""
 
 import re
 from collections import Counter
@@ -45,7 +45,7 @@ def test_a_measure_brings_what_it_requires_and_nothing_else(key):
     assert [v.name for v in asked.variables] == [n for n in VARIABLES if n in names]
 
 
-def test_exponents_cannot_do_without_regimes():
+def test_exponents_require_regimes():
     assert replace(Measures(lyapunov=True), regimes=False).regimes
 
 
@@ -85,7 +85,7 @@ def test_an_option_out_of_its_range_is_refused_in_the_words_of_the_registry(key,
     assert f"must be {OPTIONS[key].allowed}" in str(caught.value)
 
 
-def test_the_budget_is_a_multiple_of_what_its_meaning_says():
+def test_the_meaning_of_the_budget_states_its_multiple():
     assert OPTIONS["impact_budget"].meaning.endswith(f"a multiple of {LOOK_AFTER}")
 
 
@@ -97,7 +97,7 @@ def test_tables_go_between_their_markers():
 
 
 @pytest.mark.parametrize("name", [n for n in VARIABLES if "lyapunov" in n or "exponent" in n])
-def test_an_exponent_says_in_what_growth_is_counted(name):
+def test_an_exponent_says_whether_it_is_per_impact_or_per_period(name):
     variable = VARIABLES[name]
     per = "period" if name.startswith("joint") else "impact"
     assert variable.attributes["per"] == per
@@ -109,7 +109,7 @@ def test_an_exponent_says_in_what_growth_is_counted(name):
 
 
 def _summary(name):
-    """The line that a summary has on a variable of realizations."""
+    """Lines of a summary about a variable of realizations."""
     summary = Summary()
     summary.add({"impact_count": np.ones(1, np.int64), name: np.ones(1)})
     return [line for line in summary.lines() if line.startswith(name)]

@@ -49,7 +49,7 @@ def test_another_base_has_no_mount(base, name):
         (["mount_frequency", "particle_mass", "base_mass", "mass_ratio"], {"particle_mass"}),
     ],
 )
-def test_what_is_lacking_or_too_much_is_named_once(given, about):
+def test_each_missing_or_superfluous_input_is_named_once(given, about):
     assert mount_mistakes("sprung", given).keys() == about
 
 

@@ -28,7 +28,7 @@ def make(function=count, **changes):
 
 
 def defined(text, **outside):
-    """A function of this text, as if its module had these globals."""
+    """Define the function f of this text in a module with these globals."""
     names = dict(outside)
     exec(text, names)
     return names["f"]
@@ -64,7 +64,7 @@ def test_mistakes_are_named(changes, words):
     assert words in str(raised.value)
 
 
-def test_together_they_have_names_of_their_own():
+def test_observables_of_one_sweep_have_different_names():
     one, other = make(), make(name="other", along="bin", values=(1.0, 2.0))
     assert observables_of([one, other]) == (one, other)
     with pytest.raises(ParameterError, match="seen is"):
@@ -79,7 +79,7 @@ def test_together_they_have_names_of_their_own():
         observables_of(one)
 
 
-def test_the_function_is_that_of_the_moment_of_use():
+def test_the_code_of_a_function_is_that_at_the_time_of_use():
     adding = defined("def f(t, x): t[0] += K", K=1.0)
     one = make(adding)
     adding.__globals__["K"] = 2.0
@@ -88,7 +88,7 @@ def test_the_function_is_that_of_the_moment_of_use():
     assert used == make(adding)
 
 
-def test_another_process_has_the_same():
+def test_an_observable_is_the_same_in_another_process():
     one = make(spread, along="bin", values=range(BINS), units="m s-1")
     again = pickle.loads(pickle.dumps(one))
     assert (again, hash(again), again.code) == (one, hash(one), one.code)
@@ -111,9 +111,9 @@ def test_units():
         np.testing.assert_allclose(make(units=units).scale(frequency, gravity), expected, 1e-15)
 
 
-def test_totals_of_particles_become_one():
+def test_totals_of_particles_are_combined():
     totals = np.random.default_rng(1).normal(size=(3, 7, 1))
-    # the built-in sum makes up for rounding as of Python 3.12
+    # since Python 3.12 the built-in sum compensates for rounding
     in_order = [reduce(operator.add, row) for row in totals[..., 0].tolist()]
     np.testing.assert_array_equal(make().combined(totals), in_order)
     np.testing.assert_array_equal(make(particles="max").combined(totals), totals.max((1, 2)))

@@ -26,7 +26,7 @@ from vibrosweep.model.times import Periods
 
 
 def turns_off(count, phase, exact):
-    """Distance in turns of a split instant from the exact one."""
+    """Distance in turns between the sum of count and phase and the exact value."""
     return abs(Fraction(float(count)) + Fraction(float(phase)) - exact)
 
 
@@ -147,7 +147,7 @@ def test_a_range_is_kept_and_put_into_words(name):
 
 
 def test_no_corner_of_the_ranges_leaves_double_precision(parameters):
-    """Neither what the kernels are given, nor squares of flights, nor units of results."""
+    """Neither inputs of kernels, nor squares of flights, nor units of results."""
     ends = [(p.low, p.high) for p in PARAMETERS.values()]
     corners = dict(zip(PARAMETERS, np.array(list(itertools.product(*ends))).T, strict=True))
     with np.errstate(all="raise"):
@@ -163,7 +163,7 @@ def test_no_corner_of_the_ranges_leaves_double_precision(parameters):
 
 
 @pytest.mark.parametrize("time", [1e16, 1e302, 1e308, -1e308])
-def test_times_beyond_counting_are_told_without_a_warning(time, parameters):
+def test_times_beyond_counting_are_refused_without_a_warning(time, parameters):
     scene = parameters(frequency=[1e9, 1.0, SMALLEST])
     assert representable(scene, [time]).tolist() == [False, False, abs(time) < 1e40]
     with pytest.raises(ParameterError, match=r"^duration = "):
@@ -183,7 +183,7 @@ def test_periods_that_cannot_be_counted_are_refused(parameters):
         launches((0.0, -1e16), 2, np.array([1.0]))
 
 
-def test_a_mount_is_seen_in_units_of_the_forcing(parameters):
+def test_a_mount_is_expressed_in_units_of_the_forcing(parameters):
     given = {"mass_ratio": 0.004, "mount_frequency": 3.0, "mount_damping": 0.1}
     scene = parameters(frequency=[6.0, 12.0]) | {n: np.full(2, v) for n, v in given.items()}
     found = mounts(scene, None, None)

@@ -1,4 +1,4 @@
-"""Closed forms refuse what is physically impossible."""
+"""Closed forms refuse physically impossible arguments."""
 
 import inspect
 
@@ -41,6 +41,6 @@ def test_the_first_value_outside_is_named():
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_wrong_call_is_told_with_the_name_of_the_function(name):
+def test_the_error_of_a_wrong_call_names_the_function(name):
     with pytest.raises(TypeError, match=rf"^{name}\(\) got .*'colour'"):
         FUNCTIONS[name](**possible(FUNCTIONS[name]), colour=1)

@@ -37,7 +37,7 @@ def test_one_clear_message_for_each_mistake(given, said):
     assert said in str(caught.value)
 
 
-def test_arrays_and_tables_are_judged_too():
+def test_arrays_and_tables_are_checked_too():
     with pytest.raises(ParameterError, match=r"restitution: 0\.3 "):
         vs.simulate(restitution=[0.8, 0.3], **VISCOELASTIC)
     table = {"restitution": [0.8, 0.2], "amplitude": [1.0, 1.0]}

@@ -17,7 +17,7 @@ FORCING = {"frequency": st.floats(0.1, 50.0), "gravity": st.floats(1.0, 25.0)}
 
 
 def jacobian(restitution, kick, cosine):
-    """Of (x, u) -> (x + u, e u + a sin 2 pi (x + u)), at an impact with that cos 2 pi x'."""
+    """Jacobian of (x, u) -> (x', e u + a sin 2 pi x'), x' = x + u, for this cos 2 pi x'."""
     slope = 2.0 * np.pi * kick * cosine
     return np.array([[1.0, 1.0], [slope, restitution + slope]])
 
@@ -111,7 +111,7 @@ def test_product_of_the_multipliers_is_the_restitution(k, e, share):
     low, high = theory.amplitude_min(k, e), theory.amplitude_max(k, e)
     amplitude = low + share * (high - low)
     pair = theory.multipliers(k, e, amplitude)
-    assume(not np.isnan(pair).any())  # rounding may put the lower edge below itself
+    assume(not np.isnan(pair).any())  # rounding may put the amplitude below the lower edge
     assert complex(np.prod(pair)) == pytest.approx(e, rel=2e-15, abs=1e-320)
 
 

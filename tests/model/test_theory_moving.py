@@ -105,7 +105,7 @@ def test_an_impact_contracts_by_the_quotient_of_the_relative_speeds(e, x, gamma,
 
 
 @given(k=MODES, e=RESTITUTION)
-def test_the_window_is_that_of_the_acceleration(k, e):
+def test_the_window_in_amplitude_is_that_in_base_acceleration(k, e):
     lowest = math.pi * k * (1.0 - e) / (1.0 + e)
     steepest = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2
     low, high = (end(k, e, base="moving") for end in (theory.amplitude_min, theory.amplitude_max))
@@ -156,7 +156,7 @@ def test_without_restitution_the_orbit_begins_with_a_flight_after_a_rest_of_no_t
 def test_the_apex_is_the_highest_point_of_the_flight(k, e, share, frequency):
     alpha, x = orbit(k, e, share)[1:]
     start = -alpha / (4.0 * math.pi) * math.cos(2.0 * math.pi * x)
-    s = np.linspace(0.0, k, 2001)  # holds the middle of the flight
+    s = np.linspace(0.0, k, 2001)  # includes the middle of the flight
     highest = (start + s * (k - s) / 2.0).max() * GRAVITY / frequency**2  # one unit is g / f^2
     amplitude = amplitude_of(math.pi * alpha, e) / frequency
     found = theory.locked_apex(k, e, amplitude, frequency, GRAVITY)
@@ -175,7 +175,7 @@ def test_the_first_flight_after_a_rest_is_the_first_landing():
         u = alpha * math.sin(2.0 * math.pi * x)
         # at first the height above the base grows as the cube of the time
         found = landing(x, u, alpha, after=1e-2 * flight, until=6.0)
-        # where it lands without relative speed, rounding decides by its cubic root
+        # near a landing without relative speed the error grows to the cube root of a rounding
         assert flight == pytest.approx(found, rel=1e-7 if one < 1.1 else 1e-8)
 
 
@@ -199,7 +199,7 @@ def test_the_first_flight_grows_as_the_root_of_what_exceeds_gravity():
 def test_the_first_flight_ends_without_relative_speed_where_its_half_is_its_tangent():
     half = 4.493409457909064  # the first t > 0 with t = tan t
     gamma = math.hypot(1.0, half)  # h is t there
-    # a triple root: a rounding moves it by its cubic root
+    # a triple root: a rounding moves it by the cube root of the rounding
     assert math.pi * theory.liftoff_flight(gamma) == pytest.approx(half, rel=1e-4)
     x, alpha = math.acos(-1.0 / gamma) / (2.0 * math.pi), gamma / math.pi
     s = half / math.pi
@@ -222,7 +222,7 @@ def test_no_landing_lifts_over_the_bound(e, x, gamma, y):
     kick = (1.0 + e) * alpha
     bound = float(theory.liftoff_speed_bound(0.0, kick, e, "moving"))
     longest = float(theory.flight_time_bound(0.0, kick, e, "moving"))
-    # any speed under the bound with which the particle leaves the base, the greatest for y = 1
+    # any absolute speed of lift-off up to the bound, which is y = 1
     slowest = alpha * math.sin(2.0 * math.pi * x)
     u = slowest + y * (bound - slowest)
     assume(u - slowest > 1e-12 * bound)  # it leaves faster than the base by more than rounding
@@ -232,8 +232,8 @@ def test_no_landing_lifts_over_the_bound(e, x, gamma, y):
     assert speed <= bound * (1.0 + 1e-12)
 
 
-def test_the_bound_of_the_speed_is_reached_to_a_part_of_it():
-    # a flight from above the highest point of the base to its steepest: the bound is not empty
+def test_the_bound_of_the_speed_is_reached_by_three_quarters():
+    # the highest flight begins where the base is highest and ends where it rises fastest
     e, alpha = 0.5, 1.0
     bound = float(theory.liftoff_speed_bound(0.0, 1.5, e, "moving"))
     phases = np.linspace(-0.5, 0.5, 201)
@@ -250,14 +250,14 @@ def test_bounds_without_kick_and_without_loss(base):
 
 @given(e=RESTITUTION, x=st.floats(-0.5, 0.5), u=st.floats(0.3, 5.0))
 def test_a_slow_base_is_met_as_the_high_bounce_map_says(e, x, u):
-    """As Gamma goes to 0 at one (x, u), flight and speed differ in proportion to it."""
+    """At fixed (x, u) flight and speed differ from those of the map in proportion to Gamma."""
     limit = (math.cos(2.0 * math.pi * (x + u)) - math.cos(2.0 * math.pi * x)) / (2.0 * u)
     for gamma in (1e-3, 1e-4):
         alpha = gamma / math.pi
         s = landing(x, u, alpha, after=0.1, until=6.0, steps=600)
         longer = s - u
         assert longer / gamma == pytest.approx(limit / math.pi**2, abs=2.0 * gamma / u**2)
-        # the landing is later by that, and the speed of arrival greater by twice that
+        # the landing is later by `longer`, and the speed of arrival greater by twice `longer`
         _, speed = bounce(x, u, e, alpha, after=0.1, until=6.0, steps=600)
         mapped = e * u + (1.0 + e) * alpha * math.sin(2.0 * math.pi * (x + u))
         turned = (1.0 + e) * alpha * 2.0 * math.pi * abs(longer)
@@ -266,7 +266,7 @@ def test_a_slow_base_is_met_as_the_high_bounce_map_says(e, x, u):
 
 @given(k=st.integers(1, 8), gamma=st.floats(1e-9, 1e-2))
 def test_windows_meet_where_locked_orbits_reach_small_accelerations(k, gamma):
-    """Mode k at Gamma_k: (1 - e) / (1 + e) is Gamma_k / (pi k), so that e goes to 1 with it."""
+    """At the least Gamma of mode k, (1 - e) / (1 + e) = Gamma / (pi k): e -> 1 as Gamma -> 0."""
     quotient = gamma / (math.pi * k)
     e = (1.0 - quotient) / (1.0 + quotient)
     ends = [theory.amplitude_max(k, e, base=base) for base in ("high-bounce", "moving")]

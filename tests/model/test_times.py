@@ -52,5 +52,5 @@ def test_periods_are_counted_whatever_the_frequency():
     assert representable(own, [1e3, Periods(2.0 * MAX_PERIODS)]).tolist() == [False, False]
 
 
-def test_an_amplitude_that_is_too_large_is_not_computed_with():
+def test_an_amplitude_that_is_too_large_is_not_representable():
     assert not representable(parameters(amplitude=1e31), [1.0]).any()

@@ -10,7 +10,7 @@ from vibrosweep.model.turns import reduced_turns
 
 
 def turns_off(count, phase, exact):
-    """Distance in turns of a split instant from the exact one."""
+    """Distance in turns between the sum of count and phase and the exact value."""
     return abs(Fraction(float(count)) + Fraction(float(phase)) - exact)
 
 

@@ -1,4 +1,4 @@
-"""Finished datasets, small, and copies of them with something changed by hand."""
+"""Small finished datasets, and copies of them that are changed by hand."""
 
 import shutil
 from contextlib import contextmanager
@@ -72,7 +72,7 @@ separation = true
 
 @pytest.fixture(scope="session")
 def computed(tmp_path_factory):
-    """Compute a sweep; gives the path of its file."""
+    """Compute a sweep; return the path of its file."""
 
     def compute(text):
         path = tmp_path_factory.mktemp("verify") / "sweep.h5"
@@ -89,7 +89,7 @@ def claimed(computed):
 
 @pytest.fixture(scope="session")
 def many(computed):
-    """The same with enough realizations for a change of every variable in one of its own."""
+    """The same with so many realizations that each variable can be changed in one of its own."""
     return computed(CLAIMED.replace("realizations = 3", "realizations = 60"))
 
 
@@ -105,7 +105,7 @@ def bare(computed):
 
 @pytest.fixture
 def edited(tmp_path):
-    """Copy a file and open the copy, to be changed; it is sealed as if a run had written it so.
+    """Copy a file and open the copy for changes; afterwards seal it as a run would.
 
     A file without a seal would be read in another process first, which takes a second.
     """
@@ -125,11 +125,11 @@ def edited(tmp_path):
 
 @pytest.fixture
 def changed(edited):
-    """Copy a file and change one number: gives the copy and where it was changed."""
+    """Copy a file and change one number; return the copy and the place of the change."""
 
     def change(source, name, new, realization=None, place=0):
         with edited(source) as (path, file):
-            if realization is None:  # the one of which most is known
+            if realization is None:  # the one with the smallest error bound
                 realization = int(np.argmin(file["landing_time_error"][...]))
             of_grid = np.unravel_index(realization, file["status"].shape)
             where = (*map(int, of_grid), place)[: file[name].ndim]

@@ -1,4 +1,4 @@
-"""Whatever is changed in a dataset by hand is found, and named."""
+"""Every change that is made to a dataset by hand is found and named."""
 
 import h5py
 import numpy as np
@@ -19,7 +19,7 @@ SINGLE = [n for n in VARIABLES if n not in MEASURE_OF or not MEASURES[MEASURE_OF
 NUMBERS = [name for name in SINGLE if VARIABLES[name].dtype == "float64"]
 CODES = [name for name in SINGLE if VARIABLES[name].flags]
 COUNTS = [name for name in SINGLE if name not in NUMBERS + CODES]
-# Ways to give the forcing that the files here do not use, and those of test_verify_sprung.py.
+# Coordinates that the files here lack: other forcings, mounts, noise, laws of restitution.
 OTHERS = {
     "base_velocity",
     "base_displacement",
@@ -29,7 +29,7 @@ OTHERS = {
     *OF_RESTITUTION,
     *OF_TRAJECTORIES,
 }
-# Variables that are computed from others of the file are outside with them.
+# Variables that are computed from others of the file are outside their claims with them.
 FOLLOW = {
     "dt_min": {"dt_min_resolved"},
     "lyapunov_largest": {"lyapunov_max"},
@@ -50,7 +50,7 @@ def everything(path):
 
 
 def moved(value):
-    """Move a number by a millionth, and further than zero."""
+    """Change a number by a millionth and 1e-9, so that a zero changes, too."""
     return value * (1 + 1e-6) + 1e-9
 
 
@@ -65,7 +65,7 @@ def caught(change, name):
 
 @pytest.fixture
 def all_caught(many, edited):
-    """Change each of some variables in a realization of its own; every one is found, there only."""
+    """Change each variable in a realization of its own; verify must find each change there only."""
 
     def change_all(names, new):
         places, honest = {}, everything(many).variables()
@@ -141,7 +141,7 @@ def test_changed_coordinates(claimed, edited):
 
 
 def test_every_array_of_a_file_is_judged(claimed, edited):
-    """Whatever HDF5 shows, also what readers of netCDF do not."""
+    """Also arrays that HDF5 shows and readers of netCDF do not."""
     arrays = []
     with h5py.File(claimed) as file:
         file.visititems(lambda name, one: arrays.append(name) if hasattr(one, "dtype") else None)
@@ -205,7 +205,7 @@ def test_invented_landing_in_record(claimed, edited):
 @pytest.mark.parametrize("name", ["landing_time_error", "rebound_velocity_error"])
 def test_bound_that_is_too_small_is_disproved(claimed, edited, name):
     with edited(claimed) as (path, file):
-        file.attrs["source"] = "vibrosweep 0.0.1"  # which may have bounded otherwise
+        file.attrs["source"] = "vibrosweep 0.0.1"  # whose bounds may be others
         known_worst = int(np.argmax(file[name][...]))
         file[name][known_worst] = 1e-18
     found = everything(path).variables()[name]

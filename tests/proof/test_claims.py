@@ -1,4 +1,4 @@
-"""Claims from the bounds of a dataset, and judgements of numbers by them."""
+"""Claims that follow from the bounds of a dataset, and judgements of numbers by these claims."""
 
 import math
 from dataclasses import replace
@@ -98,7 +98,7 @@ def test_touching_stays_are_not_decided(overlap):
 
 
 @pytest.mark.parametrize("overlap", ["4e-6", "-4e-6", None])
-def test_stays_farther_apart_than_their_errors_are(overlap):
+def test_stays_farther_apart_than_their_errors_are_decided(overlap):
     near = replace(MEASURED, overlap=None if overlap is None else arb(overlap))
     assert BOUNDS.claims(SCENE, near)["base_shared"] == 0.0
 
@@ -108,7 +108,7 @@ def test_launch_on_the_edge_of_the_window():
     assert {n for n, claim in found.items() if claim is None} == {"flight_height_max"}
 
 
-def test_kick_that_barely_lifts_decides_no_stay():
+def test_a_kick_that_barely_lifts_leaves_stays_undecided():
     weak = replace(SCENE, parameters=SCENE.parameters | {"amplitude": 5e-4 * (1 + 1e-15)})
     assert BOUNDS.claims(weak, MEASURED)["base_shared"] is None
     assert BOUNDS.record_claims(weak, 1.0)["liftoff_time"] == math.inf

@@ -1,4 +1,4 @@
-"""Proofs of periodic orbits: closed forms under every shape and law, and files of orbits judged."""
+"""Proofs of periodic orbits: closed forms under every shape and law, and files of orbits."""
 
 import math
 
@@ -56,7 +56,7 @@ def test_one_impact_has_the_multipliers_of_the_closed_forms(base, waveform):
 @pytest.mark.parametrize("base", BASES)
 @pytest.mark.parametrize("law", ["plastic", "viscoelastic"])
 def test_under_a_law_the_slope_takes_the_place_of_the_restitution(base, law):
-    """Of the speed c of arrival: c = 1 on the map, c + E(c) = 2 over the moving base."""
+    """The slope at the arrival speed c: c = 1 on the map, c + E(c) = 2 over the moving base."""
     speed = 0.5
     c, step = 1.0, 1e-6
 
@@ -86,7 +86,7 @@ def test_the_derivative_of_a_slope_is_that_of_differences():
 
 
 def test_a_mode_under_two_tones_ends_in_a_proved_fold():
-    """At e = 0.85: 0.1688 to 0.2855, where w'(x) = 0."""
+    """At e = 0.85 the mode exists from 0.1688 to 0.2855, where w'(x) = 0."""
     own = orbit(waveform=TWO_TONES)._replace(e=arb(0.85))
     x = np.linspace(0.0, 1.0, 10_001)
     w, slope = TWO_TONES.velocity(x), TWO_TONES.slope(x)
@@ -99,7 +99,7 @@ def test_a_mode_under_two_tones_ends_in_a_proved_fold():
             assert float(event.box[1].rad()) < 1e-28
 
 
-def test_reflection_turns_the_speed_and_the_determinant():
+def test_reflection_reverses_the_speed_and_the_determinant():
     """A particle that is pushed into the base leaves with the speed -(e u + a sin)."""
     e, a = 0.8, 1.9
     x = 1.0 - math.asin((1.0 + e) / a) / (2.0 * math.pi)
@@ -121,7 +121,7 @@ def test_at_a_corner_of_the_parabolic_waveform_an_orbit_is_proved_and_no_bifurca
         assert flight.after.v.contains(1)
 
 
-def test_an_orbit_that_rests_is_not_taken():
+def test_an_orbit_that_rests_is_reported_as_resting():
     own = orbit()._replace(rest=arb(2))
     x = phase_where_it_falls(SINE, 0.2 / 0.3)
     assert prove_orbit(own, [x], arb(0.3)).cycle.takes == RESTING
@@ -155,7 +155,7 @@ def test_every_number_of_a_file_of_orbits_is_within_its_claim(found, tmp_path):
         ("stable", 1),
     ],
 )
-def test_a_wrong_number_is_told_with_its_orbit(found, name, change, tmp_path):
+def test_a_wrong_number_is_reported_with_its_orbit(found, name, change, tmp_path):
     wrong = found.copy(deep=True)
     at = (1, 1, 0) + (0,) * (found[name].ndim - 3)
     wrong[name].values[at] = (

@@ -72,15 +72,15 @@ def test_order_of_the_landings(transient):
 
 
 @pytest.mark.parametrize(("mass_ratio", "open_"), [(0.0, True), (0.05, False)])
-def test_turns_of_particles_that_land_together_again_are_not_claimed(mass_ratio, open_):
-    """Doubles may part them after their first landing, unless it makes two motions of one."""
+def test_the_order_of_particles_that_land_together_again_is_not_claimed(mass_ratio, open_):
+    """Rounding may part them later, unless their first landing makes their motions differ."""
     one = realization((0.0, 0.2, 0.2), mass_ratio=mass_ratio)
     trajectories, estimate = prove(one, 1000)
     claims = estimate.claims(one, prove_measures(one, trajectories))
     assert (claims["order_changes"] is None) == (claims["gap_median"] is None) == open_
 
 
-def test_estimate_is_what_small_changes_do():
+def test_the_estimate_is_of_the_size_of_the_effect_of_a_small_change():
     one = realization()
     trajectories, estimate = prove(one, 1000)
     shifted = PARAMETERS | {"launch_velocity": 5.0 * (1.0 + CHANGE)}
@@ -163,7 +163,7 @@ def test_nothing_is_claimed_where_rounding_may_decide(number, side):
     assert prove(realization(duration=near + side * Fraction(1, 1000)), 1000)[1] is not None
 
 
-def test_claims_are_of_every_measure():
+def test_every_measure_has_a_claim():
     one = realization(transient=1.0)
     trajectories, estimate = prove(one, 1000)
     measured = prove_measures(one, trajectories)

@@ -40,7 +40,7 @@ def test_locked_orbit(rebound, k, restitution, place):
     assert twice.overlaps(found)
 
 
-def test_what_is_no_cycle_has_no_exponent():
+def test_without_a_proved_cycle_there_is_no_exponent():
     def table_1():
         return PeriodMap.from_parameters(SCENE, Laws())
 
@@ -70,7 +70,7 @@ def test_mean_growth_is_that_of_the_product_of_jacobians(rebound, amplitude):
         change = np.array([[1.0, 1.0], [k, 0.9 + k]]) @ change * [1.0, -1.0 if pushed else 1.0]
     assert found.value == pytest.approx(math.log(np.hypot(*change)) / len(impacts), abs=1e-13)
     assert 0.0 < found.claim < 1e-8
-    # an orbit that is off by the bounds is off by less than the claim
+    # an orbit that is off by the error bounds has an exponent that is off by less than the claim
     moved = [x + 1e-12 * (-1) ** n for n, x in enumerate(phases)]
     other = mean_growth(m, moved, flights, errors)
     assert 0.0 < abs(other.value - found.value) < found.claim

@@ -1,4 +1,4 @@
-"""Definitions against the plainest code: all pairs, in doubles, on landings made up at random."""
+"""Definitions of measures against plain code: all pairs, in doubles, on random landings."""
 
 import itertools
 import math
@@ -40,7 +40,7 @@ LAUNCH = flight(5.0)
 
 
 def trajectory(rng, landings, at_rest):
-    """Landings at random; every other stays for a while, the last for good if asked for."""
+    """Random landings; every other one is followed by a stay, the last one for good on request."""
     times = np.sort(rng.uniform(0.0, 10.0, landings))
     stays = np.diff(times, append=10.5) * rng.uniform(0.0, 1.0, landings)
     impacts = []

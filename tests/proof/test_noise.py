@@ -1,4 +1,4 @@
-"""Results in which something is random: the stored stream is proved as any trajectory."""
+"""Results with noise: trajectories under the stored noise stream are proved like any others."""
 
 import h5py
 import pytest
@@ -8,7 +8,7 @@ from vibrosweep.proof.verification import State
 
 NOISE = {"restitution_noise": 0.3, "kick_noise": 0.2}
 RECORD = {"restitution": 0.4, "amplitude": 0.3, "duration": 2.5}
-# kicks that noise turns around, of a base whose velocity jumps where a forcing period begins
+# noise reverses some kicks, and the kick jumps where a forcing period begins
 DRIVE = {"drive_noise": 0.9, "contact_time": 0.06, "record": RECORD}
 TONES = {"harmonics": [[1, 0.3, 2.0], [3, 0.5, 0.7], [4, -0.6, 1.9]]}
 

@@ -1,4 +1,4 @@
-"""Observables in `verify`: combinations, estimates, and functions that are not of the file."""
+"""Observables in `verify`: combinations, estimates, and functions other than those of the file."""
 
 import math
 
@@ -100,7 +100,7 @@ def test_a_function_that_changes_totals_is_refused(tmp_path):
         vs.verify(path, observables=[one])
 
 
-def test_a_ball_holds_what_doubles_give():
+def test_a_ball_contains_the_result_in_doubles():
     def formula(a, b, c):
         return (a * b - c) ** 3 / (1.5 + abs(b)) - 2 * a / c + max(a, b, 0.1) - (-c if a < b else c)
 

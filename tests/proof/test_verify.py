@@ -1,4 +1,4 @@
-"""A sound dataset passes; what cannot be compared, or read, is said."""
+"""A sound dataset passes; whatever cannot be compared or read is reported."""
 
 import math
 import subprocess
@@ -52,7 +52,7 @@ def test_sound_dataset(claimed):
         assert variable.errors, name
         assert not variable.outside
         assert not variable.undecided
-        # the proof is about these very numbers, and it leaves them digits
+        # the proof is about these very numbers, and its claims leave them digits
         assert not variable.digits or max(variable.digits) > 8.0
     lines = list(report.lines())
     assert lines[-1].startswith("passed")
@@ -116,13 +116,13 @@ def test_no_claim(computed, budget, state):
     assert f"not compared: orbit: {state.value}" in lines
 
 
-def test_what_follows_is_compared_without_a_proof(computed, edited):
+def test_derived_variables_are_compared_without_a_proof(computed, edited):
     with edited(computed(CHAOS.format(budget=10**6))) as (path, file):
         file["orbit_count"][0] += 1
     assert list(everything(path).lines())[-1].endswith("orbit_count")
 
 
-def test_variable_that_no_registry_has(claimed, edited):
+def test_a_variable_that_no_registry_has_is_not_compared(claimed, edited):
     with edited(claimed) as (path, file):
         file["label"] = np.zeros(3)
         file["record/label"] = np.zeros(3)
@@ -223,7 +223,7 @@ lyapunov = true
 trust = true
 per_particle = true
 """
-# Values in a file of a particle for which no cycle is known
+# Values that a file holds for a particle without a known cycle
 UNSETTLED = {
     "regime": Regime.UNSETTLED,
     **dict.fromkeys(("cycle_impacts", "cycle_periods", "cycle_rests"), 0),
@@ -247,7 +247,7 @@ def test_a_cycle_that_is_closed_by_two_rests(computed, edited, scene, transient)
         assert np.any(once)
         assert np.all(np.isnan(file["lyapunov_largest"][...][once]))
         row = min(proved & set(np.flatnonzero(rests[:, 0] > 1).tolist()))
-        # all that says so is taken back, and only that
+        # take back everything that the file says about the cycle, and nothing else
         for name, none in UNSETTLED.items():
             assert file[name][row, 0] != none
             file[name][row, 0] = none
@@ -262,8 +262,8 @@ def test_honest_file_never_fails(computed, number):
     assert not list(report.complaints()), text
 
 
-def test_areas_after_a_launch_that_the_base_pushes_have_a_bound(computed):
-    # no area is left of a flight that begins with no speed relative to the base
+def test_lyapunov_sum_has_a_bound_after_a_launch_that_the_base_pushes(computed):
+    # a flight that begins without speed relative to the base contracts areas to zero
     text = """
 title = "Launched at rest"
 [scene]
@@ -288,7 +288,7 @@ trust = true
 
 
 def test_tie_is_undecided(computed):
-    # e v = v_rest without excitation, in doubles that are not exact: u' = 0.5 u = r
+    # the only landing is at 2 v / g = 1 s, exactly the duration
     text = """
 title = "A landing at the very end"
 [scene]
@@ -380,7 +380,7 @@ def with_particle_status(file):
 @pytest.mark.parametrize(
     "harm", [without_status, with_restitution, with_duration, with_rebound, with_particle_status]
 )
-def test_what_no_sweep_writes(claimed, edited, harm):
+def test_values_that_no_sweep_writes_are_refused(claimed, edited, harm):
     with edited(claimed) as (path, file):
         harm(file)
     what = harm.__name__.partition("_")[2]
@@ -499,7 +499,7 @@ def moving_report(moving):
 def test_sound_dataset_of_the_moving_base(moving, moving_report):
     report = moving_report
     assert not list(report.complaints())
-    # one that a graze leaves undecided claims nothing
+    # a realization that a graze leaves undecided claims nothing
     assert report.count(State.COMPARED) >= 6
     assert report.count(State.COMPARED) + report.count(State.NO_CLAIM) == report.total == 8
     assert not report.not_compared()

@@ -108,7 +108,7 @@ def test_landings_before_the_window_count_as_too_many(sprung):
     assert report.count(State.TOO_LONG) + report.count(State.COMPARED) == 2
 
 
-def test_without_a_landing_no_error_of_one_is_told(computed):
+def test_without_landings_no_error_of_a_landing_is_reported(computed):
     text = SPRUNG.replace("duration = 2.5", "duration = 1e-3").replace("transient = 0.5", "")
     text = text.replace("launch = [0.0, 0.2, 0.2]", "launch = [0.0, 0.0, 0.0]")
     report = verify(computed(text[: text.index("[record]")]))

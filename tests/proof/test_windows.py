@@ -1,4 +1,4 @@
-"""Proofs of windows: closed forms lie in the enclosures, and what is not proved says why."""
+"""Proofs of windows: closed forms lie in the enclosures, and each missing proof has a reason."""
 
 import math
 from fractions import Fraction
@@ -105,8 +105,8 @@ def test_an_orbit_is_proved_with_its_multipliers():
     assert found.takes == ""
 
 
-def test_what_is_not_so_is_not_covered():
-    """Beyond its doubling an orbit does not attract; nor is it taken where it would rest."""
+def test_a_branch_is_covered_only_where_it_attracts_and_does_not_rest():
+    """An orbit must attract, which it does not beyond its period doubling, and must not rest."""
     (line,) = (one for one in lines_of("high-bounce", 0.9, 1, 1) if one.events)
     rows = [i for i, z in enumerate(line.z) if any(np.array_equal(z, e.z) for e in line.events)]
     points = line.z[:, [0, -1]].tolist()
@@ -174,7 +174,7 @@ def test_overlapping_windows_under_two_tones_are_proved_with_their_folds():
 
 
 def test_windows_are_proved_under_a_law_of_restitution():
-    """On the map mode 1 lives from v - E(v), v = g / 2f, to the same beside v (1 + E'(v)) / pi."""
+    """On the map v - E(v) < A < hypot(v - E(v), v (1 + E'(v)) / pi) in mode 1, with v = g / 2f."""
     found = vs.windows(
         restitution=0.9,
         amplitude=np.linspace(0.1, 6.0, 30),
@@ -214,7 +214,7 @@ def test_other_forcings_are_enclosed_in_their_own_unit(name, symbol, scale):
     assert int(one.inside_proof) == PROVED
 
 
-def test_ends_that_are_not_of_an_orbit_say_so():
+def test_ends_that_belong_to_no_orbit_say_so():
     low = Condition("low", lambda ds: ds["rebound_height_max"] < 2.0, ("rebound_height_max",))
     found = vs.windows(
         restitution=0.9, amplitude=[0.5, 1.0, 2.0, 3.0], conditions=[low], prove=True

@@ -201,7 +201,7 @@ def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path, monkeypatch)
         (ModuleNotFoundError("No module"), RunError, "install the same version"),
     ],
 )
-def test_what_goes_wrong_on_a_worker(one, tmp_path, error, expected, words):
+def test_an_error_on_a_worker_is_reported(one, tmp_path, error, expected, words):
     def failing(parts, index, columns):
         raise error
 
@@ -299,7 +299,7 @@ def test_a_run_whose_workers_have_all_gone_ends(one, local, tmp_path):
 
 
 def test_a_run_waits_for_its_first_worker(local, tmp_path):
-    """Jobs of a batch system start late: the limit counts only after workers were there."""
+    """Jobs of a batch system start late: the limit applies only once there have been workers."""
     output = tmp_path / "out.h5"
     with in_this_process(0) as late, cluster.connected(late.scheduler_address) as client:
         starting = threading.Timer(2 * cluster.LOOK, late.scale, [1])
@@ -330,7 +330,7 @@ def any_left(group):
 
 
 def test_the_command_interrupted_from_a_terminal(tmp_path):
-    """Ctrl-C reaches all processes of a terminal: one message, nobody is left, chunks are kept."""
+    """Ctrl-C reaches all processes of a terminal: one message, no process left, chunks kept."""
     (tmp_path / "sweep.toml").write_text(
         SWEEP.replace("= 40", "= 1_000_000").replace("sobol", "uniform")
     )
@@ -393,7 +393,7 @@ def test_without_dask_one_message_says_what_to_install(monkeypatch, capsys, tmp_
     assert 'pip install "vibrosweep[cluster]"' in capsys.readouterr().err
 
 
-def test_what_dask_logs_is_silent_only_meanwhile(one):
+def test_logs_of_dask_are_silent_only_while_connected(one):
     handlers = logging.getLogger("distributed").handlers
     before = [handler.level for handler in handlers]
     with cluster.connected(one.scheduler_address):

@@ -1,4 +1,4 @@
-"""A parameter that a sweep file does not state is said to be at its default."""
+"""A parameter that a sweep file does not state is reported to be at its default."""
 
 import math
 

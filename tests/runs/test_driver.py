@@ -1,4 +1,4 @@
-"""From a sweep file to its result: the same bits however it is cut, and nothing unfinished."""
+"""From a sweep file to its result: the same bits however it is divided, and nothing unfinished."""
 
 import re
 from pathlib import Path
@@ -67,7 +67,7 @@ def test_the_seed_decides(compute):
 
 
 def test_measures_are_those_of_the_landings(compute):
-    """Frequency-sampled and staggered: every realization against its own full record."""
+    """Sampled frequencies, staggered launches: every fifth realization against its own record."""
     path = compute(DRAWN + ALL_MEASURES + "transient = 2.0\n")
     sweep = xr.load_dataset(path)
     assert np.ptp(sweep["frequency"].values) > 1
@@ -114,7 +114,7 @@ def test_without_landings_measures_of_flights_are_undefined(compute):
     assert result["collision_free"] == 1
 
 
-def test_a_spent_budget_is_said_and_harms_no_other(compute):
+def test_a_spent_budget_is_reported_and_harms_no_other_realization(compute):
     text = "[scene]\nparticles = 2\n[sample]\nrealizations = 20\namplitude = [0.001, 3.0]\n"
     limited = xr.load_dataset(compute(text + ALL_MEASURES + "impact_budget = 64\n"))
     free = xr.load_dataset(compute(text + ALL_MEASURES))
@@ -126,7 +126,7 @@ def test_a_spent_budget_is_said_and_harms_no_other(compute):
     assert limited["dt_min"][kept].equals(free["dt_min"][kept])
 
 
-# which figures a sweep of the repository is for
+# figures of the sweeps of the repository
 RECORDED = ("height_time", "height_time_all", "return_map")
 SAMPLED = {
     "moving": ("height_against_restitution", "parameter_plane"),
@@ -172,7 +172,7 @@ def test_a_bad_table_leaves_nothing(compute, tmp_path):
 
 # long, or the files of other commands, whose own tests run them
 NOT_RUN = re.compile("million|plane|basin|bifurcation|boundaries|branches|orbits|windows|shaker")
-# the same sweep for another number of particles, whose figures are drawn once
+# the same sweep for several numbers of particles; its figures are drawn once
 NUMBERED = re.compile(r"_\d+$")
 
 

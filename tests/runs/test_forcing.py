@@ -1,4 +1,4 @@
-"""However the forcing and the times are given: one realization, one result, kept and continued."""
+"""Results, proofs, retries and identities, however the forcing and the times are given."""
 
 import shutil
 
@@ -66,7 +66,7 @@ def result(request, tmp_path_factory):
     return request.param, path
 
 
-def test_a_result_says_how_it_was_given_and_what_follows(result):
+def test_a_result_says_how_the_forcing_was_given_and_what_follows(result):
     way, path = result
     for found in (loaded(path), loaded(path, "record")):
         e, f, g, a, gamma = (
@@ -154,7 +154,7 @@ def test_a_run_is_not_continued_under_another_base(tmp_path):
         retry_failed(spec_of("amplitude", base="moving"), path, threads=1)
 
 
-def test_a_result_without_the_attribute_is_of_the_high_bounce_base(tmp_path):
+def test_a_result_without_a_base_attribute_is_of_the_high_bounce_base(tmp_path):
     path = tmp_path / "old.h5"
     run_sweep(spec_of("amplitude"), path, threads=1)
     with h5py.File(path, "r+") as file:

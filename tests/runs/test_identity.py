@@ -55,15 +55,15 @@ def spec(request, tmp_path):
 
 
 def changed(value):
-    """Give, by the name of what changes inside, other values of the kind of a field."""
+    """Yield other values of the kind of a field, each with the name of the part that differs."""
     if is_dataclass(value):
         for field in fields(value):
             for name, other in changed(getattr(value, field.name)):
-                if field.name == "waveform" and other is None:  # there is always one
+                if field.name == "waveform" and other is None:  # a scene always has one
                     continue
-                with suppress(ParameterError):  # a law that there is not
+                with suppress(ParameterError):  # an unknown law
                     yield f".{field.name}{name}", replace(value, **{field.name: other})
-        if not isinstance(value, Waveform):  # a base always moves with one
+        if not isinstance(value, Waveform):  # a scene always has one
             yield "", None
     elif isinstance(value, Mapping):
         for key, member in value.items():
@@ -98,7 +98,7 @@ def test_every_field_is_in_the_identity_or_cannot_change_a_number(spec, tmp_path
         for name, other in changed(value):
             path = f"{field.name}{name}"
             impossible = path == "design.table" and value.table is None
-            if other == value or impossible:  # what another measure requires cannot be left out
+            if other == value or impossible:  # a measure that another one requires stays
                 continue
             if is_dataclass(value) and name == "":  # the record: there is one or none
                 assert field.name == "record" or other is None
@@ -107,7 +107,7 @@ def test_every_field_is_in_the_identity_or_cannot_change_a_number(spec, tmp_path
             assert (now != before) is not any(path.startswith(one) for one in EXEMPT), path
 
 
-def test_what_is_exempt_is_a_field_and_has_a_reason():
+def test_every_exempt_path_is_a_field_and_has_a_reason():
     kinds = {"scene": Scene, "record": Scene, "design": Design}
     for path, reason in EXEMPT.items():
         room, _, name = path.rpartition(".")
@@ -115,7 +115,7 @@ def test_what_is_exempt_is_a_field_and_has_a_reason():
         assert len(reason) > 10
 
 
-def test_a_field_of_an_unknown_kind_is_not_passed_over(spec):
+def test_a_field_of_an_unknown_kind_is_an_error(spec):
     with pytest.raises(TypeError, match=r"^title: .* object"):
         identity(replace(spec, title=object()))
 
@@ -178,7 +178,7 @@ def count(totals, landing):
     totals[0] += 1.0
 
 
-def test_what_an_observable_does_not_have_is_not_told():
+def test_only_the_fields_that_an_observable_gains_are_reported():
     spec = parse_spec(SPECS["bare"])
     plain, spread = (
         identity(spec.with_observables([Observable("number", count, "landings", **more)]))
@@ -225,4 +225,4 @@ print(json.dumps([m.__file__ for m in modules]))
     assert len(loaded) > 40
     package = Path(vibrosweep.__file__).parent
     kinds = {package / "api" / name for name in ("__init__.py", "result_kinds.py")}
-    assert loaded - set(sources()) <= kinds  # which say how results are shown
+    assert loaded - set(sources()) <= kinds  # these only say how results are shown

@@ -1,4 +1,4 @@
-"""A result in memory: what was never computed is no number, and no result."""
+"""A result in memory: values that were not computed are never filled in."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from vibrosweep.runs.inmemory import InMemory
 
 @pytest.mark.parametrize("rows", [0, 3])
 @pytest.mark.parametrize("name", ["impact_count", "dt_min", "status", "restitution"])
-def test_a_result_in_which_values_are_missing_is_none(name, rows):
+def test_a_result_in_which_values_are_missing_is_refused(name, rows):
     found = InMemory()
     found.dimensions({"realization": 4})
     found.coordinate("restitution", ("realization",), {})
@@ -31,8 +31,8 @@ def test_a_result_in_which_values_are_missing_is_none(name, rows):
 
 
 @pytest.mark.parametrize("name", sorted(VARIABLES))
-def test_every_variable_begins_with_what_stands_for_nothing(name, monkeypatch):
-    memory = np.empty  # as the allocator may hand it out, with numbers of before
+def test_every_variable_begins_with_its_code_for_no_value(name, monkeypatch):
+    memory = np.empty  # the memory that it returns may still hold old numbers
     monkeypatch.setattr(np, "empty", lambda *a, **k: np.full_like(memory(*a, **k), 1))
     found, variable = InMemory(), VARIABLES[name]
     found.dimensions({"realization": 2, "particle": 3})

@@ -31,7 +31,7 @@ amplitude = [0.2, 3.5]
 
 @pytest.fixture
 def costs(monkeypatch):
-    """Say what a realization costs."""
+    """Let plans find this cost of a realization."""
 
     def says(seconds):
         def explored(spec, design, *rest):
@@ -83,7 +83,7 @@ def test_the_sample_is_drawn_from_all_over_a_grid(workers, monkeypatch):
 
 
 def test_hours_are_foreseen_in_a_moment(workers):
-    """Bounds of errors are carried along every landing, whatever orbits do."""
+    """Error bounds follow every landing, even where an orbit repeats."""
     spec = parse_spec(WIDE.format(64) + "trust = true\nimpact_budget = 1_000_000_000_000\n")
     spec = replace(spec, scene=replace(spec.scene, duration=1e9))
     cost = explore(spec, chunks.open_design(spec), workers, 0.2)
@@ -151,7 +151,7 @@ else:
 
 def foreseen_and_used(text, number, path, chunk):
     """Memory in bytes that a plan foresees for a run in a fresh process, and that the run takes."""
-    # compiling, where that is still to be done, takes memory of its own
+    # compile beforehand, because compiling takes memory of its own
     few = parse_spec(text.format(60))
     few = replace(few, scene=replace(few.scene, duration=1.0))
     run_sweep(few, path.with_name("few.h5"), threads=2)
@@ -195,7 +195,7 @@ def test_the_disk_for_a_record_is_foreseen(workers, tmp_path, monkeypatch, scene
     assert needs.result == pytest.approx((tmp_path / "out.h5").stat().st_size, rel=0.2)
 
 
-def test_what_does_not_fit_is_refused(tmp_path):
+def test_a_run_that_does_not_fit_is_refused(tmp_path):
     with pytest.raises(OutputError, match=r"needs 9.31e\+05 GiB of disk.*lower sample.realiz"):
         require_disk(tmp_path / "out.h5", 1e15)
     with pytest.raises(ParameterError, match=r"needs 9.31e\+05 GiB of memory.*lower chunk="):

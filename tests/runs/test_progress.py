@@ -33,7 +33,7 @@ def clock(monkeypatch):
     return now
 
 
-def test_lines_now_and_then(clock):
+def test_a_log_gets_a_line_now_and_then(clock):
     stream = io.StringIO()
     with reporting(stream) as advance:
         for second in range(0, 31, 3):
@@ -45,8 +45,8 @@ def test_lines_now_and_then(clock):
     ]
 
 
-def test_a_run_that_continues(clock):
-    """Its speed is that of its own work, and it says nothing until there is some."""
+def test_a_continued_run_reports_its_own_speed(clock):
+    """Its speed counts only its own work, and it reports nothing before there is some."""
     stream = io.StringIO()
     with reporting(stream) as advance:
         for second, done in ((15.0, 600), (30.0, 600), (45.0, 630), (60.0, 660)):
@@ -76,7 +76,7 @@ def test_a_terminal_gets_a_bar():
 
 
 @pytest.mark.parametrize("terminal", [True, False])
-def test_a_stream_that_has_gone_ends_no_run(clock, terminal):
+def test_a_closed_stream_does_not_end_a_run(clock, terminal):
     with reporting(Gone(terminal), delay=1e-9) as advance:
         clock[0] = 100.0
         advance(1, 2)

@@ -73,7 +73,7 @@ def test_the_result_is_that_of_the_larger_budget(sweep, output, tmp_path, design
     attributes = xr.open_dataset(output).attrs
     assert attributes["impact_budget"] == 1000
     assert not run_directory(output).exists()
-    # of the sweep file with the new budget, too
+    # also by the sweep file with the new budget
     summary, again = retry_failed(large, output, threads=1)
     left = int(np.sum(xr.load_dataset(output)["base_shared"] == -1))
     assert again == left
@@ -107,7 +107,7 @@ def ending(job, indices, tick):
 
 
 @pytest.mark.parametrize("force", [False, True])
-def test_what_is_not_finished_is_not_retried(sweep, output, force):
+def test_an_unfinished_run_is_not_retried(sweep, output, force):
     with pytest.raises(Interruption, match="2 of"):
         run_sweep(sweep(32), output, threads=1, chunk=1, runner=ending)
     with pytest.raises(RunError, match="is not finished"):
@@ -134,7 +134,7 @@ def test_a_retry_that_is_ended_continues(sweep, output, tmp_path):
 
 @pytest.mark.parametrize("budget", [1000, 64])
 def test_a_retry_that_is_killed_after_its_result_had_its_name(sweep, output, monkeypatch, budget):
-    """The same whether or not the new budget settled all."""
+    """The next retry leaves the same result, whether or not the new budget settled all."""
     run_sweep(sweep(32), output, threads=1)
     with monkeypatch.context() as patch:
         patch.setattr("vibrosweep.runs.kept.abandon", lambda directory: 1 / 0)
@@ -158,7 +158,7 @@ def test_a_retry_of_a_run_that_was_killed_after_its_result_had_its_name(sweep, o
     assert not run_directory(output).exists()
 
 
-def test_what_is_not_the_same_sweep(sweep, output, tmp_path):
+def test_a_retry_by_another_sweep_is_refused(sweep, output, tmp_path):
     with pytest.raises(DataError, match="no such result"):
         retry_failed(sweep(32), output, threads=1)
     run_sweep(sweep(32), output, threads=1)
@@ -188,8 +188,8 @@ impact_budget = {budget}
 
 
 @pytest.mark.parametrize("other", ["", "regimes = true\nlyapunov = true\nper_particle = true"])
-def test_bounds_that_the_budget_cut_off_are_said_and_computed_again(tmp_path, output, other):
-    """The error bounds of a run that a cycle completes still follow every landing."""
+def test_bounds_that_the_budget_cut_off_are_reported_and_computed_again(tmp_path, output, other):
+    """Error bounds follow every landing, even of an orbit that a cycle completes early."""
     small, large = (parse_spec(LONG.format(budget=budget, other=other)) for budget in (300, 10**6))
     run_sweep(small, output, threads=1)
     before = xr.load_dataset(output)

@@ -1,4 +1,4 @@
-"""A sweep over a base of finite mass from its file to its figures, whatever the circumstances."""
+"""A sweep over a base of finite mass, from its file to its figures."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_the_record_is_that_of_simulate(path):
         assert np.array_equal(record["impact_count"], same["impact_count"])
 
 
-def test_it_is_described_and_planned(path, workers):
+def test_a_sweep_is_described_and_planned(path, workers):
     told = "\n".join(describe(path))
     assert "particle_mass                   0 ... 0.1 kg" in told
     assert "mount_damping                   0.05 (default)" in told
@@ -84,7 +84,7 @@ def test_it_is_described_and_planned(path, workers):
     assert plan.chunks == 1
 
 
-def test_what_was_given_up_is_computed_again(path, tmp_path):
+def test_realizations_that_spent_their_budget_are_computed_again(path, tmp_path):
     few = parse_spec(TEXT.replace("separation", "impact_budget = 12\nseparation"))
     output = tmp_path / "few.h5"
     run_sweep(few, output, threads=1)

@@ -74,8 +74,8 @@ def test_columns_stand_below_their_heads():
         ([2.0, 2.0], "2 2 2"),
     ],
 )
-def test_what_is_stored_is_what_is_said(values, said):
-    """An infinite number is not undefined; how chunks are cut plays no part."""
+def test_infinite_and_undefined_values_are_told_apart(values, said):
+    """An infinite number is not undefined; the division into chunks plays no part."""
     summary = Summary()
     for value in values:
         one = {"impact_count": np.ones(1, np.int64), "lyapunov_max": np.array([value])}
@@ -84,12 +84,12 @@ def test_what_is_stored_is_what_is_said(values, said):
     assert line.split() == ["lyapunov_max", "(per", "impact)", *said.split()]
 
 
-def test_nothing_is_not_an_error():
+def test_an_empty_summary_is_not_an_error():
     assert len(list(Summary().lines())) == 1
 
 
 @pytest.mark.parametrize("name", sorted(OF_REALIZATIONS))
-def test_what_stands_for_no_value_enters_no_mean(name):
+def test_codes_for_no_value_enter_no_mean(name):
     variable = OF_REALIZATIONS[name]
     if variable.flags:
         return  # codes are counted, each by its name

@@ -48,7 +48,7 @@ class Killed(BaseException):
 
 @pytest.fixture
 def sweep(tmp_path, monkeypatch):
-    """Run the sweep in chunks of two; what the file says of time and threads is fixed."""
+    """Run the sweep in chunks of two; the time and the threads in the file are fixed."""
     monkeypatch.setattr(result, "provenance", lambda threads: {"threads": 1})
 
     def compute(text=SWEEP, output="out.h5", **options):
@@ -119,7 +119,7 @@ def test_a_run_continues_with_what_is_missing(sweep, expected, computed, tmp_pat
     with unfinished(sweep, after):
         assert len(parts(tmp_path)) == after
         assert not (tmp_path / "out.h5").exists()
-    # other threads and chunks are asked for: the run keeps its own cut
+    # other threads and chunks are asked for, but the run keeps its division into chunks
     told = []
     runner = noting(computed, threads=2)
     sweep(threads=2, chunk=5, runner=runner, advance=lambda *now: told.append(now))
@@ -181,7 +181,7 @@ def test_a_flipped_bit_is_noticed(sweep, expected, computed, tmp_path, place):
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
-def test_a_disk_that_changes_what_it_holds_is_said(sweep, tmp_path, monkeypatch):
+def test_a_disk_that_changes_its_data_is_reported(sweep, tmp_path, monkeypatch):
     monkeypatch.setattr(Parts, "read", lambda *arguments: None)
     with pytest.raises(OutputError, match="damaged"):
         sweep()
@@ -221,7 +221,7 @@ def test_a_changed_sweep_does_not_continue(sweep, tmp_path, old, new, words):
     assert (tmp_path / "out.h5").exists()
 
 
-def test_what_changes_no_number_is_no_change(sweep, computed, tmp_path):
+def test_a_change_that_affects_no_number_does_not_prevent_continuing(sweep, computed, tmp_path):
     with unfinished(sweep):
         text = "# a comment\n" + SWEEP.replace("[sample]", 'rebound = "rest"\n[sample]')
     sweep(text, runner=noting(computed))
@@ -253,7 +253,7 @@ def test_the_contents_of_a_table_are_part_of_the_sweep(sweep, tmp_path):
 
 
 def test_a_table_that_changes_while_it_runs_is_noticed(sweep, tmp_path):
-    """As a worker on another machine may see it: here, in another process."""
+    """As a worker on another machine may see it; here another process does."""
     (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1\n0.9,2\n0.9,3\n")
 
     def elsewhere(job, numbers, tick):
@@ -304,7 +304,7 @@ def test_a_chunk_that_fails_once_is_computed_again(sweep, expected, tmp_path, mo
 
 @pytest.fixture
 def failing(sweep, tmp_path):
-    """Let no batch be measured that holds certain realizations, while a block lasts."""
+    """Make every batch that holds certain realizations fail, while a block lasts."""
     sweep(output="column.h5")
     restitution = xr.load_dataset(tmp_path / "column.h5")["restitution"].values
     (tmp_path / "column.h5").unlink()
@@ -371,7 +371,7 @@ def test_a_full_disk_loses_nothing(sweep, expected, computed, tmp_path, room, li
 
 
 def test_a_directory_that_becomes_read_only(sweep, expected, computed, tmp_path):
-    """The tests may run as a user whom no permission stops."""
+    """Simulated, because the tests may run as a user whom no permission stops."""
 
     def refuse(self, partial, path):
         if partial.parent.suffix == ".parts" and len(parts(tmp_path)) == 4:
@@ -416,7 +416,7 @@ LEFT = {
 
 @pytest.fixture
 def left(sweep, tmp_path):
-    """Kill a run after its result had its name, with these files left of its directory."""
+    """Kill a run after its result got its name, and leave only these files in its directory."""
 
     def leave(kept, **options):
         with pytest.MonkeyPatch.context() as patch:
@@ -469,7 +469,7 @@ def test_an_unfinished_run_of_another_sweep_is_not_cleared_away(sweep, expected,
     assert parts(tmp_path) == before
 
 
-def test_what_cannot_be_cleared_away_is_in_nobodys_way(left, expected, tmp_path):
+def test_leftovers_that_cannot_be_cleared_away_do_no_harm(left, expected, tmp_path):
     directory = left("all")
     with holding(tmp_path / "out.h5"):
         vibrosweep.run(tmp_path / "sweep.toml", tmp_path / "out.h5").close()
@@ -495,7 +495,7 @@ def another(value):
     return str(not value).lower() if isinstance(value, bool) else repr(type(value)(value + 1))
 
 
-# the keys of a file that this base can have
+# the keys of measures that a sweep over this base can have
 OF_THIS_BASE = [
     field
     for field in fields(Measures)
@@ -520,7 +520,7 @@ def test_a_resume_with_any_other_measure_is_refused(sweep, expected, tmp_path, f
 @pytest.mark.parametrize("lost", ["dt_min", "restitution", "status"])
 @pytest.mark.parametrize("chunk", [2, None])
 def test_a_column_that_is_not_computed_is_never_filled(sweep, tmp_path, monkeypatch, lost, chunk):
-    """As a fault in the engine, or of the sweep that made some of the parts, would lose it."""
+    """A fault in the engine, or in the run that made some of the parts, would lose it."""
 
     def batch(*arguments):
         columns = original(*arguments)

@@ -1,4 +1,4 @@
-"""Tables of realizations in memory: the same checks and results as of a file."""
+"""Tables of realizations in memory: the same checks and results as for a file."""
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,7 @@ def opened(table, **keywords):
     return open_design(keyword_spec({"design": table, **keywords}))
 
 
-def test_all_kinds_of_tables_are_one(tmp_path):
+def test_all_kinds_of_tables_give_the_same_design(tmp_path):
     frame = pd.DataFrame({**PAIRS, "ball": ["a", None, "b"]})
     frame.to_csv(tmp_path / "table.csv", index=False)
     dataset = xr.Dataset({name: ("run", values) for name, values in PAIRS.items()})

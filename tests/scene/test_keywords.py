@@ -1,4 +1,4 @@
-"""Keywords of Python mean what a sweep file means, and mistakes are told in their own words."""
+"""Keywords of Python mean the same as keys of a sweep file; mistakes are named by keyword."""
 
 import re
 
@@ -79,7 +79,7 @@ def test_a_tuple_is_a_range():
     assert spec.design.sampled == {"restitution": Range(0.8, 0.98), "amplitude": Range(0.2, 3.5)}
 
 
-def test_tables_of_a_file_mean_what_they_mean_there():
+def test_tables_of_a_sweep_file_can_be_keywords():
     spec = keyword_spec(
         {"sample": {"restitution": [0.8, 0.9], "realizations": 4}, "particles": 3, "title": "x"}
     )
@@ -91,13 +91,13 @@ AXES = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30, unique=True)
 
 
 @given(AXES, st.floats(1e-3, 1e3), st.booleans())
-def test_the_text_that_is_kept_asks_for_the_same(values, frequency, separation):
+def test_the_stored_text_asks_for_the_same_sweep(values, frequency, separation):
     asks = {"restitution": values, "frequency": frequency, "separation": separation}
     spec = keyword_spec(asks)
     assert same(parse_spec(spec.text), spec)
 
 
-def test_even_axes_are_written_shortly_and_exactly():
+def test_even_axes_are_written_briefly_and_exactly():
     even = np.linspace(0.1, 0.7, 101)
     spec = keyword_spec({"restitution": even})
     assert "num = 101" in spec.text
@@ -153,5 +153,5 @@ def test_masked_values_are_no_data():
         keyword_spec({"restitution": np.ma.masked_less([0.1, 0.9], 0.5)})
 
 
-def test_what_is_none_is_not_given():
+def test_a_keyword_that_is_none_counts_as_not_given():
     assert same(keyword_spec({**DRAWN, "duration": None}), keyword_spec(DRAWN))

@@ -1,4 +1,4 @@
-"""Every kind of mistake is named by file, key, value and what is allowed; sound files are read."""
+"""Every kind of mistake is named by file, key, value and allowed values; sound files are read."""
 
 import math
 import subprocess
@@ -50,7 +50,7 @@ def test_paper():
 def test_every_sweep_of_the_repository_is_sound(path):
     spec = read_spec(path)
     text = path.read_text(encoding="utf-8")
-    if "trace =" in text:  # a sweep holds what it was measured as, and needs the trace no more
+    if "trace =" in text:  # a sweep holds the measured waveform and no longer needs the trace
         assert parse_spec(spec.text).scene == spec.scene
     else:
         assert spec.text == text
@@ -371,7 +371,7 @@ def test_each_mistake_is_one_clear_line_with_its_key_and_value(text, key, value)
         parse_spec(text if "title" in text or not text else TITLE + text, Path("dir/bad.toml"))
     (mistake,) = caught.value.mistakes
     assert mistake.key == key
-    # not a number equals nothing, and ABSENT is only itself
+    # NaN equals nothing, and ABSENT only itself
     assert mistake.value is value or mistake.value == value or mistake.value != mistake.value
     said = str(caught.value)
     assert said.startswith(f"{Path('dir/bad.toml')}: {key.removesuffix('.')}")
@@ -416,7 +416,7 @@ def test_all_mistakes_at_once():
     head, *lines = said.splitlines()
     assert head == f"{Path('dir/bad.toml')}: 8 mistakes"
     keys = {line.split()[0].rstrip(":") for line in lines}
-    # the transient is not judged by the default of a duration that was meant otherwise
+    # the transient is not compared with the default duration, because another one was meant
     assert keys == {
         "tilte",
         "scene.restitution",
@@ -429,7 +429,7 @@ def test_all_mistakes_at_once():
     }
 
 
-def test_a_misspelt_key_is_not_missing_too():
+def test_a_misspelt_key_is_not_reported_as_missing_too():
     said = message(f"{TITLE}[sample]\nphase = [0.0, 1.0]\nrealisations = 3")
     assert "\n" not in said
     assert 'did you mean "realizations"?' in said

@@ -1,4 +1,4 @@
-"""Tables: each mistake is named by file, column, row, value and what is allowed."""
+"""Tables: each mistake is named by file, column, row, value and allowed values."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_netcdf(netcdf):
     assert design.take(0, 3)["amplitude"].dtype == np.float64
 
 
-def test_columns_choose(csv, netcdf):
+def test_only_the_chosen_columns_are_used(csv, netcdf):
     path = csv("label,amplitude,gravity\na,1.0,x\nb,2.0,y\n")
     assert opened(path, 'columns = ["amplitude"]').sampled == ("amplitude",)
     path = netcdf(amplitude=("realization", [1.0]), gravity=9.81, label=("other", ["a", "b"]))
@@ -121,7 +121,7 @@ def test_a_mistake_names_its_file_column_row_and_value(csv, text, extra, column,
         ("", "", ["is empty", "column names"]),
         (b"\xff\xfe\x00", "", ["not UTF-8"]),
         ("restitution;amplitude\n0,9;1\n", "", ["semicolons", "by commas", "point"]),
-        ("restitution\tamplitude\n0.9\t1\n", "", ["tabulators", "by commas"]),
+        ("restitution\tamplitude\n0.9\t1\n", "", ["tabs", "by commas"]),
         (GOOD + "0.9,1\n", "realizations = 2", ["1 rows", "sample.realizations = 2"]),
         (GOOD + "0.9,1\n0.8,\n", "", ['column "amplitude", row 2', "nothing is not allowed"]),
         (GOOD + "0.9,1\n\n0.9\n", "", ["line 4 has 1 values for 2 columns"]),

@@ -1,4 +1,4 @@
-"""Waveforms from a measured motion: what was put in comes out."""
+"""Waveforms from a measured motion: a synthetic trace gives its own waveform back."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ FREQUENCY, VELOCITY = 19.73, 0.31
 
 
 def motion(time, column, noise=0.0, seed=1):
-    """Write a base's height (m) or acceleration (m s-2), scaled so that max |w| is 1."""
+    """Height (m) or acceleration (m s-2) of a base whose greatest speed is `VELOCITY`."""
     x = FREQUENCY * time
     size = VELOCITY / np.abs(TWO.velocity(np.linspace(0.0, 1.0, 100001))).max()
     if column == "height":
@@ -36,7 +36,7 @@ def written(path, time, values, column="height"):
 
 @pytest.mark.parametrize("column", ["height", "acceleration"])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_what_was_put_in_comes_out(tmp_path, column, noise):
+def test_a_synthetic_trace_gives_its_waveform_back(tmp_path, column, noise):
     time = np.arange(0.0, 1.5, 4e-4)
     written(tmp_path / "shaker.csv", time, motion(time, column, noise), column)
     waveform, frequency, velocity = measured(Traced("shaker.csv", column, 4), tmp_path)
@@ -50,7 +50,7 @@ def test_what_was_put_in_comes_out(tmp_path, column, noise):
     assert waveform.trace.held == pytest.approx(1.0 / (1.0 + noise**2), abs=1e-3)
 
 
-def test_a_result_needs_its_trace_no_more(tmp_path):
+def test_a_result_no_longer_needs_its_trace(tmp_path):
     time = np.arange(0.0, 1.0, 5e-4)
     trace = written(tmp_path / "shaker.csv", time, motion(time, "height"))
     text = (
@@ -179,7 +179,7 @@ def test_a_file_or_column_that_is_not_there(tmp_path, monkeypatch, asked, messag
         ("time,height\n" + "".join(f"{t},0\n" for t in (0, 1, 2, 3, 2, 5, 6, 7)), "time in line 6"),
     ],
 )
-def test_a_trace_of_another_separator_and_one_that_goes_back(tmp_path, monkeypatch, text, message):
+def test_other_separators_and_decreasing_times_are_refused(tmp_path, monkeypatch, text, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "shaker.csv").write_text(text)
     with pytest.raises(SpecError, match=message):

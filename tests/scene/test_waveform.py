@@ -1,4 +1,4 @@
-"""The key ``waveform``: what it may be, and what is wrong with it."""
+"""The key ``waveform``: its values, and mistakes in them."""
 
 import pytest
 

@@ -60,7 +60,7 @@ def test_the_public_functions_open_the_same(full):
 
 
 def test_a_result_opens_as_a_tree(full):
-    """The sweep and its record do not have as many realizations."""
+    """The sweep and its record have different numbers of realizations."""
     with xr.open_datatree(full) as tree:
         assert tree.sizes["realization"] == 10
         assert tree["record"].sizes["record_realization"] == 1
@@ -101,7 +101,7 @@ def test_sampled_parameters_are_coordinates_and_fixed_ones_variables(full):
             assert dataset[name].attrs["long_name"] == parameter.long_name
     assert sweep["gravity"] == PARAMETERS["gravity"].default
     assert {"duration", "transient"} <= set(sweep.data_vars)
-    # staggered launches follow the frequency: there is no one launch time where it is sampled
+    # staggered launches follow the frequency; where it is sampled there is no common launch time
     assert "launch_time" not in sweep.coords
     np.testing.assert_allclose(record["launch_time"], [0.0, 1 / 3, 2 / 3])
 

@@ -34,7 +34,7 @@ def test_a_file_appears_at_its_end(tmp_path):
     assert h5py.is_hdf5(path)
 
 
-def test_what_a_killed_command_left_is_cleared_by_the_next_of_the_same_output(tmp_path):
+def test_leftovers_of_a_killed_command_are_cleared_by_the_next_of_the_same_output(tmp_path):
     path, left = tmp_path / "out.h5", tmp_path / ".out.h5.0123abcd.partial"
     left.touch()
     other = tmp_path / ".other.h5.0123abcd.partial"
@@ -112,7 +112,7 @@ def test_a_result_has_the_permissions_of_a_new_file(tmp_path):
     assert len(modes) == 1
 
 
-def test_a_link_stays_one(tmp_path):
+def test_a_symbolic_link_stays_a_link(tmp_path):
     (tmp_path / "far").mkdir()
     link = tmp_path / "out.h5"
     link.symlink_to(tmp_path / "far" / "real.h5")
@@ -179,8 +179,8 @@ def test_a_directory_that_takes_no_file(tmp_path, monkeypatch):
         check_output(tmp_path / "out.h5", force=False)
 
 
-def test_a_result_under_another_name_is_flushed_before_it_is_told(tmp_path, monkeypatch):
-    """Whoever is told removes the parts of the run, which must not be durable before the result."""
+def test_a_result_under_another_name_is_flushed_before_the_caller_is_told(tmp_path, monkeypatch):
+    """The caller then removes the parts of the run; the result must be durable before that."""
     flushed = []
     monkeypatch.setattr(
         disk, "flush_directory", lambda path: flushed.extend(sorted(p.name for p in path.iterdir()))

@@ -1,4 +1,4 @@
-"""A file that was just written is opened without reading what it holds, as any other is."""
+"""A file that was just written is opened without reading its structure, yet as xarray opens it."""
 
 import pickle
 
@@ -22,7 +22,7 @@ def path(request, tmp_path):
     return path
 
 
-def test_it_is_what_xarray_opens(path):
+def test_it_equals_what_xarray_opens(path):
     found = fresh.opened(path)
     with found, xr.open_dataset(path, engine="h5netcdf") as known:
         xr.testing.assert_identical(found, known)

@@ -1,4 +1,4 @@
-"""Parts and manifest of a run: whole or not there, and what is damaged is never taken."""
+"""Parts and manifest of a run: whole or absent, and never used when damaged."""
 
 import json
 
@@ -87,7 +87,7 @@ def test_other_columns_than_those_declared_are_neither_written_nor_taken(parts, 
     assert parts.read(0, parts.finished()[0]) is None
 
 
-def test_what_is_no_part_is_not_counted(parts):
+def test_files_that_are_no_parts_are_not_counted(parts):
     for name in ("lock", MANIFEST, ".chunk-0000000000.0123abcd.partial", "chunk-1-ab.part"):
         (parts.directory / name).touch()
     assert parts.finished() == {}
@@ -98,7 +98,7 @@ def test_a_part_that_cannot_be_written(tmp_path):
         Parts(tmp_path / "gone", manifest()).write(0, COLUMNS)
 
 
-def test_the_manifest_comes_back(tmp_path):
+def test_a_manifest_is_read_as_it_was_written(tmp_path):
     assert read_manifest(tmp_path) is None
     assert read_manifest(tmp_path / "none") is None
     write_manifest(tmp_path, manifest(replaces=True))
@@ -111,7 +111,7 @@ def test_chunks_cover_all():
     assert len({manifest().key, manifest(chunk=5).key, manifest(identity={}).key}) == 3
 
 
-def test_a_damaged_manifest_is_said(tmp_path):
+def test_a_damaged_manifest_is_reported(tmp_path):
     write_manifest(tmp_path, manifest())
     path = tmp_path / MANIFEST
     data = json.loads(path.read_text())
@@ -130,7 +130,7 @@ def test_a_damaged_manifest_is_said(tmp_path):
 
 
 @given(st.integers(0), st.integers(0, 255))
-def test_any_changed_byte_of_the_manifest_is_harmless_or_said(tmp_path_factory, place, value):
+def test_any_changed_byte_of_the_manifest_is_harmless_or_reported(tmp_path_factory, place, value):
     directory = tmp_path_factory.getbasetemp()
     write_manifest(directory, manifest())
     data = bytearray((directory / MANIFEST).read_bytes())

@@ -35,7 +35,7 @@ restitution = 0.9
 
 
 @pytest.mark.parametrize("call", [vs.open_sweep, vs.open_record, verify])
-def test_what_is_no_path_is_refused(call):
+def test_an_argument_that_is_no_path_is_refused(call):
     with pytest.raises(ParameterError, match="path = 5"):
         call(5)
 
@@ -50,7 +50,7 @@ def sound(tmp_path_factory):
 
 @contextmanager
 def soon():
-    """Fail where something is waited for: nobody ever writes into the pipe."""
+    """Fail instead of waiting: nobody ever writes into the pipe."""
 
     def late(number, frame):
         raise AssertionError("hangs")
@@ -96,7 +96,7 @@ def unused(group, pipe):
     ids=lambda param: f"{param[0].__name__} {param[1]}",
 )
 def linked(request, sound, tmp_path):
-    """A result of which something is in a pipe, with or without a seal."""
+    """A result of which some data are in a pipe, with or without a seal."""
 
     def make(sealed):
         pipe, path = tmp_path / "pipe", tmp_path / "linked.h5"
@@ -149,7 +149,7 @@ def test_no_function_opens_another_file(linked):
             opening(path)
 
 
-def test_what_is_no_file_is_not_waited_for(tmp_path, capsys):
+def test_a_pipe_is_refused_without_waiting(tmp_path, capsys):
     os.mkfifo(tmp_path / "pipe.h5")
     for command in ("info", "verify", "figures", "explore"):
         with soon():
@@ -166,7 +166,7 @@ def test_a_link_within_a_result_is_followed(sound, tmp_path, capsys):
     assert "gravity                         9.81 m s-2" in capsys.readouterr().out
 
 
-def test_a_fault_of_this_program_is_not_put_on_a_file(sound, tmp_path):
+def test_a_fault_of_this_program_is_not_blamed_on_a_file(sound, tmp_path):
     with pytest.raises(KeyError), using(sound):
         raise KeyError("x")
     path = shutil.copy(sound, tmp_path / "copy.h5")
@@ -192,8 +192,8 @@ OTHERS = {
 
 @pytest.mark.parametrize("other", OTHERS)
 @pytest.mark.parametrize("name", ["restitution", "rebound_height_max"])
-def test_whatever_stands_for_a_variable_nothing_fails_badly(sound, tmp_path, capsys, name, other):
-    """A command shows what is left, or says in a message what it cannot."""
+def test_a_variable_of_another_type_never_causes_a_traceback(sound, tmp_path, capsys, name, other):
+    """A command shows what is left, or says in a message what is wrong."""
     path = shutil.copy(sound, tmp_path / "copy.h5")
     with h5py.File(path, "r+") as file:
         shape, attributes = file[name].shape, dict(file[name].attrs)

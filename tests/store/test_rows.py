@@ -46,7 +46,7 @@ def test_a_grid_has_its_axes_as_dimensions(path):
         assert found.particle_status.dims[-1] == "particle"
         for name in ("restitution", "base_acceleration", "frequency"):
             assert found.indexes[name].tolist() == GRID[name]
-        # what follows from some of the axes lies along those
+        # a quantity that follows from some of the axes lies along those
         assert found.duration.dims == ("frequency",)
         assert np.array_equal(found.duration, 20 / found.frequency)
         assert found.amplitude.dims == found.impact_count.dims
@@ -58,14 +58,14 @@ def test_a_grid_has_its_axes_as_dimensions(path):
         assert one.amplitude == alone.amplitude
 
 
-def test_what_does_not_follow_from_an_axis_does_not_lie_along_it():
+def test_a_quantity_lies_only_along_axes_from_which_it_follows():
     found = vs.sweep(restitution=[0.5, 0.9], amplitude=[1.0, 2.0, 3.0], phase=[0.0, 1.0])
     assert found.base_acceleration.dims == ("restitution", "amplitude")
     same = vs.sweep(restitution=[0.5, 0.9], amplitude=[1.0, 2.0, 3.0])
     assert np.array_equal(found.base_acceleration, same.base_acceleration)
 
 
-def test_random_designs_keep_realizations():
+def test_random_designs_keep_the_dimension_of_realizations():
     found = vs.sweep(restitution=(0.5, 0.9), realizations=3)
     assert found.impact_count.dims == ("realization",)
     assert flat(found) is found
@@ -104,7 +104,7 @@ def test_rows_are_those_of_the_stacked_dataset(path, monkeypatch, block):
 
 
 def test_a_grid_of_an_earlier_version_is_read_as_before(path, tmp_path):
-    """It had its realizations along one dimension, and sampled parameters beside them."""
+    """In such a file realizations and sampled parameters lie along one dimension."""
     earlier = tmp_path / "earlier.h5"
     with xr.open_dataset(path) as found:
         flat(found).to_netcdf(earlier, engine="h5netcdf")

@@ -1,4 +1,4 @@
-"""A run directory: one process at a time, and none that is dead."""
+"""A run directory: one process at a time holds it, and never a dead one."""
 
 import fcntl
 import os
@@ -27,7 +27,7 @@ def output(tmp_path):
     return tmp_path / "out.h5"
 
 
-def test_the_second_is_refused(output):
+def test_a_second_run_is_refused(output):
     with holding(output) as directory:
         assert directory == run_directory(output) == output.with_name("out.h5.parts")
         with (
@@ -64,7 +64,7 @@ def test_a_directory_with_a_manifest_is_kept(output):
     assert not directory.exists()
 
 
-def test_a_lock_file_that_was_removed_is_none(output, monkeypatch):
+def test_a_lock_on_a_removed_file_does_not_count(output, monkeypatch):
     """Another run ends between opening the lock file and locking it."""
     locked = []
 

@@ -105,4 +105,4 @@ def test_files_that_hdf5_cannot_read(sound, tmp_path, monkeypatch):
     fake.write_text("import time; time.sleep(60)")
     monkeypatch.setattr(trial, "PATIENCE", 0.3)
     with pytest.raises(ValueError, match="finish reading"):
-        require_readable(cut)  # which would read it, without an error, in a minute
+        require_readable(cut)  # the fake reader would end without an error after a minute

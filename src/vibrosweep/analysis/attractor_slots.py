@@ -50,7 +50,8 @@ def capacity(basins: xr.Dataset) -> xr.Dataset:
     require(basins, "capacity", *needed, source="basins")
     if basins["fraction"].dims != ("attractor",):
         raise DataError(
-            f"capacity takes basins at one value of {basins.attrs['along']}: compute them there"
+            f"capacity takes basins at one value of {basins.attrs['along']}: compute them with a "
+            f"single value"
         )
     orbit = np.isin(basins["regime"].values, (Regime.LOCKED, Regime.RESTING))
     slots = np.where(orbit, basins["cycle_periods"].values, 0).astype(np.int64)

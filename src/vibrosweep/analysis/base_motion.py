@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Motion of the base of one realization, on which particles have no influence."""
+    """Motion of the base of one realization, which the particles do not affect."""
 
     speed: float  # peak velocity V0 = A / (1 + e), m s-1; 0 where the base stays at height 0
     frequency: float  # Hz
@@ -75,7 +75,7 @@ def recoils(dataset: xr.Dataset) -> bool:
 
 
 def has_closed_forms(dataset: xr.Dataset) -> bool:
-    """Return whether closed forms hold: for a sine, a constant restitution, no coupling."""
+    """Return whether closed forms hold: they need a sine, constant restitution, no coupling."""
     plain = name_in(dataset.attrs) == SINE_NAME and law_in(dataset.attrs) == CONSTANT
     return plain and not recoils(dataset)
 

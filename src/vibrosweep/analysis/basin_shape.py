@@ -1,4 +1,4 @@
-"""Widths of basins, and their mixing: intervals, entropies, the uncertainty exponent."""
+"""Measures of basins: intervals of their shares, entropies, the uncertainty exponent."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ SHAPE: Final = {
 def basin_measures(index: NDArray[np.int64], speeds: Array) -> dict[str, Any]:
     """Variables that measure how basins interlace.
 
-    `index` is that of the attractor of each launch, of shape (launch_velocity, launch_time), and
-    negative for an unsettled launch, which is left out of the entropies and of the exponent.
+    `index`, of shape (launch_velocity, launch_time), numbers the attractor of each launch.  It is
+    negative for unsettled launches, which are left out of the entropies and of the exponent.
     Basin entropy: Daza et al. (2016), Scientific Reports 6, 31416; uncertainty exponent: McDonald
     et al. (1985), Physica D 17, 125.
     """
@@ -59,7 +59,7 @@ def share_interval(counts: NDArray[np.int64], total: int) -> dict[str, Array]:
 
 
 def _entropies(index: NDArray[np.int64]) -> tuple[float, float]:
-    """Basin entropy, and boundary entropy; NaN where no box fits, or none has several basins."""
+    """Basin entropy, NaN if no box fits, and boundary entropy, NaN if no box has several basins."""
     rows, columns = (size // BOX * BOX for size in index.shape)
     cut = index[:rows, :columns].reshape(rows // BOX, BOX, columns // BOX, BOX)
     boxes = cut.transpose(0, 2, 1, 3).reshape(-1, BOX * BOX)
@@ -73,9 +73,9 @@ def _entropies(index: NDArray[np.int64]) -> tuple[float, float]:
 def _exponent(index: NDArray[np.int64], speeds: Array) -> tuple[float, float]:
     """Uncertainty exponent along the speed of launch, with its standard error.
 
-    A launch is uncertain at a distance where a neighbour that far up or down is of another basin;
-    the share of uncertain launches grows as a power of the distance, which is the exponent.  NaN
-    where the speeds are few or uneven, or no boundary is met.
+    A launch is uncertain at a distance if a neighbour that much faster or slower is in another
+    basin.  The share of uncertain launches grows as a power of the distance, whose exponent this
+    is.  NaN if the speeds are few or uneven, or no launch is uncertain at some distance.
     """
     from scipy.stats import linregress
 

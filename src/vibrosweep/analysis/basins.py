@@ -139,7 +139,7 @@ def _basins_at(
 
 
 def _along(planes: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
-    """Join basins along a parameter, where an attractor keeps its index as long as it exists."""
+    """Join basins along a parameter; an attractor keeps its index as long as it exists."""
     tracks = _tracks(planes)
     count = max((int(track.max(initial=-1)) for track in tracks), default=-1) + 1
     total = np.zeros(count)
@@ -171,9 +171,8 @@ def _along(planes: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
 def _tracks(planes: list[xr.Dataset]) -> list[Codes]:
     """Number the attractors so that each keeps its number along a parameter.
 
-    An attractor is matched with one of the same kind at earlier values; of several, those are
-    matched whose impacts before their shortest flights are nearest to each other in phase and
-    speed.
+    An attractor is matched with one of the same kind at earlier values.  If there are several, the
+    distance between their impacts before the shortest flight, in phase and speed, decides.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -252,10 +251,10 @@ def summary(found: xr.Dataset) -> Iterator[str]:
 
 
 def _by_frequency(labels: Codes, settled: NDArray[np.bool_]) -> tuple[Codes, Codes, Codes]:
-    """First launch of each label, index of each launch among labels, and launches of each label.
+    """First launch of each label, index of the label of each launch, and launches per label.
 
-    Labels are in the order of their numbers of launches, the most frequent first.  The index of
-    launches that have not settled is `UNSETTLED`.
+    Labels are ordered by their numbers of launches, the most frequent first.  Launches that have
+    not settled have the index `UNSETTLED`.
     """
     launches = np.flatnonzero(settled)
     _, first, inverse, count = np.unique(
@@ -274,7 +273,7 @@ def _shortest(
 ) -> tuple[Array, Array]:
     """Phase of landing in turns, and speed at lift-off in m/s, before each shortest flight.
 
-    One value for each attractor, to which the launches `first` lead; NaN where it is no cycle.
+    One value for each attractor, to which a launch of `first` leads; NaN unless it is a cycle.
     """
     recurs = orbits.impacts[first] > 0
     rows = first[recurs]

@@ -53,9 +53,9 @@ class Impacts(NamedTuple):
 
     phase: Array  # of the forcing at landing, turns
     speed: Array  # at lift-off, m s-1
-    # Of the highest point of the flight that follows, above the mean level of the base, m
+    # Height of the apex of the next flight above the mean level of the base, m
     height: Array
-    time: Array  # of that flight, s
+    time: Array  # duration of the next flight, s
 
 
 DIRECTIONS: Final = ("up", "down")
@@ -151,7 +151,7 @@ def summary(diagram: xr.Dataset) -> Iterator[str]:
 def _impacts(
     scene: Scene, parameters: dict[str, Array], orbits: Orbits, samples: int, workers: Workers
 ) -> Impacts:
-    """Impacts that follow the states that orbits have reached; arrays (point, particle, sample)."""
+    """Impacts after the states that orbits have reached; arrays (point, particle, sample)."""
     problem, launch = batch_from(scene, parameters, reached(orbits, scene.particles))
     count = orbits.phase.size
     problem = problem._replace(end_count=np.full(count, MAX_PERIODS))
@@ -159,7 +159,7 @@ def _impacts(
         np.repeat(parameters[name], scene.particles)[:, np.newaxis]
         for name in ("frequency", "gravity")
     )
-    # a frequency of 1: times in periods are counted from 0
+    # with a frequency of 1, times are in forcing periods
     units = Units(np.ones(count), np.ravel(gravity / (2.0 * frequency)))
     landings = samples + 1  # the last flight ends with one more landing
     alone = replace(scene.recorded(landings), particles=1, launch=(0.0,))

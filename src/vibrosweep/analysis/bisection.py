@@ -63,9 +63,9 @@ def find_edges(
     """Codes (row, position) at the points of a scan, and all edges between unlike neighbours.
 
     `evaluate` is called with all rows and edges at once.  The axis ascends; the tolerance is the
-    width of a bracket relative to its position.  With a `start`, the states of all rows, states
-    are continued from point to point, upwards or downwards, and in a bisection from the near end
-    of its bracket; without one every point is evaluated independently.
+    width of a bracket relative to its position.  With `start`, the initial states of all rows,
+    states are continued from point to point, upwards or downwards, and in a bisection from the near
+    end of its bracket; without it every point is evaluated independently.
     """
     codes, states = _scan(evaluate, rows, axis, start, upward)
     row, left = np.nonzero(codes[:, 1:] != codes[:, :-1])

@@ -65,7 +65,7 @@ def branches(
         lines = branches_along(plane, condition, wanted, doublings, workers)
     data = _lines(lines, plane, "branch", [along], spec) | _events(lines, plane, along)
     parents = np.array([line.parent for line in lines], np.int64)
-    words = "branch whose orbit doubles where this one is born, -1 without any"
+    words = "branch whose orbit doubles where this one is born, -1 if there is none"
     data["parent"] = ("branch", parents, meaning(words))
     data |= shared(spec.scene, [along])
     return xr.Dataset(data, attrs=attributes(spec, spec.scene, along=along))

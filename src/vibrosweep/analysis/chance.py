@@ -67,11 +67,11 @@ def order_against_chance(
     The rate Lambda uses the phases of the record: its integrals are sums over 16 harmonics,
     without bias because no landing is paired with itself.  A surrogate keeps the phases of each
     particle and shifts its landings by a random whole number of periods, circularly in a window of
-    whole periods: a difference from the surrogates is order beyond that of the phases.  The order
-    parameter R and the smallest gap are those of the phases of the last landing of each particle,
-    against N independent uniform phases: N R^2 is Exp(1) for large N (the probability has
-    Rayleigh's correction of order 1/N), and the smallest gap on the circle exceeds x with the
-    probability (1 - N x)^(N - 1).
+    whole periods: a difference from the surrogates shows order beyond that of the phases.  The
+    order parameter R and the smallest gap of the phases of the last landings, one per particle, are
+    compared with those of N independent uniform phases: N R^2 is Exp(1) for large N (the
+    probability has Rayleigh's correction of order 1/N), and the smallest gap on the circle exceeds
+    x with the probability (1 - N x)^(N - 1).
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def _against_chance(
 
 
 def _smallest(time: Array, who: NDArray[np.int64]) -> float:
-    """Smallest separation of landings of different particles; NaN without two of them."""
+    """Smallest separation of landings of different particles; NaN unless two have landed."""
     order = np.argsort(time, kind="stable")
     gaps, other = np.diff(time[order]), np.diff(who[order]) != 0
     return float(gaps[other].min()) if other.any() else np.nan
@@ -246,7 +246,7 @@ def _rates(window: _Window) -> tuple[float, float]:
 
 
 def _surrogates(window: _Window, smallest: float, seeds: NDArray[Any], number: int) -> float:
-    """Share of the surrogates, the record among them, with a dt_min at least as small."""
+    """Share of the surrogates, counting the record as one, with a dt_min at least as small."""
     if np.isnan(smallest):
         return np.nan
     random = np.random.default_rng(seeds)

@@ -40,10 +40,10 @@ __all__ = ["SEEDS", "orbits", "summary"]
 
 MOST_IMPACTS: Final = 12
 MOST_PERIODS: Final = 64
-# Along each phase; 128 found no more orbits at e in [0.5, 0.98] and kicks a up to 1.2
+# Least number for one impact; 128 found no more orbits at e in [0.5, 0.98] and kicks a up to 1.2
 SEEDS: Final = 8
 PIECE: Final = 256  # points searched at a time
-CAPACITY: Final = 64  # orbits for which each point has memory at first
+CAPACITY: Final = 64  # orbits per point for which memory is reserved at first
 PROBLEMS_PER_TASK: Final = 4
 BYTES_PER_IMPACT: Final = 40
 OF_ORBITS: Final = Closed._fields[1 : Closed._fields.index("seeds")]
@@ -97,7 +97,7 @@ def _on_axes(found: xr.Dataset, axes: Mapping[str, Sequence[float]]) -> xr.Datas
 
 
 def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers) -> Closed:
-    """Find all closed orbits of a batch, those of each problem as `_ordered` sorts them.
+    """Find all closed orbits of a batch, sorted for each problem as by `_ordered`.
 
     Pieces of the batch are searched in turn; the search of a piece is repeated with a larger
     capacity until all its orbits fit.
@@ -123,7 +123,7 @@ def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers
 def _searched_all(
     base: Any, problem: Dimensionless, wanted: Wanted, capacity: int, workers: Workers
 ) -> Closed:
-    """Search the orbits of a piece, with memory for `capacity` orbits of each point."""
+    """Search for the orbits of a piece, with memory for `capacity` orbits of each point."""
     size = problem.kick.size
     require_memory("orbits", size * capacity, 2 * BYTES_PER_IMPACT * wanted.impacts)
     out = empty_closed(size, capacity, wanted)
@@ -145,7 +145,7 @@ def _ordered(found: Closed) -> Closed:
 
 
 def _padded(values: NDArray[Any], most: int, name: str) -> NDArray[Any]:
-    """Pad the array of a field of orbits to `most` of them; return another field's unchanged."""
+    """Pad the values of a field of orbits to `most` of them; return any other field unchanged."""
     if name not in OF_ORBITS:
         return values
     blank = NO_ORBIT if name == "admissible" else np.nan if values.dtype.kind == "f" else 0
@@ -225,7 +225,8 @@ def multipliers(trace: Array, determinant: Array) -> tuple[Array, Array]:
 def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> dict[str, Any]:
     """Variables that show how complete the search is.
 
-    Where the map contracts, and its orbits balance, saddles are as many as the other points.
+    Where the map contracts, and `wanted` says that orbits balance, there are as many saddle points
+    as others unless orbits were missed (`vibrosweep.kernels.orbit_search`).
     """
     dims = ("realization", "impacts", "periods")
     balances = wanted.balances & contracts[:, np.newaxis, np.newaxis]

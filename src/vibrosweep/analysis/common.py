@@ -35,10 +35,10 @@ LONGEST: Final = 1e5  # forcing periods
 
 
 def settling(spec: Sweep, restitution: float) -> Scene:
-    """Return the scene of a sweep, with a duration in which orbits settle unless it states one.
+    """Return the scene of a sweep; if it states no duration, with one in which orbits settle.
 
-    This duration is `SETTLING` times that in which an orbit locked to one period returns bit for
-    bit at this restitution, and `LONGEST` at most, since it grows without bound as the restitution
+    This duration is `SETTLING` times that after which an orbit locked to one period returns bit for
+    bit at this restitution, but at most `LONGEST`, since it grows without bound as the restitution
     approaches 1.  A law of restitution is evaluated at the impact speed of that orbit, g / 2 f.
     """
     scene = spec.scene
@@ -115,9 +115,9 @@ def grid_axes(
 ) -> dict[str, Array]:
     """Axes of a sweep's grid, ascending, by the names of parameters.
 
-    With `points`, the ranges of a random design become axes of that many even values.  Raises a
-    SpecError that names the purpose unless the design is a grid with the axis `needed` and no
-    others than those `allowed`.
+    With `points`, the ranges of a random design become axes of that many evenly spaced values.
+    Raises a SpecError that names the purpose unless the design is a grid with the axis `needed` and
+    no others than those `allowed`.
     """
     axes = {name: np.sort(values) for name, values in spec.design.axes.items()}
     ranges = spec.design.sampled if points and not axes else {}

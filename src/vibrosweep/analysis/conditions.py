@@ -86,7 +86,7 @@ class Condition:
         if not (digest or source):
             raise ParameterError(
                 f"condition {self.name}: its function has no source and uses values that may "
-                f"change, so that a result could not state it; write it with def in a file"
+                f"change, so that a result cannot state it; write it with def in a file"
             )
         return f"{self.name}: {digest}\n{source}".rstrip()
 
@@ -125,7 +125,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Locked:
-    """The fixed orbit of k forcing periods exists and attracts, even if no launch leads to it.
+    """Condition that the fixed orbit of k forcing periods exists and attracts, reached or not.
 
     It is found as a fixed point of the map (`vibrosweep.kernels.fixed`): near the edge of its
     window, a simulation would converge too slowly.
@@ -168,7 +168,7 @@ def _regular(dataset: xr.Dataset) -> object:
 
 
 def _separated(dataset: xr.Dataset) -> object:
-    """Codes of separation, which holds for one particle, and where no two particles have landed."""
+    """Codes of separation, which holds for a single particle, and if no two particles landed."""
     gap, followed = dataset["dt_min"].values, known("base_shared", dataset)
     holds = np.isnan(gap) | (gap > dataset["contact_time"].values)
     decided = ~np.isnan(gap) | followed | (dataset.attrs["particles"] == 1)
@@ -219,7 +219,7 @@ NAMES: Final = ("locked(k)", *NAMED)
 
 
 def named(name: str) -> Condition | Locked:
-    """Return the condition of that name; a ParameterError where there is none."""
+    """Return the condition of that name; raise a ParameterError if there is none."""
     mode = re.fullmatch(r"locked\(([1-9][0-9]{0,8})\)", name)
     if mode:
         return Locked(int(mode[1]))

@@ -28,7 +28,7 @@ NEEDS: Final = (
     "contact_time",
 )
 # Separations that are fitted, in forcing periods: larger ones depart from the linearised map by
-# more than a part in a thousand, and in smaller ones the rounding of a landing time is as large.
+# more than a part in a thousand, and smaller ones are as inexact by the rounding of landing times.
 LARGEST: Final = 1e-4
 SMALLEST: Final = 1e-9
 FEWEST: Final = 8  # equations of a fit
@@ -44,8 +44,8 @@ def slot_decay(
     the orbit, real or complex.  Both coefficients are fitted by least squares, each equation
     weighted by the size of its separations (Prony's method).  They are compared with the
     multipliers of the product of the Jacobians along the last p impacts:
-    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over the high-bounce base; another waveform
-    w has its slope w' in place of 2 pi c.  :doc:`/model` has the Jacobian over the moving base.
+    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over the high-bounce base; for another
+    waveform w, its slope w' replaces 2 pi c.  :doc:`/model` has the Jacobian over the moving base.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def _separations(first: Array, second: Array) -> Array:
     """Signed separations of corresponding landings, which are counted back from the last ones."""
     if not first.size or not second.size:
         return np.empty(0)
-    # the last landings that are nearest to each other: one particle may have landed once more
+    # start from the last landings that are nearest in time: one particle may have landed once more
     middle = min(first[-1], second[-1])
     i, j = (int(np.argmin(np.abs(t - middle))) for t in (first, second))
     count = min(i, j) + 1
@@ -183,7 +183,7 @@ def _slope(x: float, a: float, shape: Waveform) -> float:
 
 
 def _jacobian(x: float, e: float, a: float, shape: Waveform) -> Array:
-    """Derivative of phase and speed after an impact at phase x by those before its flight."""
+    """Jacobian, in phase and speed, of a flight and the impact at phase x that ends it."""
     slope = _slope(x, a, shape)
     return np.array([[1.0, 1.0], [slope, e + slope]])
 
@@ -194,8 +194,8 @@ def _moving_jacobian(
     """Jacobian over a moving base, for a flight of initial speed u between two phases.
 
     With s = end - begin and the relative speed of arrival z = 2 s - u + alpha w(end), the duration
-    s changes by alpha (w(begin) - w(end)) / z with the phase of the beginning and by s / z with the
-    speed; the next speed is e (2 s - u) + a w(end).
+    s has the derivatives alpha (w(begin) - w(end)) / z with respect to the phase `begin`, and s / z
+    with respect to u; the next speed is e (2 s - u) + a w(end).
     """
     s, both = end - begin, np.array([begin, end])
     w = np.sin(2.0 * np.pi * both) if shape == SINE else shape.velocity(both)

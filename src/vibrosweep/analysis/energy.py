@@ -66,7 +66,7 @@ def energy_balance(
         ``flight_effect``, the speed lost in flights, and ``rest_effect``, minus the mean of
         v' - e v - U over rests; ``energy_balance``, the mean gain of energy per mass and impact
         (m2 s-2), <v'^2 - v^2> / 2 over the high-bounce base; ``balanced_impacts`` and ``rests``.
-        Where the base moves also ``base_work`` and ``dissipated_energy``, whose difference is the
+        Over a moving base also ``base_work`` and ``dissipated_energy``, whose difference is the
         gain.
 
     Raises

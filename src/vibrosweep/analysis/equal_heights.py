@@ -1,4 +1,4 @@
-"""Instants at which two particles in flight are at one height (Eq. 18), in closed form."""
+"""Instants at which two particles in flight are at the same height (Eq. 18), in closed form."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
 
         y_i - y_j = h_i - h_j + v_i d - g d^2 / 2 + (v_i - g d - v_j) x,
 
-    where h are the heights of the base at the lift-offs, 0 over the high-bounce base.  It has at
-    most one root, unless the flights coincide.
+    where h are the heights of the base at the lift-offs, 0 over the high-bounce base.  The
+    difference has at most one root, unless the flights coincide.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     xarray.Dataset
         Dim ``crossing``, in the order of time: ``time`` (s), ``height`` (m), ``first`` and
         ``second`` particle.  Scalars: ``flight_overlaps`` (pairs of flights that overlap in time),
-        ``flights_alike`` (pairs of flights at one height throughout), ``pairs`` of particles and
+        ``flights_alike`` (pairs of flights at equal heights throughout), ``pairs`` of particles and
         ``pairs_crossing``.
 
     Raises

@@ -46,7 +46,7 @@ States = NDArray[np.float64]
 Points = dict[str, Array]  # restitution, and the forcing by its name, each of shape (point,)
 
 STATES: Final = 3  # of a fixed orbit
-# The codes of `locked` at which an orbit attracts; among them is `HOLDS`, of other conditions
+# Codes of `locked` for which an orbit attracts; they include `HOLDS`, a code of other conditions
 HOLDING: Final = frozenset(
     straight + STATES * turned
     for straight in (ABSENT, ATTRACTS, REPELS)
@@ -70,7 +70,7 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
     """Code of the states of the fixed orbits at each point, shape (point,).
 
     An orbit is absent, attracting or repelling.  Under the law `reflect` there may be two orbits,
-    one of which is turned back at every impact, and the code is that of both states.  Along the
+    one of them reflected at every impact, and the code combines both states.  Along the
     forcing each orbit is first absent, then attracting, then repelling, so that no code occurs in
     two intervals: between two points of the same code nothing changes.
     """
@@ -118,7 +118,7 @@ def launched(scene: Scene, condition: Condition, points: Points, workers: Worker
 
 
 def in_pieces(points: Points, trajectories: int) -> Iterator[Points]:
-    """Yield the points, of so many trajectories each, in pieces that take little memory."""
+    """Yield the points, each with that many trajectories, in pieces that take little memory."""
     size = max(1, TRAJECTORIES_AT_A_TIME // trajectories)
     for start in range(0, points["restitution"].size, size):
         yield {name: values[start : start + size] for name, values in points.items()}

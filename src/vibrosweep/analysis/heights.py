@@ -43,8 +43,8 @@ def heights_against_restitution(
     xarray.Dataset
         Dim ``part``: ``restitution_low``, ``restitution_high``, medians of the maximum and the mean
         rebound height (m), ``plateau_fraction`` of the heights.  Dim ``realization``: ``mode``, the
-        k of the plateau, 0 on none, -1 without a height.  An incomplete realization has no height,
-        since its measures cover only a part.  Scalars: ``relative_change``, the change of the
+        k of the plateau, 0 on none, -1 without a height (an incomplete realization has none, since
+        its measures cover only a part).  Scalars: ``relative_change``, the change of the
         median maximum height from the lowest to the highest bin, relative to the lowest;
         ``rank_correlation`` (Spearman) of maximum height and restitution, and its ``p_value``;
         ``plateau_deviation``, the largest relative distance of a height on a plateau from it.
@@ -106,12 +106,12 @@ def heights_against_restitution(
 
 
 def _reduced(function: Callable[[Any], Any], values: NDArray[Any]) -> float:
-    """Mean or median of values, NaN without any."""
+    """Mean or median of values, NaN if there are none."""
     return float(function(values)) if values.size else np.nan
 
 
 def _nearest_plateau(sweep: xr.Dataset, height: Array) -> tuple[Array, Array]:
-    """Mode of the plateau nearest to each height, 0 without one, and the relative distance."""
+    """Mode of the plateau nearest to each height, 0 if there is none, and the relative distance."""
     frequency, gravity = (per_realization(sweep, name) for name in ("frequency", "gravity"))
     squares = height / theory.locked_height(1, frequency, gravity)
     if not moves(sweep):
@@ -121,7 +121,7 @@ def _nearest_plateau(sweep: xr.Dataset, height: Array) -> tuple[Array, Array]:
     require(sweep, "heights_against_restitution", "amplitude")
     e, amplitude = (per_realization(sweep, name) for name in ("restitution", "amplitude"))
     mode, distance = np.zeros_like(height), np.full_like(height, np.inf)
-    # particles on locked orbits leave the base above its mean level and then rise by the plateau
+    # locked particles leave the base above its mean level, and rise from there by `locked_height`
     highest = np.sqrt(np.max(squares, initial=0.0))
     for k in range(1, int(highest) + 1):
         apart = np.abs(height / theory.locked_apex(k, e, amplitude, frequency, gravity) - 1.0)

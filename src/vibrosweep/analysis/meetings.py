@@ -18,8 +18,8 @@ NOBODY = -1
 def first_shared_base(record: xr.Dataset) -> xr.Dataset:
     """First time at which two particles share the base, and which ones.
 
-    A particle is on the base from its landing to its lift-off, and for the contact time at least;
-    a stay that begins as another ends does not share the base with it.
+    A particle is on the base from its landing to its lift-off, and at least for the contact time.
+    A stay that begins at the instant at which another ends does not share the base with it.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _first(landing: Array, liftoff: Array, contact_time: float) -> tuple[float, 
     leaves = np.where(np.isnan(liftoff), np.inf, np.maximum(liftoff, landing + contact_time))
     order = np.argsort(landing[known], kind="stable")
     who, begin, end = np.nonzero(known)[0][order], landing[known][order], leaves[known][order]
-    # stays of one particle never overlap, so the latest end so far is another one's
+    # stays of one particle do not overlap, so that the latest end so far is another particle's
     latest = np.maximum.accumulate(end)[:-1]
     sharing = np.flatnonzero((begin[1:] < latest) & _another(who, end))
     if not sharing.size:
@@ -77,7 +77,7 @@ def _first(landing: Array, liftoff: Array, contact_time: float) -> tuple[float, 
 def _another(who: NDArray[np.int64], end: Array) -> NDArray[np.bool_]:
     """Return whether the latest end before each stay but the first is that of another particle.
 
-    It is the particle's own, up to rounding, where its flight lasted one contact time.
+    After a flight of exactly one contact time, rounding may make it the particle's own.
     """
     holder = np.zeros(who.size, np.int64)
     new = np.flatnonzero(end[1:] > np.maximum.accumulate(end)[:-1]) + 1

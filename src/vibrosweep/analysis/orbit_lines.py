@@ -76,7 +76,7 @@ class Event(NamedTuple):
 
 @dataclass
 class Line:
-    """A line in the order of its points; arrays of shape (point, ...)."""
+    """A line of orbits or bifurcations; arrays of shape (point, ...), in order along the line."""
 
     p: int
     q: int
@@ -148,7 +148,7 @@ class Plane:
         ]
 
     def corrected(self, z: Array, span: Range, condition: int) -> bool:
-        """Correct `z` in place to meet a line's condition and one more; return whether it does."""
+        """Correct `z` in place onto a line where `condition` holds; return whether it converges."""
         return bool(correct_point(self.base, self.problem, span, z, condition))
 
     def follow(self, z: Array, span: Range, along: Array | None = None) -> Line:
@@ -264,7 +264,7 @@ def branches_along(
     """Follow all orbits of up to the `wanted` impacts and periods along a parameter.
 
     `condition` fixes the other parameter; orbits are searched at the values of the free one.
-    Among orbits of as many impacts, those born at doublings are followed first.
+    Among orbits of equally many impacts, those born at doublings are followed first.
     """
     e, drive = plane.restitution, plane.drives
     free = drive if condition == FIX_E else e

@@ -16,10 +16,10 @@ def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
     """Count changes of the sequence of landings, and overtakings of particles.
 
     The sequence s_1, s_2, ... names the particle of each landing in the order of time (particles
-    that land together stand in the order of their numbers).  N particles keep their order where
-    each repeats the landing N places before: s_(k+N) = s_k.  Where that fails the sequence
-    changes.  A particle overtakes another where it lands with its n-th impact before and with its
-    next impact after the other, or the other way round.
+    that land together stand in the order of their numbers).  N particles keep their order as long
+    as each landing repeats the one N places before, s_(k+N) = s_k; each k at which this fails is a
+    change.  One particle overtakes another if it makes its n-th impact before the other's n-th
+    and its next impact after the other's next, or the other way round.
 
     Parameters
     ----------
@@ -31,8 +31,9 @@ def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Dim ``realization``: ``sequence_changes`` of ``sequence_pairs`` compared, and
-        ``overtakings`` of ``impact_pairs`` compared; the fractions are NaN without any.
+        Dim ``realization``: ``sequence_changes`` among the ``sequence_pairs`` compared, with
+        ``sequence_change_fraction``; ``overtakings`` among the ``impact_pairs`` compared, with
+        ``overtaking_fraction``.  A fraction is NaN if nothing was compared.
 
     Raises
     ------

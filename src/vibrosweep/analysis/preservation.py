@@ -32,9 +32,9 @@ def separation_changes(
     Returns
     -------
     xarray.Dataset
-        Dim ``realization``: ``change_max`` and ``change_median`` of all pairs of particles and
-        successive impacts (s), ``preserved_fraction`` with a change of at most the contact time,
-        and their number ``steps``; NaN where there are none.
+        Dim ``realization``: ``change_max`` and ``change_median`` (s) over all pairs of particles
+        and successive impacts, the ``preserved_fraction`` that changes by at most the contact time,
+        and the number ``steps`` of changes; NaN where there are none.
 
     Raises
     ------

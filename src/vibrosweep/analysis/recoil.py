@@ -42,7 +42,7 @@ class Recoiling(BaseMotion):
         return self._at(time, 1)
 
     def height(self, time: ArrayLike) -> Array:
-        """Height above the mean level without particles, m, at times in s of any shape."""
+        """Height above the mean level of the undisturbed base, m, at times in s of any shape."""
         return self._at(time, 0)
 
     @cached_property
@@ -64,7 +64,7 @@ class Recoiling(BaseMotion):
 
 
 def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
-    """Motion of the base of one realization of a record, from its motion `alone`, undisturbed.
+    """Motion of the base of one realization of a record, from its undisturbed motion `alone`.
 
     Messages name the `analysis` that the user asked for.  Raises a DataError if the record lacks a
     variable or a particle.
@@ -76,7 +76,7 @@ def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
 
 
 def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
-    """Follow the particles of a record again, this time with the base."""
+    """Compute the trajectories of a record again, this time keeping the motion of the base."""
     names = (*PARAMETERS, *(name for name in OF_RESTITUTION if name in one.variables), *MOUNT)
     parameters = {name: np.array([float(one[name])]) for name in names}
     times = np.broadcast_to(one["launch_time"].values, one["impact_count"].shape)
@@ -95,7 +95,7 @@ def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
     with Workers(1) as workers:
         if not np.array_equal(count_coupled(parameters, scene, workers).landings, landings):
             raise DataError(
-                f"{analysis}: the landings of the record cannot be repeated, as the motion of the "
-                f"base needs: use a record of all particles, computed by this version"
+                f"{analysis}: the landings of the record cannot be repeated, which the motion of "
+                f"the base requires: use a record of all particles, computed by this version"
             )
         return base_track(parameters, scene, workers)

@@ -47,7 +47,7 @@ def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
     motion = BaseMotion(amplitude / (1.0 + e), frequency, phase, waveform=stored(one.attrs))
     if not recoils(one):
         return motion
-    from vibrosweep.analysis.recoil import recoiling  # loads numba, which drawing does not
+    from vibrosweep.analysis.recoil import recoiling  # loads numba, which other bases do not need
 
     return recoiling(one, motion, analysis)
 

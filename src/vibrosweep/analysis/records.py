@@ -60,7 +60,7 @@ def variable(
 
 
 def table(dim: str, **columns: tuple[Any, ...]) -> xr.Dataset:
-    """Return a dataset along one dim; each column has values, a long name and units, or none."""
+    """Return a dataset along one dim, each column with values, a long name and, if any, units."""
     return xr.Dataset({name: variable(dim, *column) for name, column in columns.items()})
 
 

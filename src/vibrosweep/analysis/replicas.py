@@ -44,7 +44,7 @@ class Share(NamedTuple):
 
     @property
     def codes(self) -> Codes:
-        """Code for each point: the condition holds if it does in at least half of the trials."""
+        """Code for each point: `HOLDS` if the condition holds in at least half of the trials."""
         half = np.where(2.0 * self.held >= self.tried, HOLDS, FAILS)
         return np.where(self.tried > 0.0, half, UNDETERMINED)
 
@@ -60,7 +60,7 @@ class Share(NamedTuple):
         high = np.where(missed > 0.0, beta.ppf(1.0 - tail, self.held + 1.0, missed), 1.0)
         share, low, high = np.where(self.tried > 0.0, (share, low, high), np.nan).reshape(3, *shape)
         words = "share of replicas in which the condition holds"
-        ends = "end of the interval of 95 % of the share"
+        ends = "end of the 95 % interval of the share"
         return {
             "share": variable(DIMS, share, words, comment=COMMENT),
             "share_low": variable(DIMS, low, f"lower {ends}"),

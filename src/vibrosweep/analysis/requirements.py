@@ -58,7 +58,7 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
 def refused_ragged(dataset: xr.Dataset) -> str:
     """Return the remedy for a ragged record, which only `vibrosweep.rectangle` takes, or "".
 
-    Raises a DataError for what is no dataset.
+    Raises a DataError unless it is given a dataset.
     """
     require_dataset(dataset)
     ragged = "landing" in dataset.dims
@@ -66,7 +66,7 @@ def refused_ragged(dataset: xr.Dataset) -> str:
 
 
 def differing(parameter: str) -> str:
-    """Return what a sweep lacks whose realizations share a parameter, and the way to get it."""
+    """Return words that ask for realizations that differ in a parameter, and how to get them."""
     return (
         f"realizations that differ in {parameter}: sample it, for example {parameter} = [low, "
         f"high], in the [sample] section of the sweep file"

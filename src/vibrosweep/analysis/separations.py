@@ -35,7 +35,7 @@ def separation_distribution(
     measure
         ``"dt_min"`` or ``"dt_min_same_index"``.
     quantiles
-        In [0, 1]; that of q is the least number that a share q of separations does not exceed.
+        Levels in [0, 1]; the q quantile is the least separation that a share q does not exceed.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def separation_against(
     sweep
         Result of a sweep with separations.
     parameter
-        Name of a parameter that differs between realizations, as ``"restitution"``.
+        Name of a parameter that differs between realizations, such as ``"restitution"``.
     bins
         Number of bins; fewer where the parameter takes fewer values.
     measure, quantiles
@@ -143,7 +143,7 @@ def compare_separations(
     Raises
     ------
     DataError
-        A sweep lacks a variable.
+        A sweep lacks a variable or its number of particles.
 
     Examples
     --------
@@ -179,7 +179,7 @@ def _duration(sweep: xr.Dataset) -> float:
 def _checked(
     sweep: xr.Dataset, analysis: str, measure: str, quantiles: Sequence[float]
 ) -> xr.Dataset:
-    """Return a sweep along one dim; raises an error for a wrong argument or lacking separations."""
+    """Return a sweep along one dim; raise an error if an argument is wrong or data are missing."""
     sweep = flat(sweep)
     require_one_of("measure", measure, MEASURES)
     levels = np.asarray(quantiles)
@@ -193,7 +193,7 @@ def _checked(
 
 
 def _statistics(dt: Array, free: NDArray[np.int8], quantiles: Sequence[float]) -> Array:
-    """Known, zero fraction, collision-free fraction and its interval, then the quantiles."""
+    """Number known, zero fraction, collision-free fraction and its interval, then quantiles."""
     known = dt[np.isfinite(dt)]
     # take a separation that occurs: interpolation would fill the gap above the separation zero
     at = (

@@ -1,4 +1,4 @@
-"""Windows of locked orbits under another waveform than the sine, one for each branch.
+"""Windows of locked orbits under a waveform other than the sine, one for each branch.
 
 Their ends have closed forms (`vibrosweep.model.locked_shapes`), except where the particle begins to
 land earlier, or to rest.  Such ends are searched at `PHASES` phases of each window and bisected.

@@ -38,8 +38,8 @@ ENDS: Final = Variable(
         (OPEN_BELOW + UNDETERMINED_ABOVE, "open_below_undetermined_above"),
         (UNDETERMINED_BELOW + UNDETERMINED_ABOVE, "undetermined_both"),
     ),
-    comment="open: the window reaches the end of the scan; undetermined: beyond this end, as far "
-    "as the next code, nothing shows whether the condition holds",
+    comment="open: the window reaches the end of the scan; undetermined: beyond this end, up "
+    "to the next code, it is not known whether the condition holds",
 )
 HELD: Final = Variable(
     "holds",

@@ -4,7 +4,7 @@ A coarse scan over the forcing finds the pairs of points between which a conditi
 to hold; all these edges, of all restitutions, are then bisected together.  A window narrower than
 the step of the scan may hide between two of its points: the scan is the resolution.  Locked orbits
 are the exception, since a scan also detects orbits that exist without being stable: every window of
-a locked orbit that is wider than the tolerance is found.  Under another waveform than the sine a
+a locked orbit that is wider than the tolerance is found.  Under a waveform other than the sine a
 mode may have several windows, which may overlap: those of all branches are listed, from closed
 forms.
 """
@@ -73,10 +73,10 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
 
     With continuation, coexisting and hysteretic windows appear as differences between the
     directions.  A bracket around an edge is at most as wide as the tolerance, relative to the edge;
-    that of a locked orbit holds the exact edge.  The ranges of a random design are scanned at
-    `RESTITUTIONS` and `POINTS` even values; the attribute ``grid`` says so.  Raises a SpecError if
-    the sweep asks for no windows, if a condition is not known, or if parameters other than the
-    restitution and a forcing vary.
+    that of a locked orbit contains the exact edge.  The ranges of a random design are scanned at
+    `RESTITUTIONS` and `POINTS` values in even steps, as the attribute ``grid`` says.  Raises a
+    SpecError if the sweep asks for no windows, if a condition is not known, or if parameters other
+    than the restitution and a forcing vary.
     """
     require_ability("windows", sweep.scene, sweep.design.sampled)
     conditions = _conditions(sweep)
@@ -211,7 +211,7 @@ def _windows(
     first = {"restitution": e, forcing: np.full(e.size, a[0 if upward else -1])}
     start = None if fresh else evaluate.launch_states(scene, scene.parameters(first))
     width = tolerance
-    if isinstance(condition, Locked):  # brackets keep to the tolerance when the error widens them
+    if isinstance(condition, Locked):  # widened by the error, brackets keep to the tolerance
         error = END_ERROR + (FORCING_ERROR if forcing != AMPLITUDE else 0.0)
         constant = scene.restitution_law == CONSTANT
         width = tolerance - 2.0 * error if constant else 0.5 * tolerance
@@ -244,7 +244,7 @@ def _noisy(
 
     codes, edges = find_edges(judge, e.size, a, tolerance)
     rows = [Row(codes[row], windows_of_row(codes, edges, row, (HOLDS,))) for row in range(e.size)]
-    return rows, shares[0]  # all points of the scan are judged first
+    return rows, shares[0]  # the first call judges the whole scan
 
 
 def _table(found: list[list[Row]], shape: tuple[int, int, int]) -> Array:
@@ -287,7 +287,7 @@ def _dataset(
         )
     }
     words = meaning("index of the widest window")
-    words["comment"] = "-1 without any; an open end counts as the end of the scan"
+    words["comment"] = "-1 if there is none; an open end counts as the end of the scan"
     data |= {
         ENDS.name: (dims, ends.astype(np.int8), ENDS.attributes),
         "window_count": (dims[:-1], count, meaning("number of windows")),

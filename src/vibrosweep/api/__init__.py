@@ -1,1 +1,1 @@
-"""The public functions, which `vibrosweep` exports."""
+"""The public functions that `vibrosweep` exports."""

@@ -68,18 +68,18 @@ def windows(
     xarray.Dataset
         Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
         middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
-        reaches the end of the scan and past the last window; ``window_ends``, a code for ends that
-        are open in this way, and for ends beyond which the condition is undetermined.  Names
-        begin with the symbol of the forcing that is scanned: ``A``, ``V0``, ``B``, ``Gamma``. Dims
+        reaches the end of the scan and past the last window; ``window_ends``, a code for windows
+        that reach an end of the scan, and for ends beyond which the condition is undetermined.
+        Names begin with the symbol of the scanned forcing: ``A``, ``V0``, ``B``, ``Gamma``.  Dims
         (condition, direction, restitution): ``window_count`` and ``widest``, the index of the
         widest window, -1 without any.  Dims (condition, direction, restitution, scan): ``holds``,
-        whether the condition holds at a point of the scan, -1 where that is undetermined.  With
+        1 where the condition holds, 0 where it fails, -1 where it is undetermined.  With
         `prove` also ``min_proof``, ``max_proof`` and ``inside_proof``, with the dims of ``A_min``:
         codes for a proof, or for the reason why there is none; and ``A_min_low``, ``A_min_high``,
-        ``A_max_low``, ``A_max_high``,
-        which enclose proved ends.  Under noise also ``share``, ``share_low`` and ``share_high``
-        with the dims of ``holds``: the share of replicas (for ``locked(k)`` of replicas and
-        particles) for which the condition holds, with its 95 % interval (Clopper & Pearson 1934).
+        ``A_max_low``, ``A_max_high``, which enclose proved ends.  Under noise also ``share``,
+        ``share_low`` and ``share_high`` with the dims of ``holds``: the share of replicas (for
+        ``locked(k)`` of replicas and particles) for which the condition holds, with its 95 %
+        interval (Clopper & Pearson 1934).
 
     Raises
     ------
@@ -186,10 +186,9 @@ def basins(
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        Those of `vibrosweep.sweep`: ``launch_velocity`` is a list (m s-1), the launch times are
-        those of ``launch`` (s), or the staggered ones of so many ``particles``, and
-        ``restitution`` or a forcing may be a list too.  Without a duration orbits are followed
-        until they settle.
+        Those of `vibrosweep.sweep`: ``launch_velocity`` is a list (m s-1); ``launch`` gives the
+        launch times (s), or ``particles`` the number of staggered ones; ``restitution`` or a
+        forcing may be a list too.  Without a duration orbits are followed until they settle.
 
     Returns
     -------
@@ -202,8 +201,8 @@ def basins(
         cycle, ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1).  Scalars:
         ``unsettled_fraction``, ``basin_entropy``, ``boundary_entropy``, ``uncertainty_exponent``
         and its error.  If a parameter is a list, it is the first dim of all variables but
-        ``regime``, ``cycle_periods`` and ``cycle_rests``, which an attractor keeps; the same
-        attractor at the next value is the nearest one of its kind.
+        ``regime``, ``cycle_periods`` and ``cycle_rests``, which an attractor keeps from value to
+        value; it is identified with the nearest attractor of its kind at the next value.
 
     Raises
     ------

@@ -44,7 +44,7 @@ def separations(
     measure
         ``"dt_min"``, over all landings, or ``"dt_min_same_index"``, over equal impact numbers.
     quantiles
-        In [0, 1]; that of q is the least number that a share q of separations does not exceed.
+        In [0, 1]; the quantile q is the least number that a share q of separations do not exceed.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords

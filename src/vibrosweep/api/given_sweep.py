@@ -29,7 +29,7 @@ def as_sweep(
     kept: Callable[[], str] | None = None,
     **defaults: Any,
 ) -> Sweep:
-    """Return the sweep that a path, a mapping or a result describes; without any, keywords do.
+    """Return the sweep that a path, a mapping or a result describes, or keywords if `spec` is None.
 
     `analysis` is passed to `keyword_spec`, `kept` to `read_spec`.  `defaults` complete keywords, a
     mapping or a result, but not a file; so does `realizations` where keywords or a mapping hold

@@ -1,4 +1,4 @@
-"""Types of the keywords of public functions, with which an editor completes and checks them.
+"""Types of the keywords of public functions, so that editors complete and check them.
 
 The keywords are the keys of a sweep file.  Values are checked when the function is called.
 """
@@ -24,7 +24,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 # A number; a tuple as a range; a list, an array, or start, stop and num as an axis
 Values = ArrayLike | Mapping[str, float] | None
-# The names that the package brings along; others can be registered
+# The names that the package defines; others can be registered
 Base = Literal["high-bounce", "moving", "sprung"] | str | None
 Law = Literal["rest", "reflect"] | str | None
 Waveform = Literal["sine", "parabolic"] | Mapping[str, Any] | None

@@ -59,8 +59,8 @@ def orbits(
         ``rebound_velocity`` (m s-1), and, for the flight that follows, ``flight_time`` (s) and
         ``arrival_velocity`` (m s-1).  Dims (..., impacts, periods): ``seeds``; ``late_orbits``, the
         number of new orbits to which the last half of the seeds led; ``saddle_points`` and
-        ``other_points``, which are equally many over the high-bounce base if all orbits were found,
-        and ``balanced``, whether they are.
+        ``other_points``, two numbers that are equal over the high-bounce base if all orbits were
+        found, and ``balanced``, 1 if they are equal.
 
     Raises
     ------

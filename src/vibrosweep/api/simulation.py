@@ -54,10 +54,10 @@ def simulate(
     result
         Instead of a scene, realizations of a sweep that `vibrosweep.sweep` or `open_sweep` returns:
         ``simulate(found.isel(realization=7))`` repeats the trajectories of the sweep, bit for bit
-        on the same model of processor.  The only keywords are then those of measures.
+        on the same model of processor.  The only other keywords are then those of measures.
     ragged
-        True to store landings one after the other along a single dim, a contiguous ragged array of
-        the CF conventions, which leaves no places empty; `vibrosweep.rectangle` converts it back.
+        True to store landings one after the other along a single dim, without empty places (a
+        contiguous ragged array of the CF conventions); `vibrosweep.rectangle` converts it back.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -90,13 +90,13 @@ def simulate(
         (m s-1); dims (realization, particle): ``impact_count``, ``status``, and the variables of
         measures, such as ``regime``, ``cycle_periods``, ``cycle_impacts`` and
         ``lyapunov_largest``, as in a sweep.  Values past the last landing are NaN, and so is the
-        lift-off of a particle that rests permanently, or until a forcing period past the end.  The
-        attribute ``notes`` says if particles were given up, if more than half of the places are
-        empty, if the base is driven more strongly than by any shaker, and if the observation is too
-        short for the regimes.  If `ragged`, the dim landing replaces (realization, particle,
-        impact), and trajectory replaces (realization, particle), with ``realization_index`` and
-        ``particle_index``.  Parameters that differ between realizations are coordinates, the others
-        variables without dims.
+        lift-off of a particle that rests for good, or until more than a forcing period past the
+        end.  The attribute ``notes`` says if particles were given up, if more than half of the
+        places are empty, if the base is driven more strongly than any shaker could, and if the
+        observation is too short for the regimes.  If `ragged`, the dim landing replaces
+        (realization, particle, impact), and trajectory replaces (realization, particle), with
+        ``realization_index`` and ``particle_index``.  Parameters that differ between realizations
+        are coordinates, the others variables without dims.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def simulate(
     Warns
     -----
     OtherKernelsWarning
-        The code that computed the result differs from the one that follows it now.
+        The code that computed the result differs from the code that repeats it now.
     ShortObservationWarning
         Regimes are measured, and orbits may be called unsettled because the observation is too
         short.

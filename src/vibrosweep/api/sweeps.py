@@ -76,13 +76,13 @@ def sweep(
             velocity with number, weight and phase in rad,
             ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
         restitution_law, restitution_speed
-            Law by which the restitution depends on the impact speed, and a speed (m s-1):
-            ``"constant"``; ``"plastic"``, in which it falls above the speed, where yielding begins;
-            ``"viscoelastic"``, where ``restitution`` is that at the speed; or a law registered with
-            `vibrosweep.register_law`.
+            Law by which the restitution depends on the impact speed, and the speed (m s-1) that
+            scales it: ``"constant"``; ``"plastic"``: it falls above this speed, at which yielding
+            begins; ``"viscoelastic"``: ``restitution`` is its value at this speed; or a law
+            registered with `vibrosweep.register_law`.
         restitution_noise, kick_noise, drive_noise, noise_seed
-            Standard deviations, as physical parameters: of the restitution at each impact (1); of
-            the velocity of the base at each impact (m s-1); of the amplitude in each forcing
+            Standard deviations, each a physical parameter: of the restitution at each impact (1);
+            of the velocity of the base at each impact (m s-1); of the amplitude in each forcing
             period, in units of the amplitude (1).  The seed of the random numbers, 0 by default.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
             For the sprung base, as physical parameters: the mass of one particle in units of that

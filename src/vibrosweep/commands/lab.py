@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     compare.add_argument(
         "--restitution-law", metavar="LAW", default="constant", help="law of a given restitution"
     )
-    compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="its speed")
+    compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="speed of the law")
     compare.add_argument("--contact-time", metavar="S", type=float, help="default: 1e-4")
     compare.add_argument(
         "--draws", metavar="N", type=positive, default=64, help="parameter sets drawn; default: 64"

@@ -70,7 +70,7 @@ def produce(
 
 
 def default_output(spec: Path, kind: ResultKind) -> Path:
-    """Return the name of the sweep file, with that of the kind of result unless it contains it."""
+    """Return the name of the sweep file, with the kind of result appended unless it is in it."""
     named = spec.stem if kind.name in spec.stem else f"{spec.stem}_{kind.name}"
     return Path(f"{named}.h5")
 

@@ -126,9 +126,9 @@ def _opened_place(options: argparse.Namespace) -> Iterator[tuple[str, dict[str, 
 
 
 def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:
-    """Return whether there is anything to compute, unless a killed run had already ended.
+    """Return False if a killed run left a finished result, whose parts are removed; else True.
 
-    Raises for impossible options, before the slow imports.
+    Raises an error for an existing output and for impossible options, before the slow imports.
     """
     from vibrosweep.errors import ExistingOutputError, ParameterError
     from vibrosweep.store.disk import check_output

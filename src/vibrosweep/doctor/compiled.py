@@ -14,7 +14,7 @@ from vibrosweep.kernels._cache import variants
 from vibrosweep.kernels._jit import cache_directory
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
-# Features of processors, as LLVM calls them: bits of a vector, and fused multiply-add of vectors.
+# Processor features by LLVM's names: the bits of their vectors; those with fused multiply-add.
 WIDTHS: Final = {"avx": 256, "avx2": 256, "avx512f": 512, "neon": 128}
 FUSED: Final = ("fma", "neon")
 

@@ -48,9 +48,9 @@ def statistics_in_units(
     `found` and `of_each` are those of realizations and of trajectories.  Launches reach the heights
     given in m, of shape (realization, particle), or (realization, 1) where all reach the same.
 
-    `lifts` says whether the base lifts a resting particle, from which the number of flights follows
-    that the kernels do not count; None if they do.  The kernels measure heights from `lowest` below
-    the mean level of the base.  In the high-bounce limit, where `lowest` is None, their totals hold
+    `lifts` says whether the base lifts a resting particle, which gives the number of flights; it is
+    None if the kernels have counted flights.  The kernels measure heights from `lowest` below the
+    mean level of the base.  In the high-bounce limit, where `lowest` is None, their totals hold
     square roots of the greatest heights.
     """
     measured = _physical(found, parameters, lifts, lowest)
@@ -87,7 +87,7 @@ def _of_particles(
 def _highest_launches(scene: Scene, frequency: Array, heights: Array) -> Array:
     """Return the greatest height of launches in the window; NaN where there is none."""
     launched = _launched_in_window(scene, frequency)
-    if heights.shape[1] == 1:  # they all reach the same
+    if heights.shape[1] == 1:  # all launches reach the same height
         launched = np.any(launched, axis=1)[:, np.newaxis]
     reached = np.where(launched, heights, -np.inf).max(axis=1)
     return np.where(reached > -np.inf, reached, np.nan)

@@ -34,7 +34,7 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
-# As `simulate` needs: phase and speed of impact too, and the arrays from which they are computed
+# For `simulate`, which adds phase and speed of impact: with these, and the arrays they come from
 BYTES_IN_MEMORY: Final = BYTES_PER_LANDING + 4 * 8
 # Motion of a base that recoils: four numbers for each landing and for each lift-off
 BYTES_OF_MOTION: Final = 2 * 4 * 8
@@ -104,7 +104,7 @@ def _recorded(
 ) -> tuple[Record, Statistics]:
     """Record the first landings of each trajectory over any base, with their statistics.
 
-    Over a sprung base all trajectories have room for as many landings as the one with most.
+    Over a sprung base every trajectory has room for as many landings as the one with the most.
     """
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import record_coupled  # slow to import

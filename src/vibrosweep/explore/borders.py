@@ -23,7 +23,7 @@ TIES: Final = ("grazing", "rest")
 
 
 def with_borders(points: Points, path: Path) -> Points:
-    """Return the points with the curves of a file of boundaries.
+    """Return the points with the curves from a file of boundaries.
 
     Raises a DataError if the file holds something else, or curves of another scene.
     """

@@ -1,4 +1,4 @@
-"""The scene that a page shows, and its changes by the visitor."""
+"""The scene that a page shows, and the visitor's changes to it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vibrosweep.scene.scene import Scene
 if TYPE_CHECKING:
     import xarray as xr
 
-# Forcing periods that are drawn at first, and from which regimes and exponents are computed
+# Most forcing periods drawn at first, and fewest from which regimes and exponents are computed
 MOST_PERIODS: Final = 100.0
 OBSERVED_PERIODS: Final = 2000.0
 
@@ -35,7 +35,7 @@ class Spread:
 class Choice:
     """A scene to simulate, and further selections of the visitor."""
 
-    # Without the inputs in which the points of a result differ, for the choice that they share
+    # In the choice that all points of a result share, without the inputs in which they differ
     scene: Scene
     # Beginning and end of the window of the result, over which separations are taken; None for all
     # of the drawn motion

@@ -32,7 +32,7 @@ class Colouring:
     # Values to be coloured, shape (point,): numbers, or for codes their position in `names`
     values: Array
     mapper: ColorMapper  # from values to colours
-    title: str  # label of the column, and the meaning of the colour beside the scale
+    title: str  # label of the column, meaning of grey, and full range if the scale is narrower
     # Meanings of the codes that occur; the last one stands for all codes without a colour
     names: Sequence[str] = ()
 

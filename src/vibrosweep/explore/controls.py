@@ -20,7 +20,7 @@ from vibrosweep.model.parameters import BASES, MOUNT, SPRUNG
 MOUNT_VALUES: Final = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
 STEPS: Final = 400
 WIDTH: Final = 190  # least width of a slider, pixels
-# Ranges of sliders that are fixed; others follow from the values of the result
+# Fixed ranges of sliders; the others follow from the values of the result
 RANGES: Final = {
     "restitution": (0.0, 1.0),
     "phase": (-math.pi, math.pi),

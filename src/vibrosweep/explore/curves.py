@@ -32,7 +32,7 @@ class WindowEnd(NamedTuple):
 
 
 def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd], str]:
-    """Curves A_min and A_max of the modes over a plane, as the forcing that it shows.
+    """Curves A_min and A_max of the modes over a plane, converted to the forcing on its axis.
 
     Returns the curves that cross the range of the points, and the reason if there are none.
     """

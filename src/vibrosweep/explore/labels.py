@@ -39,7 +39,7 @@ def units_text(units: str) -> str:
 
 
 def legible(text: object) -> str:
-    """Text with bytes escaped that are not valid text, since a page cannot hold them."""
+    """Text in which invalid bytes are escaped, since a page cannot hold them."""
     return str(text).encode(errors="backslashreplace").decode()
 
 

@@ -63,7 +63,7 @@ def fill(
     motions: Sequence[MotionView],
     right: Sequence[Any],
 ) -> dict[str, Any]:
-    """Add the widgets and figures to a document; return where `TEMPLATE` places them, by name.
+    """Add the widgets and figures to a document; return their names for the places of `TEMPLATE`.
 
     The style sheet lays the page out: `left` stands around the plane, `right` below the motions.
     Each picture and each text is a root, because Bokeh repeats the layout of a whole root when one

@@ -189,7 +189,7 @@ class Page:
 
     def _follow(self) -> None:
         self._scheduled = False
-        self._show("moved by the controls")
+        self._show("the settings of the controls")
 
     @contextmanager
     def _one_message(self) -> Iterator[None]:

@@ -1,5 +1,5 @@
-// Shows all that was sent, at once; nothing of it goes back to a server.  Bokeh hands over Map or
-// object.
+// Shows all data of a message at once, without sending the changes back to a server.  `get` reads
+// what Bokeh passes as a Map or an object.
 const get = (from, key) => (from instanceof Map ? from.get(key) : from[key])
 const show = (model, changes) => model.setv(changes, {sync: false})
 const [content] = holder.data.content

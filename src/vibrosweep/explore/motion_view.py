@@ -59,8 +59,8 @@ class MotionView:
     Attributes
     ----------
     holder
-        Source whose entry ``content`` holds the data that were sent last.  They are one message,
-        so that the browser draws each picture once; Bokeh would send a message for each model.
+        Source whose entry ``content`` holds the data that were sent last.  They are sent as one
+        message, so that the browser draws each picture once; Bokeh would send one for each model.
     """
 
     def __init__(self, key: str, *, complete: bool = False) -> None:
@@ -188,7 +188,7 @@ class MotionView:
         self.holder.data = {"content": [content]}
 
     def _moved(self, name: str, event: RangesUpdate) -> None:
-        """Send the elements that are visible after the window of a picture was moved."""
+        """Send the elements that are visible after a move of the window of a picture."""
         ends = event.x0, event.x1, event.y0, event.y1
         if is_window(*ends):
             self._views[name] = ends

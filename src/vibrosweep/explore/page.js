@@ -1,4 +1,4 @@
-// What a page without a server does by itself; `get` reads what Bokeh hands over as Map or object.
+// Reactions of a page without a server; `get` reads what Bokeh passes as a Map or an object.
 const get = (from, key) => (from instanceof Map ? from.get(key) : from[key])
 const size = (range, pixels) => Math.abs(range.end - range.start) / (pixels || 400)
 const show = (index) => {

@@ -234,7 +234,7 @@ def limits(values: Array) -> tuple[float, float]:
 def _place(
     end: WindowEnd, across: tuple[float, float], up: tuple[float, float], number: int
 ) -> tuple[float, float]:
-    """Place of the name of a curve, on its visible part; names alternate along their curves."""
+    """Place for the name of a curve, on its visible part; successive names are staggered."""
     visible = np.flatnonzero(
         (end.x > across[0]) & (end.x < across[1]) & (end.y > up[0]) & (end.y < up[1])
     )

@@ -31,7 +31,7 @@ from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 if TYPE_CHECKING:
     import xarray as xr
 
-# Variables that colour the plane at first, where they were measured
+# Variables that colour the plane at first, if they were measured
 COLOURS: Final = ("dt_min", "rebound_height_max")
 SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "gap_min")
 WINDOW_ENDS: Final = ("lower", "upper", "lower, undetermined beyond", "upper, undetermined beyond")
@@ -149,7 +149,7 @@ def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
 
 
 def _require_sound(points: Points) -> None:
-    """Raise a DataError for realizations that no command writes and that cannot be simulated."""
+    """Raise a DataError for realizations that cannot be simulated, and that no command writes."""
     chosen = points.base_choice
     values: dict[str, Any] = {name: points.columns[name].values for name in points.varied}
     values |= chosen.scene.inputs
@@ -165,7 +165,7 @@ def _require_sound(points: Points) -> None:
 
 
 def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
-    """Make a point of every realization."""
+    """Make a point for each realization."""
     sweep = vs.analysis.flat(dataset)
     along = {str(n): v for n, v in sweep.variables.items() if v.dims == ("realization",)}
     numbers = {n: v for n, v in along.items() if v.dtype.kind in "iufb" and n != "realization"}
@@ -190,7 +190,7 @@ def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
-    """Make a point of every end of a window that is not an end of the scan."""
+    """Make a point for each end of a window that is not an end of the scan."""
     from vibrosweep.analysis.window_codes import ENDS, UNDETERMINED_ABOVE, UNDETERMINED_BELOW
 
     forcing = str(windows.attrs["forcing"])
@@ -219,7 +219,7 @@ def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
 
 
 def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
-    """Make a point of every impact."""
+    """Make a point for each impact."""
     name = str(diagram.attrs["observable"])
     along = next(str(dim) for dim in diagram[name].dims if dim in FORCINGS)
     values = diagram[name].transpose("direction", along, "particle", "sample")
@@ -246,7 +246,7 @@ def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
 
 
 def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
-    """Make a point of every launch."""
+    """Make a point for each launch."""
     from vibrosweep.analysis.basins import UNSETTLED, name_of
 
     if "along" in basins.attrs:
@@ -276,7 +276,7 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
 
 
 def _numbers(name: str, dataset: xr.Dataset) -> xr.DataArray:
-    """Take a variable; numbers become NaN where they are undefined, for which codes have a code."""
+    """Take a variable; undefined numbers become NaN, while codes have a code for undefined."""
     found = dataset[name]
     return found if "flag_values" in found.attrs else found.where(known(name, dataset))
 

@@ -10,7 +10,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.figures.cells import Cells, commonest, grid_cells
 
-FIRST: Final = 1000  # number of points by which a grid is recognized
+FIRST: Final = 1000  # number of first points that show whether all may form a grid
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class Raster:
 
 
 def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = None) -> Raster:
-    """Gather points in the pixels of a view; points of an even grid, in the cells of the grid.
+    """Gather points in the pixels of a view or, if they form an even grid, in its cells.
 
-    `codes` are the values that occur, if they are codes.
+    `codes` lists the possible values if they are codes; it is None for numbers.
     """
     cells = even_cells(x, y)
     if cells is None:

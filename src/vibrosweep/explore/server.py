@@ -30,14 +30,14 @@ from vibrosweep.explore.points import Points
 from vibrosweep.system import ENDINGS
 
 HOST: Final = "localhost"
-NAMES: Final = (HOST, "127.0.0.1", "[::1]")  # names of this machine on itself
+NAMES: Final = (HOST, "127.0.0.1", "[::1]")  # names by which this machine calls itself
 # Paths that a page requests; Bokeh serves more, for documents embedded in other sites
 SERVED: Final = re.compile(r"/|/ws|/favicon\.ico|/static/.*")
 HTTP_PORT: Final = 80  # the port that browsers leave out of an address
 
 
 def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
-    """Serve the page until a signal ends it; port 0 is any free one.
+    """Serve the page until a signal ends it; port 0 means any free one.
 
     `started` is called with the address once the page can be opened.  Raises a RunError if the port
     is not free.
@@ -80,7 +80,7 @@ def opened(
 
     try:
         with socket.create_server((HOST, port)):
-            pass  # where the port is taken, tornado would leave a socket open
+            pass  # if the port were taken, tornado would leave a socket open
         sockets, port = bind_sockets(HOST, port)
     except OSError as error:
         raise RunError(
@@ -135,4 +135,4 @@ class _Refusal(RequestHandler):
     def prepare(self) -> None:
         """Answer a request of any method."""
         self.set_status(403)
-        self.finish(f"This page is for browsers of its own machine, at {self.address}\n")
+        self.finish(f"This page is for browsers on its own machine, at {self.address}\n")

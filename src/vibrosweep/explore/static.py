@@ -39,7 +39,7 @@ SCRIPT: Final = (Path(__file__).parent / "page.js").read_text("utf-8")
 # Most bytes of the motions in memory; as text they take a third more
 OF_MOTIONS: Final = 6_500_000
 PERIODS: Final = 20.0
-PLANE: Final = "plane as at first"
+PLANE: Final = "plane as first shown"
 
 
 class Limits(NamedTuple):

@@ -42,12 +42,12 @@ def table_columns(points: Points) -> list[str]:
 
 
 def enclosed(outline: Any, x: Array, y: Array) -> Rows | None:
-    """Indices of the points within an outline from a browser; None where it is not an outline."""
+    """Indices of the points within an outline from a browser; None for any other data."""
     if outline.get("type") == "rect":
         x0, x1, y0, y1 = (outline.get(name) for name in ("x0", "x1", "y0", "y1"))
         return in_rectangle(x, y, x0, x1, y0, y1) if is_window(x0, x1, y0, y1) else None
     sent = [outline.get(name) for name in "xy"]
-    # Bokeh hands on arrays of numpy or of the standard library, whatever the browser sent
+    # Bokeh passes on arrays of numpy or of the standard library, whatever the browser sent
     corners = [v.tolist() if isinstance(v, np.ndarray | array) else v for v in sent]
     pairs = list(zip(*corners, strict=False)) if all(isinstance(v, list) for v in corners) else []
     if not pairs or not are_numbers(*(number for pair in pairs for number in pair)):

@@ -56,8 +56,8 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     if "along" in basins.attrs:
         along = basins.attrs["along"]
         raise DataError(
-            f"figure basins_of_attraction draws one value of {along}: compute basins there, or "
-            f"draw basin_shares"
+            f"figure basins_of_attraction draws basins at one value of {along}: compute them with "
+            f"a single value, or draw basin_shares"
         )
     axes = style.axes_on(ax, style.PAGE, 3.6)
     names, shares = _named(basins)
@@ -87,7 +87,7 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
 def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the share of the launches that leads to each attractor, along a parameter.
 
-    Shares are stacked; what they lack to 1 is the share of unsettled launches, in white.
+    Shares are stacked; the white remainder up to 1 is the share of unsettled launches.
 
     Parameters
     ----------

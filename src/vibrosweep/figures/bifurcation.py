@@ -27,9 +27,9 @@ ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.
 def bifurcation_diagram(
     diagram: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None
 ) -> Panels:
-    """Draw the impacts of all particles along the forcing, up and down, over their exponents.
+    """Draw the impacts of all particles along the forcing, up and down, above their exponents.
 
-    The axis is the forcing as it was given.  An orbit with rests has the exponent minus infinity,
+    The axis is the forcing as given.  An orbit with rests has the exponent minus infinity,
     drawn at the lower edge.  The head of the figure states the share of unsettled orbits, whose
     impacts need not belong to an attractor.
 

@@ -23,7 +23,7 @@ _FOR_FILE: Final = ContextVar("for_file", default=False)
 
 
 def load_backend() -> None:
-    """Load the backend of pyplot, unless for a file, before a style that is undone afterwards."""
+    """Load the backend of pyplot, unless for a file, so that its settings outlast the style."""
     if not _FOR_FILE.get():
         from matplotlib import pyplot
 
@@ -77,7 +77,7 @@ def panels_on(
     width, height
         Inches of the new figure.
     mosaic
-        Rows of the numbers of panels, from 0 on: ``[[0, 0], [1, 2]]`` has the first above two.
+        Rows of the numbers of panels, from 0 on: ``[[0, 0], [1, 2]]`` puts the first above two.
     **arrangement
         Further arguments of ``matplotlib.figure.Figure.subplot_mosaic``, for a new figure.
 

@@ -66,7 +66,7 @@ class Needs:
     known: tuple[str, ...] = ()  # variables that must be defined in some realization
 
     def lacking(self, dataset: xr.Dataset) -> str | None:
-        """Return a sentence on missing data and their source; None if nothing is missing."""
+        """Return words on missing data and how to get them; None if nothing is missing."""
         absent = [name for name in self.variables if name not in dataset.variables]
         if absent:
             noun = "variable" if len(absent) == 1 else "variables"
@@ -128,7 +128,8 @@ def kick(dataset: xr.Dataset) -> Array:
 def drawn_forcing(dataset: xr.Dataset) -> str | None:
     """Name of the forcing on the axis: the acceleration where it was given, else the amplitude.
 
-    None where frequency or gravity differ between realizations: amplitudes are not comparable then.
+    None instead of the amplitude if frequency or gravity differ between realizations, since
+    amplitudes are not comparable then.
     """
     if dataset.attrs.get("forcing") == ACCELERATION:
         return ACCELERATION
@@ -186,9 +187,9 @@ def _units(name: str) -> str:
 def conditions(dataset: xr.Dataset) -> str:
     """Write in one line the laws, the base, and the parameters that are neither axis nor colour.
 
-    A parameter that differs between realizations has its range; restitution and forcing, which
-    figures draw, are left out then, and so are the axes of a grid.  The forcing has the form in
-    which it was given, if the dataset holds it.
+    A parameter that differs between realizations is given as a range, except restitution and
+    forcing, which figures draw, and the axes of a grid: these are left out then.  The forcing has
+    the form in which it was given, if the dataset holds that form.
     """
     parts = []
     given = str(dataset.attrs.get("forcing", "amplitude"))

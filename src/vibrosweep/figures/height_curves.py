@@ -117,7 +117,7 @@ def height_time(
     floor = -0.03 * top - base.reach
     axes.set(xlim=(begin, stop), ylim=(floor, 1.05 * top))
     axes.set(xlabel="time $t$ (s)", ylabel="height $y$ (m)")
-    if base.reach:  # shade what is under the base
+    if base.reach:  # shade the region under the base
         t = _sampled(base, begin, stop)
         axes.fill_between(
             t, base.height(t), floor, facecolor="0.9", edgecolor="0.55", linewidth=0.6
@@ -213,7 +213,7 @@ def _draw_rests(
     axes: Axes, drawn: list[Motion], colours: list[ColorType], base: BaseMotion
 ) -> None:
     """Draw a bar on the base for every rest, thick enough to be distinguished from the axis."""
-    # black for a single particle, whose landings it would hide, and for many, which overlap
+    # black for one particle, as its colour would hide its landings, and for many, as bars overlap
     plain = not 1 < len(drawn) <= len(style.OKABE_ITO)
     stays = [(i, rest) for i, motion in enumerate(drawn) for rest in motion.rests]
     times = [_sampled(base, *rest) if base.reach else rest for _, rest in stays]

@@ -23,7 +23,7 @@ CURVE_POINTS: Final = 60
 
 @style.styled
 def fitted_track(flights: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None) -> Panels:
-    """Draw the track with the longest flights and its fit, and the residuals of all flights.
+    """Draw the track with most time in flight and its fit, and the residuals of all flights.
 
     Takes the result of `vibrosweep.lab.lines.flights_of`, and three axes or none.
     """
@@ -91,7 +91,7 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
 
 
 def _draw_residuals(axes: Axes, flights: xr.Dataset) -> None:
-    """Draw residuals over the place in the flight: blur and rests would show at its ends."""
+    """Draw residuals against the place in the flight: blur and rests would show at its ends."""
     used = np.isfinite(flights["residual"].values)
     place, residual = flights["within"].values[used], flights["residual"].values[used]
     axes.plot(
@@ -137,8 +137,8 @@ def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
 def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None) -> Panels:
     """Draw the errors that `vibrosweep.lab.compare_tracks` finds, case by case, on two axes.
 
-    Attributes ``study_height`` and ``study_period``, which the caller may set, hold ranges of a
-    study.
+    Attributes ``study_height`` and ``study_period``, which the caller may set, hold the ranges
+    of errors that a study found.
     """
     panels = style.panels_on(ax, style.PAGE, 3.0, [[0, 1]])
     for axes, q in zip(panels, table["quantity"].values, strict=True):

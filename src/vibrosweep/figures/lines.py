@@ -37,8 +37,8 @@ KINDS: Final = (
 def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the speeds of periodic orbits along a parameter, and where they bifurcate.
 
-    Lines are thick where the orbit is stable, and have a colour for each number of impacts in each
-    number of forcing periods.
+    Lines are thick where the orbit is stable, and coloured by the numbers of impacts and forcing
+    periods.
 
     Parameters
     ----------
@@ -128,15 +128,15 @@ def orbit_boundaries(
 ) -> Axes:
     """Draw the curves on which periodic orbits are born, double their period, graze or rest.
 
-    Curves are thin where another landing comes first, so that no particle takes the orbit.
+    Curves are thin where no particle can follow the orbit, since it would land earlier or rest.
 
     Parameters
     ----------
     boundaries
         Result of `vibrosweep.boundaries`.
     sweep
-        Result of a sweep over restitution and amplitude, or acceleration, over whose plane the
-        curves are drawn.
+        Result of a sweep over restitution and amplitude, or acceleration; the curves are drawn
+        over its plane.
     variable
         Variable of that sweep, as `vibrosweep.figures.parameter_plane` takes it.
     ax
@@ -179,7 +179,7 @@ def orbit_boundaries(
             one = boundaries.isel(curve=i)
             code = int(one["bifurcation"])
             name = f"{cycle_name(*kind)}, {KINDS[code][2]}"
-            # where a particle just grazes or rests, rounding decides whether it takes the orbit
+            # at a graze or rest, rounding decides whether the orbit is admissible
             admissible = (one["admissible"].values == 1) | (code in (GRAZE, REST))
             for chosen, width in ((np.ones_like(admissible), 0.5), (admissible, 1.3)):
                 edge = [withStroke(linewidth=width + 1.0, foreground="black")]

@@ -31,16 +31,16 @@ def periodic_orbits(
     """Draw periodic orbits: filled where they are stable, hollow where they are not.
 
     For one realization the figure shows their impacts by phase and speed at lift-off; along one
-    axis of a grid their speeds; over two axes the number of stable orbits.  Orbits that no particle
-    takes are left out.
+    axis of a grid their speeds; over two axes the number of stable orbits.  Orbits that no
+    particle can follow are left out.
 
     Parameters
     ----------
     orbits
         Result of `vibrosweep.orbits`.
     basins
-        Result of `vibrosweep.basins` at the same parameters, over which the impacts are drawn, each
-        at the time of launch that has its phase.
+        Result of `vibrosweep.basins` at the same parameters; the impacts are drawn over it, each at
+        the time of launch that has its phase.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 
@@ -66,8 +66,8 @@ def periodic_orbits(
     varied = [str(dim) for dim in orbits["stable"].dims if dim not in ORBIT_DIMS]
     if "realization" in varied or len(varied) > 2 or (varied and basins is not None):
         raise DataError(
-            f"figure periodic_orbits draws one realization, or a grid of one axis or two, and over "
-            f"basins one realization: choose with .isel() along {', '.join(varied)}"
+            f"figure periodic_orbits draws one realization, or a grid of one or two axes; over "
+            f"basins only one realization: choose with .isel() along {', '.join(varied)}"
         )
     if basins is not None:
         axes = basins_of_attraction(basins, ax=ax)
@@ -99,7 +99,7 @@ def _launch_times(orbits: xr.Dataset, basins: xr.Dataset) -> Array:
 
 
 def _draw_over(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
-    """Draw all impacts of the orbits that particles take, in black and white."""
+    """Draw all impacts of the admissible orbits, in black and white."""
     admissible = orbits["admissible"].values == 1
     stable, speed = orbits["stable"].values == 1, orbits["rebound_velocity"].values
     low, high = axes.get_ylim()
@@ -122,7 +122,7 @@ def _draw_over(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
 
 
 def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
-    """Draw all impacts of the orbits that particles take, a colour for each (p, q)."""
+    """Draw all impacts of the admissible orbits, in one colour for each (p, q)."""
     admissible = orbits["admissible"].values == 1
     stable, speed = orbits["stable"].values == 1, orbits["rebound_velocity"].values
     p, q = orbits["cycle_impacts"].values, orbits["cycle_periods"].values
@@ -150,7 +150,7 @@ def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
 
 
 def _draw_numbers(axes: Axes, orbits: xr.Dataset, plane: list[str]) -> None:
-    """Draw the number of stable orbits that particles take at each point of a plane."""
+    """Draw the number of stable admissible orbits at each point of a plane."""
     across, up = plane
     attracting = (orbits["stable"] == 1) & (orbits["admissible"] == 1)
     number = attracting.sum("orbit").transpose(up, across)

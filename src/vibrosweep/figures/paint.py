@@ -54,7 +54,7 @@ def paint_numbers(
     *,
     signed: bool,
 ) -> Colorbar | None:
-    """Paint numbers, one per realization, with a labelled colour bar; NaN has no value.
+    """Paint numbers, one per realization, with a labelled colour bar; NaN means no value.
 
     `apart` names the values that have colours apart from the scale.  With zero among them the scale
     is logarithmic; a scale of signed numbers is diverging, with zero in its middle.
@@ -71,7 +71,7 @@ def paint_numbers(
     norm = _around_zero(known) if signed else _norm(known, logarithmic=0.0 in apart)
     colours = style.DIVERGING_MAP if signed else style.SEQUENTIAL_MAP
     mappable = _paint(axes, points, drawn, colormaps[colours], norm)
-    # a scale of counts has no halves
+    # a scale of counts has ticks at whole numbers only
     counts = 0.0 not in apart and bool(np.all(known == np.rint(known)))
     ticks = _ticks_around_zero(norm) if signed else None
     return axes.figure.colorbar(
@@ -172,7 +172,7 @@ def _paint_one_colour(
         return
     shown = np.where(chosen, 0.0, np.nan)
     _paint(axes, points, shown, ListedColormap([to_rgba(colour)]), Normalize(-1, 1), marker)
-    # a separate marker: the colour of a cell, or of a dot of a large sweep, is too small to see
+    # a separate marker: a cell, or a dot of a large sweep, is too small to show its colour
     axes.plot(
         [],
         [],

@@ -43,7 +43,7 @@ class FigureEntry:
     source: Literal["record", "sweep"]  # dataset from which it is drawn
     needs: Needs  # requirements on that dataset
     draw: Callable[[xr.Dataset], Axes]
-    number: int = 0  # of the figure of the study, 0 without one
+    number: int = 0  # of the figure in the study, 0 if it is in none
 
     @property
     def file_stem(self) -> str:
@@ -65,7 +65,7 @@ def _height_time_all(record: xr.Dataset) -> Axes:
 
 
 def _separation_distribution(sweep: xr.Dataset) -> Axes:
-    from vibrosweep.analysis.separations import separation_distribution  # loads xarray
+    from vibrosweep.analysis.separations import separation_distribution
 
     sweep = flat(sweep)
     contact = float(data.quantity(sweep, "contact_time").min())
@@ -76,7 +76,7 @@ def _separation_distribution(sweep: xr.Dataset) -> Axes:
 
 
 def _by_noise(sweep: xr.Dataset) -> dict[str, xr.Dataset]:
-    """Return quarters of the range of the noise, by their names; none unless one kind varies."""
+    """Split a sweep at quarters of its range of noise; no parts unless exactly one kind varies."""
     kinds = [name for name in NOISE if name in sweep.variables and data.varies(sweep, name)]
     if len(kinds) != 1:
         return {}
@@ -94,7 +94,7 @@ def _by_noise(sweep: xr.Dataset) -> dict[str, xr.Dataset]:
 
 
 def _separation_over_chance(sweep: xr.Dataset) -> Axes:
-    from vibrosweep.analysis.chance import separations_against_chance  # loads xarray
+    from vibrosweep.analysis.chance import separations_against_chance
 
     return separations.separations_over_chance([separations_against_chance(sweep)], ["this sweep"])
 

@@ -138,7 +138,7 @@ def _span(values: Array) -> tuple[float, float]:
 def _draw_dots(axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array) -> None:
     """Draw a dot per realization, coloured by the forcing if that varies."""
     name = data.drawn_forcing(sweep)
-    known = np.isfinite(height)  # the first collection of dots is the one in the legend
+    known = np.isfinite(height)  # the legend takes the colour of the first dot
     forcing = (data.quantity(sweep, name) if name else data.kick(sweep))[known]
     coloured = np.ptp(forcing) > 0.0 if forcing.size else False
     dots = axes.scatter(
@@ -156,7 +156,7 @@ def _draw_dots(axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array)
         words = data.label(sweep, name) if name else "kick $2 f A / g$"
         figure = axes.get_figure(root=True)
         engine = figure.get_layout_engine() if figure else None
-        # some layout engines place the bar beyond the names of the plateaus themselves
+        # some layout engines themselves place the bar beyond the names of the plateaus
         moved = engine is not None and not engine.colorbar_gridspec
         axes.figure.colorbar(dots, ax=axes, label=words, pad=0.02 if moved else 0.1, aspect=30)
 

@@ -73,7 +73,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     >>> return_map(vs.simulate(launch_time=[0.0, 0.125])).get_xlabel()
     'arrival velocity $v_n$ (m s$^{-1}$)'
     """
-    from vibrosweep.analysis.returns import return_points  # loads xarray, which drawing does not
+    from vibrosweep.analysis.returns import return_points
 
     NEEDS.check("return_map", record)
     one = data.one_realization(record, realization)
@@ -136,7 +136,7 @@ def _draw_points(
             rasterized=before.size > style.MANY,
             zorder=2.5,
         )
-        # a separate marker: the colour of the dots of a long record is too small to see
+        # a separate marker: the dots of a long record are too small to show their colour
         if np.any(chosen):
             axes.plot([], [], "o", markersize=3.5, color=colour, label=name)
 

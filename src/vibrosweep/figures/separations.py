@@ -24,17 +24,17 @@ __all__ = [
     "separations_over_chance",
 ]
 
-# Left edges, where what is smaller is drawn: of separations (s), and of their ratios to chance
+# Left edges, at which smaller values are drawn: of separations (s), and of ratios to chance
 EDGE: Final = 1e-9
 EDGE_OF_CHANCE: Final = 1e-3
 MEANINGLESS: Final = "a realization in which no particle rests or is locked, as chance assumes"
 
 
 class _NeedsForChance(data.Needs):
-    """Requirements of the comparison with chance, which must have a meaning somewhere."""
+    """Requirements of the comparison with chance, which some realization must allow."""
 
     def lacking(self, dataset: xr.Dataset) -> str | None:
-        from vibrosweep.analysis.chance import separations_against_chance  # loads xarray
+        from vibrosweep.analysis.chance import separations_against_chance
 
         if reason := super().lacking(dataset):
             return reason
@@ -205,7 +205,7 @@ def separations_over_chance(
 
 @style.styled
 def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the separation of two particles in one slot, and its decay by the multipliers.
+    """Draw the separation of two particles in one slot, and the decay that multipliers predict.
 
     Parameters
     ----------

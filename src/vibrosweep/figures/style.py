@@ -50,7 +50,7 @@ PAGE: Final = 7.0
 MANY: Final = 20_000
 
 LETTERS_PER_INCH: Final = 14  # of a remark
-BESIDE: Final = 0.5  # inches of the width of a figure in which a remark has no room
+BESIDE: Final = 0.5  # inches of the width of a figure that a remark cannot use
 INSIDE: Final = 0.7  # share of the remaining width for a remark inside the axes
 
 MOST_VALUES: Final = (0.01, 0.99)  # quantiles between which a scale of colours shows differences
@@ -148,7 +148,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 
 def colours(count: int) -> list[ColorType]:
-    """Return different colours, of the palette, or of the sequential map if it has too few.
+    """Return different colours from the palette, or from the sequential map if it has too few.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def scale_ends(values: Array) -> tuple[float, float]:
     """Return ends of a scale of colours that a few values far from the others do not spoil."""
     low, high = float(values.min()), float(values.max())
     least, most = (float(end) for end in np.quantile(values, MOST_VALUES))
-    if most > least:  # a few values take no more of the scale than all others
+    if most > least:  # the extreme values take no more of the scale than all others
         low = low if least - low <= most - least else least
         high = high if high - most <= most - least else most
     return low, high
@@ -231,7 +231,7 @@ def beside(axes: Axes, remark: str) -> None:
 
 
 def remark_of(axes: Axes) -> str:
-    """Return the remark that `head` or `beside` has put."""
+    """Return the remark that `head` or `beside` has put on the axes."""
     legend = axes.get_legend()
     return legend.get_title().get_text() if legend else axes.get_title(loc="left")
 

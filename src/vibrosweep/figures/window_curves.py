@@ -78,8 +78,8 @@ def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float 
 def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:
     """Draw the ends of the windows into the present view and name each on its curve.
 
-    With `over` they are drawn over cells, with a halo; otherwise under the dots, but their names
-    over them.
+    With `over` the curves are drawn over cells, with a halo; otherwise they lie under the dots, and
+    only their names lie over them.
     """
     curves = window_curves(axes.get_xlim(), axes.get_ylim(), forcing, modes)
     for curve in curves:

@@ -58,12 +58,12 @@ def _machine_code(directory: Path, entry: Entry) -> bytes | None:
 class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]
     """The files of one kernel: an index with its checksum before it, and machine code.
 
-    The checksums of the machine code stand in the index, so that a file of another variant, which a
-    process that was killed may have left under the same number, is not taken either.
+    The index also holds the checksums of the machine code, so that a file of another variant, which
+    a killed process may have left under the same number, is not loaded either.
     """
 
     def load(self, key: Any) -> Any:
-        """Return what was saved of a variant, or None."""
+        """Return the saved data of a variant, or None."""
         entry = self._load_index().get(key)
         data = None if entry is None else _machine_code(Path(self._cache_path), entry)
         return None if data is None else pickle.loads(data)
@@ -104,7 +104,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
         Numba would first import everything that it can compile, SciPy's linear algebra included,
         which takes longer than all else.  Complete machine code needs only the functions that count
-        references; if there is none, the compiler imports the rest itself.
+        references; if machine code is missing, the compiler imports the rest itself.
         """
         # a file of another version of a library may fail in any way
         with contextlib.suppress(Exception):
@@ -123,7 +123,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
-        """Wait until no other process writes in the cache."""
+        """Wait for the lock of the cache, and hold it."""
         with (Path(self.cache_path) / ".lock").open("a") as lock:
             locked(lock.fileno(), wait=True)
             yield

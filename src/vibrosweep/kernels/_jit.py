@@ -96,8 +96,8 @@ def _caching_in(directory: Path) -> Iterator[None]:
 def _as_python(function: F) -> F:
     """Make plain Python divide by zero as machine code does, silently to an infinity or NaN.
 
-    Floats of numpy do so, whereas Python's raise an exception: floats in arguments and results are
-    turned into those of numpy.
+    Numpy's floats do so, whereas Python's raise an exception; floats in arguments and results are
+    therefore turned into numpy's.
     """
 
     @functools.wraps(function)
@@ -109,7 +109,7 @@ def _as_python(function: F) -> F:
 
 
 def _of_numpy(value: Any) -> Any:
-    """Turn a float, or the floats in a tuple, into those of numpy."""
+    """Turn a float, or the floats in a tuple, into numpy's."""
     if isinstance(value, float):
         return np.float64(value)
     if isinstance(value, tuple):
@@ -121,7 +121,7 @@ def _of_numpy(value: Any) -> Any:
 def jit(function: F) -> F:
     """Compile a piece that kernels inline; it needs no cache of its own.
 
-    When Python calls it, it is compiled for that call alone.
+    If Python calls it directly, it is compiled by itself, anew in each process.
     """
     return _piece(function, OF_A_PIECE)
 
@@ -159,7 +159,7 @@ class Deferred:
 class Piece:
     """A function whose code compiled callers take over.
 
-    As with numba's `overload`, `code` returns that code for the types of arguments.  But the
+    As with numba's `overload`, `code` returns that code for given types of arguments.  But the
     function is declared when numba compiles a caller and asks for its type: most runs compile none.
     """
 
@@ -218,7 +218,7 @@ def _cached(function: F, options: dict[str, Any]) -> F:
 
 
 def uncached(function: F) -> F:
-    """Return the same entry point for arguments that no other process has, such as functions."""
+    """Return an entry point without disk cache, for arguments such as functions of this process."""
     if numba.config.DISABLE_JIT:
         return function
     return Deferred(function.py_func)  # type: ignore[attr-defined,return-value]
@@ -271,7 +271,7 @@ def implements(function: F, *kinds: type) -> Callable[[F], F]:
 
 
 def uncompiled(function: F) -> F:
-    """Return a generic function as plain Python, for calls too few to compile it for."""
+    """Return a generic function as plain Python, for calls too few to be worth compiling."""
 
     @functools.wraps(function)
     def call(first: Any, *others: Any) -> Any:
@@ -306,7 +306,7 @@ fma: Callable[[float, float, float], float] = (
 
 @intrinsic
 def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
-    """Begin to load the cache line of array[i], to be written; one dimension, contiguous."""
+    """Begin to load the cache line of array[i], contiguous and of one dimension, for writing."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         from numba.np.arrayobj import make_array  # slow to import, and only compiling needs it
@@ -337,7 +337,7 @@ def _wide_vector_registers(typingctx: Any) -> Any:
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         bits = vector_bits()
-        if bits is not None:  # llvmlite refuses attributes that it does not know; LLVM knows it
+        if bits is not None:  # `set.add`, because llvmlite itself does not know this attribute
             set.add(builder.function.attributes, f'"prefer-vector-width"="{bits}"')
         return context.get_dummy_value()
 

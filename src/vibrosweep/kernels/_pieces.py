@@ -19,7 +19,7 @@ from numba.core.untyped_passes import InlineClosureLikes, IRProcessing, WithLift
 
 PACKAGE = __name__.partition(".")[0]
 # Kernels have no comprehensions, functions within functions or `with`, compute with numbers instead
-# of whole arrays, and leave inlining to LLVM.  What comes from outside the package may differ.
+# of whole arrays, and leave inlining to LLVM.  Functions from outside the package may differ.
 NEEDLESS = {IRProcessing, WithLifting, InlineClosureLikes, InlineOverloads, NopythonRewrites}
 
 
@@ -27,7 +27,7 @@ class PieceLibrary(JITCodeLibrary):  # type: ignore[misc]
     """The intermediate code of a piece, with that of the pieces that it calls."""
 
     def _optimize_functions(self, module: Any) -> None:
-        """Simplify functions that have code; numba visits those that are declared only, too."""
+        """Simplify functions that have code; numba would visit those only declared, too."""
         module.data_layout = self._codegen._data_layout
         for function in module.functions:
             if not function.is_declaration:
@@ -46,7 +46,7 @@ class PieceLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class DeclarePiece(LoweringPass):  # type: ignore[misc]
-    """Let other pieces and kernels call a piece, as numba does for what has machine code."""
+    """Let other pieces and kernels call a piece, as numba does for functions with machine code."""
 
     _name = "declare_piece"
 
@@ -54,7 +54,7 @@ class DeclarePiece(LoweringPass):  # type: ignore[misc]
         LoweringPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        """Declare it by a function object without code, which nobody calls."""
+        """Declare the piece by a function object without code, which nobody calls."""
         lowered, nowhere = state["cr"], 0
         module, name = lowered.fndesc.lookup_module(), lowered.fndesc.qualname
         key = _dynfunc.make_function(module, name, "", nowhere, lowered.env, ())
@@ -67,7 +67,7 @@ class PieceCompiler(CompilerBase):  # type: ignore[misc]
     """Numba's compiler without machine code, and without passes that kernels do not need."""
 
     def define_pipelines(self) -> list[Any]:
-        """Return numba's passes, and the declaration behind them."""
+        """Return numba's passes, with the declaration of the piece after its lowering."""
         state = self.state
         state.flags.no_compile = True
         state.library = PieceLibrary(state.targetctx.codegen(), state.func_id.func_qualname)

@@ -1,8 +1,8 @@
 """Advance trajectories in time with running statistics; landings are not stored.
 
 The inner loop over a block of lanes (see `lanes`) has no branches and compiles to vector code.
-Every `LOOK_AFTER` impacts, lanes are checked: those whose next landing is past the end are written
-out and refilled with new trajectories.
+Every `LOOK_AFTER` passes, lanes are checked: those that are past the end are written out and
+refilled with new trajectories.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ from vibrosweep.model.status import Status
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 NON_FINITE = int(Status.NON_FINITE)
-LOOK_AFTER = 6  # impacts between two checks of which lanes are done
+LOOK_AFTER = 6  # passes between two checks of which lanes are done
 
 
 class Options(NamedTuple):
@@ -82,7 +82,7 @@ class Options(NamedTuple):
     patience: float = 0.0
     all_cycles: int = 0  # 1 to find every cycle, 0 to find only those that save work
     jump: int = 1  # 1 to skip repetitions of cycles, 0 to simulate every impact nevertheless
-    # Shown every landing in the window, or None; without cycles only
+    # Called for every landing in the window, or None; only if no cycles are detected
     observer: Observer | Recorder | None = None
 
 
@@ -102,7 +102,7 @@ class Memory(NamedTuple):
 
 
 def memory_around(block: Floats) -> Memory:
-    """Memory for one caller, with its block, such as that of `scratch`."""
+    """Memory for one caller around its block of lanes, such as one from `scratch`."""
     return Memory(block, np.empty(LANES, np.int64))
 
 
@@ -126,7 +126,7 @@ def _step(
     live: int,
     since: int,
 ) -> None:
-    """Make one pass over the first lanes, the pass number `since` after the last check of them.
+    """Make one pass over the first lanes, pass `since` after their last check.
 
     A lane past its end continues without being counted.  If `window` is None, the code that checks
     the beginning of the window is not compiled; if `observer` is None, neither is the code that
@@ -148,7 +148,7 @@ def _step(
         # a particle at rest for good has the phase NaN, which is never before the end
         n_off, x_off, u, leaves = lift_off(fixed, n, x, rebound(fixed, x, v))
         if window is not None:
-            # a lift-off after the end is not counted: the phase 1/2 lies after any end before x
+            # a rest that begins after the end must leave no NaN; the phase 1/2 is after the end
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
         landing = Landing(x, time, v, u, not leaves)

@@ -14,8 +14,8 @@ def compiled_anew(
 ) -> Any:
     """Compile a function from outside the package together with those that it calls.
 
-    Earlier machine code of them may hold old values of the numbers that they use, and other options
-    of the compiler.  `done` holds the functions that have been compiled.
+    Their earlier machine code may hold old values of the numbers that they use, and may have been
+    compiled with other options.  `done` holds the functions that have been compiled.
     """
     function, done = plain(function), {} if done is None else done
     if function not in done:

@@ -21,12 +21,12 @@ from vibrosweep.kernels.bases.chords import chord
 
 STEPS = 24  # of Newton's method; seeds that lead to an orbit need 10
 LONGEST_STEP = 0.15  # periods
-# One more step follows a step so small: the error is then below rounding, except near a double
+# After a step this small one more follows: the error is then below rounding, except near a double
 # orbit, which rounding moves by 1e-8
 SMALL_STEP = 1e-9
 SAME = 1e-7  # periods; closer orbits count as one
 ADMISSIBLE, MEETS_BASE, RESTS = 1, 0, -1
-AT_LANDING = 1e-9  # periods; an earlier landing is farther than that from the end of a flight
+AT_LANDING = 1e-9  # periods; an earlier landing is farther than this from the end of the flight
 
 
 class Tangent(NamedTuple):
@@ -56,7 +56,7 @@ def flight(fixed: Constants, times: Floats, p: int, q: int, i: int) -> Flight:
 def linearize(
     fixed: Constants, times: Floats, p: int, q: int, off: Floats, matrix: Floats
 ) -> Tangent:
-    """Write by how much the speeds after the p impacts are off, and the derivatives by the times.
+    """Write the residuals of the speeds after the p impacts, and their derivatives by the times.
 
     Returns the trace and the determinant of the Jacobian of phase and speed over the orbit.
     """
@@ -206,7 +206,7 @@ def admits(fixed: Constants, times: Floats, p: int, q: int) -> int:
 
 @jit
 def power_trace(tangent: Tangent, d: int) -> Tangent:
-    """Trace and determinant of an orbit that is run d times."""
+    """Trace and determinant of an orbit that is traversed d times."""
     before, trace, determinant = 2.0, tangent.trace, tangent.determinant
     for _ in range(d - 1):
         before, trace = trace, tangent.trace * trace - tangent.determinant * before

@@ -38,12 +38,12 @@ from vibrosweep.kernels.orbit_points import Line
 from vibrosweep.model.parameters import Dimensionless
 
 CONDITIONS = (SADDLE_NODE, DOUBLING, GRAZE, REST, CORNER, YIELD)  # of events on a line
-BORN = 4  # an event beside them: the orbit coincides with one of half its length
+BORN = 4  # another event: the orbit coincides with one of half its length
 # Ends of a line: border of the range, its own beginning, a period doubling from which it branches,
 # a graze or a rest, no next point found, too many points
 LEFT, RETURNED, DOUBLED, TOUCHED, LOST, SPENT = range(6)
 SHORTEST, SHRINKS, GROWS = 1e-7, 0.5, 1.3  # of steps along a line
-STRAIGHT = 0.9  # cosine of the angle between the directions of neighbours
+STRAIGHT = 0.9  # least cosine of the angle between the directions at neighbouring points
 TRIES = 30  # to find a bifurcation between two points
 AT_ONCE = len(CONDITIONS)  # most points, and most events, that one step adds
 
@@ -110,7 +110,7 @@ def _locate(
 def _locate_birth(
     base: Base, problem: Dimensionless, span: Range, old: Floats, new: Floats, work: Work
 ) -> bool:
-    """Find the period doubling from which an orbit branches; the new point becomes its orbit."""
+    """Find the period doubling from which an orbit branches; the new point becomes that orbit."""
     p, q = span.p, span.q
     short = p // 2
     z, middle, before, after = np.empty(short + 2), np.empty(p + 2), 0.0, 0.0
@@ -175,7 +175,7 @@ def _outside(span: Range, z: Floats) -> int:
 def _finish(
     base: Base, problem: Dimensionless, span: Range, old: Floats, z: Floats, work: Work
 ) -> bool:
-    """Make the last point of a line the one at the border that it has passed."""
+    """Replace the last point of a line by the one at the border that it has passed."""
     border = _outside(span, z)
     c = span.p if border == FIX_E else span.p + 1
     low, high = span.low_e, span.high_e

@@ -47,7 +47,7 @@ FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
 WORTH = 4.0
 # Distance kept from the ends of the window, where rounding might decide what is inside
 MARGIN = 2.0**-20  # periods
-# Up to this number quotients of two integers are equal in double precision only if they are equal
+# Quotients of two integers up to this number are equal in double precision only if exactly equal
 LONGEST_JOINT = 2**25
 
 
@@ -64,7 +64,7 @@ class CycleRows(NamedTuple):
     IMPACTS: int = 0  # of one cycle, until exactly the same state returns
     PERIODS: int = 1
     RESTS: int = 2
-    WHOLE: int = 3  # whole periods from the end's, phase and speed of a state on the cycle
+    WHOLE: int = 3  # whole periods relative to the end, phase and speed of a state on the cycle
     PHASE: int = 4
     FLIGHT: int = 5
     AGE: int = 6  # impacts from the launch until that state
@@ -74,7 +74,7 @@ CYCLE: Final = CycleRows()
 
 
 class Chosen(NamedTuple):
-    """Choices by type when kernels are compiled: the base with its law, and the statistics."""
+    """The base with its laws, and the statistics: kernels are compiled for their types."""
 
     base: Base
     kinds: Kinds
@@ -87,10 +87,10 @@ def empty_cycles(trajectories: int) -> Cycles:
 
 # Cache of the orbit from one rest to the next, which all particles of a realization share once they
 # have rested: its totals, and the realization they belong to.  Another realization may overwrite
-# the line; the orbit is then computed again.
+# its line of the cache; the orbit is then computed again.
 Rests = Floats
 RESTS_KEPT = 1024
-WHOSE = 0  # before the totals
+WHOSE = 0  # column of the realization, before the totals
 
 
 def empty_rests(kinds: Kinds) -> Rests:
@@ -102,7 +102,8 @@ def empty_rests(kinds: Kinds) -> Rests:
 def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -> Cycle:
     """Return the totals of the cycle through a state.
 
-    They are those of no impacts if the cycle has a rest, from which it is known already.
+    They are those of no impacts if there is a rest on the way, because such a cycle is counted from
+    rest to rest.
     """
     n, x, u = 0.0, x_start, u_start
     found: Cycle = no_impacts(kinds)
@@ -192,7 +193,7 @@ def close_cycle(
 ) -> None:
     """Determine the cycle of lane j, which recurs, and skip its repetitions if that saves work.
 
-    `jump` is 1 to skip them.  `cycles` are filled with the cycle, unless they hold one already.
+    `jump` is 1 to skip them.  The cycle is written to `cycles`, unless they hold one already.
     """
     kinds = chosen.kinds
     age, n, x, u = s[ROW.AGE + j], s[ROW.N + j], s[ROW.X + j], s[ROW.U + j]
@@ -269,7 +270,7 @@ def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
 def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget: int) -> bool:
     """Return whether all landings until whole period n_end of trajectories first, ... fit a budget.
 
-    Trajectories without a cycle were followed to the end within it.
+    Trajectories without a cycle were followed to the end within the budget.
     """
     for t in range(first, first + particles):
         if cycles.size > 0 and cycles[CYCLE.IMPACTS, t] > 0.0:

@@ -4,14 +4,14 @@ The generator is Philox 4x32-10 (Salmon, Moraes, Dror & Shaw, SC'11): ten rounds
 of four 32-bit words, with the seed as its key, into four others.  No state is kept, so that no
 deviate depends on threads, chunks, the order of computation, or what was computed before.
 
-    word 0, 1    low and high half of a number of 64 bits, half of that of the impact of the
-                 particle, counted from 0, or of the forcing period: each counter gives two deviates
+    word 0, 1    low and high 32 bits of floor(number / 2); the number is that of the impact of the
+                 particle, from 0, or of the forcing period, and each counter gives two deviates
     word 2, 3    stream + 2^36 particle + 2^62 purpose, low and high half
 
 The four words are two fractions of 52 bits, p and q in [0, 1), and with the radius
 sqrt(-2 ln(1 - p)) the two deviates are its products with the cosine and the sine of 2 pi (q - 1/2)
-(Box & Muller 1958): `LARGEST` at most.  The arithmetic is that of every kernel: the same bits
-come from plain Python and from vectors of any width.
+(Box & Muller 1958), at most `LARGEST` in modulus.  The arithmetic is that of every kernel: the same
+bits come from plain Python and from vectors of any width.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ FIRST_FACTOR, SECOND_FACTOR = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 FIRST_STEP, SECOND_STEP = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 LOW = np.uint64(0xFFFFFFFF)
 HALF = np.uint64(32)
-FRACTION = np.uint64(12)  # bits of 64 that a fraction leaves
+FRACTION = np.uint64(12)  # bits of 64 that a fraction does not use
 ONE = np.uint64(0x3FF0000000000000)  # bits of 1.0
 
 Word = np.uint64  # below 2^32
@@ -78,13 +78,13 @@ def philox(a: Word, b: Word, c: Word, d: Word, low: Word, high: Word) -> Words:
 
 @jit
 def _near_one(low: Word, high: Word) -> float:
-    """1 + p of the fraction p of two words."""
+    """1 + p, with the fraction p in two words."""
     return np.uint64((((high << HALF) | low) >> FRACTION) | ONE).view(np.float64)
 
 
 @jit
 def two_deviates(words: Words) -> tuple[float, float]:
-    """Two normal deviates, independent of each other, of four words."""
+    """Two normal deviates, independent of each other, from four words."""
     f, k = mantissa_and_exponent(2.0 - _near_one(words[0], words[1]))
     radius = math.sqrt(-2.0 * log_near_one(f, k))
     turns = _near_one(words[2], words[3]) - 1.5
@@ -101,7 +101,7 @@ def _integer(value: float) -> int:
 def deviates(
     key: Key, stream: float, particle: float, number: float, purpose: Word
 ) -> tuple[float, float]:
-    """The two deviates of a number, and of a stream and a particle within their limits."""
+    """The two deviates of a number, a stream and a particle, all within their limits."""
     count, place = _integer(number), _integer(stream)
     above = np.uint64((place >> 32) & 0xF) | (np.uint64(_integer(particle)) << np.uint64(4))
     return two_deviates(

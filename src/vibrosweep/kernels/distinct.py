@@ -38,7 +38,7 @@ def _same(bits: Words, launches: Launches, i: int, j: int) -> bool:
 
 @kernel
 def first_of_each(columns: Floats, launches: Launches, first: Integers) -> int:
-    """Find the first duplicate of each realization; return the number of distinct ones.
+    """Find the first realization that equals each one; return the number of distinct ones.
 
     The columns, of shape (quantity, realization), hold all numbers that determine a trajectory;
     they and the launches are compared bit by bit.

@@ -1,8 +1,8 @@
 """Logarithm and exponential in plain arithmetic.
 
 A library's functions differ in the last bit between processors and versions, and a call stops a
-loop from becoming vector code.  The polynomials are those of least largest relative error, by the
-Remez exchange at 60 digits.  checks/elementary_error.py proves the bounds that stand here.
+loop from becoming vector code.  The polynomials are minimax in the relative error, by the Remez
+exchange with 60 digits.  checks/elementary_error.py proves the bounds given here.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ LOG2_E = 1.4426950408889634
 LN2_HIGH = 0.6931471804855391  # its product with an exponent is exact
 LN2_LOW = 7.440617110012397e-11
 
-# (2 artanh(s) / s - 2) / s^2 on s^2 <= (3 - 2 sqrt 2)^2, in powers of s^2; 1.2e-18 of the logarithm
+# (2 artanh(s) / s - 2) / s^2 on s^2 <= (3 - 2 sqrt 2)^2 in powers of s^2; error 1.2e-18 of the log
 L0, L1, L2, L3 = 0.6666666666666734, 0.399999999994147, 0.2857142874238399, 0.22222198573443874
 L4, L5, L6 = 0.18183564317949694, 0.15314050634846998, 0.14795950039050715
-# (exp(r) - 1 - r - r^2 / 2) / r^3 on |r| <= ln(2) / 2; 2.6e-19 of exp(r) - 1
+# (exp(r) - 1 - r - r^2 / 2) / r^3 on |r| <= ln(2) / 2; error 2.6e-19 of exp(r) - 1
 E0, E1, E2 = 0.16666666666666677, 0.04166666666666669, 0.008333333333321745
 E3, E4, E5 = 0.0013888888888870206, 0.00019841269885874285, 2.4801587355996754e-05
 E6, E7, E8 = 2.7557244437459772e-06, 2.7557245673645776e-07, 2.5108963688916518e-08

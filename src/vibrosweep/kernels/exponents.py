@@ -89,7 +89,7 @@ def _state_error(fixed: Constants, state: State, impacts: int) -> StateError:
     """Bound the distance of a state on a cycle of rounded impacts from the exact cycle.
 
     To first order, roundings during one cycle add up to b at its end, and a distance d becomes
-    M d + b.  The distance repeats: d = (1 - M)^-1 b.
+    M d + b.  The distance that repeats is d = (1 - M)^-1 b.
     """
     n, x, u = state
     box = upright(EXACT)
@@ -120,7 +120,7 @@ def _state_error(fixed: Constants, state: State, impacts: int) -> StateError:
 def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExponents:
     """Return the exponents of a cycle without rests through a state."""
     n, x, u = state
-    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
+    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # product over exp(scale): its largest row sum is 1
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
     scale, turned = 0.0, 1.0
     alike, shrunk, exponent = 0, contraction(fixed, u), 0.0  # impacts that contract by `shrunk`

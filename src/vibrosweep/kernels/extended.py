@@ -1,4 +1,4 @@
-"""Equations of an orbit with two conditions more, for Newton's method.
+"""Equations of an orbit with two more conditions, for Newton's method.
 
 A point z holds the p landing times of an orbit, the restitution, and the drive: the kick, or the
 kick divided by 1 + e if the velocity of the base is given.  Two conditions in addition to the p
@@ -30,7 +30,7 @@ CORNER, YIELD = 5, 6
 FIX_E, FIX_DRIVE, ALONG = -3, -2, -1
 DIFFERENCE = 1e-6
 STEPS = 8  # of Newton's method, from points so near that 4 suffice
-SMALL_STEP = 1e-9  # one more step follows
+SMALL_STEP = 1e-9  # after a step this small one more follows
 FARTHEST = 0.2  # largest correction of a point
 
 
@@ -47,7 +47,8 @@ class Range(NamedTuple):
     low_drive: float
     high_drive: float
     longest: float  # step
-    # phase of the corners of the waveform, and its negative; speed of the kink; infinite without
+    # corner, kink: phase of one corner of the waveform, the other being its negative, and speed of
+    # the kink of the law; infinite if there is none
     corner: float
     kink: float
 
@@ -81,7 +82,7 @@ def put_between(out: Floats, z: Floats, other: Floats, share: float) -> None:
 
 @jit
 def put_ahead(out: Floats, z: Floats, step: float, direction: Floats) -> None:
-    """Write the point so far from another in a direction."""
+    """Write the point that is a step away from another in a direction."""
     for c in range(out.size):
         out[c] = z[c] + step * direction[c]
 
@@ -101,7 +102,7 @@ def normalize(direction: Floats) -> float:
 @part
 def place(base: Base, problem: Dimensionless, z: Floats, p: int, relative: bool) -> Constants:
     """Constants at the parameters of a point, as realization 0 of the problem."""
-    # of its other numbers, an orbit without rests needs the threshold of rest alone
+    # of the problem's other numbers, an orbit without rests needs only the threshold of rest
     problem.restitution[0] = z[p]
     problem.kick[0] = z[p + 1] * (1.0 + z[p]) if relative else z[p + 1]
     return constants(base, problem, 0)
@@ -111,7 +112,7 @@ def place(base: Base, problem: Dimensionless, z: Floats, p: int, relative: bool)
 def value_of(
     base: Base, problem: Dimensionless, span: Range, z: Floats, condition: int, work: Work
 ) -> float:
-    """Value of a condition, which changes its sign where the bifurcation is."""
+    """Value of a condition, which changes sign at the bifurcation."""
     p, q = span.p, span.q
     fixed = place(base, problem, z, p, span.relative)
     if condition <= DOUBLING:
@@ -209,7 +210,7 @@ def correct(
 ) -> bool:
     """Correct a point to meet the line's condition and one more; return whether that converges.
 
-    `held` and `direction` are a point and a direction, of conditions that hold something.
+    `held` and `direction` are the point and the direction for FIX_E, FIX_DRIVE and ALONG.
     """
     n, small = span.p + 2, 0
     for _ in range(STEPS):
@@ -255,7 +256,7 @@ def correct_point(
 def directions(
     base: Base, problem: Dimensionless, span: Range, z: Floats, direction: Floats
 ) -> bool:
-    """Set the direction, any that is not normal to the line, to the tangent at a point."""
+    """Turn a direction, any that is not normal to the line, into the tangent at a point."""
     return turn_along(base, problem, span, z, direction, work_for(span.p))
 
 

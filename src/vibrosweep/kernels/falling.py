@@ -45,16 +45,16 @@ from vibrosweep.model.restitution_laws import CONSTANT, PADE, PLASTIC, VISCOELAS
 QUARTER_BITS = np.int64(0x4FEB_0312_0000_0000)
 # (1 - h)^(-1/4) = 1 + h (Q1 + h (Q2 + h Q3)) + ...
 Q1, Q2, Q3 = 1.0 / 4.0, 5.0 / 32.0, 15.0 / 128.0
-# These are proved by checks/law_error.py.
-# Relative errors: of e(v) above the speed of yielding, a product of e with a fourth root; of q(v),
-# which is 3/4 of it; each with that of v_y, of which a fourth root is taken
+# The following errors are proved by checks/law_error.py.
+# Relative error of e(v) above the speed of yielding, a product of e with a fourth root, and of
+# q(v), 3/4 of it; each with that of v_y, of which a fourth root is taken
 PLASTIC_ERROR: Final = 5.0 * HALF_ULP + 0.25 * KICK_ERROR
 # Of v / v_r, relative
 SPEED_ERROR: Final = 2.0 * HALF_ULP + KICK_ERROR
 N1, D2, D3, D4 = PADE
 STEPS = 40  # of the iteration for y_0, each of which reduces the error to a fifth
 # Relative errors: of y_0^10 / v_r, ten times 8 of y_0, 10 of the powers, 3 of v_r and the quotient;
-# of P where y is exact; of y where its logarithm is 0, and how much more for a logarithm of 1
+# of P for an exact y; of y where ln y = 0, and how much it grows with |ln y|
 SCALE_ERROR: Final = 93.0 * HALF_ULP + KICK_ERROR
 PADE_ERROR: Final = 10.0 * HALF_ULP
 ROOT_ERROR: Final = 0.1 * SCALE_ERROR + 2.5 * HALF_ULP
@@ -88,7 +88,7 @@ implements(slack, Plastic)(lambda law: 2.0)
 @implements(ratio, Plastic)
 def ratio_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
     t = v * scale
-    yielding = e * inverse_fourth_root(t)  # of every lane, which is no branch
+    yielding = e * inverse_fourth_root(t)  # computed in every lane, without a branch
     return yielding if t > 1.0 else e
 
 
@@ -126,10 +126,10 @@ def root_at(e: float) -> float:
 
 @jit
 def _root(scale: float, v: float) -> float:
-    """Return y at speed v, of 1e-30 at least.
+    """Return y at speed v, at least 1e-30.
 
-    Logarithm and exponential are those of `elementary`, for normal numbers alone: the loop over
-    lanes is then vector code, two and a half times as fast.
+    Logarithm and exponential are those of `elementary` for normal numbers only: the loop over lanes
+    is then vector code, two and a half times as fast.
     """
     t = v * scale
     f, k = elementary.mantissa_and_exponent(1e-300 if t < 1e-300 else t)
@@ -145,7 +145,7 @@ def pade(y: float) -> tuple[float, float]:
     top = fma(N1, y, 1.0)
     higher = y * y * fma(y, fma(y, D4, D3), D2)
     bottom = top + higher
-    # of y P' / P: the logarithmic derivatives of top and bottom
+    # y P' / P, from the logarithmic derivatives of top and bottom
     fall = N1 * y / top - (N1 * y + y * y * fma(y, fma(y, 4.0 * D4, 3.0 * D3), 2.0 * D2)) / bottom
     share = top / bottom
     return share, share * fma(0.1, fall, 1.0)
@@ -207,7 +207,7 @@ def _rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) 
 
 
 def _implement_falling(*kinds: type) -> None:
-    """Implement the functions that all laws share whose coefficient falls with the speed."""
+    """Implement the functions shared by all laws whose coefficient falls with the speed."""
     implements(straight, *kinds)(lambda law: False)
     implements(lost_speed, *kinds)(_lost_speed_falling)
     implements(arrival_to_repeat, *kinds)(_arrival_to_repeat_falling)

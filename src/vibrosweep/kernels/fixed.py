@@ -38,11 +38,11 @@ SEEDS = 32  # phases from which the search starts, evenly over a period
 STEPS = 80  # towards a double root the distance only halves in each
 RESIDUAL = 16.0 * HALF_ULP  # of a solution, relative to the kick
 # Bound of the relative error of the kick at which the state is found to change, for a constant
-# restitution; `end_errors` bounds the contribution of another law.  The computed phase is exact for
-# a need (the right-hand side of the equation) with an error of the residual and its rounding,
+# restitution; `end_errors` bounds the contribution of another law.  The computed phase is the exact
+# one for a need (the right-hand side of the equation) that is off by the residual and its rounding,
 # 16 + 5 half ulps of the kick.  The kicks at which the state changes, |need| and
-# sqrt(need^2 + ((1 + sign e) / pi)^2), have no larger error.  The slope adds 4 half ulps, and the
-# kick that is computed from an amplitude 2.
+# sqrt(need^2 + ((1 + sign e) / pi)^2), have no larger error.  The slope adds 4 half ulps, and a
+# kick computed from an amplitude 2.
 END_ERROR = 32.0 * HALF_ULP
 
 
@@ -59,7 +59,7 @@ def empty_fixed(problems: int) -> FixedOrbits:
 
 
 def may_push_back(rebound: str) -> bool:
-    """Return whether a law of rebound turns a particle back that is pushed into the base."""
+    """Return whether a law of rebound turns back a particle that is pushed into the base."""
     return speed_after(LAW_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
@@ -67,9 +67,9 @@ def may_push_back(rebound: str) -> bool:
 def _end_error(fixed: Constants, v: float) -> float:
     """Bound the error, as a kick, of the ends of a window whose orbit arrives with speed v.
 
-    The error of the need is at most that of the speed after the impact, and so is that of a kick
-    computed from its square.  The other square is that of a quotient of terms such as 1 + q, whose
-    errors are bounded below.
+    The kick at an end is |need|, or the root of need^2 plus another square.  The error of the need,
+    and what it adds to the kick, is at most that of the speed after the impact.  The other square
+    is that of a quotient of terms such as 1 + q, whose errors are bounded below.
     """
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
     rounding = ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
@@ -81,7 +81,8 @@ def _end_error(fixed: Constants, v: float) -> float:
 def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
     """Bounds of the errors, as kicks, that a law of restitution adds to the ends of windows.
 
-    Of the orbit of k periods of each problem, over the high-bounce base or one that moves.
+    The windows are those of the orbit of k periods of each problem; the bounds hold over the
+    high-bounce base and over one that moves.
     """
     for t in range(out.size):
         fixed = constants(base, problem, t)
@@ -142,7 +143,7 @@ def find_fixed(
 ) -> None:
     """Find the fixed orbit of k periods of problems first ... last - 1.
 
-    If there are several, the one that attracts is taken.  For e below 1 and an increasing kick the
+    If there are several, the one that attracts is taken.  As the kick increases, for e below 1, the
     orbit is absent, then attracts, then repels.  `sign` is -1 for the orbit that is reflected at
     every impact.
     """

@@ -21,7 +21,7 @@ BLOCKS = 32
 
 
 class Places(NamedTuple):
-    """Places of further numbers after the means of the blocks, in their order."""
+    """Places of further numbers, which follow the means of the blocks in this order."""
 
     FILLED: int  # blocks
     LENGTH: int  # impacts of a block
@@ -77,14 +77,14 @@ def mean(g: Floats) -> float:
 
 @jit
 def error(g: Floats) -> float:
-    """Standard error of the mean, from 16 to 31 blocks; NaN below two, 0 of a mean of -inf."""
+    """Standard error of the mean, from at most 31 blocks; NaN below two, 0 for a mean of -inf."""
     filled = int(g[AT.FILLED])
     if g[AT.TOTAL] == -np.inf:
         return 0.0
     if filled < 2:
         return np.nan
     middle, squares = 0.0, 0.0
-    for b in range(filled):  # a sum of numpy's would depend on its order
+    for b in range(filled):  # numpy.sum would choose an order of its own
         middle += g[b] / filled
     for b in range(filled):
         squares += (g[b] - middle) * (g[b] - middle)

@@ -41,7 +41,7 @@ from vibrosweep.kernels.waveforms import (
 from vibrosweep.model.shapes import TWO_PI
 
 STEPS = 100  # of a search
-NEAR = 2.0**-30  # turns; steps of Newton's method that do not shrink any more are rounding
+NEAR = 2.0**-30  # turns; shorter steps of Newton's method that no longer shrink are rounding
 
 
 class Harmonics(NamedTuple):
@@ -50,20 +50,20 @@ class Harmonics(NamedTuple):
     # p, q: of the harmonics 1, 2, ...
     p: tuple[float, ...]
     q: tuple[float, ...]
-    # valley, peak: phases of each local maximum above 0, and of the minimum before it
+    # valley, peak: phases of the minimum before each local maximum above 0, and of the maximum
     valley: tuple[float, ...]
     peak: tuple[float, ...]
-    # turns, extremes: phases in [0, 1] at which w turns, and the end of the period; w there
+    # turns, extremes: phases in [0, 1] of the extremes of w and of the end of the period; w there
     turns: tuple[float, ...]
     extremes: tuple[float, ...]
-    # dip, before, after: phases of each local minimum of w' below 0, of the maxima around it
+    # dip, before, after: phases of each local minimum of w' below 0, and of the maxima around it
     dip: tuple[float, ...]
     before: tuple[float, ...]
     after: tuple[float, ...]
-    # highest, deepest: of w and of -w
+    # highest, deepest: largest w and -w
     highest: float
     deepest: float
-    # fastest, fall, steepest, top, bottom: of |w|, of -w', of |w'|, and of W
+    # fastest, fall, steepest, top, bottom: largest |w|, -w' and |w'|; largest and smallest W
     fastest: float
     fall: float
     steepest: float
@@ -125,9 +125,9 @@ def kick_curvature(shape: Harmonics, a: float, x: float) -> float:
 
 @jit
 def falls_through(shape: Harmonics, alpha: float, x: float, other: float) -> float:
-    """Phase between two others at which 1 + alpha w' / 2 is 0; NaN where it has one sign at both.
+    """Phase between x and another at which 1 + alpha w' / 2 is 0.
 
-    It is negative at the first one.
+    NaN unless the sum is negative at x and not negative at the other phase.
     """
     low, high = x, other
     half = 0.5 * alpha
@@ -151,10 +151,10 @@ def falls_through(shape: Harmonics, alpha: float, x: float, other: float) -> flo
 
 @jit
 def _closer(x: float, newton: float, low: float, high: float, before: float) -> float:
-    """Return the phase after x in a search for a zero in [low, high], x itself at its end.
+    """Return the phase to try after x in search of a zero in [low, high]; x itself ends the search.
 
-    It is that of Newton's method, or the middle where this leaves the bracket or its step is more
-    than half of the one before, unless rounding alone is left.
+    It is that of Newton's method, or the middle of the bracket where Newton's step leaves it or is
+    longer than half of the one before, unless only rounding is left.
     """
     if low <= newton <= high and abs(newton - x) <= 0.5 * before:
         return newton
@@ -173,7 +173,7 @@ def _rise(shape: Harmonics, a: float, r: float, k: int) -> float:
 
 @jit
 def rises_through(shape: Harmonics, a: float, r: float, low: float, high: float) -> float:
-    """Phase between two others at which a w(x) rises through r, which it does there once."""
+    """Phase between two others at which a w(x) rises through r, once."""
     x, before = 0.5 * (low + high), high - low
     for _ in range(STEPS):
         there = x - np.rint(x)
@@ -187,9 +187,9 @@ def rises_through(shape: Harmonics, a: float, r: float, low: float, high: float)
 
 
 def for_each(field: str, term: str, arguments: str = "a, r, s, j", **names: Any) -> Any:
-    """Function of a shape and `arguments` that returns a term for each element of a field.
+    """Return a function of a shape and `arguments` that gives a term for each element of a field.
 
-    Terms may call what the names stand for, `rise` and `falls`.
+    Terms may call `rise`, `falls` and the functions given by name.
     """
     known = {"rise": _rise, "falls": falls_through, **names}
 
@@ -248,7 +248,7 @@ def lift_off_error_harmonics(shape: Harmonics, a: float, r: float, phases: LiftO
 
 @jit
 def rise_error(shape: Harmonics, a: float, r: float, x: float, more: float) -> float:
-    """Bound of the error of a phase at which a w(x) rises through r; infinite where there is none.
+    """Bound of the error of a phase at which a w(x) rises through r; infinite if none is known.
 
     `more` bounds errors of the kick beyond its rounding.
     """

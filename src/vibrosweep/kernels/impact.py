@@ -91,10 +91,10 @@ def base_of(
     restitution: str = CONSTANT,
     noise: Noise | None = None,
 ) -> Base:
-    """Base, law of rebound and law of restitution by their names.
+    """Return the base with its laws of rebound and restitution, given by their names.
 
-    These are of BASES and LAWS of `vibrosweep.model.parameters`, and of RESTITUTION_LAWS of
-    `vibrosweep.model.restitution_laws`.  The noise is that of `vibrosweep.kernels.noise.noise_of`.
+    The names are those in BASES and LAWS of `vibrosweep.model.parameters`, and in RESTITUTION_LAWS
+    of `vibrosweep.model.restitution_laws`.  The noise is from `vibrosweep.kernels.noise.noise_of`.
 
     Raises a ParameterError unless particles over the base are independent of each other and the
     base implements the laws and the waveform.
@@ -112,7 +112,7 @@ def base_of(
 
 @jit
 def launch(launches: Launches, i: int, p: int, phase: float) -> Instant:
-    """Whole periods and phase at which particle p of realization i, at that phase, is launched."""
+    """Instant of the launch of particle p of realization i; `phase` is the forcing's at t = 0."""
     row = i if launches.whole.shape[0] > 1 else 0
     start = launches.phase[row, p] + phase
     carry = np.rint(start)

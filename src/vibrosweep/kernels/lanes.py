@@ -2,7 +2,7 @@
 
 A block of lanes (trajectories) is stored in one flat array, one row per quantity.  With one array
 and constant row offsets, rather than one array per quantity, the compiler can prove that rows do
-not overlap; padding keeps equal lanes of different rows out of the same sets of the first-level
+not overlap; padding keeps the same lane of different rows out of the same set of the first-level
 cache.  The rows that every impact uses are contiguous: with other rows between them, the code was
 half as fast for one out of six placements in memory.
 """
@@ -25,9 +25,9 @@ GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 
 
 class LaneRows(NamedTuple):
-    """First indices of the rows of the scratch memory; PHASES and CONSTANTS are several.
+    """First indices of the rows of the scratch memory; PHASES and CONSTANTS have several rows.
 
-    Those from X_END on take part in every impact, and so do some of `statistics`, which follow.
+    Those from X_END on take part in every impact, as do some rows of `statistics`, which follow.
     """
 
     PHASES: int  # at which a base of several lift-offs begins to lift, and to press again
@@ -52,17 +52,17 @@ class LaneRows(NamedTuple):
     PUSH: int
     PUSH_NEXT: int
     DRIVE: int
-    ASLEEP: int  # in a rest until a forcing period that lifts it, the number of the next; -1 then
-    TRIES: int  # of a search for the landing: passes so far, and the age at the last look
+    ASLEEP: int  # in a rest, number from 1 of the forcing period to try; -1 once one lifts; else 0
+    TRIES: int  # of a search for the landing: passes so far, and the age at the last check
     AGE_SEEN: int
     COUNTS: int  # 1 if the flight is counted when it ends
-    SINE: int  # of the phase of its lift-off, with the cosine
+    SINE: int  # sine and cosine of the phase of the lift-off
     COSINE: int
-    SURE: int  # 1 if it has only one root
-    GUESS: int  # a time near it
-    RISE: int  # until it is above every height of the base
+    SURE: int  # 1 if the clearance certainly has only one root
+    GUESS: int  # a time near the landing
+    RISE: int  # time from which the particle is above every height of the base
     NEXT: int  # the time that is tried next, negative where a flight begins
-    REACHED: int  # the time that is tried, and there
+    REACHED: int  # the time s that is tried, and at that time:
     TURNED: int  # sin(2 pi s), 2 pi s - sin(2 pi s), and 1 - cos(2 pi s)
     LAG: int
     VERSINE: int

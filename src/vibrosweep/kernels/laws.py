@@ -1,7 +1,7 @@
 """Laws of rebound: the speed after an impact, from the share of the arrival speed and the kick.
 
-A law is an empty named tuple, whose type numba knows when it compiles.  A new one is a class here
-with its implementations, and its name, here and in `vibrosweep.model.parameters.LAWS_OF`.
+A law is an empty named tuple, whose type numba knows when it compiles.  A new law needs a class
+with its implementations here, and its name here and in `vibrosweep.model.parameters.LAWS_OF`.
 
 Speeds are the durations of the flights that they begin, in forcing periods.
 """
@@ -20,7 +20,7 @@ Law = Any
 def speed_after(law: Law, share: float, v: float, kick: float) -> float:
     """Speed after an impact at speed v, of which it keeps a share.
 
-    A particle rests where it does not exceed the threshold.
+    A particle rests if this speed does not exceed the threshold.
     """
 
 

@@ -2,7 +2,7 @@
 
 The deviates are those of `vibrosweep.kernels.deviates`.  Each function does nothing where its first
 argument, the field `noise` of a base, or the kind of noise that it needs, is None.  These are known
-when a kernel is compiled, and no machine code is left of what does nothing.
+when a kernel is compiled, and a function that does nothing leaves no machine code.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Source(NamedTuple):
     kick: float
     drive: float
     stream: float
-    end: float  # whole periods at the end of the observation, from which counts may be taken
+    end: float  # whole periods at the end of the observation, where counts may begin
 
 
 class Draw(NamedTuple):
@@ -86,7 +86,7 @@ def _entry(values: Floats | None, i: int) -> float:
 
 @jit
 def period_of(n: float, x: float) -> float:
-    """Return the forcing period of the phase x, from -1/2 to 1/2, after n whole periods."""
+    """Return the number of the forcing period of the instant (n, x), x from -1/2 to 1/2."""
     return n - (1.0 if x < 0.0 else 0.0)
 
 
@@ -117,7 +117,7 @@ def together(noise: Noise | None) -> float:
 
 @jit
 def lands(noise: Noise | None, s: Floats, j: int) -> bool:
-    """Return whether lane j lands in this pass; under noise of the drive it may be at rest."""
+    """Return whether lane j lands in this pass; with noise of the drive it may be at rest."""
     if noise is None:
         return True
     return bool(noise.drive is None or s[ROW.ASLEEP + j] == 0.0)
@@ -172,7 +172,7 @@ def pushed(noise: Noise | None, kick: float, push: float) -> float:
 
 @jit
 def thrown(noise: Noise | None, w: float, push: float) -> float:
-    """Speed relative to a moving base, which a ball cannot enter, after a rebound with w."""
+    """Speed relative to a moving base, which a particle cannot enter, after a rebound with w."""
     if noise is None:
         return w
     return abs(w + push)
@@ -200,7 +200,7 @@ def driven(noise: Noise | None, a: float, drive: float) -> float:
 
 @jit
 def swing(noise: Noise | None, a: float, drive: float) -> float:
-    """Modulus of the change that noise of the drive made to the nominal amplitude, to give a."""
+    """Modulus of the change by noise of the drive that turned the nominal amplitude into a."""
     if noise is None:
         return 0.0
     return 0.0 if noise.drive is None else abs(a * (drive / (1.0 + drive)))
@@ -243,7 +243,7 @@ def period_is_doubtful(noise: Noise | None, x: float, error: float) -> bool:
 def exceeds(noise: Noise | None, kick: float, r: float) -> bool:
     """Return whether the kick of a particle that has come to rest lifts it at once.
 
-    Without noise it would not have come to rest.
+    Without noise such a particle would not have come to rest.
     """
     if noise is None:
         return False

@@ -46,7 +46,7 @@ def load_noise(
 
 @jit
 def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int, together: float) -> None:
-    """Draw the random numbers of the next impact of the first lanes, `since` after the last check.
+    """Draw the random numbers of the next impact of the first lanes, in pass `since` after a check.
 
     If `together` is 1, every pass is an impact of each lane, and the number of impacts at the last
     check is even: each pair of deviates serves two successive impacts.  If it is 0, each lane
@@ -107,7 +107,7 @@ def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
 
 @jit
 def note_sleep(noise: Noise | None, s: Floats, j: int, rests: bool) -> None:
-    """Note whether lane j has come to rest, until a period that lifts it."""
+    """Note whether lane j has come to rest; it sleeps until a forcing period lifts it."""
     if noise is not None and noise.drive is not None:
         waits = s[ROW.ASLEEP + j]
         s[ROW.ASLEEP + j] = 1.0 if rests else waits if waits > 0.0 else 0.0

@@ -42,7 +42,7 @@ class Observer(NamedTuple):
 
 
 class Noted(NamedTuple):
-    """Index of the first row, behind all others, that holds the last landing of each lane."""
+    """First indices of the rows of the last landing of each lane, behind all other rows."""
 
     PHASE: int
     TIME: int

@@ -7,8 +7,8 @@ new orbit and, for the map, not before the orbits balance.
 
 For e < 1 the p equations of the map have no solution at the boundary of the region u > 0 of all
 flights, and none without kicks: their topological degree is zero.  Hence as many points have a real
-multiplier above 1 as have none, counting every point of an orbit, shorter orbits repeated included.
-If these numbers differ, orbits were missed.
+multiplier above 1 as have none, counting every point of an orbit and including repeated shorter
+orbits.  If these numbers differ, orbits were missed.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ class Closed(NamedTuple):
     """Orbits; the first dimension of every array is (problem,), the second (orbit,) or (p, q)."""
 
     orbits: Integers  # (problem,): their number, -1 where they exceed the capacity
-    impacts: Integers  # 0 past the last orbit, as the periods
+    impacts: Integers  # 0 past the last orbit, like the periods
     periods: Integers
     admissible: Flags  # `NO_ORBIT` past the last one
     trace: Floats  # of the Jacobian of phase and speed over the orbit
     determinant: Floats
-    # times, speed, arrival: (problem, orbit, impact): of the landing in periods from that at which
-    # the first flight begins; at the lift-off, absolute; at the landing, relative to the base
+    # times, speed, arrival: (problem, orbit, impact): landing times in periods, the first one a
+    # phase; absolute speed at the lift-off; relative speed at the landing that ends its flight
     times: Floats
     speed: Floats
     arrival: Floats

@@ -12,7 +12,7 @@ from vibrosweep.kernels.lanes import LANES, STRIDE, aligned
 
 FEW = 24  # a cell with more landings is sorted by itself
 PERIODS_REMEMBERED = 64
-NARROWEST = 2.0**-40  # gap, in periods; over more than FARTHEST it could be lost by rounding
+NARROWEST = 2.0**-40  # gap, in periods; rounding could lose it over more than FARTHEST periods
 FARTHEST = 2.0**10
 
 Places = NDArray[np.int32]
@@ -102,7 +102,7 @@ def _is_after(listed: Floats, q: int, n: float, x: float, name: float) -> bool:
 def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
     """Put the ordered landings start ... stop - 1 exactly in the order of time.
 
-    Those of one instant stand in the order of their names.  Shell's method with shrinking gaps; a
+    Simultaneous ones are ordered by their names.  The method is Shell's, with shrinking gaps; a
     first gap of 1 makes it an insertion sort.
     """
     whole, phase = ORDERED + LIST.WHOLE, ORDERED + LIST.PHASE
@@ -150,7 +150,7 @@ def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span
         for row in range(ORDERED):
             listed[ORDERED + row, to] = listed[row, q]
     start = 0
-    for c in range(k):  # this is by now the end of cell c
+    for c in range(k):  # entry c is by now the end of cell c
         end = cells[CELL.ENDS, c]
         if end - start > FEW:
             _sort(listed, start, end, (end - start) // 2)

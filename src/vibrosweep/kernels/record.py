@@ -13,8 +13,7 @@ from vibrosweep.kernels.unwritten import empty
 class Record(NamedTuple):
     """Landings of trajectories: each array has shape (trajectory, impact), or (landing,)."""
 
-    # landing_time, liftoff_time: s; NaN past the last landing, and for the lift-off that never
-    # comes
+    # landing_time, liftoff_time: s; NaN past the last landing, and for a lift-off that never comes
     landing_time: Floats
     liftoff_time: Floats
     rebound_velocity: Floats  # speed at lift-off, m s-1; NaN where there is none
@@ -22,7 +21,7 @@ class Record(NamedTuple):
 
 
 def empty_record(*shape: int) -> Record:
-    """Allocate arrays of that shape: trajectories and landings of each at most, or landings."""
+    """Allocate arrays of a shape: (trajectories, most landings of each), or (landings,)."""
     return empty(Record, *shape)
 
 
@@ -40,7 +39,7 @@ class Scale(NamedTuple):
     # frequency, velocity: Hz, and g / (2 f) in m s-1
     frequency: float
     velocity: float
-    # origin, phase: what whole periods are counted from, and phase of the forcing at t = 0
+    # origin, phase: whole periods at which counts begin, and phase of the forcing at t = 0
     origin: float
     phase: float
 

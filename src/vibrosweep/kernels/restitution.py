@@ -1,9 +1,9 @@
 """Laws of restitution: the coefficient of restitution as a function of the speed of an impact.
 
-An impact at the relative speed v ends with E(v) = e(v) v, of which q(v) = E'(v) is the slope.  A
-law is an empty named tuple, whose type numba knows when it compiles.  `scale_of` makes one number
-of the restitution e and the speed of a law, with which the law scales speeds; these are durations
-of flights, in forcing periods.
+An impact at the relative speed v leaves the speed E(v) = e(v) v, with the slope q(v) = E'(v).  A
+law is an empty named tuple, whose type numba knows when it compiles.  `scale_of` combines the
+restitution e and the speed of a law into one number, by which the law scales speeds; these are
+durations of flights, in forcing periods.
 
 This file implements the constant law, e(v) = e; `vibrosweep.kernels.falling` implements those that
 fall with the speed.
@@ -99,7 +99,7 @@ implements(slope_range, Constant)(lambda law, e, scale, low, high: (e, e))
 implements(ratio_error, Constant)(lambda law, e, scale, v: 0.0)
 implements(straight, Constant)(lambda law: True)
 implements(slack, Constant)(lambda law: 1.0)
-# not as the difference of the speeds: rounding would lose 1 - e near 1
+# not as the difference of the speeds: rounding would lose digits of 1 - e near e = 1
 implements(lost_speed, Constant)(lambda law, e, scale, v, sign: (sign - e) * v)
 implements(arrival_to_repeat, Constant)(lambda law, e, scale, k: 2.0 * k / (1.0 + e))
 implements(leaving_to_repeat, Constant)(lambda law, e, scale, k: 2.0 * e * k / (1.0 + e))

@@ -77,7 +77,7 @@ def _next_numbers(
 
 @jit
 def _extent(listed: Floats, k: int) -> tuple[float, float, float]:
-    """The first of k landings, whole periods and phase, and the periods from it to the last."""
+    """Whole periods and phase of the earliest of k landings, and the periods to the latest."""
     n, x = listed[LIST.WHOLE, 0], listed[LIST.PHASE, 0]
     low, high = 0.0, 0.0
     for q in range(k):

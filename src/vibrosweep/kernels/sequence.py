@@ -82,7 +82,7 @@ def latest(memory: Turns) -> int:
 
 @part
 def note_turn(memory: Turns, order: Order, landing: Listed, late: bool) -> Order:
-    """Note a landing, of which `late` says whether it is in the last period of the window."""
+    """Note a landing; `late` is whether it is in the last period of the window."""
     after, before, end = memory.after, memory.before, memory.after.size - 1
     seen, previous = landing.who >= 0.0, latest(memory)
     who = int(landing.who) if seen else -1 - int(landing.who)
@@ -104,7 +104,7 @@ def note_turn(memory: Turns, order: Order, landing: Listed, late: bool) -> Order
 
 @part
 def write_order(out: Orders, i: int, memory: Turns, order: Order, known: bool) -> None:
-    """Write the order of realization i, whose landings up to the end are all `known` or not."""
+    """Write the order of realization i; `known` is whether all landings up to the end are."""
     out.changes[i] = order.changes if known else UNDETERMINED
     median, least = _of_gaps(memory, order) if known else (np.nan, np.nan)
     out.gap_median[i], out.gap_least[i] = median, least
@@ -132,7 +132,7 @@ def _of_gaps(memory: Turns, order: Order) -> tuple[float, float]:
 
 @part
 def _order_of(memory: Turns, harmonic: float) -> float:
-    """Return the mean of exp(2 pi i h t) over the last landings, as an absolute value.
+    """Return the modulus of the mean of exp(2 pi i h t) over the last landings.
 
     NaN where no particle has landed.
     """

@@ -46,8 +46,8 @@ class Search(NamedTuple):
     """Limits of the search for orbits."""
 
     budget: int  # largest number of impacts of a trajectory
-    # 1 for exponents of every orbit; with 0 only those are followed that may turn out to rest again
-    # and again, or to be aperiodic
+    # 1 for exponents of every orbit; 0 to follow only orbits that may prove to rest again and
+    # again, or to be aperiodic
     exponents: int
 
 
@@ -63,8 +63,8 @@ class Orbits(NamedTuple):
     # 1 where rounding may have changed a decision along the cycle, 0 where it cannot have, -1 where
     # there is no cycle
     uncertain: Flags
-    # Time in forcing periods from which on the orbit is known to repeat, of one with rests that of
-    # the first lift-off from rest; NaN if it is not
+    # Time in forcing periods from which on the orbit is known to repeat, a lift-off from rest if it
+    # has rests; NaN if it is not known to repeat
     since: Floats
     # whole, phase, flight: a state from which the orbit can be continued: whole periods and phase
     # of a lift-off, and its speed relative to the base, in units of g / (2 f), which over a base at
@@ -77,8 +77,8 @@ class Orbits(NamedTuple):
     # The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle
     multiplier: Complexes
     # largest, largest_error: largest Lyapunov exponent per impact, and the standard error of its
-    # mean, or the rounding error to first order where multipliers give it; -inf with error 0 of a
-    # cycle with a rest, and at rest for good; NaN where the window sees one rest and no cycle is
+    # mean, or the rounding error to first order where multipliers give it; -inf with error 0 for a
+    # cycle with a rest, and at rest for good; NaN where the window has a rest and no cycle is
     # closed.  The error is infinite where the cycle is uncertain.
     largest: Floats
     largest_error: Floats
@@ -96,8 +96,8 @@ def empty_orbits(trajectories: int) -> Orbits:
 class Rests(NamedTuple):
     """Rests of a trajectory, until it has been lifted twice in the same state."""
 
-    cycle: int  # rests of the cycle that this closes; 0 where it was not closed
-    seen: int  # those in the window
+    cycle: int  # rests in the cycle; 0 where it was not closed
+    seen: int  # rests in the window
     first: float  # whole periods of the first of these lift-offs
     # impacts, periods: of the cycle
     impacts: int
@@ -117,8 +117,8 @@ def _follow(
     """Simulate a trajectory to its end, or until two rests have closed its cycle.
 
     Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), so that the cycle is
-    found whatever rests came before it.  Returns the state reached; what `Rests` holds; and, of the
-    impacts in the window, the sum of the logarithms of areas, and the bound of its rounding error.
+    found whatever rests came before it.  Returns the state reached, the rests, and, over the
+    impacts in the window, the sum of the logarithms of areas with the bound of its rounding error.
     """
     n, x, u = launched
     c, d = 1.0, 0.0
@@ -137,7 +137,7 @@ def _follow(
             before = density(fixed, abs(u))
             if before > 0.0:
                 area += growth.logarithm(along * across * (density(fixed, hit.u) / before))
-            else:  # in these coordinates no area is left
+            else:  # in these coordinates the area was 0
                 area += growth.logarithm(contraction(hit.fixed, hit.v))
                 error = ROUNDING * (1.0 + 2.0 * slack_of(fixed.base.restitution))
             slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
@@ -286,7 +286,7 @@ def settle(
     """
     base, problem, launches = batch
     particles, (budget, exponents) = launches.whole.shape[1], search
-    # realization and lift-off whose orbit with rests was judged, and the result
+    # realization and lift-off of the orbit with rests that was judged last, and the result
     judged, x_judged, doubtful = -1, np.nan, 0
     for t in range(first, last):
         i = t // particles

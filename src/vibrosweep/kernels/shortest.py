@@ -29,7 +29,7 @@ def empty_shortest(cycles: int) -> Shortest:
 
 @jit
 def _plain(x: float) -> float:
-    """Phase of which -1/2 and 1/2 are the same."""
+    """Phase with -1/2 turned into 1/2, which is the same."""
     return x + 1.0 if x < SAME_ORBIT - 0.5 else x
 
 
@@ -44,7 +44,7 @@ def shortest_flights(
     impacts: Integers,
     out: Shortest,
 ) -> None:
-    """Find the shortest flight of cycles first ... last - 1, of equal ones that of the first phase.
+    """Find the shortest flight of cycles first ... last - 1; of equal ones, the one first in phase.
 
     Phase and speed relative to the base are those of a lift-off on the cycle, `impacts` its length;
     all arrays, those of the problem too, have shape (cycle,).

@@ -1,4 +1,4 @@
-"""Sine of a reduced phase in turns, as inlined arithmetic, which vectorises unlike a call."""
+"""Sine of a reduced phase in turns, as inlined arithmetic, which unlike a call vectorises."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from vibrosweep.kernels.rounding import HALF_ULP
 
 # Relative error of `sin_turns`, proved: checks/sine_error.py finds 3.42 half ulps at most.
 SINE_ERROR = 3.5 * HALF_ULP
-# The cosine is the sine of 1/4 - |x|, itself rounded; absolute.
+# Absolute error of the cosine, the sine of 1/4 - |x|, which is itself rounded.
 COSINE_ERROR = SINE_ERROR + 2.0 * math.pi * 2.0**-56
-# Of 2 pi s - sin(2 pi s), relative.  Below a quarter turn: eight roundings, and the polynomial,
-# which is even better; beyond, (1 + (0.4 * 2 pi s + 3.5) / (2 pi s - 1)) half ulps.
+# Relative error of 2 pi s - sin(2 pi s).  Below a quarter turn: eight roundings and the polynomial,
+# which is more accurate; beyond, (1 + (0.4 * 2 pi s + 3.5) / (2 pi s - 1)) half ulps.
 LAG_ERROR = 9.0 * HALF_ULP
 
 
-# sin(2 pi y) / y on 0 <= y <= 1/4 as a polynomial in y^2, by the Remez exchange at 60 digits for
-# the least largest relative error of the sine (2.6e-19).  The first coefficient is kept as a sum
-# of two doubles: a single one would cost half an ulp.
+# sin(2 pi y) / y on 0 <= y <= 1/4 as a polynomial in y^2, minimax in the relative error of the sine
+# (2.6e-19), by the Remez exchange with 60 digits.  The first coefficient is kept as a sum of two
+# doubles: a single one would cost half an ulp.
 C0_HIGH = 6.283185307179586
 C0_LOW = 2.4331317997472714e-16
 C1 = -41.341702240399755
@@ -32,16 +32,16 @@ C6 = 3.819927050405184
 C7 = -0.7177235794204939
 C8 = 0.10085632779802037
 # 2 pi y - sin(2 pi y) over y^3 and 1 - cos(2 pi y) over y^2 on 0 <= y <= 1/2 as polynomials in y^2,
-# for the least largest relative error (1.3e-5 and 5.3e-5).
+# minimax in the relative error (1.3e-5 and 5.3e-5).
 LAG = (41.3412, -81.546718, 75.586321, -34.958706)
 VERSINE = (19.738179, -64.828729, 83.433458, -47.744328)
 
 
 @jit
 def _terms(z: float) -> tuple[float, float]:
-    """Odd and even coefficients of the polynomial, those from z^2 on, summed separately.
+    """Sums of the odd terms of the polynomial over z, and of the even ones from z^2 on over z^2.
 
-    That halves the chain of dependent operations.
+    Summed separately, they halve the chain of dependent operations.
     """
     z2 = z * z
     even = fma(z2, C8, C6)
@@ -82,7 +82,7 @@ def sin_turns(x: float) -> float:
 
 @jit
 def sin_and_lag(s: float, part: float) -> tuple[float, float]:
-    """sin(2 pi s) and 2 pi s - sin(2 pi s), each to some relative roundings; s = part + integer.
+    """sin(2 pi s) and 2 pi s - sin(2 pi s), each to a few relative roundings; s = part + integer.
 
     Below a quarter turn the difference is the polynomial without its first term.
     """

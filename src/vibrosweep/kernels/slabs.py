@@ -64,7 +64,7 @@ def _collect(fixed: Constants, stop: Instant, window: Window, work: Workspace) -
     for block in range(work.lanes.size):
         s, lanes = work.state[block], work.lanes[block]
         while lanes > 0:
-            if k + lanes >= listed.shape[1]:  # one place is for the slab before
+            if k + lanes >= listed.shape[1]:  # one place is for the last landing of the slab before
                 return -1
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
             next_landings(s, padded, fixed, stop)
@@ -128,7 +128,7 @@ class Slab(NamedTuple):
 
 @jit
 def first_slab(fixed: Constants, window: Window, work: Workspace) -> Slab:
-    """Slab to begin with, in which the first landing in the window is, or before that."""
+    """Slab to begin with: no landing in the window precedes it."""
     first = _earliest(fixed, work)
     return Slab(max(first, window.begin.whole) if window.late else first, -0.5, 1.0)
 
@@ -185,7 +185,7 @@ def all_landings(fixed: Constants, window: Window, work: Workspace) -> tuple[flo
 def order_all(
     fixed: Constants, window: Window, work: Workspace, memory: Turns
 ) -> tuple[Order, bool]:
-    """Order of all landings, and whether it is known: not if they crowd beyond a slab.
+    """Order of all landings, and whether it is known; not if they crowd beyond what slabs resolve.
 
     They are listed from the launch on, because turns begin there.
     """

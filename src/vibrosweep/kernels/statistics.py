@@ -1,9 +1,9 @@
 """Statistics: a number for each landing, or for each flight, and how the numbers combine.
 
-The kernels keep only these of the landings.  A statistic is declared once, below: `kernels.totals`
-composes the chosen ones into the loop over the lanes, the totals of a cycle and the loop over the
-events of a coupled base.  The choice is a tuple of empty named tuples, whose types decide what is
-compiled, so that the machine code of each choice can be kept on disk.
+The kernels keep nothing else of the landings.  A statistic is declared once, below;
+`kernels.totals` composes the chosen ones into the loop over the lanes, the totals of a cycle and
+the loop over the events of a coupled base.  The choice is a tuple of empty named tuples, whose
+types decide what is compiled, so that the machine code of each choice can be kept on disk.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ LANDINGS, RESTS = 0, 1
 SHORTEST: Final = declare("flight_min", _ended, MIN)
 LONGEST: Final = declare("flight_max", _ended, MAX)
 IMPACT_SPEED: Final = declare("impact_speed", _arrival, MAX)
-# Over a base that lifts what rests on it when particles land, flights are counted one by one.
+# Over a base that may lift resting particles when others land, flights are counted one by one.
 KINDS_COUPLED: Final[Kinds] = (*KINDS, declare("flights", _every, COUNT, of_flights=True))
 
 

@@ -51,7 +51,7 @@ def scratch(kinds: Kinds = KINDS, more: int = 0) -> Floats:
 def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
     """Turn a writer of the lines of a function into that function.
 
-    Its parameters are those of the writer, whose first one is given the statistics.
+    It has the parameters of the writer, which is given the statistics as the first one.
     """
     parameters = ", ".join(write.__code__.co_varnames[: write.__code__.co_argcount])
     others = write.__code__.co_argcount - 1
@@ -78,7 +78,7 @@ def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
 def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]:
     """Yield each statistic's place, the statistic, and the text of its number.
 
-    A sum of products that begins with one landing is its product, rounded.
+    In a sum of products, the number of one landing is its rounded product.
     """
     for k, kind in enumerate(statistics):
         argument = "flight" if kind.of_flights else "landing"
@@ -120,15 +120,15 @@ def count(
             yield f"a, b = {number}"
             yield f"{row} = fma(a if {counts} else 0.0, b if {counts} else 0.0, {row})"
         else:
-            # the sum, which changes nothing, keeps the compiler from choosing by a masked store:
-            # that takes processors of AMD without AVX-512 as long as ten others
+            # adding 0.0 changes nothing, but keeps the compiler from choosing by a masked store,
+            # which takes AMD processors without AVX-512 as long as ten ordinary ones
             yield f"v, w = 1.0 * {number}, {row} + 0.0"
             yield f"{row} = v if (v {'>' if kind.combine == MAX else '<'} w) & {counts} else w"
 
 
 @_composed
 def sum_up(kinds: Kinds, s: Floats, j: int, lost: bool) -> Iterator[str]:
-    """Add the numbers since the last look to the sums; NaN of flights where a lane is `lost`."""
+    """Add the numbers since the last check to the sums; those of flights are NaN if `lost`."""
     yield "pass"
     for k, kind in enumerate(kinds):
         if kind.summed:
@@ -150,7 +150,7 @@ def no_impacts(kinds: Kinds) -> Iterator[str]:
 def added(
     kinds: Kinds, to: Cycle, periods: float, landing: Landing, flight: Counted
 ) -> Iterator[str]:
-    """Add an impact to the totals of a cycle, in which so many periods have passed."""
+    """Add an impact to the totals of a cycle, of which so many periods have passed."""
     sums = (kind.joined(f"to[{k + 1}]", number) for k, kind, number in _numbers(kinds))
     yield f"return (periods, {', '.join(sums)})"
 
@@ -164,7 +164,7 @@ def set_cycle(kinds: Kinds, s: Floats, j: int, found: Cycle) -> Iterator[str]:
 
 @_composed
 def cycle_of(kinds: Kinds, s: Floats, j: int) -> Iterator[str]:
-    """Return periods, landings and rests of the cycle of lane j; without landings of none."""
+    """Return periods, landings and rests of the cycle of lane j; no landings if none is known."""
     rows = [ROWS + 2 * len(kinds) + k for k in (PERIODS, CYCLE_LANDINGS, CYCLE_RESTS)]
     yield f"return {', '.join(f's[{row * STRIDE} + j]' for row in rows)}"
 
@@ -202,7 +202,7 @@ def totals_of(kinds: Kinds, s: Floats, j: int) -> Iterator[str]:
 
 @_composed
 def with_flight(kinds: Kinds, totals: tuple[float, ...], flight: Counted) -> Iterator[str]:
-    """Return totals with a flight added, and a sum that is not finite where flights are not.
+    """Return totals with a flight added, and a sum that is not finite if a flight is not.
 
     A flight of no time and height adds nothing.
     """
@@ -227,7 +227,7 @@ def expect(kinds: Kinds, out: Statistics, lane: int) -> Iterator[str]:
 
 @_composed
 def forget(kinds: Kinds, totals: Floats, t: int) -> Iterator[str]:
-    """Begin the totals in place t with no landings."""
+    """Reset the totals in place t to those of no landings."""
     for k, kind in enumerate(kinds):
         yield f"totals[{k}, t] = {START[kind.combine]}"
 
@@ -250,7 +250,7 @@ def add_flight(kinds: Kinds, totals: Floats, t: int, flight: Counted) -> Iterato
 
 @_composed
 def flight_sums(kinds: Kinds, totals: Floats, t: int) -> Iterator[str]:
-    """Return a sum that is not finite where the flights of place t are not."""
+    """Return a sum that is not finite if a flight of place t is not."""
     sums = (f"totals[{k}, t]" for k, kind in enumerate(kinds) if kind.of_flights and kind.summed)
     yield f"return {' + '.join(['0.0', *sums])}"
 

@@ -59,12 +59,12 @@ class Trust(NamedTuple):
     # Time in forcing periods up to which all landings are known to the tolerance; infinite if all
     # landings are, NaN if none is
     until: Floats
-    # Largest error of any landing in forcing periods, with noise of any lift-off too; infinite
-    # where a decision is uncertain, NaN where the impact budget ended before all landings were
-    # followed
+    # Largest error of any landing, and with noise also of any lift-off from rest, in forcing
+    # periods; infinite where a decision is uncertain, NaN where the impact budget ended before all
+    # landings were followed
     landing_error: Floats
     # Largest error of the absolute speed after any landing, as the duration in forcing periods of a
-    # flight from a base at rest; infinite and NaN as that of the landings
+    # flight from a base at rest; infinite or NaN where that of the landings is
     flight_error: Floats
 
 
@@ -86,7 +86,7 @@ class Enclosure(NamedTuple):
 
 @jit
 def landing_error(box: Enclosure, derivative: Jacobian) -> float:
-    """Largest change of the phase of the landing by a change of the state before it."""
+    """Largest change of the phase of the landing by changes of the state before it within a box."""
     c, s, by_phase, by_speed = box.c, box.s, derivative.phase_phase, derivative.phase_speed
     along, across = by_phase * c + by_speed * s, by_speed * c - by_phase * s
     return abs(along) * box.along + abs(across) * box.across
@@ -160,7 +160,7 @@ def _impact(
     particle: float = 0.0,
     number: float = 0.0,
 ) -> Bounded:
-    """An impact of a particle that leaves with speed u, its error in a box.
+    """An impact of a particle that leaves with speed u, and whose error is in a box.
 
     Over all cycles the error is `cycles` times as large.  Random numbers of the impact depend on
     the particle, the number of its impacts until then, and the periods from time 0 to the instant.
@@ -192,9 +192,9 @@ def _impact(
 def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: float) -> bool:
     """Return whether no rounding can change a decision along a cycle.
 
-    (x, u) is a state of the cycle; of one with rests, the lift-off from one.  `modulus` is that of
-    the leading multiplier, by which the error of one cycle is passed on to the next; 0 of a cycle
-    with a rest, at which it begins anew.
+    (x, u) is a state of the cycle; if it has rests, the lift-off from one.  `modulus` is that of
+    the leading multiplier, by which the error of one cycle is passed on to the next; it is 0 for a
+    cycle with rests, after which the error begins anew.
     """
     if not modulus < 1.0:
         return False

@@ -1,4 +1,4 @@
-"""Marks of numbers in arrays of results that no kernel has written yet.
+"""Marks for numbers in arrays of results that no kernel has written yet.
 
 A result that a kernel leaves unwritten raises an error that names it; it is never taken from
 uninitialised memory.

@@ -20,7 +20,7 @@ from vibrosweep.model.arcsine import ARCSINE_ERROR, arcsin_turns
 _arcsin_turns = jit(arcsin_turns)
 Shape = Any
 LiftOffs = Any  # phases in turns at which a resting particle is lifted: a number, or a tuple
-CURVATURE = 2.0 * math.pi * math.pi  # half the second derivative of sin(2 pi x)
+CURVATURE = 2.0 * math.pi * math.pi  # half the largest second derivative of sin(2 pi x)
 # x_lift is the arcsine of r / a: four roundings of the ratio, then the function.
 RATIO_ERROR = 4.0 * HALF_ULP
 
@@ -30,7 +30,10 @@ class Sine(NamedTuple):
 
 
 class Parabolic(NamedTuple):
-    """The triangle 4 x, |x| <= 1/4, and 2 |x| beyond: the height is made of parabolas."""
+    """The triangle 4 x for |x| <= 1/4, and sign(x) (2 - 4 |x|) beyond.
+
+    The height consists of parabolas.
+    """
 
 
 @generic
@@ -45,12 +48,12 @@ def kick_slope(shape: Shape, a: float, x: float) -> float:
 
 @generic
 def kick_rounding(shape: Shape, a: float, w: float) -> float:
-    """Bound of the error of a w at an exact phase, with that of a."""
+    """Bound of the error of a w at an exact phase, that of a included."""
 
 
 @generic
 def left_out(shape: Shape, a: float, x: float, error: float) -> float:
-    """Bound of the change of a w within `error` of x beyond that by its computed derivative."""
+    """Bound of the change of a w within `error` of x, beyond the one by its computed derivative."""
 
 
 @generic
@@ -83,9 +86,9 @@ def lift_offs(shape: Shape, a: float, r: float, of_sine: float) -> LiftOffs:
 
 @generic
 def rise_of(shape: Shape, ratio: float) -> float:
-    """Phase in [0, 1/4] at which w rises through a ratio; it falls through it as long before 1/2.
+    """Phase in [0, 1/4] at which w rises through a ratio; it falls through it as far before 1/2.
 
-    Only of shapes that are the same on both sides of 1/4 and, with the other sign, of 0.
+    Only for shapes that are even about 1/4 and odd about 0.
     """
 
 
@@ -96,7 +99,7 @@ def lifts_once(shape: Shape) -> bool:
 
 @generic
 def next_lift_off(shape: Shape, phases: LiftOffs, x: float) -> tuple[float, float]:
-    """Phase at which a particle lifts off that rests from phase x on, and whole periods passed."""
+    """Phase at which a particle at rest since phase x lifts off, and whole periods passed."""
 
 
 @generic
@@ -111,13 +114,13 @@ def lift_off_error(shape: Shape, a: float, r: float, phases: LiftOffs) -> float:
 def put_phases(shape: Shape, phases: LiftOffs, wait: float, s: Floats, j: int) -> None:
     """Put the phases of lift-offs into lane j, or NaN where the wait for them is infinite.
 
-    A single one is the fourth of its constants; several have rows of their own.
+    A single phase is the fourth constant of the lane; several have rows of their own.
     """
 
 
 @generic
 def take_phases(shape: Shape, s: Floats, j: int) -> LiftOffs:
-    """Take the phases of lane j back."""
+    """Return the phases of lift-offs of lane j."""
 
 
 implements(peak_of, Sine, Parabolic)(lambda shape: 1.0)

@@ -1,7 +1,7 @@
 """Adjustment of instants together with the parameters of bounces on a base of constant level.
 
-The adjusted instants are those of the smallest weighted change for which every bounce obeys the
-map, with one of the laws of restitution.
+The smallest weighted change of the instants is sought with which every bounce obeys the map, with
+one of the laws of restitution.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def adjust(
 def fit_laws(bounces: Bounces, start: Array, frequency: float | None) -> list[FittedLaw]:
     """Fit the laws of `FITTED`, starting from the parameters of a constant restitution.
 
-    A frequency (Hz) of None is one of these parameters.
+    If `frequency` (Hz) is None, it is one of these parameters.
     """
     speeds = np.maximum(bounces.speeds()[0], 1e-6)
 

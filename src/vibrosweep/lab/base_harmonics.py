@@ -54,7 +54,7 @@ def _waveform(tones: Sequence[tuple[int, float, float]]) -> Waveform:
 
 
 def with_values(shape: Waveform, values: Mapping[str, float]) -> Waveform:
-    """Return the waveform with other weights and phases, which have the names of `names_of`."""
+    """Return the waveform with other weights and phases, named as in `names_of`."""
     tones = [
         (h, values.get(f"weight_{h}", weight), values.get(f"phase_{h}", psi))
         for h, weight, psi in shape.tones
@@ -63,7 +63,7 @@ def with_values(shape: Waveform, values: Mapping[str, float]) -> Waveform:
 
 
 def names_of(numbers: Sequence[int]) -> list[str]:
-    """Names of the weights and phases of all harmonics but the first, which is the strongest."""
+    """Names of the weights and phases of all harmonics but the first, the strongest."""
     return [f"{name}_{h}" for h in numbers[1:] for name in ("weight", "phase")]
 
 

@@ -29,7 +29,7 @@ BAND = 3
 
 @dataclass(frozen=True)
 class Bounces:
-    """Instants of landing and lift-off in order, and which of them are bounces."""
+    """Instants of landing and lift-off in order, with the indices of the bounces."""
 
     # Landings and lift-offs of all particles, s; a bounce is one instant, a stay is two
     instant: Array
@@ -43,7 +43,7 @@ class Bounces:
     gravity: float  # m s-2
 
     def speeds(self, instant: Array | None = None) -> Speeds:
-        """Return time and speeds of each bounce, at other instants if these are given."""
+        """Return time and speeds of each bounce, from other instants if these are given."""
         t = self.instant if instant is None else instant
         half, i = self.gravity / 2.0, self.middle
         return Speeds(half * (t[i] - t[i - 1]), half * (t[i + 1] - t[i]), t[i])
@@ -51,8 +51,8 @@ class Bounces:
     def jacobian(self, before: Array, at: Array, after: Array) -> csr_array:
         """Derivatives of the equations by the instants, shape (bounce, instant).
 
-        The arguments are the derivatives of each equation by the instant before its bounce, by that
-        of the bounce, and by the one after it.
+        The arguments are the derivatives of each equation by the instant before its bounce, by the
+        instant of the bounce, and by the one after it.
         """
         columns = self.middle[:, np.newaxis] + np.array([-1, 0, 1])
         entries = np.stack([before, at, after], axis=1).ravel()
@@ -102,7 +102,7 @@ def solve(matrix: csr_array, right: Array) -> Array:
 
 
 def whiten(matrix: csr_array, right: Array) -> Array:
-    """Transform columns whose covariance is such a matrix to independent ones of variance 1."""
+    """Transform columns with this covariance, as in `solve`, to independent ones of variance 1."""
     factor = cholesky_banded(_band(matrix), lower=True)
     return np.asarray(solve_banded((len(factor) - 1, 0), factor, right))
 

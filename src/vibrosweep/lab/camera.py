@@ -25,7 +25,7 @@ class Camera:
     noise
         Standard deviation of a tracked position, in pixels.
     whole_pixels
-        Whether positions are rounded to whole pixels.
+        True if positions are rounded to whole pixels.
     exposure
         Time for which the shutter is open, s; a position is the mean over it.
     dropped
@@ -66,7 +66,7 @@ class Motion:
     def from_record(
         cls, record: Record, particle: int, time: float, speed: float, gravity: float, base: Surface
     ) -> Motion:
-        """Take the flights of a particle from a record; it is launched at a time and speed."""
+        """Take the flights of a particle from a record; `time` and `speed` are of its launch."""
         landing, liftoff = record.landing_time[particle], record.liftoff_time[particle]
         flies = np.isfinite(liftoff)
         start = np.append(time, liftoff[flies])
@@ -88,7 +88,7 @@ class Motion:
         return float(np.mean(self.apex[inside])), float(np.mean((self.end - self.start)[inside]))
 
     def _flight(self, time: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
-        """Latest flight at each instant, or the first; time since its start; whether it is over."""
+        """Latest flight at each instant, or the first; time since its start; True on the base."""
         flight = np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
         since = time - self.start[flight]
         return flight, since, (since < 0.0) | (time > self.end[flight])

@@ -46,7 +46,7 @@ from vibrosweep.runs.driver import thread_count
 
 __all__ = ["compare", "compare_tracks"]
 
-# A particle is launched with the speed of its first flight
+# Parameters that may be given: a particle is launched with the speed of its first flight
 KNOWN: Final = {
     name: parameter
     for name, parameter in {**PARAMETERS, **OF_RESTITUTION}.items()
@@ -99,7 +99,7 @@ def compare_tracks(
     xarray.Dataset
         Dims (case, quantity, reading): ``error`` in per cent, ``|measured - predicted| /
         measured``, its mean over the repeats, and the contributions of ``frames``, ``pixels``
-        and ``parameters`` (in per cent of the measured value), which add as squares.
+        and ``parameters`` (in per cent of the measured value), which add in quadrature.
         Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).
         Dim case: ``particles``, ``repeats``, ``compared``, and the parameters used.  Attributes:
         the base, the ``waveform`` and the ``restitution_law`` of the prediction.
@@ -155,7 +155,7 @@ def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
     """Average over the recordings with one number of particles."""
     every = xr.concat(repeats, "repeat", combine_attrs="drop_conflicts")
     means = every.mean("repeat", keep_attrs=True)
-    # contributions to an error, and standard errors, add as squares
+    # contributions to an error, and standard errors, are averaged in quadrature
     for name in [*SHARES, *(name for name in means if str(name).endswith("_error"))]:
         means[name].values = np.sqrt((every[name] ** 2).mean("repeat").values)
     words = {"long_name": "standard deviation over the repeats"}

@@ -69,7 +69,7 @@ def find_contacts(samples: Samples, gravity: float) -> Cut:
     start = np.flatnonzero(np.diff(member, prepend=-1))
     extent = np.maximum.reduceat(samples.height, start)
     extent -= np.minimum.reduceat(samples.height, start)
-    found = gravity_of_high_flights(samples, member, extent, noise)  # high stretches are no stays
+    found = gravity_of_high_flights(samples, member, extent, noise)  # high stretches are not stays
     fits = fit_parabolas(samples, member, start.size, gravity)
     every = np.flatnonzero(np.diff(samples.piece[start]) == 0)
     return Cut(contacts_between(samples, member, fits, every, noise, gravity), member, *found)
@@ -85,7 +85,7 @@ def contacts_between(
     the acceleration of flights (m s-2).
     """
     clear = clear_flights(samples, member, fits, noise, fall)
-    # from flights alone, because residuals of a stay would enlarge it
+    # noise of flights alone, because residuals of a stay would enlarge it
     free = fits.number[clear] - 2.0
     noise = float(np.sqrt(fits.residue[clear].sum() / free.sum())) if free.size else noise
     landing = landing[clear[landing] & clear[landing + 1]]
@@ -99,5 +99,5 @@ def contacts_between(
     found = Contacts(
         before, after, owner[landing], linked, met.time, met.height, arrival, departure, noise, fall
     )
-    # between two parts of one flight there is no contact: their slopes differ by rounding
+    # between two parts of one flight there is no contact: their slopes differ only by rounding
     return found.take(departure > arrival)

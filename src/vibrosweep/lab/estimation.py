@@ -76,7 +76,7 @@ def estimate(
         amplitude (m s-1), phase (rad, at t = 0 on the clock of the tracks) and, if it was not
         given, frequency (Hz).  ``determined`` is 0 if the orbit determines them poorly or not at
         all, or if the restitution lies outside its range; the attribute ``warning`` gives the
-        reason.  Without any signal all are NaN.  ``misfit`` is the chi-square per degree of
+        reason.  If the signal is too weak all are NaN.  ``misfit`` is the chi-square per degree of
         freedom.  If it exceeds 1, its square root multiplies the errors; if noise hardly explains
         it, the scatter of the residuals is added and the warning says so.
 
@@ -101,7 +101,7 @@ def estimate(
     ParameterError
         The frequency, or the interval in which it is sought, is outside its range.
     DataError
-        The dataset is no result of `find_impacts`.
+        The dataset is not a result of `find_impacts`.
 
     Examples
     --------
@@ -158,9 +158,9 @@ def estimate(
 def _fit_and_laws(
     bounces: Bounces, adjusted: Adjustment, signal: float, frequency: float | None
 ) -> tuple[FittedLaw, list[FittedLaw]]:
-    """Return the fit with the best law if a constant restitution is ruled out, else that with it.
+    """Return the fit with constant restitution or, if the bounces rule that out, with the best law.
 
-    The second value holds the fits of all laws, if the bounces determine any parameters.
+    The second value holds the fits of all laws; it is empty if no parameters are determined.
     """
     fit = adjusted.with_law(Law())
     lost = np.isinf(fit.misfit)
@@ -211,7 +211,7 @@ def _why_undetermined(signal: float, values: Array, covariance: Array, misfit: f
         return (
             f"no restitution and forcing describe the bounces: misfit {misfit:.3g} where noise "
             f"alone makes about 1; check the frequency, and whether the base moves; if its motion "
-            f"is no sine, give its trace or the track of a mark on it"
+            f"is not a sine, give its trace or the track of a mark on it"
         )
     if error[0] > WORST_RESTITUTION or error[1] > WORST_AMPLITUDE * values[1]:
         return "restitution and amplitude are hardly determined: film for longer, or closer"
@@ -219,7 +219,7 @@ def _why_undetermined(signal: float, values: Array, covariance: Array, misfit: f
 
 
 def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
-    """Convert the moving base that `find_impacts` fitted to the result of `estimate`."""
+    """Turn the moving base that `find_impacts` fitted into a result of `estimate`."""
     values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
     of_base = impacts["of_base"].values.astype(str).tolist()
     rate, gravity = float(impacts["shaken_frequency"]), impacts.attrs["gravity"]
@@ -339,7 +339,7 @@ def _adjust_at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjustment, f
 
 
 def _rank(tried: tuple[Adjustment, float]) -> tuple[bool, float]:
-    """Sort key of the best adjustment, the smallest chi-square among the physical ones."""
+    """Sort key: the best adjustment has the smallest chi-square among the physical ones."""
     found, _ = tried
     chi_square = float(np.nan_to_num(found.chi_square, nan=np.inf))
     unphysical = not np.isfinite(chi_square) or is_unphysical(found.values, found.covariance)

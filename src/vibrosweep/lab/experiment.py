@@ -53,8 +53,8 @@ class Variation:
         Standard deviation of the restitution among the particles, which are the same in all
         repeats.
     level_spread
-        Standard deviation among the particles of the height in m of the base below them, such as
-        that of a tilted base or view.
+        Standard deviation, among the particles, of the height (m) of the base below them, as caused
+        by a tilted base or view.
 
     Examples
     --------

@@ -22,13 +22,13 @@ from vibrosweep.model.parameters import PARAMETERS
 
 MOTIONS: Final = ("detect", "level", "moving")
 # Largest share of neighbouring flights that may meet above a moving base; otherwise its fit is
-# rejected.  In irregular films a right fit has at most 2 % of them, a wrong one 9 % and more.
+# rejected.  In irregular films a correct fit has at most 2 % of them, a wrong one 9 % and more.
 TURNED_ABOVE: Final = 0.05
 FREQUENCIES_APART: Final = 0.01  # largest relative difference of a given and a traced frequency
 
 
 class Setup(NamedTuple):
-    """Facts about a recording beside its tracks."""
+    """Facts about a recording that its tracks do not contain."""
 
     base: float | None = None  # height in m at which particles land; None if unknown
     exposure: float = 0.0  # time for which the shutter is open, s
@@ -115,7 +115,7 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
 
 
 def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights | None]:
-    """Base that contacts favour, and the flights over it if it moves, else None."""
+    """Return the base that contacts favour, and the flights over it if it moves, else None."""
     if setup.trace is None:
         favoured, base_fit = which_base(cut.contacts, setup.frequency)
     else:

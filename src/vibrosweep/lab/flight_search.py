@@ -35,7 +35,7 @@ UPPER: Final = 0.25
 # Fewest samples of a flight, one more than its unknowns, and least height in units of the noise
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
-FIRST_SHARE: Final = 0.6  # of the first estimate of the noise, which may be too large
+FIRST_SHARE: Final = 0.6  # used of the first estimate of the noise, which may be too large
 # Significance level of the test for poor flights: one good flight in a million fails it
 POOR: Final = 1e-6
 # Share of poor flights at which the search has failed
@@ -161,8 +161,8 @@ def _upper_samples(
 ) -> tuple[Indices, Indices, float, Array]:
     """Assign the samples in the upper part of each flight to it, without fits.
 
-    Returns the number of the flight of each sample (-1 for none), and of each flight its piece of
-    track, the height of the base, and its highest sample.
+    Returns the number of the flight of each sample (-1 for none), the piece of track of each
+    flight, the height of the base, and the largest height in each flight.
     """
     low, base = low_points(samples, noise, known)
     edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
@@ -268,7 +268,7 @@ def poor_flights(fits: Fits, noise: float) -> NDArray[np.bool_]:
 
 
 def _chi_square(probability: float, freedom: Array) -> Array:
-    """Chi-square that is exceeded with a probability, for integer degrees of freedom."""
+    """Chi-square that is exceeded with this probability, for integer degrees of freedom."""
     values = chdtri(np.arange(freedom.max(initial=1.0) + 1.0), probability)
     return np.asarray(values[freedom.astype(np.intp)])
 

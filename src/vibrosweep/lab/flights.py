@@ -20,10 +20,10 @@ from vibrosweep.lab.segments import Samples
 # share of gravity up to which the difference is taken for an error of the scale
 SCALE_OFF: Final = 5.0
 WRONG_SCALE: Final = 0.2
-# Fewest flights that show an error of the scale
+# Fewest high flights that can show an error of the scale
 FEWEST: Final = 5
-# Least height, in units of the noise, of a flight whose curvature shows gravity: many times the
-# height of noise between two low points
+# Least height, in units of the noise, of a flight whose curvature shows gravity: many times that of
+# a false flight, noise between two low points
 HIGH_ABOVE_NOISE: Final = 7.0
 # High flights have at least half the height at this quantile.
 HIGH: Final = 0.95
@@ -106,8 +106,8 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
     """Acceleration with which the flights fall, and its standard error, m s-2.
 
     It is the mean of the middle half of the curvatures of all flights with at least four samples,
-    or NaN if there are none: stretches that are not flights do not affect it, and positions rounded
-    to whole pixels less than they affect a median.
+    or NaN if there are none.  Stretches that are not flights do not affect it, and rounding to
+    whole pixels affects it less than a median.
     """
     acceleration, weight = curvatures(samples, flight, flights)
     acceleration = acceleration[weight > 0.0]
@@ -122,13 +122,13 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
 def contradicts(acceleration: float, error: float, gravity: float) -> bool:
     """Return whether the acceleration of flights contradicts an assumed one, both in m s-2.
 
-    An acceleration of NaN, from flights that do not show their curvature, contradicts none.
+    NaN, the acceleration of flights that do not show their curvature, contradicts nothing.
     """
     return abs(acceleration - gravity) > SCALE_OFF * error
 
 
 def near_gravity(acceleration: float, gravity: float) -> bool:
-    """Return whether the acceleration of flights can be gravity with an error of the scale."""
+    """Return whether the acceleration of flights can be gravity seen with a wrong scale."""
     return abs(acceleration - gravity) < WRONG_SCALE * gravity
 
 
@@ -145,7 +145,7 @@ def measured_gravity(
     if not contradicts(*acceleration, gravity):
         return acceleration
     high = gravity_of_high_flights(samples, member, rise, noise)
-    # without high flights no scale is judged, but an acceleration far from gravity is to be refused
+    # without high flights the scale is not judged, but an acceleration far from gravity is refused
     return (
         acceleration if np.isnan(high[0]) and not near_gravity(acceleration[0], gravity) else high
     )
@@ -169,7 +169,7 @@ def high_flights(rise: Array, noise: float) -> Flags:
 def line_variance(fits: Fits, time: Array, other: Array | None = None) -> Array:
     """Variance of the height of a flight at an instant, or its covariance with that at another.
 
-    It is in units of the variance of a sample.
+    Both are in units of the variance of a sample.
     """
     other = time if other is None else other
     return 1.0 / fits.number + (time - fits.centre) * (other - fits.centre) / fits.spread

@@ -64,8 +64,8 @@ def find_impacts(
     exposure
         Time for which the shutter is open, s.
     method
-        ``"fit"``: neighbouring parabolas are intersected.  ``"sign_change"``: the frame at which
-        the velocity turns from falling to rising, and the highest frame in between.
+        ``"fit"``: neighbouring parabolas are intersected.  ``"sign_change"``: landings are the
+        frames at which falling turns to rising, apexes the highest frames between them.
     motion
         ``"level"``: the base has a constant level; ``"moving"``: it oscillates; ``"detect"``: the
         landings decide; the level is constant if they do not, or if `base` is given.
@@ -87,7 +87,7 @@ def find_impacts(
 
         Over a moving base ``shaken`` and ``shaken_covariance`` hold restitution, S, C (m s-1) and,
         if it was found, the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi
-        f t.  With a trace that is no sine they hold S and C of each harmonic h, the factors of the
+        f t.  With a trace that is not a sine they hold S and C of each harmonic h, the factors of
         sine and cosine of 2 pi h f t.  If the bounces rule out a constant restitution, all values
         are those of the law that the attribute ``restitution_law`` names first, with its
         ``restitution_speed`` (m s-1) if that was fitted.
@@ -160,9 +160,9 @@ def harmonic_numbers(impacts: xr.Dataset) -> tuple[int, ...]:
 
 
 def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> xr.Dataset:
-    """Variables of restitution and motion of the base, from the fit with a law or that without.
+    """Variables of restitution and motion of the base, from the fit with `law` if there is one.
 
-    `scale` multiplies lengths, to correct tracks of a wrong scale.
+    `scale` multiplies speeds, to correct tracks of a wrong scale.
     """
     numbers = base_fit.oscillation.numbers
     words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
@@ -234,7 +234,7 @@ def _landings_by_fit(
 def _landings_by_sign(
     fitted: FittedTracks, frame_rate: float, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
-    """Find particles and columns by frames: the lowest are landings, the highest apexes."""
+    """Like `_landings_by_fit`, from frames: the lowest are landings, the highest apexes."""
     samples, flights, _, _ = fitted
     above = replace(samples, height=samples.height - flights.levels[samples.particle])
     low, _ = low_points(above, flights.noise, 0.0)

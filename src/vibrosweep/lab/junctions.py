@@ -57,7 +57,7 @@ def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -
         landing = np.where(stayed, down[before], met.time)
         liftoff = np.where(stayed, up[after], met.time)
         error = noise * np.sqrt(met.time_variance)
-        # an error of a height shifts an instant by 1 / speed of the flight, or of both at a bounce
+        # an error of height shifts an instant by error / speed; at a bounce both speeds add
         falls = np.where(stayed, ends.fall[before], met.closing)
         rises = np.where(stayed, ends.rise[after], met.closing)
         covariance = np.full(before.size, np.nan)

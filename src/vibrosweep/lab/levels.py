@@ -2,9 +2,9 @@
 
 Free flight does not depend on the level: the track of each particle is shifted by the difference of
 its level from the common one, the flights are found, and everything is shifted back.  Flights
-beside a stay meet below the base, on a periodic orbit all at the same height.  If all bounces of a
-particle are alike, a low level can therefore not be distinguished from stays, and the particle has
-the common level.
+beside a stay meet below the base, and on a periodic orbit all at the same height.  If all bounces
+of a particle are alike, a low level can therefore not be told from stays, and is replaced by the
+common level.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vibrosweep.lab.flights import meet
 from vibrosweep.lab.junctions import ON_BASE, base_level
 from vibrosweep.lab.segments import Samples
 
-# Relative scatter of their speeds from which bounces differ, many times the effect of noise
+# Relative scatter of speeds from which bounces are not alike, many times the effect of noise
 DIFFERENT: Final = 0.05
 
 
@@ -63,7 +63,7 @@ def _mean(level: Array, error: Array) -> float:
 def _levels(contacts: Contacts, count: int) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Level (m) at which each particle bounces, its standard error, and whether bounces are alike.
 
-    Both numbers are NaN for a particle with too few bounces.
+    Level and error are NaN for a particle with too few bounces.
     """
     met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
     spread = contacts.noise * np.sqrt(met.height_variance)

@@ -1,6 +1,6 @@
-"""Flights over a moving base, which are cut at the base and rise higher than stays.
+"""Flights over a moving base: cut where they meet it, and told from stays by their height.
 
-Laws of restitution are then fitted to their contacts, together with the motion of the base.
+Laws of restitution are then fitted to the contacts, together with the motion of the base.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LOW: Final = 0.25
 
 
 def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float) -> Flights:
-    """Find the flights over a moving base with a first fit of its motion, and fit that again.
+    """Find the flights over a moving base from a first fit of its motion, and refine that fit.
 
     `exposure` is the time for which the shutter was open (s).  Raises a TrackError if nothing
     flies, or if too few contacts are left.
@@ -64,7 +64,7 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         poor = poor_flights(fits, noise)
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
-        # a particle lifts off from rest without a kink: frames before that would bend the flight
+        # a particle lifts off from rest without a kink: frames before it would distort the flight
         lifted = np.zeros(poor.size, bool)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
@@ -94,7 +94,7 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
 
 
 def _levels(base_fit: BaseFit, samples: Samples) -> Array:
-    """Level below each particle; one without contacts is assumed to lie mostly on the base."""
+    """Level below each particle; one that has no contacts is assumed to lie mostly on the base."""
     above = samples.height - base_fit.oscillation.height(samples.time)
     levels = np.array(
         [np.quantile(above[samples.particle == p], LOW) for p in range(samples.particle[-1] + 1)]
@@ -106,7 +106,7 @@ def _levels(base_fit: BaseFit, samples: Samples) -> Array:
 def _keep_flights(
     samples: Samples, member: Indices, fits: Fits, below: Array, noise: float, fall: float
 ) -> tuple[Indices, Fits]:
-    """Keep the stretches that rise clearly above the base, at the heights `below`, as flights."""
+    """Keep as flights the stretches that rise clearly above the base, whose heights are `below`."""
     path = fits.take(member).height(samples.time, fall)
     clear = np.full(fits.number.size, -np.inf)
     used = (member >= 0) & np.isfinite(path)
@@ -118,7 +118,7 @@ def _keep_flights(
 def _ends(
     samples: Samples, member: Indices, fits: Fits, level: Array, base_fit: BaseFit, fall: float
 ) -> Ends:
-    """Find the ends of each flight at the base, outwards from its sample farthest above it."""
+    """Find the ends of each flight, outwards from its sample that is farthest above the base."""
     base = base_fit.oscillation
     used = member >= 0
     flight, when = member[used], samples.time[used]

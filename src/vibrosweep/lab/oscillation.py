@@ -1,7 +1,7 @@
-"""The motion of the base from contacts with it, and restitution from the velocities beside it.
+"""Fit of the motion of the base and of the restitution to contacts with the base.
 
-At a contact at t the parabolas of two flights meet on the base, and the velocities v before and v'
-after obey the law of restitution relative to it:
+At a contact at time t the parabolas of two flights meet on the base, and the velocities v before
+and v' after it obey the law of restitution relative to the base:
 
     y = level - (S cos wt - C sin wt) / w       v' - V = -e (v - V)       V = S sin wt + C cos wt
 
@@ -46,8 +46,8 @@ STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite difference
 class Oscillation(NamedTuple):
     """Motion of a base about its level.
 
-    The values are S, C (m s-1) and f (Hz), then S and C of other harmonics; `numbers` are those of
-    the harmonics in this order.
+    The values are S, C (m s-1) and f (Hz), then S and C of other harmonics; `numbers` are the
+    harmonic numbers in this order.
     """
 
     values: Array
@@ -66,7 +66,7 @@ class Oscillation(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """Largest height in m above the level, or more."""
+        """Upper bound of the height in m above the level."""
         return sum(float(np.hypot(s, c)) / (TWO_PI * h * self.frequency) for h, s, c in self.tones)
 
     def velocity(self, time: Array) -> Array:
@@ -93,7 +93,7 @@ class Oscillation(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """Values of an `Oscillation` that was measured, with their covariance and its harmonics."""
+    """Measured values of an `Oscillation`, with their covariance and the harmonic numbers."""
 
     values: Array
     covariance: Array
@@ -112,7 +112,7 @@ class BaseFit(NamedTuple):
     # particles, levels: numbers of the particles that have contacts, and the level below each, m
     particles: NDArray[np.intp]
     levels: Array
-    kept: Flags  # True if a contact is no outlier; shape (contact,)
+    kept: Flags  # True if a contact is not an outlier; shape (contact,)
     # misfit, freedom: chi-square per degree of freedom, and number of degrees of freedom
     misfit: float
     freedom: int
@@ -121,7 +121,7 @@ class BaseFit(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """Contacts, the frequency unless it is free, and 1 for a moving base, 0 for one at a level."""
+    """Contacts to fit; the frequency, None if free; 1 for a moving base, 0 for one at a level."""
 
     contacts: Contacts
     owner: NDArray[np.intp]
@@ -148,7 +148,7 @@ class Problem(NamedTuple):
     def equations(self, values: Array) -> tuple[Array, Array, Array]:
         """Residuals of height and velocity, and their derivatives by the errors of both flights.
 
-        Shapes are (contact, 2) and (contact, 2, 2): by level and slope, in standard errors.
+        Shapes are (contact, 2) and (contact, 2, 2): by level and slope, per standard error.
         """
         c, e, base = self.contacts, values[0], self.base(values)
         velocity, moves = base.velocity(c.time), self.moves
@@ -172,14 +172,14 @@ class Problem(NamedTuple):
         return np.stack([left, bounce], axis=1), parts[0], parts[1]
 
     def residuals(self, values: Array) -> Array:
-        """Residuals in standard errors, without correlations; shape (contact, 2)."""
+        """Residuals in standard errors, ignoring correlations; shape (contact, 2)."""
         left, before, after = self.equations(values)
         return np.asarray(left / np.sqrt((before**2).sum(axis=2) + (after**2).sum(axis=2)))
 
     def inliers(self, values: Array) -> Flags:
-        """Contacts that are no outliers; shape (contact,)."""
+        """Mark the contacts that are not outliers; shape (contact,)."""
         apart = np.abs(self.residuals(values))
-        # a deviation of all contacts, as by a restitution that depends on speed, is no outlier
+        # if all contacts deviate, as with a restitution that depends on speed, none is an outlier
         width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
         return np.asarray((apart < OUTLIER * width).all(axis=1))
 
@@ -238,9 +238,9 @@ def fit_base(
 ) -> BaseFit:
     """Fit the motion of a base to contacts.
 
-    The frequency (Hz) is a parameter if `free`, or with a `trace`, a measured motion of the base.
-    Without `moves` the base has a constant level and kicks.  Raises a TrackError if there are fewer
-    equations than parameters.
+    The frequency (Hz) is a parameter if `free` or if there is a `trace`, a measured motion of the
+    base.  Without `moves` the base has a constant level and kicks.  Raises a TrackError if there
+    are fewer equations than parameters.
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
@@ -278,10 +278,10 @@ def fit_base(
 def without_outliers(
     problem: Problem, values: Array, scale: Array, kept: Flags
 ) -> tuple[OptimizeResult, Flags]:
-    """Fit the contacts that are `kept`, and again those that are then no outliers.
+    """Fit the contacts that are `kept`, then fit again without outliers.
 
-    Returns the fit and the contacts to which it was made; `scale` is that of the `values` at which
-    it begins.
+    Returns the last fit, and marks the contacts that it used.  The first fit begins at `values`,
+    whose scale is `scale`.
     """
     for _ in range(ROUNDS):
         found = least_squares(
@@ -297,13 +297,13 @@ def without_outliers(
 
 
 def covariance_of_fit(found: OptimizeResult) -> tuple[Array, float, int]:
-    """Covariance of fitted parameters, chi-square per degree of freedom, and number of these."""
+    """Covariance of the parameters, chi-square per degree of freedom, and degrees of freedom."""
     freedom = found.fun.size - found.x.size
     misfit = float(2.0 * found.cost / max(freedom, 1))
     # scaled, because a trace without noise determines some parameters far better than others
     slopes = np.asarray(found.jac)
     size = np.linalg.norm(slopes, axis=0)
-    size[size == 0.0] = 1.0  # a level of which all contacts are outliers
+    size[size == 0.0] = 1.0  # a level whose contacts are all outliers
     slopes = slopes / size
     inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
     scale, influences = np.outer(size, size), spread_of_influences(found.fun, slopes, inverse)
@@ -311,7 +311,7 @@ def covariance_of_fit(found: OptimizeResult) -> tuple[Array, float, int]:
 
 
 def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Array]:
-    """First values of the parameters, with a frequency (Hz) if that is free, and their scale."""
+    """First values of the parameters, among them the frequency (Hz) if free, and their scales."""
     contacts, trace, count = problem.contacts, problem.trace, problem.parameters
     e, sine, cosine = ordinary_least_squares(contacts.speeds, frequency)  # v' = -e v + (1 + e) V
     start = [e, sine / (1.0 + e), cosine / (1.0 + e), frequency][:count]

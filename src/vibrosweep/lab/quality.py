@@ -10,8 +10,8 @@ import xarray as xr
 from vibrosweep.arrays import Array
 from vibrosweep.lab.segments import GAP_FRAMES
 
-# Deviations from the continuation of a flight, in standard deviations of the noise: larger ones
-# than the first number break it, smaller ones than the second continue it.
+# Deviations from the continuation of a flight, in standard deviations of the noise: above the first
+# number the flight is broken, below the second it continues.
 BROKEN: Final = 6.0
 CONTINUES: Final = 3.0
 
@@ -39,7 +39,7 @@ def coverage(tracks: xr.Dataset) -> dict[str, tuple[Any, str, str]]:
 def find_swaps(
     time: Array, height: Array, noise: float, base: float, gravity: float
 ) -> list[tuple[int, int, int]]:
-    """Find the frames in which two particles begin to bear each other's names.
+    """Find the frames at which two particles exchange their names.
 
     Returns each frame with the numbers of both particles.  In such a frame neither particle
     continues its own flight, each continues that of the other, and neither is near the base.  An

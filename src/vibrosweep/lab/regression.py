@@ -12,8 +12,8 @@ from vibrosweep.arrays import Array, Flags, Indices
 
 TWO_PI: Final = 2.0 * np.pi
 FEWEST: Final = 10  # bounces that an estimate needs
-# Largest length of the recording, in s, and number of bounces, for which the frequency is scanned;
-# the step is a quarter of the width of the minimum.
+# Most seconds of a recording, and most bounces, with which the frequency is scanned; the step is a
+# quarter of the width of the minimum.
 SCAN_SECONDS: Final = 10.0
 SCAN_BOUNCES: Final = 1000
 SUBHARMONICS: Final = (2, 3, 4, 5)

@@ -1,6 +1,6 @@
 """Errors of predicted heights and periods.
 
-The error of a quantity is |measured - predicted| / measured.  It can be read as that of the mean
+The error of a quantity is |measured - predicted| / measured.  It can mean the error of the mean
 over all particles, of the mean of each particle, or of each flight: all these readings are
 computed.
 """
@@ -59,7 +59,7 @@ def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
 
 
 def measured_means(impacts: xr.Dataset, among: NDArray[np.bool_]) -> dict[str, Array]:
-    """Mean height (m) and period (s) of the flights of each particle; NaN unless it is `among`."""
+    """Mean height (m) and period (s) of the flights of each particle; NaN where not `among`."""
     return {
         quantity: np.where(among, impacts[name].mean("impact").values, np.nan)
         for quantity, name in MEASURED_AS.items()

@@ -67,7 +67,7 @@ def quantities(
     Raises
     ------
     DataError
-        The dataset is no result of `find_impacts`.
+        The dataset is not a result of `find_impacts`.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     Raises
     ------
     DataError
-        A dataset is no result of `quantities`.
+        A dataset is not a result of `quantities`.
 
     Examples
     --------

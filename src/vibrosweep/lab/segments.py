@@ -12,13 +12,13 @@ from scipy.signal import find_peaks
 
 from vibrosweep.arrays import Array, Indices
 
-# Frames above which a gap may hide a whole flight, so that no landing is sought across it
+# Length in frames above which a gap may hide a whole flight, so that no landing is sought across it
 GAP_FRAMES: Final = 3.5
 # Standard deviations of the noise by which a low point must lie below the samples on both sides;
 # hardly one in a million samples near the top of a flight does so by chance
 PROMINENCE: Final = 5.0
-# Largest height of a low point relative to that of the neighbouring flights; with four frames in a
-# flight the lowest can be at 0.44
+# Largest height of a low point relative to the higher of the neighbouring flights; with four frames
+# in a flight the lowest can be at 0.44
 LOW: Final = 0.5
 # Quantile of the heights of low points that estimates the base: the frame nearest to a landing is
 # up to half a frame from it, and above the base.
@@ -47,7 +47,7 @@ def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
     """Collect the measured positions, in pieces that end at long gaps and at cuts.
 
     Times rise.  Heights and cuts have the shape (frame, particle): a height is NaN where a particle
-    is not seen, a cut True where no flight continues from the previous frame.
+    is not seen, a cut is True where no flight continues from the previous frame.
     """
     particle, frame = np.nonzero(np.isfinite(height.T))
     when = time[frame]
@@ -75,8 +75,8 @@ def rough_noise(samples: Samples) -> float:
 def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indices, float]:
     """Find the lowest samples between flights, and the height of the base in m.
 
-    A height that is not given is estimated from the low points.  `noise` is the standard deviation
-    of a position (m).
+    The height is estimated from the low points if `base` is None.  `noise` is the standard
+    deviation of a position (m).
     """
     least = max(PROMINENCE * noise, 1e-6 * float(np.ptp(samples.height)))
     bounds = samples.bounds

@@ -27,7 +27,8 @@ FITTED: Final = (CONSTANT, PLASTIC, VISCOELASTIC)
 # Quantiles of the speeds of impact at which fits of the speed of yielding start
 STARTS: Final = (0.15, 0.5, 0.85)
 STEP: Final = 1e-5  # step of finite differences: relative for speeds, absolute for the restitution
-# Limit of the squared distance of a bounce, about three standard errors, so that one cannot decide
+# Limit of the squared distance of a bounce, about three standard errors, so that no single bounce
+# decides
 FAR: Final = 10.0
 FARTHEST: Final = 30.0  # largest size of the logarithm of a speed in m s-1
 LEAST_SPEED: Final = 1e-9  # m s-1
@@ -36,8 +37,8 @@ LEAST_SPEED: Final = 1e-9  # m s-1
 class Law(NamedTuple):
     """A law of restitution with its speed in m s-1.
 
-    The speed of yielding of a plastic law is a parameter of a fit unless it is `fixed`; `speed` is
-    then its first value.
+    The speed of yielding of a plastic law is a parameter of a fit, with the first value `speed`,
+    unless it is `fixed`.
     """
 
     name: str = CONSTANT
@@ -101,7 +102,7 @@ class FittedLaw(NamedTuple):
 
     @property
     def errors(self) -> tuple[float, float]:
-        """Standard errors of the restitution and of the speed, NaN if that is no parameter."""
+        """Standard errors of the restitution and of the speed, NaN if the speed was not fitted."""
         error = np.sqrt(np.diag(self.covariance))
         return float(error[0]), float(error[-1]) if self.law.parameters else np.nan
 
@@ -159,9 +160,9 @@ def preferred_law(fits: Sequence[FittedLaw]) -> FittedLaw | None:
 
 
 def law_among(left: Sequence[str]) -> str:
-    """Return the law that parameters have: the constant one if bounces leave it, else the best.
+    """Return the law of the parameters: constant or, if that is ruled out, the best one left.
 
-    `left` names the laws that they leave, the best one first.
+    `left` names the laws that the bounces do not rule out, the best one first.
     """
     return CONSTANT if not left or CONSTANT in left else left[0]
 
@@ -176,7 +177,7 @@ def law_of(found: xr.Dataset) -> tuple[str, float]:
 
 
 def law_variables(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
-    """Variables of the dim law, for a dataset; `scale` multiplies speeds."""
+    """Variables of a dataset with the dim law; `scale` multiplies speeds."""
     speeds = [[scale * v for v in (fit.speed, fit.errors[1])] for fit in fits]
     columns = {
         "law_restitution": ([float(fit.values[0]) for fit in fits], "1", "restitution of the law"),
@@ -193,13 +194,13 @@ def law_variables(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, An
 
 
 def _laws_left(found: xr.Dataset) -> list[str]:
-    """Read the laws that the bounces leave from the attribute of a result."""
+    """Read the laws that the bounces do not rule out from the attribute of a result."""
     names = str(found.attrs["restitution_law"])
     return names.split(" or ") if names else []
 
 
 def law_text(found: xr.Dataset) -> str:
-    """State which laws of restitution a result of `estimate` leaves; empty if it has none."""
+    """State which laws of restitution a result of `estimate` allows; empty if it names none."""
     left, undecided = _laws_left(found), ""
     if not left:
         return ""

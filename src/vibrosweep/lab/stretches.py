@@ -37,11 +37,11 @@ def _partition(
     time: Floats, height: Floats, variance: float, gravity: float, starts: Flags
 ) -> None:
     """Mark the samples at which the lines of the best partition begin."""
-    begin = np.empty(time.size, np.int64)  # of the last line of the best partition up to a sample
+    begin = np.empty(time.size, np.int64)  # of the last line in the best partition up to a sample
     cost = np.full(time.size + 1, np.inf)
     cost[0] = 0.0
     for last in range(time.size):
-        # sums over a line that grows backwards: no large numbers cancel
+        # the sums are over a line that grows backwards, so that no large numbers cancel
         count, mean_t, mean_z, tt, tz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for first in range(last, -1, -1):
             since = time[first] - time[last]
@@ -87,7 +87,7 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
         long = free > 1.0
         if not long.any():
             break
-        # a low quantile, because stretches that are no lines have large residuals
+        # a low quantile, because stretches that are not lines have large residuals
         ratio = fits.residue[long] / chdtri(free[long], 1.0 - LOW)
         found = math.sqrt(float(np.quantile(ratio, LOW)))
         noise = max(found, 1e-9 * float(np.ptp(samples.height)))
@@ -97,7 +97,7 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
 def clear_flights(
     samples: Samples, member: Indices, fits: Fits, noise: float, fall: float
 ) -> Flags:
-    """Mark the stretches that fall as flights do, and no particle on a base; shape (stretch,).
+    """Mark the stretches that fall as flights do and stays do not; shape (stretch,).
 
     `member` is that of `stretches`, `noise` the standard deviation of a sample (m), `fall` the
     acceleration of free flight (m s-2).

@@ -6,9 +6,8 @@ criterion
 
     n ln s^2 + (2 H + 2) ln n
 
-for n values, where s^2 is the variance of the residuals.  It is not taken below that of values
-rounded to the resolution of the trace, because rounding that repeats with the motion looks like
-harmonics.
+for n values, where s^2 is the variance of the residuals, or that of rounding to the resolution of
+the trace if this is larger, because rounding that repeats with the motion looks like harmonics.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ QUANTITIES: Final = ("height", "acceleration")
 FEWEST: Final = 20  # values of a trace
 # Largest share of the variance that harmonics may leave unexplained
 UNEXPLAINED: Final = 0.1
-FEWEST_PERIODS: Final = 2.0  # of a motion that is no sine
+FEWEST_PERIODS: Final = 2.0  # of a motion that is not a sine
 CLOSE: Final = 1e-15  # relative change of the values or of the sum of squares that ends a fit
 SAME: Final = 1e-9  # difference of two values, relative to their range, that rounding may make
 LEAST: Final = 1e-30  # least change of a height (m) or acceleration (m s-2) that counts
@@ -56,9 +55,9 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
     -------
     Trace
         The fitted motion, for the argument `trace` of `find_impacts`: ``values`` are S, C (m s-1)
-        and f (Hz), then S and C of other harmonics if the motion is no sine; ``covariance`` is
-        theirs; ``numbers`` are those of the harmonics, h, the strongest first.  The base has the
-        velocity sum S sin 2 pi h f t + C cos 2 pi h f t.
+        and f (Hz), then S and C of other harmonics if the motion is not a sine; ``covariance`` is
+        that of the values; ``numbers`` are the harmonic numbers h, that of the strongest first.
+        The base has the velocity sum S sin 2 pi h f t + C cos 2 pi h f t.
 
     Raises
     ------
@@ -84,7 +83,7 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
     except OSError as error:
         raise TrackError(f"{source}: cannot be read ({error.strerror})") from error
     except (ValueError, UnicodeDecodeError) as error:
-        raise TrackError(f"{source}: is no table of values ({error})") from error
+        raise TrackError(f"{source}: is not a table of values ({error})") from error
     found = [name for name in QUANTITIES if name in table.columns]
     if "time" not in table.columns or len(found) != 1:
         raise TrackError(
@@ -123,7 +122,7 @@ def make_trace(
     middle = float(when.mean())  # makes the errors of phase and frequency almost independent
     rate, harmonics = _choose_harmonics(when - middle, measured, strongest, sampled)
     fit = _fit(when - middle, measured, rate, harmonics)
-    if fit.values[-1] * np.ptp(when) < 1.0:  # part of a period may also fit a drift
+    if fit.values[-1] * np.ptp(when) < 1.0:  # part of a period may as well be a drift
         raise TrackError(
             f"{source}: the {quantity} goes through no whole period of a sine: check the columns, "
             f"take a longer trace, or leave it out and let the landings determine the motion"
@@ -193,7 +192,7 @@ def _choose_harmonics(
 ) -> tuple[float, int]:
     """Choose the frequency near which the motion repeats, and the number of its harmonics.
 
-    `strongest` is the frequency of the strongest one, `sampled` the number of values per second.
+    `strongest` is the frequency of the strongest harmonic, `sampled` the values per second.
     """
     number, span = since.size, float(np.ptp(since))
     measured = measured - measured.mean()
@@ -203,7 +202,7 @@ def _choose_harmonics(
     trials = [(_schwarz(sine.variance, floor, number, 1), strongest, 1)]
     for part in range(1, MOST_HARMONICS + 1):
         rate = strongest / part
-        # as many harmonics as there are values in a period, less one
+        # fewer coefficients, two per harmonic, than values in a period
         most = min(MOST_HARMONICS, int((sampled / rate - 1.0) / 2.0), (number - 3) // 4)
         if most < max(part, 2) or rate * span < FEWEST_PERIODS:
             continue
@@ -220,7 +219,7 @@ def _choose_harmonics(
 
 
 def _schwarz(variance: float, floor: float, number: int, harmonics: int) -> float:
-    """Schwarz's criterion of a fit whose residuals have a variance, at least `floor`."""
+    """Schwarz's criterion of a fit; the variance of its residuals counts as at least `floor`."""
     return float(number * np.log(max(variance, floor)) + (2 * harmonics + 2) * np.log(number))
 
 

@@ -95,7 +95,7 @@ def read_tracks(
         if shared:
             raise TrackError(
                 f"{files[0]} and others: particle {min(shared, key=str)} is in each of them; "
-                f"rename it, or read different recordings apart"
+                f"rename it, or read different recordings separately"
             )
     return tracks_from_frame(
         pd.concat(frames, ignore_index=True),

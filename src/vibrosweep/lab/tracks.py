@@ -100,9 +100,9 @@ def table_to_tracks(
 ) -> xr.Dataset:
     """Make tracks from a table with a row for each position.
 
-    The times (s) of each particle, a name or a number, rise; heights (m, upwards) are NaN where it
-    is not seen.  `source` names the tracks in messages.  Raises a TrackError if times are missing,
-    decrease or appear twice, or if a particle is never seen.
+    `particle` holds names or numbers.  The times (s) of each particle rise; heights (m, upwards)
+    are NaN where it is not seen.  `source` names the tracks in messages.  Raises a TrackError if
+    times are missing, decrease or appear twice, or if a particle is never seen.
     """
     times = np.asarray(time, dtype=np.float64)
     heights = np.asarray(height, dtype=np.float64)
@@ -155,7 +155,7 @@ def with_mark(tracks: xr.Dataset, name: str) -> xr.Dataset:
 
 
 def rate_of(times: Array, source: str) -> float:
-    """Return the values per second at rising times (s); raise a TrackError for impossible ones."""
+    """Return the values per second at rising times (s); raise a TrackError for impossible rates."""
     check_size("time", times, source)
     rate, (low, high) = float(1.0 / np.median(np.diff(times))), FRAME_RATES
     if not low <= rate <= high:

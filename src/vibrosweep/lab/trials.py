@@ -99,7 +99,7 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
 def predicted_means(experiment: Experiment) -> dict[str, Array]:
     """Predict the mean height and period of the flights of each particle within a recording.
 
-    The prediction is that without imperfections.
+    The prediction leaves out all imperfections.
 
     Parameters
     ----------
@@ -193,9 +193,9 @@ def write_experiments(
     """Perform virtual experiments and write tracks and true landings of each repeat as CSV.
 
     The directory is made if it does not exist.  File names consist of `name`, the number of
-    particles and that of the trial. Returns for each trial the file of the tracks (time, particle,
-    height) and that of the true landings.  Raises an OutputError if a file exists and `force` is
-    false, or if it cannot be written.
+    particles and the number of the trial.  Returns for each trial the file of the tracks (time,
+    particle, height) and that of the true landings.  Raises an OutputError if a file exists and
+    `force` is false, or if it cannot be written.
     """
     make_directory(directory)
     experiments = list(experiments)

@@ -39,7 +39,7 @@ def camera_shares(
     scene: Scene,
     options: ComparisonOptions,
 ) -> Array:
-    """Errors in per cent that frames alone make, and those that pixels add.
+    """Errors in per cent that frames alone cause, and those that pixels add.
 
     Their shape is (2, quantity, reading).  `numbers` are the parameters of the prediction, and the
     `scene` is one of `scene_of`.
@@ -65,7 +65,7 @@ def camera_shares(
 
 
 def _exact_trace(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
-    """Trace of the base of the prediction, as if it had been measured to a millionth."""
+    """Trace of the predicted base, as if it had been measured to one part in a million."""
     velocity = numbers["amplitude"] / (1.0 + numbers["restitution"])
     values = []
     for h, weight, psi in waveform.harmonics:

@@ -28,9 +28,9 @@ LEAST_SIGNAL: Final = 3.0
 def which_base(contacts: Contacts, frequency: float | None = None) -> tuple[str, BaseFit | None]:
     """Fit a moving base and one at a constant level to contacts, and compare both.
 
-    Returns ``"moving"``, ``"level"`` or ``"undetermined"``, and the fit of a moving base.  Contacts
-    that do not determine the motion, such as those of a locked orbit, which all have one phase,
-    have no fit.  A frequency (Hz) of None is estimated.
+    Returns ``"moving"``, ``"level"`` or ``"undetermined"``, and the fit of a moving base; None for
+    contacts that do not determine the motion, such as those of a locked orbit, all at one phase.
+    The frequency (Hz) is estimated if it is None.
     """
     few = contacts.earliest(MOST)
     if _too_few(few):

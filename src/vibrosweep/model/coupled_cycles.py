@@ -7,11 +7,11 @@ and its velocity, then height and speed of each particle.
 
 Particle i lands where h = y_i - Y = 0.  The impact changes the state to z+ = r(z-, t).  A small
 difference dz- from the orbit delays the impact by n dz- / c, where n is the gradient of h and
-c = -dh/dt the speed of approach.  After both impacts the difference is therefore
+c = -dh/dt the speed of approach.  After the impacts of both, the difference is therefore
 
     dz+ = S dz-,    S = r_z - (f+ - r_z f- - r_t) n / c
 
-with the saltation matrix S and the rates of the state, f- before and f+ after the impact.
+with the saltation matrix S and the rates of change of the state, f- before and f+ after the impact.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Cycle(NamedTuple):
         Shape (impact,): absolute speed of the particle after the impact, and speed of approach
         before it, in g / (2 f).
     deviation
-        Shape (impact, 2): of the base, and its velocity, just before the impact.
+        Shape (impact, 2): deviation of the base, and its velocity, just before the impact.
 
     Examples
     --------

@@ -4,7 +4,7 @@ All quantities are dimensionless: times in forcing periods, phases in turns, spe
 that gravity is 2.  Gamma is the amplitude of the acceleration of the base without particles in g,
 and alpha = Gamma / pi that of its velocity; mu is the mass of one particle over that of the base,
 nu the natural frequency of the mount over that of the forcing, and zeta its damping ratio.  The
-base moves as without particles plus a deviation D, which obeys between impacts
+base moves as it does without particles, plus a deviation D, which obeys between impacts
 
     D'' + 2 zeta w0 D' + w0^2 D = 0,    w0 = 2 pi nu.
 

@@ -98,7 +98,7 @@ def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
 
 
 def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
-    """Return the quantities that differ between realizations: varied inputs, and their results.
+    """Return the quantities that differ between realizations: varied inputs, and derived ones.
 
     `forcing` is the name of the given forcing, varied or not.
     """
@@ -107,7 +107,7 @@ def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
 
 
 def sources(name: str, forcing: str) -> frozenset[str]:
-    """Return the inputs from which a quantity follows that is not given itself.
+    """Return the inputs from which a derived quantity follows.
 
     The quantity is the amplitude, the acceleration of the base, or the ratio of masses.
     """
@@ -137,7 +137,7 @@ def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str
     found = {AMPLITUDE: (1.0 + e) * velocity, ACCELERATION: fall * velocity / gravity}
     if not MASSES.keys().isdisjoint(given):
         particle, base = (given[mass] for mass in MASSES)
-        with np.errstate(over="ignore"):  # `representable` finds it
+        with np.errstate(over="ignore"):  # `representable` finds it later
             found[MASS_RATIO] = particle / base
     every = found | dict(given)
     return {name: every[name] for name in INPUTS if name in every}

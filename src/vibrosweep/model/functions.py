@@ -63,7 +63,7 @@ def parts(function: FunctionType, where: str) -> Iterator[str]:
 
 
 def digest_of(functions: Iterable[FunctionType], where: str, *texts: str) -> str:
-    """Return a digest of what functions compute, and of texts; errors are those of `parts`."""
+    """Return a digest of what functions compute, and of texts; raises as `parts` does."""
     every = [part for function in functions for part in parts(function, where)]
     text = "\n".join([*every, *texts])
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
@@ -128,7 +128,7 @@ def _code(code: CodeType) -> Iterator[str]:
 
 
 def _arguments(code: CodeType, *operations: str) -> set[str]:
-    """Return the names that some operations of a function, and of functions inside it, take."""
+    """Return the arguments of these operations in a function and in functions inside it."""
     found = {i.argval for i in dis.get_instructions(code) if i.opname in operations}
     inside: Iterable[CodeType] = [c for c in code.co_consts if isinstance(c, CodeType)]
     return found.union(*(_arguments(c, *operations) for c in inside))

@@ -1,4 +1,4 @@
-"""Answers to words that are no keys: parameters that were meant, and effects that are not modelled.
+"""Answers to words that are not keys: the key to use, or why there is none.
 
 The page docs/limits.md answers at length.
 """
@@ -15,15 +15,15 @@ from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG, Parameter
 
 _PAGE: Final = "; the page of limits says what to use then"
 _RANDOM: Final = (
-    "what is random is restitution_noise, kick_noise or drive_noise, each a standard deviation"
+    "noise is given by restitution_noise, kick_noise or drive_noise, each a standard deviation"
 )
 _SHAPE: Final = (
     'the shape of the motion of the base is its waveform: "sine", "parabolic", or harmonics with '
     "number, weight and phase, as in [[1, 1.0, 0.0], [2, 0.4, 1.1]]"
 )
 _LAW: Final = (
-    'rebound says what follows a kick that points down, "rest" or "reflect"; restitution_law is '
-    "how much of its speed an impact leaves, and vibrosweep.register_law adds others"
+    'rebound says what follows a kick that points down, "rest" or "reflect"; restitution_law says '
+    "what share of the impact speed remains, and vibrosweep.register_law adds laws"
 )
 _FALLS: Final = (
     "a restitution that falls with the speed of the impact is a law of restitution: give "
@@ -66,7 +66,7 @@ def answer_to(word: str, known: Collection[str]) -> str:
 
 
 def another_name(word: str, base: str = HIGH_BOUNCE) -> str | None:
-    """Return the parameter of which a word is the symbol, the beginning or a part of the name."""
+    """Return the parameter that a word abbreviates: by its symbol, or by a part of its name."""
     short, known = word.lower(), _known(base)
     for name, parameter in known.items():
         if word == parameter.symbol:  # v0 is not V0

@@ -2,7 +2,7 @@
 
 Source: the locked orbits of the high-bounce map (Holmes 1982, J. Sound Vib. 84, 173), written for
 a kick of velocity amplitude A on a base that stays at height zero, and of the exact model (Luck &
-Mehta 1993, Phys. Rev. E 48, 3988), whose base moves with A / (1 + e).  All functions broadcast.
+Mehta 1993, Phys. Rev. E 48, 3988), where the base itself has A / (1 + e).  All functions broadcast.
 
 A locked orbit of mode k lands once every k forcing periods and leaves with the speed
 v = g k / (2 f), over either base.  With Gamma = 2 pi f A / ((1 + e) g), the acceleration of the
@@ -251,8 +251,8 @@ def amplitude_max(
 ) -> Array:
     """Amplitude in m s-1 up to which mode k is stable: a^2 = ((1 - e) k)^2 + ((1 + e) s_m / pi)^2.
 
-    There a multiplier passes -1 and the orbit doubles its period.  In g that is
-    Gamma^2 = Gamma_k^2 + s_m^2.
+    There a multiplier passes -1 and the orbit doubles its period.  The acceleration in g is then
+    given by Gamma^2 = Gamma_k^2 + s_m^2.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 Everything that names a measure derives from it: the keys of [measure], the fields of a scene
 (`vibrosweep.model.scene_measures`), the variables of a result, placeholders for values that could
-not be computed, the judgements of `vibrosweep verify`, reserved names, and tables of the pages.
+not be computed, the judgements of `vibrosweep verify`, reserved names, and tables in the docs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC
 from vibrosweep.model.status import Regime, Status
 
 UNDETERMINED: Final = -1
-OF_EACH: Final = ", of each particle"  # end of the long name of a statistic by particle
+OF_EACH: Final = ", of each particle"  # end of the long name of a statistic of each particle
 TRANSIENT_PERIODS: Final = "transient_periods"
 # Forcing periods.  A landing phase is rounded to 2**-54, and orbits that contract by 2**-12 or more
 # per impact keep the error below the resolution; a smaller separation may be rounding alone.
@@ -566,7 +566,7 @@ def known(name: str, held: Mapping[Any, Any]) -> NDArray[np.bool_]:
     """Return where a variable holds a value, not a placeholder.
 
     A placeholder is NaN, `UNDETERMINED`, or 0 for a cycle that was not found.  `held` is a dataset,
-    or arrays by name, of a sweep.  Of other variables, such as a label of a table, only NaN is a
+    or arrays by name, of a sweep.  In other variables, such as a label of a table, only NaN is a
     placeholder.
     """
     values, variable = np.asarray(held[name]), VARIABLES.get(name)
@@ -627,7 +627,7 @@ IMPACTS: Final = _by_name(
     ),
 )
 
-# Names of a result that no label of a table may take
+# Names in a result that a label of a table may not take
 RESERVED: Final = frozenset(
     {*VARIABLES}
     | {"realization", "particle", "impact", "launch_time", "duration", "transient", "record"}

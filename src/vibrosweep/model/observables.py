@@ -1,4 +1,4 @@
-"""Observables: functions of a user that are called at every landing, declared as measures are."""
+"""Observables: functions of a user that are called at every landing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vibrosweep.model.measures import RESERVED, Variable
 
 # Ways in which totals of particles combine to those of a realization
 COMBINED: Final = {"sum": np.add, "max": np.fmax, "min": np.fmin, "each": None}
-# Ways in which numbers of landings combine, with the neutral element of each
+# Ways in which the numbers of a particle's landings combine, with the neutral element of each
 NEUTRAL: Final = {"sum": 0.0, "max": -np.inf, "min": np.inf}
 UNIT: Final = re.compile(r"(m|s)(-?\d+)?")
 
@@ -49,10 +49,10 @@ class Observable:
         Name of a dimension of the variable, and its coordinate: increasing numbers, such as the
         middles of the bins of a histogram.  None by default.
     landings
-        Way in which the numbers of landings combine: ``"sum"``, ``"max"`` or ``"min"``; empty for a
-        function that changes totals.  Repetitions of a cycle are then counted without being
-        followed, as for every statistic, and `vibrosweep.verify` compares the values with proved
-        ones.  A maximum or minimum of no landings is NaN.
+        Way in which the numbers of a particle's landings combine: ``"sum"``, ``"max"`` or
+        ``"min"``; empty for a function that changes totals.  With one of the three, repetitions of
+        a cycle are counted without being followed, as for every statistic, and `vibrosweep.verify`
+        compares the values with proved ones.  A maximum or minimum of no landings is NaN.
     particles
         Way in which the totals of particles combine: ``"sum"``, ``"max"``, ``"min"``; or ``"each"``
         for a variable of each particle.  By default as `landings`, else ``"sum"``.
@@ -180,7 +180,7 @@ class Observable:
         return totals if self.along else totals[..., 0]
 
     def scale(self, frequency: Any, gravity: Any) -> Any:
-        """Return the factor from the units of the function to `units`, of each realization."""
+        """Return the factor from the units of the function to `units` in each realization."""
         factor = 1.0 + 0.0 * frequency
         for unit, power in UNIT.findall(self.units):
             base = 1.0 / frequency if unit == "s" else gravity / (2.0 * frequency * frequency)
@@ -191,8 +191,8 @@ class Observable:
 def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
     """Check the observables of a sweep, and take their functions as they are now.
 
-    Raises a ParameterError for anything but an `Observable`, and for two with a common name, or a
-    common dimension of different values.
+    Raises a ParameterError for anything but an `Observable`, and for two with a common name, or
+    with a common dimension but different values.
     """
     if not isinstance(given, Iterable):
         raise ParameterError(f"observables = {given!r}: must be a list of vibrosweep.Observable")

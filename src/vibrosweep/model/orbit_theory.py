@@ -11,7 +11,7 @@ from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING
 from vibrosweep.model.physical import physical
 
 FIXED = HIGH_BOUNCE, MOVING  # bases without recoil
-HALVINGS = 60  # of a bracket as wide as the root is large, down to rounding
+HALVINGS = 60  # of a bracket about as wide as the root, down to rounding
 
 
 def moves(base: str) -> bool:
@@ -58,9 +58,9 @@ def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
 
 @physical
 def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HIGH_BOUNCE) -> Array:
-    """Forcing periods in which an orbit locked to k periods returns bit for bit.
+    """Forcing periods until an orbit locked to k periods is seen to return bit for bit.
 
-    These are ``150 k / |ln p|``.  Both multipliers have the modulus sqrt(p) over most of the
+    The number is ``150 k / |ln p|``.  Both multipliers have the modulus sqrt(p) over most of the
     window, where p is e, or e^2 over a moving base.  A distance of 1 shrinks to one rounding,
     2^-53, within ``2 * 53 ln 2 / |ln p|`` impacts.  Recognition takes up to twice as long, because
     the ages at which states are stored for comparison double, from 64 impacts on.  Infinite for

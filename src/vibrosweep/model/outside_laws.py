@@ -30,9 +30,10 @@ class Law:
         for the ``restitution`` e; plain Python that numba compiles.  If it calls no functions of
         math, `verify` evaluates it in ball arithmetic too.
     slope
-        ``slope(e, s)``: the derivative of e(v) v by v, which is that of s ratio(e, s) by s.
+        ``slope(e, s)``: the derivative of s ratio(e, s) with respect to s, which is E'(v).
     bend
-        ``bend(e)``: a bound of the modulus of the derivative of `slope` by s, for all s >= 0.
+        ``bend(e)``: a bound of the modulus of the derivative of `slope` with respect to s, for all
+        s >= 0.
     roundings
         Bound of the errors of `ratio` and `slope`, in roundings of half an ulp.
     ball_ratio, ball_slope
@@ -106,7 +107,7 @@ def register_law(law: Law) -> Law:
     Returns
     -------
     Law
-        The same.
+        The same law.
 
     Raises
     ------

@@ -156,9 +156,9 @@ class Dimensionless(NamedTuple):
     liftoff_phase: Array
     phase: Array  # phase of the forcing at t = 0 in turns, reduced to [-1/2, 1/2]
     begin_count: Array  # beginning of the window: whole periods
-    begin_phase: Array  # and reduced phase
+    begin_phase: Array  # beginning of the window: reduced phase
     end_count: Array  # end of the window: whole periods
-    end_phase: Array  # and reduced phase
+    end_phase: Array  # end of the window: reduced phase
     noise: Strengths | None = None  # None: nothing is random
 
 
@@ -188,7 +188,7 @@ class Launches(NamedTuple):
 def dimensionless(
     parameters: Mapping[str, Array], duration: Time, transient: Time = 0.0
 ) -> Dimensionless:
-    """Change realizations to the dimensionless form.
+    """Convert realizations to the dimensionless form.
 
     Every parameter of `PARAMETERS`, and of `OF_RESTITUTION` if the law has one, is of shape
     (realization,) and within its range.  The transient is the beginning of the window of measures;
@@ -252,7 +252,7 @@ def taken(problem: Dimensionless, which: Any) -> Dimensionless:
 def mounts(
     parameters: Mapping[str, Array], restitution: Any, waveform: Any, noise: Any = None
 ) -> Mounts:
-    """Change the mounts of realizations to the dimensionless form, from frequency and `MOUNT`."""
+    """Convert the mounts of realizations to the dimensionless form."""
     ratio, frequency, damping = (parameters[name] for name in MOUNT)
     natural = frequency / parameters["frequency"]
     return Mounts(ratio, natural, damping, restitution, waveform, noise)
@@ -268,8 +268,8 @@ def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Arr
 def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) -> Launches:
     """Return launch times in forcing periods; frequencies in Hz have shape (realization,).
 
-    `launch` holds times in s, or is ``"staggered"``: evenly over one forcing period, particle j at
-    j / (particles frequency).
+    `launch` holds times in s, or is ``"staggered"``: particle j starts at j / (particles
+    frequency), so that launches are spread evenly over one forcing period.
     """
     if isinstance(launch, str):
         instants = np.arange(particles, dtype=np.float64) / particles

@@ -1,4 +1,4 @@
-"""Ranges of the arguments of closed forms, outside which they are refused."""
+"""Ranges of the arguments of closed forms; other values are refused."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vibrosweep.model.parameters import (
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# Ranges of arguments that are no parameters of a scene
+# Ranges of arguments that are not parameters of a scene
 _RANGES: Final = {
     "k": (SMALLEST, LARGEST),
     "natural": (SMALLEST, LARGEST),
@@ -41,7 +41,7 @@ _ARGUMENTS: Final[Mapping[str, Parameter]] = {
 
 
 def physical(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function refuse arguments outside the ranges of the parameters they name, and NaN."""
+    """Make a function refuse NaN, and arguments outside the range of the parameter they name."""
     names = inspect.signature(function)
 
     @functools.wraps(function)

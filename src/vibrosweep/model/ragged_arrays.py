@@ -23,7 +23,7 @@ OF_TRAJECTORIES: Final[Mapping[str, str]] = {
     "realization_index": "position of the realization",
     "particle_index": "number of the particle",
 }
-MOST_WASTED: Final = 2.0  # places for each landing
+MOST_WASTED: Final = 2.0  # places per landing
 
 Column = tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]  # dims, values, attributes
 

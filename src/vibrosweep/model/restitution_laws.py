@@ -8,7 +8,8 @@ An impact at the relative speed v leaves E(v) = e(v) v, with the slope q(v) = E'
 
 `restitution` is e, and `restitution_speed` v_y or v_r.  P is a Pade approximation for two
 viscoelastic spheres, which are in contact until the force between them vanishes.  It exceeds the
-exact e(v) by 4e-3 at 0.46 and by less above; below 0.46 it is not used.
+exact e(v) by 4e-3 where e(v) = 0.46, and by less where e(v) is larger; a smaller e(v) is computed
+in the same way, but reported as out of range.
 """
 
 from __future__ import annotations

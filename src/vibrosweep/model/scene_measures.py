@@ -18,7 +18,7 @@ class Measures:
     """Values of the keys of [measure], and the observables of Python, which have no key.
 
     The keys are those of `MEASURES` and `OPTIONS` of `vibrosweep.model.measures`.  A measure
-    switches those on that it requires.
+    switches on the measures that it requires.
     """
 
     transient: Time = 0.0
@@ -41,7 +41,7 @@ class Measures:
             object.__setattr__(self, required, True)
 
     def over(self, base: str, restitution_law: str) -> Measures:
-        """Return these measures with those that this base, or this law, always includes."""
+        """Return these measures and those that are always taken with this base or this law."""
         limited = restitution_law == VISCOELASTIC
         return replace(
             self,

@@ -84,11 +84,11 @@ class Waveform:
         return self.derivative(x, 0)
 
     def slope(self, x: ArrayLike) -> Array:
-        """Return the derivative of w by the phase in turns."""
+        """Return the derivative of w with respect to the phase in turns."""
         return self.derivative(x, 1)
 
     def area(self, x: ArrayLike) -> Array:
-        """Return the integral of W by the phase in turns, with mean zero."""
+        """Return the integral of W over the phase in turns, with mean zero."""
         return self.derivative(x, -2)
 
     @functools.cached_property
@@ -123,7 +123,7 @@ class Waveform:
         return tuple((h, c, _reduced(psi)) for h, c, psi in self.tones or ((1, 1.0, 0.0),))
 
     def derivative(self, x: ArrayLike, order: int) -> Array:
-        """Return the derivative of w of an order; a negative order is an integral of mean zero."""
+        """Return the derivative of w of an order; negative orders are integrals of mean zero."""
         x = np.asarray(x, dtype=np.float64)
         if self.name == PARABOLIC_NAME:
             return _parabolic(x, order)
@@ -237,7 +237,7 @@ def name_in(attributes: Mapping[str, Any]) -> str:
 
 
 def _parabolic(x: Array, order: int) -> Array:
-    """Return the derivative of the parabolic shape of an order from -2 to 1."""
+    """Return the derivative of the parabolic shape, of order -2 to 1."""
     near = x - np.rint(x)
     rises = np.abs(near) <= 0.25
     y = np.where(rises, near, near - np.copysign(0.5, near))  # from the middle of the half period
@@ -286,7 +286,7 @@ def zeros(waveform: Waveform, order: int) -> Array:
 
 
 def _bisected(value: Callable[[Array], Array], left: Array, right: Array) -> Array:
-    """Return the zero of a function in each interval, at whose ends its signs differ."""
+    """Return the zero of a function in each interval; its signs differ at the ends."""
     below = value(left) < 0.0
     for _ in range(60):
         middle = 0.5 * (left + right)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Final, Self
 
-# Landings in the window that a Lyapunov exponent takes at least
+# Least number of landings in the window for a Lyapunov exponent
 LANDINGS_OF_AN_EXPONENT: Final = 64
 
 
@@ -25,12 +25,12 @@ class _Code(IntEnum):
 
     @property
     def meaning(self) -> str:
-        """The code's name as it stands in a dataset's ``flag_meanings``."""
+        """Name of the code, as in the ``flag_meanings`` of a dataset."""
         return self.name.lower()
 
 
 class Status(_Code):
-    """End of the computation of one particle, or the worst end in a realization.
+    """Status of the computation of one particle, or the worst status in a realization.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ this is the condition
 about 0.019 / k^2; after the first half turn t (k - t / 2 pi) is greater than k wherever sin t > 0.
 At a smaller restitution the particle would meet the base during the flight.  The orbit then begins
 with s > 0, at the amplitude at which its flight grazes the base, for which there is no closed form.
-At e = 0 a particle rests while the base presses it, and the orbit begins with s = 1, where
+At e = 0 a particle rests while the base presses against it, and the orbit begins with s = 1, where
 Gamma^2 = 1 + (pi k)^2.
 """
 

@@ -1,7 +1,7 @@
 """Check of the error bounds stored in a dataset against the proved errors.
 
-A bound is sound if no landing of the kernel is farther from the proved one.  An altered bound could
-still be sound, so it must also equal the one that the kernel computes now.
+A bound is sound if no landing of the kernel is farther than that from the proved one.  An altered
+bound could still be sound, so it must also equal the one that the kernel computes now.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ RECOMPUTED: Final = ("recomputed", "uncertain", "exponent_error", "exponent_sum_
 
 
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """Recompute all rows over all landings: their counts and, unless coupled, error bounds."""
+    """Recompute the count and, unless coupled, the error bounds of all landings, for all rows."""
     bounded = sample.scene.base != SPRUNG
     everything = sample.scene.with_measures(transient=-math.inf, trust=bounded)
     return measure_all(sample.parameters, everything, workers)
@@ -49,10 +49,10 @@ def measure_again(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
 
 
 class Errors(NamedTuple):
-    """True errors of the kernel's landings of one particle; infinite where landings are missing."""
+    """Proved errors of the kernel's landings of one particle; infinite if their number differs."""
 
-    # landing_time, rebound_velocity: shape (impact,), s and m s-1, less the largest rounding of the
-    # recorded number
+    # landing_time, rebound_velocity: shape (impact,), s and m s-1; the largest rounding error of
+    # the recorded number is subtracted
     landing_time: Array
     rebound_velocity: Array
 
@@ -101,7 +101,7 @@ def _distance(proved: Any, recorded: float, rounding: float) -> float:
 def untrusted(
     until: float, times: Array, errors: Errors, duration: float, tolerance: float, bound: float
 ) -> tuple[str, float]:
-    """Error in a stored `trusted_until`, if any, and the largest error before that time."""
+    """Return what is wrong with a stored `trusted_until`, or "", and the largest error up to it."""
     if bound <= tolerance and until != duration:
         return f"while all landings up to {duration!r} are known to the tolerance", math.nan
     if math.isnan(until):

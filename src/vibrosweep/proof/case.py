@@ -23,8 +23,8 @@ from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import Proved
 from vibrosweep.proof.tolerances import Bounds
 
-# Criteria of an aperiodic orbit: the number of landings in the window, and the standard errors by
-# which its exponent exceeds zero.
+# An aperiodic orbit has at least this many landings in the window, and an exponent that exceeds
+# zero by this many standard errors.
 LANDINGS: Final = 64
 CERTAIN: Final = 3.0
 
@@ -34,10 +34,10 @@ class Exponent(NamedTuple):
 
     value: Proved
     claim: float | None  # largest error that the dataset admits; None where none is known
-    # Error that must be stored with it, known up to the claim: the standard error of a mean along
-    # the orbit, 0 of an exponent without a rounding; None where undefined
+    # Error that must be stored with it, to within the claim: the standard error of a mean along the
+    # orbit, 0 if the exponent is minus infinity; None where undefined
     error: Proved = None
-    bounded: bool = False  # True if the stored error is a bound of the rounding instead
+    bounded: bool = False  # True if the stored error is a bound of the rounding error instead
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,8 @@ class Case:
     """One realization to be judged."""
 
     stored: Mapping[str, Any]  # its variables: numbers, or arrays over the particles
-    # Bounds and other variables as this version computes them; empty if another computed the file
+    # Bounds and other variables as this version computes them; empty if another version computed
+    # the file
     again: Mapping[str, Any]
     realization: Realization
     bounds: Bounds  # bounds of the errors of its landings
@@ -53,7 +54,7 @@ class Case:
     # Proved errors of the kernel's landings of each particle, where the file bounds them
     errors: Sequence[Errors]
     tolerance: float  # error of a landing time in s up to which it is trusted
-    # Estimate of the errors of its landings, where its particles are coupled and it is proved
+    # Estimate of the errors of its landings, if its particles are coupled and it is proved
     estimate: Estimate | None = None
 
     @cached_property
@@ -77,7 +78,7 @@ class Case:
 
     @property
     def deviation(self) -> tuple[float, float] | None:
-        """Largest error in s of the kernel's landings, and its estimate, where there is one."""
+        """Largest error in s of the kernel's landings, and its estimate; None if one is missing."""
         if self.estimate is None or not self.errors:
             return None
         largest = max(float(np.max(e.landing_time, initial=0.0)) for e in self.errors)
@@ -93,7 +94,7 @@ class Case:
 
     @cached_property
     def cycles(self) -> Sequence[Cycle | None]:
-        """Cycle of each particle: between two rests, or else the one that most variables state."""
+        """Cycle of each particle: from rest to rest, or as at least half of the variables state."""
         if self.realization.deviates is not None:  # random motion never repeats
             return [None] * len(self.orbits)
         said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]
@@ -157,7 +158,7 @@ class Case:
         return largest, _sum(total, rounding, change)
 
     def aperiodic(self, particle: int) -> bool | None:
-        """Decide whether a particle that does not recur is aperiodic; None where that is open."""
+        """Decide whether a particle that does not recur is aperiodic; None if uncertain."""
         impacts, first = self._window(particle)
         if len(impacts) - first < LANDINGS or any(i.rested for i in impacts[first:]):
             return False
@@ -182,6 +183,6 @@ class Case:
 
 
 def _sum(total: arb | float, rounding: float | None, change: float) -> Exponent:
-    """Sum of both exponents; its rounding is None where the dataset states no bound of it."""
+    """Sum of both exponents; `rounding` is its stated error bound, None where none is stated."""
     claim = None if rounding is None or not math.isfinite(change) else rounding + change
     return Exponent(total, claim, 0.0, bounded=isinstance(total, arb))

@@ -29,7 +29,7 @@ from vibrosweep.store.kinds import load_dataset
 if TYPE_CHECKING:
     import xarray as xr
 
-# Roundings of an equation of an orbit, in units of 2^-52 of the numbers in it
+# Rounding error of an equation of an orbit, in units of 2^-53 of the numbers in it
 ROUNDINGS: Final = 64.0
 PLACES: Final = 128  # points of a flight at which its height above the base is tested
 SEARCHED: Final = "it describes the search for orbits, which cannot be proved"
@@ -47,7 +47,7 @@ UNKNOWN: Final = {
 
 
 def orbit_of(base: str, laws: Laws, inputs: Mapping[str, float], p: int, q: int) -> Orbit:
-    """Return an orbit of p impacts in q periods at some parameters, for the proof."""
+    """Return an orbit of p impacts in q periods, with its parameters as balls."""
     with ctx.workprec(BITS):
         given = {name: arb(value) for name, value in inputs.items()}
         law = None if laws.restitution == CONSTANT else laws.in_periods(given)
@@ -59,7 +59,7 @@ def verify_orbits(path: Path, *, sample: int, seed: int, advance: Advance) -> Re
     """Enclose the orbits of some realizations and judge all their numbers.
 
     Krawczyk's method proves that exactly one orbit is near each orbit of the file, and encloses it.
-    The error that is admitted is estimated as `ROUNDINGS` roundings in each equation.  Raises a
+    The errors allowed are estimated from `ROUNDINGS` rounding errors in each equation.  Raises a
     ParameterError for a size or a seed that cannot be used.
     """
     sample, seed = count("sample", sample), count("seed", seed, 0)
@@ -178,7 +178,7 @@ def _stable(proved: Proved) -> int | None:
 
 
 def _taken(orbit: Orbit, proved: Proved) -> int | None:
-    """Return whether a particle takes an orbit, in the codes of the result; None if uncertain."""
+    """Return whether an orbit is admissible, in the codes of the result; None if uncertain."""
     found = proved.cycle
     if any(one.after.v <= orbit.rest and one.presses > 0 for one in found.flights):
         return RESTS
@@ -189,7 +189,7 @@ def _taken(orbit: Orbit, proved: Proved) -> int | None:
 
 
 def _lands_earlier(orbit: Orbit, proved: Proved, i: int) -> bool:
-    """Return whether a flight is certainly below the base at one of `PLACES`."""
+    """Return whether a flight is certainly below the base at one of the points tested."""
     box, flight = proved.box, proved.cycle.flights[i]
     ends = [*box[: orbit.p], box[0] + orbit.q]
     alpha, lasts = box[orbit.p] / (1 + orbit.e), ends[i + 1] - ends[i]
@@ -231,6 +231,6 @@ def _multipliers(
 
 
 def _widest(step: tuple[Jet, ...]) -> float:
-    """Norm of the derivatives over a flight."""
+    """Bound of the norm of the derivatives over a flight."""
     xx, xu, ux, uu = (_most(one.v) for one in step)
     return max(xx + xu, ux + uu)

@@ -30,7 +30,7 @@ SWEEP_COORDINATES: Final = (*INPUTS, STREAM, "launch_time", "duration", "transie
 RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration", *OF_TRAJECTORIES)
 # designs drawn by another library, whose versions may differ
 DRAWN_BY_SCIPY: Final = ("latin", "sobol")
-# Dimensions whose variables number them, and how HDF5 marks one without a variable
+# Dimensions whose variables only number them, and the mark of a dimension without a variable
 NUMBERED: Final = ("realization", "particle", "impact")
 MARK: Final = NO_VARIABLE.partition("%")[0]
 
@@ -39,8 +39,8 @@ MARK: Final = NO_VARIABLE.partition("%")[0]
 class Expected:
     """Coordinates that the sweep file in a dataset specifies."""
 
-    # Coordinates of all realizations: numbers, or arrays over the particles; those of the record
-    # have a name that begins with ``record/``
+    # Coordinates of all realizations: numbers, or arrays over the particles; the names of those of
+    # the record begin with ``record/``
     shared: Mapping[str, Any]
     # Sampled parameters of the rows drawn, each of shape (row,)
     sampled: Mapping[str, NDArray[np.float64]]
@@ -48,7 +48,7 @@ class Expected:
 
 
 def expected(path: Path, file: Any, rows: NDArray[np.int64]) -> Expected:
-    """Return the coordinates that the sweep file stored in a dataset gives increasing rows.
+    """Return the coordinates of some increasing rows according to the dataset's sweep file.
 
     A table with a relative path is looked for beside the dataset.
     """
@@ -117,9 +117,9 @@ def _design(spec: Sweep, identity: str) -> Realizations | str:
 def judge_axes(path: Path) -> Iterator[Judgement]:
     """Judge the axes of a file and of its record: variables, and arrays that must hold zeros.
 
-    A dimension of netCDF-4 without a variable is an HDF5 array that is never written.  A program
-    that saves a dataset again may turn it into a variable that numbers realizations, particles or
-    impacts.
+    A dimension of netCDF-4 without a variable is an HDF5 array that is never written, and so reads
+    as zeros.  A program that saves a dataset again may turn it into a variable that numbers
+    realizations, particles or impacts.
     """
     with h5py.File(path) as file:
         for place in ("", "record"):

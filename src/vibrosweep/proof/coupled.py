@@ -3,7 +3,7 @@
 No bound of the errors of coupled particles is proved.  Instead the reference follows a realization
 twice: as it is, and with its parameters changed by a relative `CHANGE`, some up and some down, and
 with each launch delayed by that fraction of a period more than the one before, since simultaneous
-landings would otherwise stay simultaneous.  These changes are some hundred times a rounding error.
+landings would otherwise stay simultaneous.  These changes are 512 times a rounding error.
 The largest change of any landing or lift-off, of any velocity and of any height is the estimate of
 the largest error in doubles.  Where a decision changes, nothing is claimed.
 """
@@ -31,7 +31,7 @@ from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import LandingErrors, size_of
 from vibrosweep.proof.tolerances import order_claims, reaches
 
-# Landings of a realization: some ten seconds, and more where few particles make all of them.
+# Most landings of a realization: about ten seconds, or longer if few particles make all of them.
 MAX_COUPLED: Final = 1000
 MAX_BITS: Final = 1 << 13
 CHANGE: Final = 2.0**-44
@@ -47,7 +47,7 @@ class Estimate(NamedTuple):
     relative: float  # of arrivals and rebounds relative to the base, in units of g / 2 f
 
     def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
-        """Largest error of a recorded number of that size, by the variable that it belongs to."""
+        """Largest error of a recorded number of that size, for each variable of the record."""
         rounding = 4.0 * EPS * (abs(number) if math.isfinite(number) else 0.0)
         period = 1.0 / realization.parameters["frequency"]
         # the time from one event, or launch, to the next is one double
@@ -65,7 +65,7 @@ class Estimate(NamedTuple):
         return LandingErrors(phase, 2.0 * phase, speed, speed)
 
     def claims(self, realization: Realization, measured: ProvedMeasures) -> dict[str, float | None]:
-        """Largest error of each variable, in its own unit; None: not claimed."""
+        """Largest error of each variable, in its own unit; None where nothing is claimed."""
         frequency = realization.parameters["frequency"]
         rounding = (measured.longest + len(realization.launch_times) + 10) * EPS
         claimed: dict[str, float | None] = {}

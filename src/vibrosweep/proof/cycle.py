@@ -40,9 +40,9 @@ def largest_exponent(
 ) -> arb | None:
     """Largest Lyapunov exponent per impact of the cycle without rests that passes next to a state.
 
-    The state is phase in turns and speed at lift-off, of an orbit that has come near to the cycle;
-    `map_of` gives the impacts in forcing periods, at the current precision.  None if no such cycle
-    is proved: a decision along it is within the error, its multiplier is 1 or its modulus 0, or it
+    The state, phase in turns and speed at lift-off, is one of an orbit that has come near to the
+    cycle; `map_of` returns the map in forcing periods, at the current precision.  None if no such
+    cycle is proved: a decision along it is uncertain, a multiplier may be 1 or all may be 0, or it
     is longer than `MAX_CYCLE`.
     """
     if impacts > MAX_CYCLE:
@@ -79,7 +79,7 @@ def _proved_return(
 
 
 def _once_round(m: PeriodMap, x: arb, u: arb, impacts: int) -> _Return | None:
-    """Follow a ball of states round the cycle; None where it may rest or turn back on the way."""
+    """Follow a ball of states round the cycle; None if one may rest, or a decision is uncertain."""
     j00, j01, j10, j11 = arb(1), arb(0), arb(0), arb(1)
     determinant = arb(1)
     for _ in range(impacts):

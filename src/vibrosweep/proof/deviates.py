@@ -1,4 +1,4 @@
-"""Normal deviates of a particle as the kernels draw them, exact numbers for the reference."""
+"""Normal deviates of a particle as the kernels draw them; for the reference they are exact."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Growth of small perturbations along a proved orbit, with an error bound for the kernel's.
 
-The kernel's orbit is within the dataset's bounds of the proved one, and so are its Jacobians.  A
-change of a Jacobian changes the growth at that impact, and turns the direction that is carried on:
-both are followed here to first order, and doubled to cover the higher orders.
+The kernel's orbit differs from the proved one by no more than the dataset's bounds, and its
+Jacobians differ accordingly.  A change of a Jacobian changes the growth at that impact, and turns
+the direction that is carried on: both effects are followed here to first order, and doubled to
+cover the higher orders.
 """
 
 from __future__ import annotations
@@ -21,21 +22,21 @@ FIRST_ORDER: Final = 2.0
 
 
 class Mean(NamedTuple):
-    """Mean growth per impact."""
+    """Mean logarithm of the growth per impact."""
 
-    value: float  # the mean logarithm
+    value: float
     # Standard error of the mean, from the means of blocks; None below two blocks
     standard_error: float | None
-    # Bound of the error of both, by the dataset's bounds; None where there is none
+    # Bound of the errors of both, from the dataset's bounds; None where there is none
     claim: float | None
 
 
 def mean_growth(
     m: PeriodMap, phases: Sequence[arb], flights: Sequence[Flight], errors: tuple[float, float]
 ) -> Mean:
-    """Mean growth of a change of phase alone through impacts without rests, at least one.
+    """Mean growth of a perturbation of the phase alone, over one or more impacts without rests.
 
-    Phases of lift-offs (turns), and the flights that follow, are proved, one after the other; the
+    The phases of successive lift-offs (turns) and the flights that follow them are proved; the
     kernel's phases and speeds may be off by `errors`.
     """
     c, s, turned, logarithms, wrongs = 1.0, 0.0, 0.0, [], []
@@ -57,7 +58,7 @@ def mean_growth(
 
 
 def _standard_error(logarithms: Sequence[float]) -> float | None:
-    """Standard error of a mean by the means of blocks, of the shortest length with few enough."""
+    """Standard error of a mean, from the means of fewer than `MOST_BLOCKS` blocks."""
     length = 1
     while len(logarithms) // length >= MOST_BLOCKS:
         length *= 2

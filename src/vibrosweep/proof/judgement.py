@@ -17,8 +17,8 @@ class Judgement:
     # Distance from the proved value; NaN where both are undefined, infinite where one is
     error: float
     claim: float | None  # largest error that the dataset admits; None where it claims nothing
-    # Certified decimal digits: of the claim and the reference's radius together, relative to the
-    # value; 0 where they exceed it.  None for exact, zero or undefined values.
+    # Certified decimal digits, from the sum of the claim and the reference's radius, relative to
+    # the value; 0 where the sum exceeds it.  None for exact, zero or undefined values.
     digits: float | None = None
     # Description of the failure; empty if the number is within its claim or nothing is claimed
     complaint: str = ""
@@ -27,7 +27,7 @@ class Judgement:
 def judge(
     variable: str, particle: int | None, stored: float, proved: Proved, claim: float | None
 ) -> Judgement:
-    """Compare a stored number with its proved value under a claim."""
+    """Compare a stored number with its proved value, and its error with the claim."""
     least = error = math.inf
     digits = None
     if proved is None:

@@ -61,7 +61,7 @@ def judge_record(
     claims: Callable[[float], Mapping[str, float]],
     trajectories: Sequence[Trajectory],
 ) -> list[Judgement]:
-    """Judge every number of a record; `claims` gives largest errors by the size of a number."""
+    """Judge every number of a record; `claims` gives the largest errors of a number by its size."""
     judged = []
     for particle, trajectory in enumerate(trajectories):
         stored = {name: values[0, particle].tolist() for name, values in record.stored.items()}
@@ -90,7 +90,7 @@ def _recorded(impact: Impact | None) -> dict[str, Any]:
 
 
 def _follows(value: Callable[[Case, str], float | None]) -> Callable[[Case, str], Judgements]:
-    """Judge a variable by the value that others imply, which is None where they imply nothing."""
+    """Return a judge by the value that other variables imply, None where they imply nothing."""
 
     def follows(case: Case, name: str) -> Judgements:
         made = value(case, name) if case.stored["status"] == Status.COMPLETED else None
@@ -281,7 +281,7 @@ def _changed(case: Case, name: str, particle: int | None) -> str:
     """Describe how a bound differs from that of this version; empty if another wrote the file.
 
     Another processor or numpy may round the phase of lift-off differently, and a bound depends on
-    the orbit: its relative change is that of the orbit in periods, times a curvature.
+    the orbit: its relative change is the change of the orbit in periods, times a curvature.
     """
     if name not in case.again:
         return ""

@@ -45,7 +45,7 @@ MOST_GAPS: Final = 4096
 class ProvedMeasures:
     """Proved measures of a realization, and distances that show if rounding can change them."""
 
-    # By the names of `vibrosweep.model.measures`; lists over the particles for their own variables
+    # By the names of `vibrosweep.model.measures`; a variable of each particle has a list of values
     values: dict[str, Proved | list[Proved]]
     fastest: arb | None  # largest rebound speed in the window, m s-1; None without any flight
     flights: Sequence[Flight]  # those that follow landings in the window
@@ -54,17 +54,17 @@ class ProvedMeasures:
     # Smallest distance of a landing from the beginning of the window in s; None where no landing
     # can be before it
     edge: arb | None
-    # Time between a launch in the window and the nearer edge, the largest of all launches, s;
-    # negative where every launch is outside
+    # Time from a launch to the nearer edge of the window, the largest of all launches, s; negative
+    # if every launch is outside the window
     launch_depth: Fraction
-    # Shortest time between landings of different particles since the launch; those that are one
-    # motion are left out.  None without any
+    # Shortest time between landings of different particles, also before the window; particles that
+    # land as one are left out.  None without any
     apart: arb | None
     # Smallest distance of a landing from the beginning of the last period of the window, s; None
     # without any
     last_period: arb | None
-    # Longest time for which two particles are on the base at once; minus the shortest time between
-    # two stays where that never happens.  None without two stays.
+    # Longest time for which two particles are on the base at once; if that never happens, minus the
+    # shortest time between two stays.  None without two stays.
     overlap: arb | None
 
 
@@ -140,10 +140,9 @@ def _status(trajectory: Trajectory, flights: Flights, realization: Realization) 
 
 
 def _closest(landings: Sequence[Landing]) -> arb | None:
-    """Smallest time between landings of different particles, given in the order of time.
+    """Smallest time between landings of different particles; landings are in the order of time.
 
-    It lies between neighbours in time, since a landing in between would be closer to one of the
-    two.
+    The two are neighbours in time, since a landing in between would be closer to one of them.
     """
     return _least([abs(b.time - a.time) for a, b in _others(landings)])
 
@@ -156,8 +155,8 @@ def _others(landings: Sequence[Landing]) -> Iterator[tuple[Landing, Landing]]:
 def _one_motion(a: Landing, b: Landing, trajectories: Sequence[Trajectory], coupled: bool) -> bool:
     """Return whether two particles land as one, in doubles too.
 
-    They were launched together, or rested together.  Coupled particles are one until then only:
-    the kernels take their impacts one after the other.
+    They were launched together, or rested together.  Coupled particles land as one only the first
+    time after that, because the kernels take their impacts one after the other.
     """
     if a.time.mid() != b.time.mid():
         return False
@@ -175,8 +174,8 @@ def _closest_same_index(landings: Sequence[Landing]) -> arb | None:
 def _overlap(landings: Sequence[Landing], begin: arb) -> arb | None:
     """Longest overlap of two stays inside the window, as `ProvedMeasures` says.
 
-    The partner with which a stay overlaps longest is the one that stays longest of those that
-    landed before it, so the longest stay of each of the two longest-staying particles is kept.
+    A stay overlaps longest with the earlier stay, of another particle, that ends last; so it is
+    enough to keep the latest ends of stays of the two particles that stay longest.
     """
     longest: dict[int, arb] = {}
     overlap = None
@@ -202,7 +201,7 @@ def _least(balls: Sequence[arb]) -> arb | None:
 def _ordering(
     trajectories: Sequence[Trajectory], landings: Sequence[Landing], begin: arb, late: arb
 ) -> dict[str, Proved | list[Proved]]:
-    """Order of the landings, by its definition; `late` begins the last period."""
+    """Measures of the order of landings, by their definitions; the last period begins at `late`."""
     gaps = [b.time - a.time for a, b in _others(landings) if b.time >= late]
     gaps = sorted(gaps, key=arb.mid) if len(gaps) <= MOST_GAPS else []
     half = len(gaps) // 2
@@ -222,8 +221,8 @@ def _ordering(
 
 
 def _out_of_turn(landings: Sequence[Landing], begin: arb) -> int:
-    """Landings from `begin` on of a particle other than that which landed longest ago."""
-    turns: OrderedDict[int, None] = OrderedDict()  # particles, that which landed longest ago first
+    """Count landings from `begin` on by a particle other than the one that landed longest ago."""
+    turns: OrderedDict[int, None] = OrderedDict()  # particles; the first landed longest ago
     found = 0
     for landing in landings:
         landed = landing.particle in turns

@@ -4,8 +4,8 @@ The user's function is evaluated twice for each landing, on the proved numbers a
 them as wide as the errors that a dataset admits; both round as doubles do, operation by operation.
 The second ball then holds every number that the kernel can have found, and its distance from the
 first is claimed.  A function that uses more than arithmetic, or that compares a ball with a number
-inside it, is evaluated at the middle of the proved numbers instead, and as far beside it as each of
-them may be wrong: the sum of these changes is an *estimate* of the error.
+inside it, is evaluated in doubles instead: at the midpoints of the proved numbers, and with each of
+them changed by its error.  The sum of the resulting changes is an *estimate* of the error.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class OpenError(ArithmeticError):
 
 
 class Rounded:
-    """Ball that holds the result in doubles for all numbers in the balls of the operands."""
+    """Ball that holds every result in doubles, for all numbers in the balls of the operands."""
 
     __array_ufunc__ = None
     __hash__ = None  # type: ignore[assignment]
@@ -126,19 +126,19 @@ def _ball(number: object) -> arb | None:
 
 
 def _rounded(ball: arb, times: int) -> Rounded:
-    """Widen a ball by a number of roundings."""
+    """Widen a ball by a number of rounding errors."""
     return Rounded(ball + arb(0, (abs(ball) * (times * 2.0 * EPS)).upper() + SMALLEST))
 
 
 class Total(NamedTuple):
-    """Proved number or total of landings."""
+    """Proved value for one landing, or total over several."""
 
     value: arb
     error: float  # largest error that is admitted
 
 
 class ProvedObservable(NamedTuple):
-    """Proved value of an observable, one for each particle where they are kept apart."""
+    """Proved value of an observable, or one for each particle."""
 
     values: list[Proved]
     claims: list[float | None]  # largest errors that are admitted; None where nothing is known
@@ -152,7 +152,7 @@ def prove_observable(
     status: Sequence[int],
     errors: Errors,
 ) -> ProvedObservable:
-    """Value of an observable by its definition; `status` is that of each particle."""
+    """Value of an observable by its definition; `status` has a code for each particle."""
     with ctx.workprec(GUARD_BITS + max(one.precision_bits for one in trajectories)):
         seen = [list(_landings(realization, one, errors)) for one in trajectories]
         estimated = False
@@ -185,7 +185,7 @@ def prove_observable(
 
 
 def _unknown(observable: Observable, particles: int) -> ProvedObservable:
-    """Return undefined values, of which nothing is claimed."""
+    """Return undefined values, about which nothing is claimed."""
     number = particles if observable.particles == "each" else 1
     return ProvedObservable([None] * number, [None] * number, True)
 
@@ -212,7 +212,7 @@ def _by_balls(function: Function, exactly: Numbers, rested: bool, errors: Landin
         _number(function(Landing._make([*map(Rounded, balls), rested])))
         for balls in (exactly, widely)
     )
-    if not abs(widely[0]) <= 0.5:  # the phase of the kernel may have gone round
+    if not abs(widely[0]) <= 0.5:  # the kernel's phase may have wrapped around
         turn = 1 if widely[0] > 0 else -1
         other = map(Rounded, (widely[0] - turn, *widely[1:]))
         wide = wide.union(_number(function(Landing._make([*other, rested]))))
@@ -227,7 +227,7 @@ def _number(result: object) -> arb:
 
 
 def _by_changes(function: Function, exactly: Numbers, rested: bool, errors: LandingErrors) -> Total:
-    """Evaluate the function in doubles in the middle of a landing's numbers, and beside it."""
+    """Evaluate the function in doubles, at a landing's numbers and with each of them changed."""
     middle = [np.float64(x) for x in exactly]
 
     def at(place: int, change: float) -> float:
@@ -247,7 +247,7 @@ def _by_changes(function: Function, exactly: Numbers, rested: bool, errors: Land
 
 
 def _combined(how: str, totals: Sequence[Total | None]) -> Total | None:
-    """Combine numbers; None if the result is undefined, as the maximum of no numbers."""
+    """Combine totals; None if the result is undefined, as is the maximum of none."""
     known = [one for one in totals if one is not None]
     if how in EXTREME:
         if not known:

@@ -1,12 +1,12 @@
 """Recurrence of a proved orbit: whether it repeats as stated, its cycle, slot and exponents.
 
-The state after a rest is always the same: an orbit that is lifted from two rests has closed its
-cycle, and entered it with the first.  Otherwise the kernel detects recurrence when a state returns
-bit for bit, whereas the exact orbit approaches its cycle asymptotically.  A proof can show that it
-repeats as stated, up to the tolerance with which the kernel identifies states and to the errors
-that the dataset claims; impacts and periods of the cycle then follow exactly.  The state at which a
-recurrence is stated occurred one cycle earlier, so states are compared with those a cycle later
-from there on; after it the orbit may end almost at once.
+The state after a rest depends only on the phase at which the rest ends: two rests that end at the
+same phase close a cycle, which the orbit entered with the first.  Otherwise the kernel detects
+recurrence when a state returns bit for bit, whereas the exact orbit approaches its cycle
+asymptotically.  A proof can show that it repeats as stated, up to the tolerance with which the
+kernel identifies states and the errors that the dataset claims; impacts and periods of the cycle
+then follow exactly.  Recurrence is stated at the second occurrence of a state, after which the
+orbit may end almost at once; so states are compared from the first occurrence on.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import Bounds
 
-# Bits of numbers that end as doubles
+# Precision in bits of numbers that become doubles
 FLOATING: Final = 128
 # Variables that show whether a particle recurs, each with its test.
 SAID: Final[dict[str, Callable[[Any], bool]]] = {
@@ -52,7 +52,8 @@ class State(NamedTuple):
 class Cycle:
     """A cycle that a proved orbit has entered."""
 
-    since: int  # number of the state at which the recurrence is stated, or of that after a rest
+    # Number of the state at which recurrence is stated, or of that after the first of two rests
+    since: int
     # impacts, periods, rests: in one cycle
     impacts: int
     periods: int
@@ -67,7 +68,8 @@ class Orbit:
     trajectory
         Proved landings.
     times, flights, speeds
-        Of the states: lift-off in s, flight that follows, and its speed relative to the base.
+        For each state: time of lift-off in s, flight that follows, and its speed relative to the
+        base.
     time_error
         Largest error in s of the kernel's time of a state.
     """
@@ -88,14 +90,14 @@ class Orbit:
         self.time_error = bounds.record_claims(realization, end)["liftoff_time"]
         self._time_error = bounds.landing_time * p["frequency"] + 4.0 * EPS
         time = bounds.record_claims(realization, 0.0)["liftoff_time"] * p["frequency"]
-        # of the difference of two states of the kernel, in periods
+        # error of the difference of two states of the kernel, in periods
         self._error = 2.0 * max(time, bounds.speed_error(realization)) + 8.0 * EPS
 
     def from_rest_to_rest(self) -> Cycle | None:
-        """Cycle that two rests close, which end at the same phase; None without two such.
+        """Cycle between two rests that end at the same phase; None without two such rests.
 
-        Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), as those of the
-        dataset were: with several phases of lift-off other rests may come before the cycle.
+        Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), as in the
+        kernels: with several phases of lift-off other rests may come before the cycle.
         """
         lifted = (n for n, i in enumerate(self.trajectory.impacts, 1) if i.rested)
         anchor, first = 0, 0  # number of a rest, and of its lift-off
@@ -113,9 +115,9 @@ class Orbit:
         return None
 
     def recurrence(self, time: float, stated: int) -> Cycle | None:
-        """Cycle without rests from a stated time on, of the stated impacts if that is correct.
+        """Cycle without rests at a stated time, with the stated number of impacts if correct.
 
-        The last state is taken where the time (s) is NaN; 0 impacts mean that none are stated.
+        A time (s) of NaN stands for the last state, and 0 impacts for a number that is not stated.
         None where the orbit does not repeat.
         """
         if self.trajectory.at_rest:
@@ -136,14 +138,14 @@ class Orbit:
         return near or [gaps.index(min(gaps))]
 
     def _periods(self, state: int, cycle: int) -> int:
-        """Forcing periods from a state to the one that many impacts later, as a whole number."""
+        """Forcing periods from a state to the one `cycle` impacts later, as a whole number."""
         return nearest_integer((self.times[state + cycle] - self.times[state]) * self._frequency)
 
     def _cycle(self, since: int, stated: int) -> int:
         """Impacts in the cycle of a state; 0 if the orbit does not repeat.
 
-        The stated number is correct if the orbit repeats after it and provably not after any of its
-        divisors.
+        The stated number is correct if the orbit may repeat after it, and does not certainly repeat
+        after one of its divisors.
         """
         if stated > 0 and self._repeats(since - stated, stated, SAME_ORBIT + self._error):
             shorter = (d for d in range(1, stated) if stated % d == 0)
@@ -167,14 +169,14 @@ class Orbit:
         return True
 
     def map(self) -> PeriodMap:
-        """Impacts of the base, at the current precision."""
+        """Map in forcing periods, at the current precision."""
         realization = self._realization
         return realization.reference.period_map(realization.parameters, realization.laws)
 
     def contraction(self, first: int, last: int) -> tuple[arb | float, float]:
         """Mean logarithm of the contraction of areas by impacts, from state `first` to `last`.
 
-        With it comes its largest error by the errors that the dataset admits.
+        Also returns its largest error, from the errors that the dataset claims.
         """
         error = self._bounds.speed_error(self._realization)
         speeds = [impact.arrival for impact in self.trajectory.impacts[first:last]]
@@ -200,7 +202,7 @@ class Orbit:
         )
 
     def representative(self, cycle: Cycle) -> State | None:
-        """State of a cycle with the lowest speed; among equal ones, that of lowest phase.
+        """State of a cycle with the lowest speed; of equally slow ones, that of lowest phase.
 
         Whole periods are counted with the phase of the forcing reduced to one turn.  None if states
         are too close to decide.
@@ -229,10 +231,10 @@ class Orbit:
 def numbered(
     cycles: Sequence[Cycle | None], states: Sequence[State | None]
 ) -> Sequence[int | None]:
-    """Numbers of the orbits of particles, in the order of the particles on them.
+    """Number the orbits of particles, each new one after those of earlier particles.
 
-    Each particle is given by its cycle and representative.  The number of one without a cycle is
-    -1; all are None if it cannot be decided whether two particles are on one orbit.
+    Each particle is given by its cycle and representative.  A particle without a cycle has the
+    number -1; all are None if it cannot be decided whether two particles are on one orbit.
     """
     numbers: list[int] = []
     firsts: list[tuple[Cycle, State]] = []
@@ -251,7 +253,7 @@ def numbered(
 
 
 def _same(cycle: Cycle, state: State, other: Cycle, first: State) -> bool | None:
-    """Decide whether two particles are on one orbit; None if that is open."""
+    """Decide whether two particles are on one orbit; None if uncertain."""
     if (cycle.impacts, cycle.periods, cycle.rests) != (other.impacts, other.periods, other.rests):
         return False
     apart = state.phase - first.phase

@@ -24,11 +24,11 @@ from vibrosweep.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Realization:
-    """One realization of a scene, with its times exact."""
+    """One realization of a scene, with exact times."""
 
     scene: Scene
     # All of `vibrosweep.model.parameters.PARAMETERS`, and those of OF_RESTITUTION and MOUNT that
-    # the law of restitution and the base have
+    # the law of restitution and the base need
     parameters: Mapping[str, float]
     stream: float | None = None  # of random numbers; None where nothing is random
 
@@ -52,7 +52,7 @@ class Realization:
 
     @property
     def launch_rounding(self) -> float:
-        """Error in s with which a launch is compared with the edges of the window."""
+        """Rounding error in s of the comparison of a launch with the edges of the window."""
         end = float(self.duration)
         if isinstance(self.scene.launch, str):
             return 2.0**-51 * (end + float(self._period))
@@ -95,7 +95,7 @@ class Realization:
 
     @cached_property
     def velocity(self) -> float:
-        """Velocity in m s-1 of a sine as fast, as high and as steep as the base."""
+        """Velocity in m s-1 of a sine at least as fast, high and steep as the base's motion."""
         return self.reference.velocity(self.parameters, self.laws)
 
 

@@ -59,7 +59,7 @@ OF_LANDINGS: Final = (
 def read_sample(
     path: Path, size: int, seed: int, observables: Sequence[Observable] = ()
 ) -> tuple[Sample, Sample | None, Expected, list[Judgement]]:
-    """Draw realizations without replacement; all where there are no more than `size`.
+    """Draw realizations without replacement; all if there are no more than `size`.
 
     The second sample is the dataset's record of every landing, if it holds one; then come the
     coordinates that its sweep file specifies, and judgements of the axes.  Raises a ParameterError
@@ -112,7 +112,7 @@ def _drawn(
 
 
 def _coordinates(file: Any, chosen: slice | NDArray[np.int64]) -> dict[str, NDArray[Any]]:
-    """Coordinates that a file holds; those of realizations at the chosen rows."""
+    """Coordinates in a file; those that lie along realizations at the chosen rows only."""
     dims = row_dims(file)
     return {
         name: variable[...]
@@ -149,7 +149,7 @@ def _require_same(
             if held != getattr(one, key) or one.name not in file.variables:
                 raise DataError(
                     f"{path}: was not computed with observable {one.name!r}: its {key} is "
-                    f"{getattr(one, key)}, that of the file {held or 'not there'}"
+                    f"{getattr(one, key)}, but {held or 'missing'} in the file"
                 )
 
 
@@ -188,7 +188,7 @@ def _record(file: Any, sample: Sample) -> Sample:
 
 
 def _rectangles(stored: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Give the arrays of a ragged record the shapes of a rectangle, where they fit each other."""
+    """Pad the arrays of a ragged record to rectangles, if their lengths agree."""
     count = stored["impact_count"]
     of_landings = [name for name, one in RECORD.items() if one.dims != RECORD["impact_count"].dims]
     if count.ndim != 1 or not counts_agree(count, *(stored[name] for name in of_landings)):
@@ -220,7 +220,7 @@ def _scene(file: Any, attributes: Mapping[str, Any]) -> Scene:
 
 
 def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
-    """Duration or transient as it was given: in forcing periods where an attribute says so."""
+    """Duration or transient as it was given: in forcing periods if an attribute says so."""
     periods = attributes.get(f"{name}_periods")
     return float(file.variables[name][()]) if periods is None else Periods(float(periods))
 

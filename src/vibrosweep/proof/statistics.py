@@ -29,7 +29,7 @@ class Landing(NamedTuple):
 
 
 class Flights(NamedTuple):
-    """Sums over the flights that follow landings."""
+    """Numbers of landings and rests, and the rebounds and flights that follow."""
 
     landings: int
     rests: int
@@ -57,7 +57,7 @@ def landings_of(realization: Realization, trajectories: Sequence[Trajectory]) ->
 
 
 def flights_of(landings: Iterable[Landing]) -> Flights:
-    """Sum over the flights that follow landings."""
+    """Collect the rebounds and flights that follow landings."""
     impacts = [landing.impact for landing in landings]
     speeds = [i.rebound_velocity for i in impacts if i.rebound_velocity is not None]
     flights = [i.flight for i in impacts if i.flight is not None]

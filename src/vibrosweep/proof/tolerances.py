@@ -7,21 +7,21 @@ few sums and products that lead from flights to the stored number; EPS is one ro
 * Counts and codes are exact.
 * A height v^2 / 2 g: (2 v dv + dv^2) / 2 g with the largest rebound speed v of the realization;
   the height of a moving base, of velocity V0 at most, adds V0 dt.
-* The mean flight time 2 v / g: 2 dv / g.  Over a moving base, its derivatives by the phase and the
-  relative speed of the lift-off, doubled to cover the higher orders.
-* Means are sums of n positive numbers, first of each particle, then of the particles: relative
+* The mean flight time 2 v / g: 2 dv / g.  Over a moving base, the errors of phase and relative
+  speed at lift-off times the derivatives by them, doubled to cover the higher orders.
+* Means are sums of n positive numbers, first over each particle, then over the particles: relative
   error (n + particles) EPS with n flights of a particle, and 10 EPS for the change of units.
 * A separation is the difference of two landing times: 2 dt, and the rounding of the difference of
-  two phases, 2 EPS periods; of all pairs the smallest moves by no more.
-* An order parameter moves by no more than the phases of the landings, h times 2 pi dt in periods.
-* Landings of different particles within 2 dt of each other may come in either order, unless they
-  are one motion: then turns are not claimed, and of the gaps of the last period the median is not.
-* Whether two stays overlap is decided by a difference of a landing and a lift-off.  Where the exact
-  difference is within their errors nothing is claimed.
-* A recorded time is rounded relative to itself and, before the phase of the forcing is taken off,
-  to a period; a lift-off after a rest has the error of the arc that gives its phase.
+  two phases, 2 EPS periods; the smallest of all separations changes by no more.
+* An order parameter of harmonic h changes by no more than the phases: h 2 pi dt, dt in periods.
+* Landings of different particles within 2 dt of each other may come in either order: then neither
+  `order_changes` nor `gap_median` is claimed, unless the particles land as one.
+* Whether two stays overlap is decided by the difference of a landing and a lift-off.  If the exact
+  difference is within its error, nothing is claimed.
+* A recorded time is rounded relative to itself and, when the phase of the forcing is subtracted,
+  relative to a period; to a lift-off after a rest the error of its phase is added.
 * A landing within its error of the beginning of the window may be counted or not: then nothing is
-  claimed of the measures over the window.  The dataset's own bounds cover the window's end.
+  claimed for the measures over the window.  The dataset's own bounds cover the window's end.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import LandingErrors, Proved, size_of
 
-# for the higher orders, which the derivatives of a flight leave out
+# Factor for the higher orders, which the derivatives of a flight leave out
 FIRST_ORDER: Final = 2.0
 
 
@@ -63,7 +63,7 @@ class Bounds(NamedTuple):
         return (self.rebound_velocity + base) * 2.0 * p["frequency"] / p["gravity"]
 
     def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
-        """Largest error of a recorded number of that size, by the variable that it belongs to."""
+        """Largest error of a recorded number of that size, for each variable of the record."""
         size = abs(number) if math.isfinite(number) else 0.0
         period = 1.0 / realization.parameters["frequency"]
         landing = self.landing_time + 4.0 * EPS * (size + 2.0 * period)
@@ -95,7 +95,7 @@ class Bounds(NamedTuple):
     def claims(
         self, realization: Realization, measured: ProvedMeasures
     ) -> Mapping[str, float | None]:
-        """Largest error of each variable, in its own unit; None: not claimed."""
+        """Largest error of each variable, in its own unit; None where nothing is claimed."""
         dt, period = self.landing_time, 1.0 / realization.parameters["frequency"]
         names = ("at_rest_count", "status", "particle_at_rest", "particle_status")
         exact: dict[str, float | None] = dict.fromkeys(names, 0.0)
@@ -113,7 +113,7 @@ class Bounds(NamedTuple):
         windowed["order_changes"] = order.pop("order_changes")
         if reaches(measured.edge, dt + 4.0 * EPS * period):
             windowed = dict.fromkeys(windowed)
-        # only a late window over staggered launches compares anything that is rounded
+        # rounding may decide whether a launch so close to an edge of the window is inside
         if realization.scene.windowed and abs(measured.launch_depth) < realization.launch_rounding:
             windowed["flight_height_max"] = None
         return exact | order | windowed
@@ -147,7 +147,7 @@ class Bounds(NamedTuple):
 def order_claims(
     dt: float, realization: Realization, measured: ProvedMeasures
 ) -> dict[str, float | None]:
-    """Largest errors of the order of landings, whose times have the error dt in s."""
+    """Largest errors of the measures of order, if landing times have the error dt in s."""
     frequency = realization.parameters["frequency"]
     lasting = float(realization.duration) - float(min(realization.launch_times))
     # the product of a harmonic and whole periods is rounded
@@ -168,16 +168,16 @@ def order_claims(
 def _stay_error(dt: float, realization: Realization) -> float:
     """Error of the time between a landing and the end of another particle's stay, s.
 
-    Two landings, a lift-off and a sum of phases take part.
+    It involves two landings, a lift-off and a sum of phases.
     """
     rounding = 8.0 * EPS / realization.parameters["frequency"]
     return 3.0 * dt + _lift_off_error(dt, realization) + rounding
 
 
 def _lift_off_error(dt: float, realization: Realization) -> float:
-    """Error of a lift-off after a rest, s, where dt is that of landings.
+    """Error in s of a lift-off after a rest, if landings have the error dt.
 
-    Where the amplitude is random, it is within the latter: each period lifts at its own phase.
+    With a random amplitude it is within dt, since each period lifts at a phase of its own.
     """
     p = realization.parameters
     if p.get("drive_noise", 0.0) > 0.0:

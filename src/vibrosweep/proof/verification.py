@@ -127,7 +127,7 @@ class Report:
     claimed: bool  # True if the dataset holds error bounds; else they were computed again
     names: Sequence[str]  # every variable of the dataset
     unknown: Mapping[str, str]  # reason why a variable cannot be compared at all, by name
-    # Comparisons of what all realizations share with the sweep file
+    # Comparisons of the shared coordinates with the sweep file, and judgements of the axes
     coordinates: Sequence[Judgement] = ()
     coupled: bool = False  # True if the base couples the particles: then errors are estimated
     estimated: Sequence[str] = ()  # names of observables whose claims are estimates

@@ -44,7 +44,7 @@ from vibrosweep.store.kinds import read_kind
 
 # About ten seconds for a realization, and half a gigabyte.
 MAX_LANDINGS: Final = 250_000
-# Enough, since an orbit of which a dataset claims anything has lost fewer digits than a double has
+# Enough: an orbit for which a dataset claims anything has lost fewer digits than a double holds
 MAX_BITS: Final = 1 << 12
 
 
@@ -85,7 +85,7 @@ def verify(
         Realizations with more landings, from the launch on, are left out.  The default is 250,000,
         or 1000 over a sprung base, whose reference takes about 10 ms for each: some ten seconds.
     advance
-        Called after each realization with the number of those done and that of all.
+        Called after each realization with the number of finished realizations and the total.
 
     Returns
     -------
@@ -98,8 +98,8 @@ def verify(
     ParameterError
         A number is out of its range, or the function of an observable changes totals.
     DataError
-        There is no such file, it is not a result that can be read, or of a kind that no
-        reference judges; or it was not computed with these observables.
+        There is no such file, it is not a result that can be read, no reference judges results of
+        its kind, or it was not computed with these observables.
     MissingFlintError
         python-flint is not installed.
 
@@ -243,7 +243,7 @@ def _coordinates(sample: Sample, setting: Expected, prefix: str) -> Iterator[Jud
             yield Judgement(prefix + name, None, math.nan, 0.0, None, complaint)
         elif value.ndim == 0:
             yield judge(prefix + name, None, float(values), float(value), 0.0)
-        else:  # a staggered launch is a quotient, which versions may round otherwise
+        else:  # a staggered launch is a quotient, which versions may round differently
             for particle, time in enumerate(value.tolist()):
                 claim = 4.0 * EPS * abs(time)
                 yield judge(prefix + name, particle, float(values[particle]), time, claim)

@@ -84,9 +84,9 @@ def prove_windows(found: xr.Dataset, scene: Scene) -> xr.Dataset:
     """Add proofs to windows: of each end, and of the attraction between both.
 
     An end of ``locked(k)`` is the root of the equations of the orbit and of its multiplier, 1 or
-    -1, enclosed by Krawczyk's method in ball arithmetic, for the doubles that the parameters are.
-    The inside is proved where pieces of the branch cover it, along each of which the orbit exists,
-    a particle takes it, and both multipliers are inside the unit circle.
+    -1, enclosed by Krawczyk's method in ball arithmetic; parameters are taken as exact doubles.
+    The inside is proved if pieces of the branch cover it, and along each of them the orbit exists,
+    is admissible, and has both multipliers inside the unit circle.
 
     Raises a MissingFlintError without python-flint.
     """
@@ -182,7 +182,7 @@ def _branch(plane: Plane, drive: Array, k: int, workers: Workers) -> tuple[Line 
 
 
 def _side(line: Line, row: int, step: int) -> tuple[int, int]:
-    """Last point of the part of a branch that attracts, and the kind of event there."""
+    """Last point of the attracting part of a branch, and the kind of event there."""
     at = row
     for at in range(row, line.z.shape[0] if step > 0 else -1, step):
         for event in line.events:
@@ -205,6 +205,6 @@ def _doubles(event: Event, forcing: str, scene: Scene, orbit: Orbit) -> tuple[fl
             "base_displacement": velocity / omega,
             "base_acceleration": velocity * omega / g,
         }[forcing]
-        # a conversion to a double rounds by less than two units
+        # a conversion to a double rounds by less than one unit in the last place
         low, high = float(value.lower()), float(value.upper())
     return math.nextafter(low, -math.inf), math.nextafter(high, math.inf)

@@ -1,4 +1,4 @@
-"""Chunks of a sweep, which are computed independently and reproducible bit for bit."""
+"""Chunks of a sweep, which are computed independently and are reproducible bit for bit."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from vibrosweep.store.parts import Columns, Parts
 
 Tick = Callable[[int], object]
 
-# Statistics of so many trajectories take 22 MB, and the fixed cost per batch is negligible
+# Statistics of this many trajectories take 22 MB, and the fixed cost per batch is negligible
 TRAJECTORIES_PER_BATCH: Final = 1 << 19
-# So many totals of an observable take 64 MB
+# This many totals of an observable take 64 MB
 TOTALS_PER_BATCH: Final = 1 << 23
 
 

@@ -22,7 +22,7 @@ from vibrosweep.runs.chunks import Job, Runner, Tick, compute_chunk
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# Seconds to wait for an answer of the scheduler
+# Seconds to wait for an answer from the scheduler
 PATIENCE: Final = 30
 # Seconds to wait for a new worker once all have gone.  Dask restarts a local worker within seconds,
 # unless it died while it was starting.  Workers of a batch system may have to queue.

@@ -127,7 +127,7 @@ class KeptRun:
 
     @contextmanager
     def _kept(self) -> Iterator[None]:
-        """Add to an error that ends the run how many chunks are kept and how to resume."""
+        """Add the number of kept chunks, and how to resume, to an error that ends the run."""
         try:
             yield
         except KeyboardInterrupt as error:

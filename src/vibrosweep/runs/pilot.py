@@ -22,7 +22,7 @@ from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.parts import Columns
 from vibrosweep.system import resident_memory
 
-# The first sample: so many trajectories over so many periods, or impacts, take 1-2 ms
+# The first sample: this many trajectories over this many periods, or impacts, take 1-2 ms
 TRAJECTORIES: Final = 256
 PERIODS: Final = 64.0
 IMPACTS: Final = 1_000_000

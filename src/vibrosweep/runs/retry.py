@@ -116,7 +116,7 @@ def _rows(spec: Sweep, output: Path) -> tuple[dict[str, str], tuple[int, ...]]:
         budget = int(before[BUDGET])
         names = [name for name in SETTLING if name in file.variables]
         failed = unsettled({name: read_rows(file, name, slice(None)) for name in names})
-        if spec.record is not None:  # it is written anew with any row
+        if spec.record is not None:  # the record is written anew if any row is retried
             status = file.groups["record"].variables["status"][...]
             failed[:1] |= np.any(unsettled({"status": status}))
     now = identity(spec)

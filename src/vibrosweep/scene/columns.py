@@ -1,4 +1,4 @@
-"""Columns of a table of realizations, and tables that are given in memory instead of a path."""
+"""Columns of a table of realizations, and tables that are given in memory, not as a file."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def columns_of(dataset: xr.Dataset) -> dict[str, Label]:
             tuple(map(str, variable.dims)),
         )
         for name, variable in found.items()
-        # a running number of the realizations is no column
+        # the coordinate that numbers the realizations is not a column
         if name in INPUTS or (variable.dims == shared and name != REALIZATION)
     }
 

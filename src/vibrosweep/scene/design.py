@@ -36,7 +36,7 @@ _SOBOL_BITS: Final = 32
 
 @dataclass(frozen=True)
 class Range:
-    """A parameter is drawn from [low, high], low < high, in the parameter's unit."""
+    """The range [low, high], low < high, from which a parameter is drawn, in its unit."""
 
     low: float
     high: float
@@ -61,7 +61,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Design:
-    """Realizations of a scene that are computed."""
+    """Choice of the realizations of a scene."""
 
     name: str = "uniform"  # a key of `DESIGNS`, ``"grid"`` or ``"table"``
     # Inputs that vary, in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` where values
@@ -166,7 +166,7 @@ DESIGNS: Final[dict[str, Drawn]] = {
 
 
 def register_design(name: str, place: Place, points: str | Points = "uniform") -> Place:
-    """Register a design that draws realizations in a way of its own.
+    """Register a design that draws realizations in its own way.
 
     Parameters
     ----------

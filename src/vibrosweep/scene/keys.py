@@ -45,7 +45,7 @@ MAX_PARTICLES: Final = 10**9
 MAX_SEED: Final = 2**63 - 1  # the largest integer of TOML
 MAX_STEPS: Final = 10**6  # values of an axis, which is held in memory
 
-# Return the value of a key in its own type, or raise a ValueError that says what is allowed
+# Returns the value of a key in its own type, or raises a ValueError that says what is allowed
 Check = Callable[[object], Any]
 # Checks of the keys of each table
 Sections = Mapping[str, Mapping[str, Check]]

@@ -28,7 +28,7 @@ _RANGE: Final = "is a range, because it is a tuple, and nothing is drawn from a 
 BUDGET: Final = "impact_budget"
 # Tables that may hold a keyword, in the order in which they are searched
 HOMES: Final = ("scene", "sample", "measure")
-# Evenly spaced values of at least this number are written as start, stop and num.
+# This many evenly spaced values, or more, are written as start, stop and num.
 LONG: Final = 10
 
 
@@ -40,8 +40,8 @@ def keyword_spec(
 ) -> Sweep:
     """Validate keywords, or a mapping of them that may hold whole tables of a sweep file.
 
-    A keyword that is None is not given.  A mapping under the name of a table is this table.  The
-    table of an `analysis` is searched for a keyword before all others.  A keyword among
+    A keyword that is None counts as not given.  A mapping under the name of a table is this table.
+    The table of an `analysis` is searched for a keyword before all others.  A keyword among
     `stated_for_it` that has no meaning for the analysis is a mistake, unless it is False.  `kept`
     is that of `vibrosweep.scene.sweep.read_spec`.  Raises a SpecError that lists all mistakes, each
     with its keyword, and a ParameterError for masked values.
@@ -191,7 +191,7 @@ def _choose_design(given: Mapping[str, Any], data: dict[str, Any], mistakes: Mis
         rule = f'is an axis of a grid, but design = "{design}" draws'
         mistakes.add_broken(axes[0], rule, given[axes[0]], ("give a tuple ", RANGE))
     elif ranges and design == GRID:
-        rule = 'is a range, but design = "grid" takes the values of an axis'
+        rule = 'is a range, but design = "grid" takes lists of values'
         mistakes.add_broken(ranges[0], rule, given[ranges[0]], "give them as a list")
 
 
@@ -219,7 +219,7 @@ def _note_unknown(name: str, value: object, known: Collection[str], mistakes: Mi
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Return a value as `tomllib` gives it: numbers, texts, lists and dicts of Python."""
+    """Return a value as `tomllib` would: with plain numbers, strings, lists and dicts."""
     if name == "design" and not isinstance(value, str):
         return GivenTable.from_table(value)
     refuse_masked(name, value)

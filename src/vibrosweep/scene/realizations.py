@@ -54,9 +54,9 @@ def open_design(sweep: Sweep) -> Realizations:
     ``uniform`` draws independent values; ``latin`` puts one value of each parameter into each of as
     many equal slices as there are realizations; ``sobol`` is a scrambled low-discrepancy sequence,
     balanced best when the number of realizations is a power of two; ``grid`` takes all
-    combinations, the last parameter varying fastest; ``table`` reads them.  Raises a TableError if
-    the table cannot be used, and a SpecError for more realizations than a Sobol' sequence has
-    points, or than a Latin hypercube can hold in memory.
+    combinations, the last parameter varying fastest; ``table`` takes them from a table.  Raises a
+    TableError if the table cannot be used, and a SpecError for more realizations than a Sobol'
+    sequence has points, or than a Latin hypercube can hold in memory.
     """
     opened = _opened(sweep)
     noise = sweep.scene.noise(opened.sampled)

@@ -93,7 +93,7 @@ def check_window(
 def check_measures(
     base: str, noise: Collection[str], measures: Measures, mistakes: Mistakes
 ) -> None:
-    """Report measures that do not work with the base, the waveform or the noise."""
+    """Report measures that do not work with the base or the noise."""
     for key in MEASURES:
         wrong = refusal(base, measure=key, noise=noise)
         if wrong and getattr(measures, key):

@@ -36,7 +36,7 @@ class Scene:
     Raises
     ------
     ParameterError
-        The base does not implement the law of rebound, or the waveform.
+        The base or the waveform is unknown, or the base does not implement the law of rebound.
     """
 
     particles: int = 1  # number of particles per realization
@@ -105,7 +105,7 @@ class Scene:
         return {"duration": self.duration, **windowed}
 
     def forcing(self, varied: Collection[str] = ()) -> str:
-        """Return the name of the forcing; one that varies replaces that of the scene."""
+        """Return the name of the forcing; a varying one replaces that of the scene."""
         return forcing_of([name for name in varied if name in FORCINGS] or self.given)
 
     def quantities(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
@@ -150,7 +150,7 @@ class Scene:
         return found | {n: in_seconds(t, found["frequency"]) for n, t in self.times.items()}
 
     def varied(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """Return the quantities and times that differ between realizations, as `varying` names."""
+        """Return the quantities and times that `varying` names: those that differ."""
         found = self.timed(varied, size)
         return {name: found[name] for name in self.varying(varied)}
 

@@ -86,15 +86,15 @@ class Sweep:
 def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = None) -> Sweep:
     """Read and validate a sweep file; a SpecError lists all mistakes.
 
-    If the file of its trace is missing, `kept` returns the text that a result or an unfinished run
-    holds, and its harmonics are used, provided that it was written for the same sweep file.
+    If the file of its trace is missing, the harmonics come from the text of a result or of an
+    unfinished run, which `kept` returns, if that text was written for the same sweep file.
     """
     source = Path(path)
     return parse_spec(read_text(source), source, kept)
 
 
 def _quoted(text: str) -> str:
-    """Return a text as a comment."""
+    """Return a text as TOML comments."""
     return "".join(f"# {line}\n" for line in text.splitlines())
 
 
@@ -143,7 +143,7 @@ def checked(
     """Validate the data of a sweep file as `tomllib` reads them.
 
     `text` and `source` are those of `Sweep`, and `kept` is that of `read_spec`.  Raises a SpecError
-    that lists all `mistakes`, those that this function adds included.
+    that lists all `mistakes`, including those that this function finds.
     """
     folder = (source or Path()).parent
     if kept is not None and _lacks_trace(data, folder):

@@ -32,7 +32,7 @@ from vibrosweep.store.trial import require_readable
 _EXPECTED: Final = ("restitution", "amplitude")
 # Largest number of mistakes that are listed.
 _LISTED: Final = 20
-# HDF5 lists what lies along a dimension in 64 KiB: 4095 variables, measured ones among them.
+# HDF5 lists the variables along a dimension in 64 KiB: 4095 at most, measured ones included.
 _MOST_LABELS: Final = 3900
 
 COLUMNS: Final = Key("sample.columns")
@@ -49,8 +49,8 @@ def read_table(sweep: Sweep) -> tuple[dict[str, Array], dict[str, Label]]:
     ------
     TableError
         The table cannot be read or contradicts the sweep file; a column is missing, appears twice,
-        has an unknown unit, or has nearly the name of a parameter or the name of a variable of
-        results; a value is not a finite number or out of range.  All mistakes are listed.
+        has an unknown unit, or has almost the name of a parameter or the name of a variable of a
+        result; a value is not a finite number or out of range.  All mistakes are listed.
     """
     path = sweep.design.table
     mistakes = Mistakes(str(sweep.design.table), dialect=PYTHON if sweep.source is None else TOML)
@@ -274,7 +274,7 @@ def _judge_labels(labels: Mapping[str, Label], mistakes: Mistakes) -> None:
     """Check that a result file can hold the labels."""
     if len(labels) > _MOST_LABELS:
         mistakes.add_cell(
-            f"has {len(labels)} columns that are no parameters; a result holds at most "
+            f"has {len(labels)} columns that are not parameters; a result holds at most "
             f"{_MOST_LABELS}",
             remedy=("list the columns to use in ", COLUMNS),
         )

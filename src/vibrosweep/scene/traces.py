@@ -27,8 +27,8 @@ from vibrosweep.scene.waveform import Traced
 FEWEST_PERIODS: Final = 2.0
 LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain
 DRIFT: Final = 0.05  # largest drift in one period, relative to the range
-FRACTIONS: Final = 6  # the frequency is that of the highest peak, divided by 1, ..., 6
-AS_GOOD: Final = 1.05  # residual, relative to the least one, up to which a fit is as good
+FRACTIONS: Final = 6  # the frequency is that of the highest peak, divided by one of 1, ..., 6
+AS_GOOD: Final = 1.05  # residual, relative to the least one, up to which a fit is as good as any
 
 
 def measured(traced: Traced, folder: Path) -> tuple[Waveform, float, float]:
@@ -79,7 +79,7 @@ def _columns(content: bytes, column: str) -> tuple[Array, Array]:
         try:
             numbers[k] = [float(row[place]) for place in places]
         except (IndexError, ValueError) as error:
-            raise ValueError(f"the trace has no two numbers in line {k + 2}") from error
+            raise ValueError(f"line {k + 2} of the trace does not hold two numbers") from error
     time, values = numbers.T
     if not np.isfinite(numbers).all():
         line = int(np.flatnonzero(~np.isfinite(numbers).all(axis=1))[0]) + 2
@@ -131,7 +131,7 @@ def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, f
 
 
 def waves(time: Array, frequency: float, harmonics: int) -> Array:
-    """Cosine and sine of each harmonic of a frequency (Hz), shape (time, 2 harmonics)."""
+    """Return cosine and sine of each harmonic of a frequency (Hz), shape (time, 2 harmonics)."""
     columns = []
     for h in range(1, harmonics + 1):
         turns = h * frequency * time

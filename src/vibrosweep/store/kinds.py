@@ -66,7 +66,7 @@ class ResultKind(NamedTuple):
     draw: Callable[[xr.Dataset], Axes | NDArray[Any]] | None = None
     stem: str = ""
     undrawn: str = "results of this kind have no figure"
-    unverified: str = "verify proves results of vibrosweep run alone"
+    unverified: str = "verify proves only results of vibrosweep run and vibrosweep orbits"
     verify: Callable[..., Any] | None = None
 
     def axes(self, result: xr.Dataset) -> Axes | NDArray[Any]:

@@ -13,7 +13,7 @@ from typing import Final
 from vibrosweep._version import __version__
 
 CONVENTIONS: Final = "CF-1.11"
-version: Callable[[str], str] = cache(metadata.version)  # which reads files at each call
+version: Callable[[str], str] = cache(metadata.version)  # uncached, it reads files at each call
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "h5py", "h5netcdf")
 
 

@@ -26,7 +26,7 @@ REALIZATION: Final = "realization"
 UNSTORABLE: Final = re.compile("[\0\ud800-\udfff]")
 # Rows of a grid that are read at once: one row takes as long as thousands
 ROWS_AT_A_TIME: Final = 1 << 14
-# Rows of which a file is read when all are needed, but not at once
+# Rows of a slice, where all rows of a file are needed, but not at once
 ROWS_OF_A_SLICE: Final = 1 << 18
 
 Box = tuple[slice, ...]
@@ -38,7 +38,7 @@ def along(dims: tuple[str, ...], axes: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def flat(sweep: xr.Dataset) -> xr.Dataset:
-    """Return the result of a sweep with its realizations along one dim ``realization``.
+    """Return the result of a sweep with its realizations along one dimension ``realization``.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        The same; a grid is stacked, so that its axes become coordinates.
+        The same result; a grid is stacked, so that its axes become coordinates.
 
     Raises
     ------

@@ -109,7 +109,7 @@ def test_locked_orbit_attracts_and_needs_no_more_precision_in_time():
     assert len(result.impacts) > 2990
     assert result.precision_bits == run(launch_time=0.42, launch_velocity=4.9).precision_bits
     with ctx.workprec(300):
-        # launched on the locked orbit exactly this would hold at once; multipliers 0.9487
+        # launched exactly on the locked orbit this would hold at once; |multipliers| = 0.9487
         needed = (1 - arb(0.9)) * arb(9.81) / 2 / arb(1.2)
         locked = 0.5 - needed.asin() / (2 * arb.pi())
         distance = [abs(impact.phase - locked) for impact in result.impacts]

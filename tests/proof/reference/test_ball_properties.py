@@ -63,7 +63,7 @@ def test_invariants(scene, rebound):
 
 @settings(max_examples=60, deadline=None)
 @given(scene=SCENES, rebound=LAWS)
-def test_more_precision_lies_inside(scene, rebound):
+def test_balls_of_higher_precision_lie_inside(scene, rebound):
     few, more = (
         trajectory(duration=1e6, max_impacts=IMPACTS, rebound=rebound, digits=d, **scene)
         for d in (4, 50)
@@ -140,7 +140,7 @@ def decimal_arcsine(value, pi):
 
 
 def plain_trajectory(scene, rebound, impacts):
-    """The map as it is printed, in physical units and a running time, to 100 digits."""
+    """The map as published, in physical units and absolute time, to 100 digits."""
     s = {name: Decimal(value) for name, value in scene.items()}
     pi, g, amplitude = decimal_pi(), s["gravity"], s["amplitude"]
     omega, rest = 2 * pi * s["frequency"], g * s["contact_time"] / 2

@@ -162,7 +162,7 @@ def test_first_flight_after_a_lift_off(gamma):
 
 @pytest.mark.parametrize("gamma", [1.0 + 2.0**-51, 1.0 + 1e-14, 1.0 + 1e-9])
 def test_a_base_that_throws_for_a_moment(gamma):
-    # for short flights that law is 1 + (q / 4)^2 = Gamma^2
+    # for short flights the law of the test above becomes Gamma^2 = 1 + (q / 4)^2
     first = in_periods(gamma, 0.0, 0.0, 1e-3).impacts[0]
     with ctx.workprec(300):
         exact = arb.pi() * arb(gamma / math.pi)
@@ -231,7 +231,7 @@ def test_parabolas_begin_and_end_on_the_base(scene):
             height, landing = base(now)[0] + velocity * flown - g * flown**2 / 2, base(t)
             assert height.overlaps(landing[0])
             assert flown.overlaps(flight.duration / p["frequency"])
-            # one that lands at once does not rise
+            # a particle that lands at once does not rise
             rising = arb(0) if flight.duration == 0 else velocity.max(arb(0))
             assert flight.height.overlaps(base(now)[0] + rising**2 / (2 * g))
             if impact.rebound_velocity is None:
@@ -253,7 +253,7 @@ def test_parabolas_begin_and_end_on_the_base(scene):
 
 @settings(max_examples=40, deadline=None)
 @given(scene=SCENES)
-def test_more_precision_lies_inside(scene):
+def test_balls_of_higher_precision_lie_inside(scene):
     few, more = (run(duration=1e6, max_impacts=25, digits=d, **scene) for d in (4, 50))
     for a, b in zip(few.impacts, more.impacts, strict=True):
         assert a.rested == b.rested

@@ -102,7 +102,7 @@ def test_momentum_and_energy_of_each_impact(values):
             if event.kind is LANDING:
                 sticks = event.relative is None
                 thrown = then.kind is LIFTOFF and then.turns is event.turns
-                # what meets: the particle, and the base with the riders that stay
+                # the colliding masses: the particle, and the base with the riders that stay
                 mass = 1 + mu * (0 if thrown else riders)
                 change = mass * (event.base - event.base_before)
                 assert (mu * (event.after - event.before) + change).overlaps(arb(0))
@@ -137,8 +137,8 @@ def test_flights_begin_and_end_on_the_base(values):
                 left[event.particle] = event
 
 
-def test_base_answers_every_impact_by_its_own_oscillation():
-    """Without riders, D is the sum of the answers to all impacts, and nobody is below the base."""
+def test_the_base_responds_to_every_impact_by_its_own_oscillation():
+    """Without riders D is the sum of the responses to all impacts; no flight crosses the base."""
     changes = {"mass_ratio": 0.1, "mount_damping": 0.2, "amplitude": 3.0}
     found = run((0.0, 0.3, 0.8), 8.0, **changes)
     assert not any(event.riders for event in found.events)
@@ -204,7 +204,7 @@ def test_locked_orbit_without_damping(mass_ratio, k, nu):
 def test_elastic_particles_on_an_undamped_base_keep_their_energy(mu, nu, u, gap):
     still = {"restitution": 1.0, "amplitude": 0.0, "contact_time": 1e-9, "gravity": 2.0}
     mounted = {"mass_ratio": mu, "mount_frequency": nu, "mount_damping": 0.0}
-    # no simple ratios, which tie
+    # irrational factors, because simple ratios lead to ties
     times, speed = (0.0, gap / math.pi), u / math.e
     found = run(times, 3.0 * speed, launch_velocity=speed, **still, **mounted)
     with ctx.workprec(2 * found.precision_bits):
@@ -215,7 +215,7 @@ def test_elastic_particles_on_an_undamped_base_keep_their_energy(mu, nu, u, gap)
                 flying[event.particle] = event
             launched += event.kind is LAUNCH
             energy = (event.rate**2 + w0**2 * event.deviation**2) / 2
-            for start in flying.values():  # a parabola keeps what it began with
+            for start in flying.values():  # the energy is constant along a parabola
                 energy += mass * (start.after**2 / 2 + 2 * start.height)
             if launched == 2 and event.kind is LANDING:
                 assert energy.overlaps(total)
@@ -223,7 +223,7 @@ def test_elastic_particles_on_an_undamped_base_keep_their_energy(mu, nu, u, gap)
                 total = energy
 
 
-def test_particles_of_one_state_land_in_the_order_of_their_numbers():
+def test_particles_in_the_same_state_land_in_the_order_of_their_numbers():
     found = run((0.2, 0.0, 0.0), 3.0, restitution=0.6, amplitude=2.0, contact_time=1e-2)
     landings = [event for event in found.events if event.kind is LANDING]
     first, second = (event for event in landings if event.number <= 2)
@@ -234,7 +234,7 @@ def test_particles_of_one_state_land_in_the_order_of_their_numbers():
     assert first.after > second.after
 
 
-def test_what_is_undecided_is_named():
+def test_undecided_events_are_named():
     still = {"amplitude": 0.0, "gravity": 2.0, "launch_velocity": 1.0}
     with pytest.raises(UndecidableError, match="launch of particle 1"):
         run((0.0, 1.0), 3.0, **still)
@@ -253,7 +253,7 @@ def test_at_rest_for_good_is_known_at_the_end():
     ]
     assert [own.at_rest for own in rests] == [False, True, False]
     assert all(own.impacts[-1].rested for own in rests)
-    # the first leaves half a period after the end, which belongs to its stay
+    # the first lifts off half a period after the end; this is still part of its last stay
     assert [own.impacts[-1].flight is None for own in rests] == [False, True, True]
     assert 3.5 < float(rests[0].impacts[-1].liftoff_time) < 3.6
 

@@ -21,7 +21,7 @@ def run(**given):
 
 
 def test_known_trajectories():
-    """Of 40 digits, computed apart from this program."""
+    """Computed to 40 digits, independently of this package."""
     over = run(
         base="moving",
         waveform=TWO,
@@ -53,7 +53,7 @@ def test_balls_hold_the_shape_and_its_differences(shape):
         assert float(wave.slope(h)) == pytest.approx(float(shape.slope(x)), abs=1e-11)
         for value, bound in ((wave.level, bounds.top), (wave.slope, bounds.steep)):
             assert abs(value(h)) <= bound + arb(2) ** -40
-    wide = wave.velocity(arb(0.5, 0.3))  # a ball of phases holds the values of all
+    wide = wave.velocity(arb(0.5, 0.3))  # a ball of phases gives a ball of all their values
     assert all(wide.overlaps(wave.velocity(arb(h))) for h in np.linspace(0.25, 0.75, 9).tolist())
 
 

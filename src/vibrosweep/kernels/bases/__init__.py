@@ -1,8 +1,8 @@
 """Generic functions that every base implements.
 
-A kernel is compiled for one base and one law.  The type of the constants selects them: the named
-tuple of the numbers that determine the impacts of one realization.  Each base has a file here with
-its constants and implementations; other kernels do not name any base.
+A kernel is compiled for one base and one law, which the type of the constants selects.  Constants
+are a named tuple of the numbers that determine the impacts of one realization.  Each base has its
+constants and implementations in files here; other kernels do not name any base.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
 duration of the flight that they begin on a base at rest.  Speeds are relative to the base unless
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._jit import Floats, generic
 from vibrosweep.model.parameters import Dimensionless
 
-Base = Any  # an empty named tuple: its type is what numba compiles for
+Base = Any  # a named tuple of laws, shape and noise: numba compiles for its type
 Constants = Any  # the named tuple of one base
 
 
@@ -33,7 +33,7 @@ class Instant(NamedTuple):
     """An instant, counted in forcing periods."""
 
     whole: float  # periods of the forcing
-    phase: float  # in turns, of [-1/2, 1/2]
+    phase: float  # in turns, in [-1/2, 1/2]
 
 
 class Jacobian(NamedTuple):
@@ -88,7 +88,7 @@ def put(fixed: Constants, s: Floats, j: int) -> None:
 
 @generic
 def take(base: Base, s: Floats, j: int) -> Constants:
-    """Take the constants of lane j back.
+    """Return the constants of lane j from the scratch memory.
 
     In a lane at rest for good the phase is NaN, so that every comparison with an end is False.
     """
@@ -104,7 +104,7 @@ def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
 
 @generic
 def prepare(base: Base, s: Floats, lanes: int) -> None:
-    """Compute the numbers that `approach` needs of the first lanes, beyond those of `keep`."""
+    """Compute, for the first lanes, the numbers that `approach` needs beyond those of `keep`."""
 
 
 @generic
@@ -118,12 +118,12 @@ def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
 
 @generic
 def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
-    """Return whether lane j has had fewer impacts than the budget; True if others check that."""
+    """Return whether lane j has had fewer impacts than the budget; True if checked elsewhere."""
 
 
 @generic
 def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
-    """Keep the numbers that the next pass of lane j needs; return whether a flight counts now.
+    """Keep the numbers that the next pass of lane j needs; return whether to count a flight now.
 
     `seen` is whether the landing, if there is one, is in the window.
     """
@@ -131,7 +131,7 @@ def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: b
 
 @generic
 def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
-    """Return whether the search of lane j is abandoned; called once for so many passes."""
+    """Return whether the search of lane j is abandoned; called once every so many passes."""
 
 
 @generic
@@ -141,7 +141,7 @@ def pending(base: Base, s: Floats, j: int) -> bool:
 
 @generic
 def common_age(base: Base) -> float:
-    """Impacts in a pass of any lane, 0 where `keep` counts them lane by lane."""
+    """Impacts of every lane in a pass; 0 where `keep` counts them lane by lane."""
 
 
 @generic
@@ -197,7 +197,7 @@ def random(fixed: Constants, particle: float, number: float, n: float, x: float)
 
 @generic
 def wake(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
-    """Return when a particle that rests from (n, x) on lifts off, if `lift_off` does not tell.
+    """Return when a particle at rest since (n, x) lifts off, if `lift_off` does not say.
 
     Whole periods count from `origin`; they are NaN if no lift-off is found.
     """
@@ -245,13 +245,14 @@ def reverses(fixed: Constants, x: float, v: float) -> float:
 def contraction(fixed: Constants, v: float) -> float:
     """Modulus of the determinant of the Jacobian of an impact with speed v of arrival.
 
-    Factors whose product over a cycle is 1 may be omitted.  If it is 0, it is 0 at any speed.
+    Factors whose product over a cycle is 1 may be omitted.  If it is 0 at one speed, it is 0 at
+    every speed.
     """
 
 
 @generic
 def density(fixed: Constants, u: float) -> float:
-    """Weight of an area at speed u, from which the factors follow that `contraction` omits."""
+    """Weight of an area at speed u; quotients of weights are the factors `contraction` omits."""
 
 
 @generic

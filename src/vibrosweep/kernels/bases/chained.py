@@ -30,7 +30,7 @@ from vibrosweep.kernels.waveforms import Parabolic, velocity
 from vibrosweep.model.parameters import Dimensionless
 
 TOP = 0.125  # largest height W; the lowest is its negative
-CORNER = 0.25  # phase at which the base begins to fall; its negative is the other one
+CORNER = 0.25  # phase at which the acceleration turns downwards; upwards at its negative
 
 
 class Guess(NamedTuple):
@@ -57,7 +57,7 @@ def constants_chained(base: Chained, problem: Dimensionless, i: int) -> ChainedC
 
 @jit
 def stretch_at(x: float) -> tuple[float, float]:
-    """Sign of the acceleration from phase x on, and the phase from the middle of that stretch."""
+    """Sign of the acceleration from phase x on, and x relative to the middle of that stretch."""
     rises = (x >= -CORNER) & (x < CORNER)
     return 1.0 if rises else -1.0, x if rises else x - math.copysign(0.5, x)
 
@@ -71,7 +71,7 @@ def level_at(x: float) -> float:
 
 @jit
 def since(x: float, t: float) -> tuple[float, float, float]:
-    """W(x + t) - W(x) - t w(x), w(x + t) - w(x), and the size of the terms of the former."""
+    """W(x + t) - W(x) - t w(x), w(x + t) - w(x), and the size of the terms of the first."""
     sign, y = stretch_at(x)
     past = t - (CORNER - y)
     past = past if past > 0.0 else 0.0  # since the first corner

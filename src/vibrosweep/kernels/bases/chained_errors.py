@@ -28,8 +28,8 @@ from vibrosweep.kernels.bases.moving_limits import (
 )
 from vibrosweep.kernels.rounding import HALF_ULP
 
-# Of the terms of W(x + t) - W(x) - t w(x) and of w(x + t) - w(x), relative to the size of their
-# terms: alpha; a phase, whose error of half an ulp of 1 moves w by 4 of it; four roundings each
+# Error of W(x + t) - W(x) - t w(x) and of w(x + t) - w(x), relative to the size of their terms:
+# that of alpha, half an ulp of 1 in a phase, which moves w by 4 times as much, four roundings each
 TERM_ERROR = ALPHA_ERROR + 16.0 * HALF_ULP
 
 

@@ -100,7 +100,7 @@ def until_corner(drive: Drive, x: float) -> float:
 
 @generic
 def forced(shape: Shape, alpha: float, w: float, zeta: float, mass: float, side: float) -> Drive:
-    """Forced motion of a base of the velocity alpha w(x) without riders, on a side."""
+    """Forced motion, on a side, of a base that without riders has the velocity alpha w(x)."""
 
 
 @generic
@@ -163,7 +163,7 @@ def forced_sine(
 ) -> Oscillation:
     p, q = -alpha / TWO_PI, 0.0
     if mass > 1.0:
-        # the response to what moves the bare base with the amplitude p
+        # the response to the forcing that moves the bare base with the amplitude p
         damping = 2.0 * zeta * w * TWO_PI
         bare = w * w - TWO_PI * TWO_PI
         full = bare - (mass - 1.0) * TWO_PI * TWO_PI
@@ -216,7 +216,7 @@ def onto_oscillation(drive: Oscillation, at: Phase, s: float, free: Motion) -> M
 def _harmonic(
     shape: Harmonics, alpha: float, w: float, zeta: float, mass: float, k: int
 ) -> Oscillation:
-    """Harmonic k + 1 of the loaded base."""
+    """Harmonic k + 1 of the forced motion of the loaded base."""
     v = TWO_PI * (k + 1)
     return _answered(-alpha * shape.p[k] / v, alpha * shape.q[k] / v, v, w, zeta, mass)
 

@@ -12,7 +12,7 @@ from vibrosweep.kernels.rounding import HALF_ULP
 
 
 class StateError(NamedTuple):
-    """Largest errors of phase and speed, of a lift-off unless it says otherwise."""
+    """Largest errors of phase and speed; those of a lift-off unless stated otherwise."""
 
     phase: float
     speed: float
@@ -27,7 +27,7 @@ def landing_rounding(flight: Flight) -> float:
 
 @generic
 def launch_error(fixed: Constants, x: float, u: float) -> float:
-    """Error of the speed u of a launch at phase x; infinite where it decides on a landing."""
+    """Error of the launch speed u at phase x; infinite if it decides whether the particle flies."""
 
 
 @generic
@@ -43,10 +43,10 @@ def landing_added(fixed: Constants, flight: Flight, spread: StateError) -> State
 def jacobian_error(
     fixed: Constants, flight: Flight, error: float, spread: StateError
 ) -> tuple[float, float, float]:
-    """Bounds of how errors change the image of a small change of the state.
+    """Bounds of how much errors change the image of a small deviation of the state.
 
-    They are to be added, for each unit of change of the phase before, of the speed before, and of
-    the phase of the landing, whose error is `error`.
+    Three factors, whose products are added: with the deviation of the phase before, of the speed
+    before, and of the phase of the landing.  The phase of the landing has the error `error`.
     """
 
 
@@ -75,7 +75,8 @@ def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: StateError) -
 def liftoff_error(fixed: Constants) -> StateError:
     """Bounds of the errors of phase and speed of the lift-off from a rest.
 
-    The first is infinite where it is in doubt whether a resting particle is ever lifted.
+    The bound of the phase is infinite where it is in doubt whether a resting particle is ever
+    lifted.
     """
 
 
@@ -85,6 +86,6 @@ def random_liftoff_error(
 ) -> StateError:
     """Bounds like those of `liftoff_error`, under noise.
 
-    The rest begins at (n, x), counted from time 0, with an error of the phase, and ends `later`, by
-    `lift_off`.  The first is also infinite where the end is in doubt.
+    The rest begins at (n, x), counted from time 0, with an error of the phase; by `lift_off` it
+    ends at `later`.  The bound of the phase is also infinite where the end is in doubt.
     """

@@ -74,8 +74,8 @@ class Constants(NamedTuple):
     a: float
     r: float
     scale: float  # of speeds, in the law of restitution
-    # x_lift, wait, u_lift: of a rest: phase of the lift-off, or of several, 0 or infinite where
-    # there is none, and next flight
+    # x_lift, wait, u_lift: end of a rest: phase or phases of the lift-off, the wait for it, which
+    # is 0, or infinite if it never comes, and the next flight
     x_lift: LiftOffs
     wait: float
     u_lift: float
@@ -197,7 +197,7 @@ def lift_off_high_bounce(fixed: Constants, n: float, x: float, w: float) -> Lift
     leaves = w > fixed.r
     x_lift, carry = next_lift_off(fixed.base.waveform, fixed.x_lift, x)
     known = n + (fixed.wait + carry), x_lift
-    # the phase NaN marks a rest for good in lanes, where the wait for its end is 0
+    # in lanes, where `wait` is always 0, the phase NaN marks a rest for good
     has_phase = (fixed.u_lift > 0.0) | (fixed.wait > 0.0)
     later, x_lift = noise.lifted(
         fixed.base.noise, known, n + fixed.wait, x if has_phase else np.nan

@@ -1,7 +1,7 @@
-"""Noise over a base that stays at height 0: random impacts, and the rests that they end.
+"""Noise over a base that stays at height 0: random impacts, and ends of rests.
 
 Where the amplitude is random, a particle that has come to rest is lifted in the first forcing
-period whose kick rises through the threshold of rest, which no formula gives.
+period whose kick rises through the threshold of rest; no formula gives this period.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _first_lift(fixed: Constants, n: float, x: float) -> tuple[float, float]:
 def first_lift_error(fixed: Constants, n: float, x: float, error: float) -> StateError:
     """Bounds of the errors of `_first_lift`, from that of the phase x of the rest.
 
-    The first is infinite where it is in doubt which forcing period lifts the particle.
+    The bound of the phase is infinite where it is in doubt which forcing period lifts the particle.
     """
     shape, a, r = fixed.base.waveform, fixed.a, fixed.r
     period, size = period_of(n, x), fixed.source.drive
@@ -101,7 +101,7 @@ def prepare_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
 
 @jit
 def _wake_lanes(on: int | None, base: HighBounce, s: Floats, lanes: int) -> None:
-    """Check whether the drawn forcing period ends the rest of a lane, as `_first_lift` does."""
+    """Check in each resting lane whether the period drawn for it ends the rest (`_first_lift`)."""
     if on is not None:
         wide_vectors()
         for j in range(lanes):

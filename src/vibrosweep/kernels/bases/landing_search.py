@@ -54,7 +54,7 @@ AHEAD = 0.25  # periods beyond the flight over a base at rest, if the base falls
 # A step ends the iteration if the terms of its series decrease so fast that the remainder is below
 # half an ulp of the step, and of the flight
 LAST = 2.0**-12
-BORDER = 2.0**-30  # turns; a stretch that is so near to its end counts as ended
+BORDER = 2.0**-30  # turns; a stretch this near to its end counts as ended
 ULP = 2.0**-52
 NOISE = 8.0 * HALF_ULP  # rounding error of the clearance, relative to its terms
 
@@ -75,7 +75,7 @@ class Guess(NamedTuple):
     sure: bool  # True if the clearance certainly has a single root
     time: float  # a time near the landing
     # The particle is above every height of the base from time `rise` until u - rise, u being the
-    # duration of the flight over a base at rest; needed with arcs only
+    # duration of the flight over a base at rest; used only with arcs
     rise: float
 
 
@@ -233,7 +233,7 @@ def first_try(
 def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
     """Return whether the base presses at phase x, and periods until it falls, or presses again.
 
-    A stretch that is within `BORDER` of its end has ended.
+    A stretch that is within `BORDER` of its end counts as ended.
     """
     presses = not abs(x) > x_lift
     to_fall = x_lift - x
@@ -257,13 +257,13 @@ def across(
 
     The clearance is positive at s and before.  `ends` is whether the base presses at s, and the
     periods until it falls, or presses again.  Between the times `above` the particle is above every
-    height of the base.  `slopes` are two derivatives of the clearance, and half a bound of a third.
+    height of the base.  `slopes` are F', F'', and half a bound of F'''.
     """
     (presses, to_fall, to_press), (rise, until), (f1, f2, jolt) = ends, above, slopes
     nears = f1 < 0.0
     into = step if nears else s
     into = into if into < to_fall else to_fall
-    # the slope stays negative for so long
+    # whether the slope stays negative for this long
     beyond = 1.01 * (step if step > newton else newton)
     bend = f2 if f2 > 0.0 else 0.0
     falls = f1 + beyond * (bend + jolt * beyond) < 0.0
@@ -275,7 +275,7 @@ def across(
 
 @jit
 def series_step(s: float, f1: float, terms: Terms) -> tuple[float, float, bool]:
-    """Return the step from s to the root, the time to be tried, and if the terms decrease fast.
+    """Return the step from s to the root, the time to try, and whether the terms decrease fast.
 
     The step is between 1/2 and 3/2 of Newton's.
     """
@@ -300,9 +300,9 @@ def try_landing(
     terms: Terms,
     arcs: int | None,
 ) -> tuple[float, float, bool]:
-    """Try the time s; return the landing or the next time to try, the speed, and if it lands.
+    """Try time s; return the landing or the next time to try, the speed, and whether it lands.
 
-    `clear` is the clearance at that time, of which `terms` are those of the series.
+    `clear` is the clearance at that time, and `terms` are those of its series.
     """
     f, f1, sine, cosine = clear
     alpha, newton, sure = fixed.alpha, terms.newton, guess.sure

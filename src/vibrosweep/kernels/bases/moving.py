@@ -5,9 +5,9 @@ restitution.  It comes to rest if E(z) is at most r and the base presses it, 1 +
 acceleration G = alpha w'(x) / 2 of the base in units of gravity.  It lifts off, with speed 0, when
 the base begins to fall faster than gravity, where 1 + G falls through 0.
 
-The waveform decides which named tuple a base and its constants are.  Flights are found in
-`landing_search` (the sine), `shaped` (harmonics) and `chained` (parabolas); here is what does not
-depend on the waveform, or holds for both waveforms with a single lift-off in a period.
+Base and constants are named tuples of their own for each kind of waveform.  Flights are found in
+`landing_search` (the sine), `shaped` (harmonics) and `chained` (parabolas); this file has what does
+not depend on the waveform, or holds for both waveforms with a single lift-off in a period.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def constants_moving(base: Moving, problem: Dimensionless, i: int) -> MovingCons
     if gamma > LARGEST_GAMMA:
         alpha = np.nan
     elif gamma > 1.0:
-        # half the angle from pi, whose sine loses nothing near Gamma = 1
+        # from the sine of half the angle to phase 1/2, which loses no digits near Gamma = 1
         x_lift = 0.5 - 2.0 * _arcsin_turns(math.sqrt((gamma - 1.0) / (2.0 * gamma)))
     scale = scale_of(base.restitution, e, problem.restitution_speed[i])
     source = noise.source_of(problem.noise, problem.end_count, i)
@@ -203,8 +203,8 @@ def reverses_moving(fixed: MovingConstants, x: float, v: float) -> float:
 
 @implements(bases.contraction, *ANY)
 def contraction_moving(fixed: Constants, v: float) -> float:
-    # slope times the relative speed of the lift-off before over that of arrival: along an orbit the
-    # product of these quotients equals the product of the restitutions
+    # the determinant is the slope times the speed of the lift-off before over that of arrival; over
+    # a cycle the product of these quotients equals the product of the restitutions
     law = fixed.base.restitution
     return slope(law, fixed.e, fixed.scale, v) * ratio(law, fixed.e, fixed.scale, v)
 

@@ -6,7 +6,7 @@ errors have four sources:
 - The duration s.  F is evaluated at s, with a bound of its rounding.  As |F''| <= 1 + Gamma, F has
   a root within about |F| / |F'| of s if |F| is small against F'^2 (Kantorovich's condition for
   Newton's iteration).  A graze fails this condition.
-- alpha, which has a few roundings of the kick; they count as errors of F and of z.
+- alpha, which has the roundings of the kick and two more; they count as errors of F and of z.
 - The nonlinear remainder: the change of the Jacobian within the error, by the mean value theorem.
   For N harmonics |G'| <= 2 pi N Gamma by Bernstein's inequality, and so on for higher derivatives.
 - The choice of the root.  Steps in time that pass no root of any state within the error must reach
@@ -42,7 +42,7 @@ from vibrosweep.kernels.sine import SINE_ERROR
 from vibrosweep.kernels.waveforms import kick_slope, velocity
 from vibrosweep.model.shapes import TWO_PI
 
-# x_L, absolute: of the root, of the arcsine of at most 1 / sqrt(2), and of the difference
+# Absolute error of x_lift: the root, the arcsine of at most 1 / sqrt(2), and the difference
 ARCSINE_ERROR = 4.0 * HALF_ULP
 MARCH = 1000  # steps
 
@@ -55,7 +55,7 @@ class Landed(NamedTuple):
 
 
 class Change(NamedTuple):
-    """Bounds of the change of the derivatives of s and z by x and y over the states in an error."""
+    """Bounds of the change of the derivatives of s and z by x and y, over a spread of states."""
 
     s_x: float
     s_y: float
@@ -65,7 +65,7 @@ class Change(NamedTuple):
 
 @jit
 def _landed(fixed: Constants, flight: Flight, at: Along) -> Landed:
-    """Errors of a landing, of which `at` is where the flight is said to end."""
+    """Bound the errors of a landing; `at` is the flight after its computed duration."""
     gamma = limits(fixed, 1.0).steep
     off, z = abs(at.f) + at.f_error, at.z - at.z_error
     kappa = 8.0 * (1.0 + gamma) * SURE * off / (z * z)
@@ -117,7 +117,7 @@ def _change(
 
 @jit
 def _start(fixed: Constants, flight: Flight, spread: StateError, last: float) -> float:
-    """Return a time before which no state in a spread lands, early in the flight; or NaN."""
+    """Return a time early in the flight before which no state in a spread lands; or NaN."""
     y = max(0.0, flight.u - spread.speed)
     least = 0.5 * y / (1.0 + limits(fixed, 1.0).steep)
     edge = spread.phase + error_bounds.liftoff_error(fixed).phase + 2.0 * HALF_ULP
@@ -161,7 +161,7 @@ def _above(fixed: Constants, flight: Flight, spread: StateError) -> tuple[bool, 
 
 @jit
 def _never_falls(fixed: Constants, error: float) -> bool:
-    """Return whether the base never falls faster than gravity, its acceleration off by an error."""
+    """Return whether the base certainly never falls faster than gravity; `error` is relative."""
     limit = limits(fixed, 1.0)
     return limit.fall * (1.0 + error) + limit.slope_rounding <= 1.0
 
@@ -316,7 +316,7 @@ def liftoff_error_moving(fixed: MovingConstants) -> StateError:
         return StateError(0.0, 0.0)
     if gamma - 1.0 <= 8.0 * GAMMA_ERROR:
         return StateError(np.inf, np.inf)
-    slope = TWO_PI * math.sqrt((gamma - 1.0) * (gamma + 1.0))  # of Gamma by x_L, over Gamma
+    slope = TWO_PI * math.sqrt((gamma - 1.0) * (gamma + 1.0))  # of ln(Gamma) by x_lift
     return StateError(2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0)
 
 

@@ -6,12 +6,13 @@ velocity w of the base in units of alpha and its acceleration G = alpha w' / 2 i
     ds = (P dx + s dy) / z,     P = alpha (w(x) + s w'(x) - w(x + s))
     dz = 2 (1 + G(x + s)) ds + 2 (G(x + s) - G(x)) dx - dy
 
-with the determinant y / z of (dx + ds, dz).  Of a sine, with q = 2 pi s, P is alpha (cos(2 pi x) (q
-- sin q) + sin(2 pi x) (1 - cos q)), in which nothing cancels; of harmonics it is the sum of such.
+The determinant of (dx + ds, dz) is y / z.  For a sine, with q = 2 pi s, P is alpha (cos(2 pi x)
+(q - sin q) + sin(2 pi x) (1 - cos q)), in which nothing cancels; for harmonics it is a sum of such
+terms.
 
-An orbit that lands every k periods meets the base with c, where c + E(c) = 2 k, at a phase x at
-which the base rises with c - k.  With the slope q of E at c and e = E(c) / c, its multipliers are
-the roots of z^2 - (1 + q e + (1 + q)(1 + e) G) z + q e.
+An orbit that lands every k periods meets the base with the relative speed c, where c + E(c) = 2 k,
+at a phase x at which the base rises with c - k.  With the slope q of E at c and e = E(c) / c, its
+multipliers are the roots of z^2 - (1 + q e + (1 + q)(1 + e) G) z + q e.
 """
 
 from __future__ import annotations
@@ -48,16 +49,16 @@ from vibrosweep.kernels.sine import (
 from vibrosweep.kernels.waveforms import kick_slope, velocity
 from vibrosweep.model.shapes import TWO_PI
 
-# alpha = a / (1 + e), relative; Gamma = pi alpha takes two roundings more.
+# Relative errors of alpha = a / (1 + e) and of Gamma = pi alpha, which takes two roundings more.
 ALPHA_ERROR = KICK_ERROR + 2.0 * HALF_ULP
 GAMMA_ERROR = ALPHA_ERROR + 2.0 * HALF_ULP
-# Of sin t (q - sin q), sin t (1 - cos q) and so on, where the cosine is exact, relative: the
+# Relative error of sin t (q - sin q), sin t (1 - cos q) and so on, for an exact cosine: that of the
 # functions, 1 - cos q = 2 sin^2(q / 2), the products, their sum, and alpha.
 TERM_ERROR = SINE_ERROR + LAG_ERROR + ALPHA_ERROR + 6.0 * HALF_ULP
-# The same of harmonics, relative to |p| + |q| of each: both functions, nine roundings of p and q,
-# five of the phase, with what they make of 2 pi h s - sin and of 1 - cos; one more for each term.
+# The same for harmonics, relative to |p| + |q| of each: both functions, nine roundings of p and q,
+# five of the phase, with their effect on 2 pi h s - sin and 1 - cos; one more for each term.
 SUM_ERROR = SINE_ERROR + COSINE_ERROR + LAG_ERROR + ALPHA_ERROR + 32.0 * HALF_ULP
-AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
+AT_LANDING = 2.0**-20  # periods; an earlier landing is farther than this from the end of the flight
 
 
 class Along(NamedTuple):
@@ -68,12 +69,12 @@ class Along(NamedTuple):
     f_error: float
     z: float
     z_error: float
-    # by_x, acceleration, lost: P; G then, and how much less that is than at the lift-off
+    # by_x, acceleration, lost: P, G(x + t), and G(x) - G(x + t)
     by_x: float
     acceleration: float
     lost: float
-    # of_x, of_z, of_lost: bounds of the moduli of the terms that P, the part of the base in z, and
-    # `lost` are sums of, at any phase of the lift-off
+    # of_x, of_z, of_lost: bounds, at any phase of the lift-off, of the sums of the moduli of the
+    # terms of P, of the base's part of z, and of `lost`
     of_x: float
     of_z: float
     of_lost: float
@@ -153,7 +154,7 @@ def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
     at = along(fixed, flight.x, flight.u, s)
     by_x, by_y = at.by_x / z, s / z
     pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
-    # of all terms; an error of z by rounding is a share of the terms that z is the sum of
+    # sum of the moduli of all terms; the rounding error of z is relative to the terms of z
     parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * at.of_z) / z
     size = 1.0 + parts * (at.of_x + s) / z
     largest = abs(pull) + 2.0 * limits(fixed, 1.0).steep + 2.0

@@ -29,7 +29,7 @@ from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.noise import SILENT, drawn_in
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
-FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
+FRESH = -1.0  # in place of the next time to be tried: the flight has just begun
 
 
 @implements(bases.put, *SINGLE)
@@ -127,7 +127,7 @@ def _look(base: Moving, s: Floats, lanes: int) -> None:
 
 @jit
 def _try(base: Moving, s: Floats, lanes: int) -> None:
-    """Find from the clearance the landing of each lane, or the time to be tried next."""
+    """Find the landing of each lane, or the time to be tried next, from the clearance."""
     wide_vectors()
     for j in range(lanes):
         fixed, begin, guess = bases.take(base, s, j), begun(s, j), _guessed(s, j)

@@ -13,7 +13,7 @@ from vibrosweep.kernels.sine import COSINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.shapes import TWO_PI
 
 SURE = 1.0 + 2.0**-30  # factor for the rounding of compared numbers
-AT_LIFT_OFF = 2.0**-48  # turns; so near to the phase of lift-off the base counts as falling
+AT_LIFT_OFF = 2.0**-48  # turns; this near to the phase of lift-off the base counts as falling
 UPWARDS = 1.0 + 2.0**-30  # factor for the rounding of extremes of a shape
 
 
@@ -24,21 +24,21 @@ class Limits(NamedTuple):
     steep: float
     fall: float
     speed: float  # of the velocity, times pi
-    angle: float  # of |G'| relative to that of |G|, and of each further derivative
-    # rounding, slope_rounding: of velocity and G, apart from some roundings of their values
+    angle: float  # of |G'| relative to that of |G|, and so on for each further derivative
+    # rounding, slope_rounding: of errors of velocity and G, beyond a few roundings of their values
     rounding: float
     slope_rounding: float
 
 
 @generic
 def limits(fixed: Constants, slack: float) -> Limits:
-    """Bounds for alpha times the factor `slack`."""
+    """Bound the motion of the base for alpha times the factor `slack`."""
 
 
 class Bends(NamedTuple):
-    """Bounds of changes of the derivatives of a flight, as of `moving_jacobian`.
+    """Bounds of changes of the derivatives of a flight, in the notation of `moving_jacobian`.
 
-    Those of P, of twice G at the landing, and of twice how much less that is than at the lift-off.
+    They are those of P, of 2 G(x + s), and of 2 (G(x) - G(x + s)).
     """
 
     of_p: float
@@ -53,7 +53,7 @@ def bends(fixed: Constants, flight: Flight, dx: float, off: float) -> Bends:
 
 @generic
 def keeps_pressing(fixed: Constants, x: float, pull: float, error: float) -> bool:
-    """Return whether a base that presses at phase x with 1 + G >= pull does so within an error."""
+    """Return whether a base with 1 + G >= pull at x presses at every phase within an error of x."""
 
 
 @generic
@@ -67,7 +67,7 @@ def below_top(fixed: Constants, x: float, dx: float, slack: float) -> float:
 
 @generic
 def first_stretch(fixed: Constants, x: float) -> tuple[bool, float]:
-    """Return whether the base falls faster than gravity at phase x, and for how long."""
+    """Return whether the base falls faster than gravity at x, and periods until that changes."""
 
 
 @implements(limits, MovingConstants)

@@ -34,7 +34,7 @@ class Parabola(NamedTuple):
 
     alpha: float
     side: float  # 1 where the base is accelerated upwards, around phase 0; -1 in the other half
-    sag: float  # of the load, by the acceleration of the drive
+    sag: float  # under the load, due to the acceleration of the drive
 
 
 @implements(side_at, Parabolic)
@@ -49,7 +49,7 @@ def side_of_parabola(drive: Parabola) -> float:
 
 @jit
 def _from_middle(drive: Parabola, x: float) -> float:
-    """Phase from the middle of the present stretch."""
+    """Phase relative to the middle of the present stretch."""
     return x if drive.side > 0.0 else x - math.copysign(0.5, x)
 
 

@@ -1,4 +1,4 @@
-"""Lift-off from a rest within one forcing period, by the type of the shape, where a is random."""
+"""Lift-off from a rest in one forcing period, by the type of the shape, with noise of the drive."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ USELESS: Final = 2.0**-20  # turns; a larger bound of the error of a lift-off is
 
 @generic
 def lift_in(shape: Shape, kick: float, r: float, after: float, rests: bool) -> tuple[bool, float]:
-    """Return whether the kick exceeds r later in a period than `after`, and when, in turns.
+    """Return whether the kick exceeds r in a period from `after` on, and when first, in turns.
 
-    What is returned has no meaning for a particle that does not rest.
+    The result has no meaning for a particle that does not rest.
     """
 
 
@@ -36,7 +36,7 @@ def lift_in(shape: Shape, kick: float, r: float, after: float, rests: bool) -> t
 def lift_in_error(
     shape: Shape, a: float, drive: float, r: float, after: float, error: float
 ) -> tuple[bool, float]:
-    """Return whether `lift_in` lifts, and a bound of the error of that; `error` is of `after`.
+    """Return whether `lift_in` lifts, and a bound of the error of when; `error` is that of `after`.
 
     The bound is infinite where either is in doubt.  The kick of a period, a (1 + drive), takes two
     more roundings than without noise, and its noise another two.

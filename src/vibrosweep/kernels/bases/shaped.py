@@ -1,10 +1,10 @@
 """The moving base whose velocity is a sum of harmonics.
 
-A resting particle lifts off at the next phase at which 1 + G falls through 0, of which a period may
-have several.
+A resting particle lifts off at the next phase at which 1 + G falls through 0; a period may have
+several such phases.
 
-In the vector kernel a pass makes one step of each lane's search.  The loops are short, and rows are
-used, as in `moving_lanes`, except for those of `Rows`.
+In the vector kernel a pass makes one step of each lane's search.  The loops are short, as in
+`moving_lanes`, and use the same rows, except for those of `Rows`.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def fitted_shaped(base: Shaped, problem: Dimensionless) -> Shaped:
     alpha = problem.kick / (1.0 + problem.restitution)
     if np.any(0.5 * alpha * base.waveform.fall > 1.0 - 2.0**-40):
         return base
-    dip = base.waveform.dip[:1]  # no place falls: one of several is enough
+    dip = base.waveform.dip[:1]  # no particle is ever lifted: one of several dips is enough
     return base._replace(waveform=base.waveform._replace(dip=dip, before=dip, after=dip))
 
 
@@ -233,7 +233,7 @@ def _look(base: Shaped, s: Floats, lanes: int) -> None:
 
 @jit
 def _try(base: Shaped, s: Floats, lanes: int) -> None:
-    """Find from the clearance the landing of each lane, or the time to be tried next."""
+    """Find the landing of each lane, or the time to be tried next, from the clearance."""
     wide_vectors()
     for j in range(lanes):
         clear = Clear(

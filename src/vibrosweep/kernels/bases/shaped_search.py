@@ -1,7 +1,8 @@
 """The first landing on a base that moves as a sum of harmonics.
 
 As in `landing_search`, with w(x) = sum u_h, where a harmonic has u = c sin(th), v = c cos(th) at
-the phase of the lift-off: after s periods, of which d are past the last whole one, the clearance is
+the phase of the lift-off.  After s periods, which differ by d from the nearest whole number, the
+clearance is
 
     F(s) = s (y - s) / 2 - (alpha / 2) (sum (v_h C_h - u_h D_h) / (2 pi h) - (s - d) sum u_h),
     C_h = 1 - cos(2 pi h d),  D_h = 2 pi h d - sin(2 pi h d),
@@ -41,11 +42,11 @@ from vibrosweep.kernels.harmonics import Harmonics
 from vibrosweep.kernels.sine import rough_lag_and_versine, sin_and_lag, sin_near
 from vibrosweep.model.shapes import TWO_PI
 
-# of the angle by which the highest harmonic turns in the last step, whose fifth power is left out
+# Largest angle by which the highest harmonic turns in the last step; its fifth power is left out
 SHORT = 2.0**-9
 
-# Of a harmonic since the lift-off: S = sin(2 pi h d), D and C, and how much these two have grown
-# since the harmonic before
+# Of a harmonic since the lift-off: S = sin(2 pi h d), D and C, and by how much D and C exceed those
+# of the harmonic before
 Turns = tuple[float, float, float, float, float]
 
 
@@ -54,8 +55,8 @@ class Guess(NamedTuple):
 
     sure: bool  # True if the clearance certainly has a single root
     time: float  # a time near the landing
-    # rise, u: it is above every height of the base from time `rise` until time `u - rise`; u is its
-    # absolute speed, which is the duration of its flight over a base at rest
+    # rise, u: the particle is above every height of the base from time `rise` until `u - rise`; u
+    # is its absolute speed, which is the duration of its flight over a base at rest
     rise: float
     u: float
     apex: float  # greatest height above the lowest level of the base
@@ -74,7 +75,7 @@ class Clear(NamedTuple):
 
 @jit
 def next_harmonic(sine: float, cosine: float, first: tuple[float, float]) -> tuple[float, float]:
-    """Sine and cosine of the next multiple of an angle, given those of one and of the first."""
+    """Sine and cosine of the next multiple of an angle, from those of one and of the angle."""
     s, c = first
     return fma(sine, c, cosine * s), fma(cosine, c, -sine * s)
 
@@ -109,7 +110,7 @@ def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float
 def stretch(fixed: ShapedConstants, x: float) -> tuple[bool, float, float]:
     """Return whether the base presses at phase x, and periods until it falls, or presses again.
 
-    A stretch that is within `BORDER` of its end has ended.
+    A stretch that is within `BORDER` of its end counts as ended.
     """
     to_fall, to_press = np.inf, np.inf
     for k in range(len(fixed.falls)):
@@ -129,7 +130,7 @@ def clearance(
 ) -> Clear:
     """Clearance after s periods.
 
-    Given sin(2 pi d), 2 pi d - sin(2 pi d) and 1 - cos(2 pi d) of the periods d past a whole one.
+    Given sin(2 pi d), 2 pi d - sin(2 pi d) and 1 - cos(2 pi d) for d = s - rint(s).
     """
     shape, half = fixed.base.waveform, 0.5 * fixed.alpha
     sine, cosine, turns = begin.sine, begin.cosine, (turned, lag, c, lag, c)
@@ -219,7 +220,7 @@ def first_try(fixed: ShapedConstants, begin: Begin, sure: bool, s: float, rough:
 def try_landing(
     fixed: ShapedConstants, begin: Begin, guess: Guess, s: float, clear: Clear
 ) -> tuple[float, float, bool]:
-    """Try the time s; return the landing or the next time to try, the speed, and if it lands."""
+    """Try time s; return the landing or the next time to try, the speed, and whether it lands."""
     f, f1, f2, f3, f4, f5 = clear
     alpha, shape = fixed.alpha, fixed.base.waveform
     inverse = 1.0 / f1

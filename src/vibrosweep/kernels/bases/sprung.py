@@ -4,10 +4,10 @@ Time is in forcing periods, speed in g / (2 f), so that gravity is 2.  Without p
 moves as the one of infinite mass does, at the height alpha W(x).  With n particles that ride it, mu
 being the mass of one in units of that of the base, its height Y obeys
 
-    (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f:
+    (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f.
 
-a forced motion (`drives`), the sag under the load, and a free oscillation D, which impacts excite.
-Every impact pushes the base down.
+Y is the sum of a forced motion (`drives`), the sag under the load, and a free oscillation D, which
+impacts excite.  Every impact pushes the base down.
 
 An overdamped mount does not swing: D decays with a slow and a fast rate.  Once the fast part has
 decayed, D' = -slow D, and the acceleration would be a small difference of large terms: at a damping
@@ -34,7 +34,7 @@ from vibrosweep.model.parameters import Dimensionless, Mounts
 from vibrosweep.model.shapes import TWO_PI
 
 LARGEST_GAMMA = 1e9  # as over the base of infinite mass
-SERIES = 1.0  # up to which the power series of overdamped motion is summed, in times of its rates
+SERIES = 1.0  # largest s (2 drag + natural) for which the series of overdamped motion is summed
 TERMS = 40
 TAYLOR = tuple(1.0 / math.factorial(k) for k in range(16))  # of the exponential up to 1/2
 
@@ -197,7 +197,7 @@ def bounds(load: Load, d: float, b: float) -> Bounds:
 
 @jit
 def _bend(z: float) -> float:
-    """Return exp(-z) - 1 + z for z >= 0 to some roundings."""
+    """Return exp(-z) - 1 + z for z >= 0 to a few roundings."""
     if z > 0.5:
         return elementary.exp(-z) - 1.0 + z
     z2 = z * z
@@ -212,7 +212,7 @@ def _bend(z: float) -> float:
 
 @jit
 def _decayed(z: float) -> tuple[float, float, float]:
-    """Return exp(-z), 1 - exp(-z) and 1 - (1 + z) exp(-z) for z >= 0, each to some roundings."""
+    """Return exp(-z), 1 - exp(-z) and 1 - (1 + z) exp(-z) for z >= 0, each to a few roundings."""
     if z > 0.5:
         left = elementary.exp(-z)
         return left, 1.0 - left, 1.0 - left - z * left
@@ -223,7 +223,7 @@ def _decayed(z: float) -> tuple[float, float, float]:
 
 @jit
 def _series(load: Load, b: float, s: float) -> tuple[float, float]:
-    """Sum the power series of the free motion from d = 0, b from its second degree on."""
+    """Sum the power series of the free motion from the state 0, b, from the second degree on."""
     slowed, turned = 2.0 * load.drag * s, load.stiffness * s * s
     before, term = 0.0, b * s
     rise = gain = 0.0
@@ -238,7 +238,7 @@ def _series(load: Load, b: float, s: float) -> tuple[float, float]:
 
 @part
 def _overdamped(load: Load, d: float, b: float, s: float) -> Free:
-    """Return the same as `free_motion`, of a mount that does not swing."""
+    """Return the same as `free_motion`, for a mount that does not swing."""
     slow, fast, width = load.slow, load.fast, load.fast - load.slow
     left, ended = elementary.exp(-slow * s), elementary.exp(-fast * s)
     rise, gain = d * _bend(slow * s), -slow * d * elementary.expm1(-slow * s)
@@ -256,7 +256,8 @@ def free_motion(load: Load, d: float, b: float, s: float) -> Free:
     """Return the free oscillation after s periods from the state d, b.
 
     Neither its rise nor its gain is a difference of nearly equal numbers while the oscillation has
-    hardly begun: with A = exp(-drag s), the swing through q s and L = s - sin(q s) / q they are
+    hardly begun: with A = exp(-drag s), sin and cos of the angle q s of the swing, L = s - sin / q,
+    and the stiffness K, they are
 
         -d (1 - (1 + drag s) A + A (1 - cos + drag L)) - b ((1 - A) s + A L)
         -b (1 - A + A (1 - cos + drag sin / q)) - d K A sin / q,
@@ -298,8 +299,8 @@ def _pushed(fixed: Mount, riders: int) -> float:
 def recoil(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
     """Speed that an impact with the approach speed c takes from the base.
 
-    Momentum is conserved, with `riders` particles as one body with the base; one that sticks then
-    has the velocity of the base, one that bounces leaves it with the relative speed E(c).
+    Momentum is conserved, and `riders` particles are one body with the base; a particle that sticks
+    then has the velocity of the base, one that bounces leaves it with the relative speed E(c).
     """
     share = ratio(fixed.law, fixed.e, fixed.scale, c)
     return _pushed(fixed, riders) * (c if sticks else (1.0 + share) * c)
@@ -307,7 +308,7 @@ def recoil(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
 
 @jit
 def recoil_from(noise: Noise | None, fixed: Mount, riders: int, c: float, w: float) -> float:
-    """Speed that a bounce from the approach speed c takes, which leaves with the relative speed w.
+    """Speed that a bounce with the relative speeds c before and w after it takes from the base.
 
     Without noise w is E(c).
     """
@@ -318,5 +319,5 @@ def recoil_from(noise: Noise | None, fixed: Mount, riders: int, c: float, w: flo
 
 @jit
 def recoil_share(fixed: Mount, riders: int, share: float, sticks: bool) -> float:
-    """Speed that the base loses for each unit of the approach speed, of which `share` is kept."""
+    """Speed that the base loses per unit of approach speed, of which a bounce keeps `share`."""
     return _pushed(fixed, riders) * (1.0 if sticks else 1.0 + share)

@@ -47,7 +47,7 @@ class Work(NamedTuple):
     # flight that began with it, in g / (8 f^2); shape (3, particle)
     lifted: Floats
     # counts, flies, rides: for each particle, 1 where its last landing is in the window, where its
-    # flight counts, and where it rests since a landing up to the end
+    # flight counts, and where it has rested since a landing before the end
     counts: Integers
     flies: Integers
     rides: Integers
@@ -61,7 +61,7 @@ def work_for(particles: int) -> Work:
 
 
 def more_numbers(work: Work) -> Work:
-    """Return scratch memory of twice as many impact numbers."""
+    """Return scratch memory for twice as many impact numbers."""
     memory = landings(work.counts.size, 2 * work.landings.number.size)
     return work._replace(landings=memory)
 
@@ -74,7 +74,7 @@ def begin_statistics(
     launch_height: Floats,
     observer: Observer | None,
 ) -> None:
-    """Begin with no landings of the particles in the places from `first` on."""
+    """Reset the statistics of the particles in the places from `first` on."""
     for j in range(work.counts.size):
         t = first + j
         work.counts[j] = work.flies[j] = work.rides[j] = 0
@@ -89,11 +89,11 @@ def begin_statistics(
 def apex(height: float, speed: float, relative: float) -> float:
     """Return the greatest height of a flight, in g / (8 f^2).
 
-    It begins on the base, at this height and speed in g / (2 f^2) and g / (2 f), with a speed
-    relative to the base.
+    It begins on a base of this height and speed, in g / (2 f^2) and g / (2 f), with the speed
+    `relative` to the base.
     """
     u = speed + relative
-    # a particle that falls, or that the base pushes at once, is highest at its beginning
+    # a particle that falls, or that the base pushes at once, is highest where its flight begins
     rises = u > 0.0 and relative >= 0.0
     return 4.0 * height + (u * u if rises else 0.0)
 
@@ -107,7 +107,7 @@ def _flight_time(work: Work, j: int) -> float:
 
 @part
 def take_off(work: Work, j: int) -> None:
-    """Begin the flight on which particle j sets out now; it counts if its landing did."""
+    """Begin the flight of particle j; it counts if the landing before it did."""
     state = work.state
     work.lifted[0, j], work.lifted[1, j] = state.now[NOW.N], state.now[NOW.X]
     speed = state.particle[PARTICLE.SPEED, j]
@@ -119,7 +119,7 @@ def take_off(work: Work, j: int) -> None:
 def count_landing(
     work: Work, event: Event, seen: bool, t: int, by_particle: Statistics, observer: Observer | None
 ) -> None:
-    """Count a landing in place t, where it is seen, and the flight that ends with it."""
+    """Count a landing, if it is `seen`, and the flight that ends with it, in place t."""
     j, sticks = event.who, event.kind == EVENT.STICK
     time = _flight_time(work, j)
     if work.flies[j] == 1:

@@ -39,7 +39,7 @@ def _ride(mode: Integers, deviations: Floats) -> None:
 
 @part
 def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
-    """Let deviations follow the flow for the time t; `mode` is that of the particles meanwhile."""
+    """Let deviations follow the flow for the time t, during which particles have this `mode`."""
     particles = mode.size
     rise, gain, _, _ = free_motion(load, 1.0, load.slow, t)
     rise_v, gain_v, _, _ = free_motion(load, 0.0, 1.0, t)
@@ -82,10 +82,10 @@ def _impact(
     taking = 0 if event.dropped else count
     q = slope(fixed.law, fixed.e, fixed.scale, c)
     kept = ratio(fixed.law, fixed.e, fixed.scale, c)
-    share = recoil_share(fixed, taking, q, sticks)  # of changes of c, lost by the base
-    gain = 1.0 - share if sticks else 1.0 + q - share  # the same, gained by the particle
+    share = recoil_share(fixed, taking, q, sticks)  # of a change of c that the base loses
+    gain = 1.0 - share if sticks else 1.0 + q - share  # and that the particle gains
     kick = recoil_share(fixed, taking, kept, sticks) * c
-    was = speed + kick  # the base, before the impact; the particle had c less
+    was = speed + kick  # velocity of the base before the impact; that of the particle was c less
     pulled = _pull(state, fixed, before, was)
     for column in range(deviations.shape[1]):
         deviation = deviations[:, column]
@@ -96,7 +96,7 @@ def _impact(
         v, w = dv - 2.0 * early, base_v + pulled * early
         approach = w - v
         for i in range(particles):
-            if event.dropped and rode[i] == MODE.RIDING:  # it goes on as the base did
+            if event.dropped and rode[i] == MODE.RIDING:  # it keeps its velocity
                 deviation[particles + i] = w + 2.0 * early
         leaves = speed if sticks else speed + kept * c
         deviation[j] = y - leaves * early
@@ -115,10 +115,10 @@ def follow_event(
     rode: Integers,
     deviations: Floats,
 ) -> tuple[Event, Load]:
-    """Let the next event happen, and deviations follow; see `next_event`.
+    """Advance the state to its next event, and deviations with it; see `next_event`.
 
-    Without an event, neither state nor deviations change.  `rode` is overwritten with the modes
-    before it.
+    Without an event, only bounds of future times change.  `rode` is overwritten with the modes
+    before the event.
     """
     particles = state.mode.size
     for j in range(particles):

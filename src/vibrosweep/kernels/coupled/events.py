@@ -1,10 +1,11 @@
 """Events on a base of finite mass: launches, impacts, and the lift-off of riders.
 
-A particle sticks if its relative rebound speed is at most r and the base presses it; both then have
-the common velocity that momentum gives.  Riders lift off together when the base begins to fall
-faster than gravity, which does not depend on their number.  Another particle collides with the base
-alone, because nothing pulls riders down: they keep their velocity and fly.  If their speed relative
-to the base would be at most r, however, they take part in the impact as one body with the base.
+A particle sticks if its relative rebound speed is at most r and the base presses against it; both
+then have the common velocity that conserves momentum.  Riders lift off together when the base
+begins to fall faster than gravity, a condition that does not depend on their number.  A particle
+that bounces while others ride collides with the base alone, because nothing pulls riders down: they
+keep their velocity and fly.  But if their speed relative to the base would be at most r, they take
+part in the impact as one body with the base.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from vibrosweep.kernels.noise import draw_of, slipped, thrown
 from vibrosweep.kernels.restitution import ratio
 
 TRIES = 20000  # steps after which the search for the next event is abandoned
-SLACK = 1.25  # factor of the bound of the height of the base, so that it is seldom exceeded
+SLACK = 1.25  # factor that enlarges the bound of the height of the base: it is seldom exceeded
 
 
 @part
@@ -86,7 +87,7 @@ def _turn(state: System, fixed: Mount, load: Load, t: float) -> tuple[Event, Loa
     """Let the drive pass the corner after the time t, and renew the bounds of all flights."""
     side = side_of(load.drive)
     let_pass(state, load, t)
-    state.now[NOW.X] = math.copysign(0.25, side)  # but for rounding
+    state.now[NOW.X] = math.copysign(0.25, side)  # the corner, without rounding
     locate(state, load)
     after = under(state, fixed, load.riders, -side)
     _expect(state, after, 0.0, False)
@@ -108,7 +109,7 @@ def _leave(state: System, j: int, w: float, wait: float) -> None:
 
 @jit
 def _wait(state: System, load: Load, w: float) -> float:
-    """Return a time within which a particle that leaves now with speed w >= 0 does not land."""
+    """Return a time within which a particle that leaves with relative speed w >= 0 cannot land."""
     limit = bounds(load, state.now[NOW.D], state.now[NOW.B])
     pull, _ = acceleration(state, load)
     falls = -2.0 - pull  # how much faster than gravity the base falls
@@ -119,7 +120,7 @@ def _wait(state: System, load: Load, w: float) -> float:
 
 @part
 def _expect(state: System, load: Load, kick: float, same: bool) -> None:
-    """Correct speeds and bounds of future times of particles after the base has lost `kick`.
+    """Correct relative speeds and bounds of future times after the base has lost the speed `kick`.
 
     `same` is True if the load of the base has not changed.
     """
@@ -183,7 +184,7 @@ def _launch(state: System, load: Load, who: int, launch_speed: float) -> tuple[E
     let_pass(state, load, t)
     now[NOW.WAITING] -= 1.0
     height = bounds(load, now[NOW.D], now[NOW.B]).height
-    if height > now[NOW.HIGHEST]:  # nobody has been launched before
+    if height > now[NOW.HIGHEST]:  # at the first launch only
         now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
     w = launch_speed - now[NOW.SPEED]
     _leave(state, who, w, _wait(state, load, w) if w >= 0.0 else 0.0)

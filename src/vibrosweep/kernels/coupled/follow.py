@@ -87,7 +87,7 @@ def empty_per_realization(realizations: int) -> PerRealization:
 
 @jit
 def _listed(state: System, event: Event, begin: Instant, least: float) -> Listed:
-    """List a landing that happens now; as long as a particle rests its stay has no end."""
+    """List a landing that happens now; the stay of a particle that rests is infinite so far."""
     n, x = state.now[NOW.N], state.now[NOW.X]
     seen = begin.whole - n <= x - begin.phase
     stay = np.inf if event.kind == EVENT.STICK else least
@@ -131,7 +131,7 @@ def _write_lift_off(work: Work, j: int, first: int, scale: Scale, out: Record) -
 def _lift_off(
     work: Work, first: int, least: float, counts: bool, scale: Scale, out: Record
 ) -> None:
-    """Let the riders leave, and count and write it where it `counts`.
+    """Let the riders leave; if this `counts`, begin their flights and write their lift-off.
 
     A stay lasts at least the contact time, `least`.
     """
@@ -145,7 +145,7 @@ def _lift_off(
 
 @part
 def _conclude(work: Work, noted: Noted, complete: bool, i: int, out: PerRealization) -> None:
-    """Write the results of a realization, whose landings up to the end are all found or not."""
+    """Write the results of a realization; `complete` if all landings up to the end were found."""
     shared = noted.shared if complete else UNKNOWN
     write_separations(out.separations, i, noted.gap, noted.same, shared)
     write_order(out.order, i, work.landings.turns, noted.order, complete)
@@ -154,7 +154,7 @@ def _conclude(work: Work, noted: Noted, complete: bool, i: int, out: PerRealizat
 
 @jit
 def _any(flags: Integers) -> bool:
-    """Return whether a particle has the flag."""
+    """Return whether any particle has the flag."""
     number = 0
     for flag in flags:
         number += flag
@@ -163,7 +163,7 @@ def _any(flags: Integers) -> bool:
 
 @jit
 def _horizon(work: Work, until: float, past: bool) -> float:
-    """Return the time within which the next event is searched for; minus infinity for none."""
+    """Return the time within which to search for the next event; minus infinity for no search."""
     if not past:
         return until
     if _any(work.flies):
@@ -193,7 +193,7 @@ def _resting(
     if stays and (load.riders == work.rides.size or not weighs):
         for j in range(work.rides.size):
             found.at_rest[first + j] = work.rides[j]
-            work.rides[j] = 0  # no lift-off is waited for
+            work.rides[j] = 0  # do not wait for a lift-off
 
 
 @uncounted
@@ -276,5 +276,5 @@ def follow(
     return last
 
 
-# Machine code for a function that only this process has is not kept on disk
+# Machine code for an observer that only this process has is not kept on disk
 follow_uncached = uncached(follow)

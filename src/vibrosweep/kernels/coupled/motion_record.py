@@ -1,4 +1,4 @@
-"""The motion of a base of finite mass, in arrays beside those of every landing."""
+"""The motion of a base of finite mass, recorded beside every landing."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Track(NamedTuple):
     """Motion of the base after every event, each array of shape (realization, event)."""
 
     time: Floats  # s; NaN past the last event
-    # deviation, beyond: from the forced oscillation under the present load, in g / (2 f^2), and its
-    # velocity beyond that of slow decay, in g / (2 f)
+    # deviation, beyond: deviation from the forced oscillation under the present load, in
+    # g / (2 f^2), and its velocity beyond that of slow decay, in g / (2 f)
     deviation: Floats
     beyond: Floats
     riders: Integers  # how many particles ride
@@ -28,7 +28,7 @@ class Track(NamedTuple):
 
 
 class MotionRecord(NamedTuple):
-    """Record of every landing and of the motion of the base; what exceeds its arrays is cut off."""
+    """Record of every landing and of the motion of the base, as far as its arrays reach."""
 
     record: Record
     track: Track
@@ -36,7 +36,7 @@ class MotionRecord(NamedTuple):
 
 
 def empty_track(realizations: int, events: int) -> Track:
-    """Allocate at most so many events of each realization."""
+    """Allocate the motion up to so many events of each realization."""
     time, deviation, beyond, side = (np.full((realizations, events), np.nan) for _ in range(4))
     return Track(time, deviation, beyond, unwritten((realizations, events), np.int64), side)
 

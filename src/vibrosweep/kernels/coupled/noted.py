@@ -25,14 +25,14 @@ MOST_INDICES = 2**22
 
 
 class Landings(NamedTuple):
-    """Landings as far as they are remembered; not shared between threads."""
+    """The landings that are remembered; not shared between threads."""
 
     turns: Turns
-    # How long each stays on the base after its last landing, at least the contact time; infinite
-    # while it rests
+    # How long each particle stays on the base after its last landing, at least the contact time;
+    # infinite while it rests
     stay: Floats
     total: Integers  # landings of each particle since its launch
-    # Last landing in the window of an impact number: whole periods, phase, and particle; shape
+    # Last landing in the window with an impact number: whole periods, phase, and particle; shape
     # (3, place)
     numbered: Floats
     number: Integers  # the impact number that stands in each place, 0 for none
@@ -41,8 +41,8 @@ class Landings(NamedTuple):
 class Noted(NamedTuple):
     """Separations and order so far."""
 
-    # gap, same: smallest separation of landings of different particles, and of those of the same
-    # number
+    # gap, same: smallest separation of landings of different particles, and of those with the same
+    # impact number
     gap: float
     same: float
     shared: int  # 1 where two particles were on the base at once in the window
@@ -51,7 +51,7 @@ class Noted(NamedTuple):
 
 
 def landings(particles: int, indices: int = INDICES) -> Landings:
-    """Allocate memory of landings, for so many impact numbers."""
+    """Allocate memory of landings, for `indices` impact numbers."""
     stay, numbered = np.zeros(particles), np.zeros((3, indices))
     total, number = np.zeros(particles, np.int64), np.zeros(indices, np.int64)
     return Landings(empty_turns(particles), stay, total, numbered, number)
@@ -69,21 +69,21 @@ def clear(memory: Landings) -> Noted:
 
 @jit
 def _displaced(memory: Landings, mine: int) -> bool:
-    """Return whether landing number `mine` displaces one that others are still compared with."""
+    """Return whether landing number `mine` displaces a number that a particle has yet to reach."""
     there = memory.number[mine % memory.number.size]
     if there in (0, mine):
         return False
     least = there
     for total in memory.total:
         least = min(least, total)
-    return bool(least < there)  # of that particle the same number is still to come
+    return bool(least < there)
 
 
 @jit
 def lacks_memory(memory: Landings, who: int, seen: bool) -> bool:
     """Return whether the next landing of particle `who` needs more memory.
 
-    Results do not depend on the memory at first: it grows up to `MOST_INDICES`, beyond which the
+    Results do not depend on the initial memory, which grows up to `MOST_INDICES`; beyond that the
     separation is undetermined.
     """
     return seen and memory.number.size < MOST_INDICES and _displaced(memory, memory.total[who] + 1)
@@ -96,7 +96,7 @@ def _numbered(memory: Landings, landing: Listed, mine: int, gap: float) -> float
     Returns the smallest separation so far; NaN, from then on, if a landing is no longer remembered.
     Independent particles are followed number by number (`vibrosweep.kernels.same_index`), which
     needs no memory of other numbers.  Coupled particles land in the order of time, so that a number
-    is remembered until all particles have had it.
+    is remembered until all particles have reached it.
     """
     place, numbered = mine % memory.number.size, memory.numbered
     if memory.number[place] == mine:
@@ -131,16 +131,16 @@ def _occupants(memory: Landings, begin: Instant) -> tuple[Listed, int]:
 
 @jit
 def close(memory: Landings, noted: Noted, begin: Instant) -> Noted:
-    """Note the end of the window, occupants of the base without landing included."""
+    """Note the end of the window; if nobody has landed in it, the base may still be shared."""
     gap, same, shared, seen, order = noted
     if not seen:
         _, shared = _occupants(memory, begin)
     return Noted(gap, same, shared, seen, order)
 
 
-@jit  # as a part it would make the loop that calls it a sixth slower
+@jit  # as a `part` it would make the loop that calls it a sixth slower
 def note(memory: Landings, noted: Noted, landing: Listed, late: bool, begin: Instant) -> Noted:
-    """Note a landing, of which `late` says whether it is in the last period of the window."""
+    """Note a landing; `late` is True if it is in the last period of the window."""
     seen = landing.who >= 0.0
     who = int(landing.who) if seen else -1 - int(landing.who)
     gap, shared, same = noted.gap, noted.shared, noted.same

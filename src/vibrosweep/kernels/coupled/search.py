@@ -1,19 +1,20 @@
 """Search for the next landing on a base of finite mass.
 
 Every impact moves the base and so changes all later landings.  For each particle a lower bound of
-the time of its landing is kept, and only the particle with the earliest bound is examined:
+the time of its landing is kept, and only the particle with the earliest bound is examined.  Three
+facts give these bounds:
 
 - The step (F' + sqrt(F'^2 + 2 K F)) / K from a clearance F passes no root, because F'' >= -K with a
   bound K from the energy of the free oscillation, which does not grow between impacts.
 - An impact pushes the base down.  For half a free oscillation the base is nowhere higher than it
   would have been, so that a bound found before the impact remains valid.
-- The base stays below a height that follows from its energy.  A bound from the time at which a
-  particle falls to that height remains valid, whatever other particles do, until the energy exceeds
-  the assumed one.
+- The base stays below a height that follows from its energy.  The time at which a particle falls to
+  that height remains a bound, whatever other particles do, until the energy exceeds the one
+  assumed.
 
 If F' < 0 and 4 K F <= F'^2, the next root is unique within the step, and Newton's iteration with
-the next two derivatives finds it; with only one of them while a recoil that decays at once makes
-the cubic useless.
+the next two derivatives finds it, or with only the next one while a recoil that decays at once
+makes the cubic useless.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from vibrosweep.kernels.bases.sprung import Bounds, Load, bounds
 from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, motion_after
 
 NEAR = 2.0**-50  # relative error that ends Newton's iteration
-ROUNDING = 2.0**-40  # of speeds and clearances: a decision by less may be one of rounding
+ROUNDING = 2.0**-40  # relative margin of speeds and clearances within which rounding may decide
 
 STEPS = 50  # of the search for a lift-off before particles are examined again
 
@@ -43,7 +44,7 @@ def _to_root(f: float, f1: float, f2: float) -> float:
 
 @jit
 def _ahead(f: float, f1: float, k: float) -> float:
-    """Return a step that passes no root of a function with these values and f'' >= -k."""
+    """Return a step that passes no root of a function with this value and slope, and f'' >= -k."""
     if f1 >= 0.0:
         return (f1 + math.sqrt(f1 * f1 + 2.0 * k * f)) / k if k > 0.0 else np.inf
     return _to_root(f, f1, -k)
@@ -53,7 +54,7 @@ def _ahead(f: float, f1: float, k: float) -> float:
 def _step(f: float, f1: float, f2: float, f3: float, k: float) -> float:
     """Return the step to the root of the cubic with these derivatives, f1 < 0, to third order.
 
-    It is that of the parabola where f3 would change f2 by more than its bound k.
+    It is the step to the root of the parabola if f3 would change f2 by more than its bound k.
     """
     step = _to_root(f, f1, f2)
     slope = f1 + f2 * step
@@ -73,9 +74,9 @@ def _clearance(state: System, j: int, motion: Motion, t: float) -> tuple[float, 
 
 @jit
 def crossings(left: float, u: float) -> tuple[float, float]:
-    """Return when a particle with the speed u rises to a height above it, and falls to it.
+    """Return when a particle of speed u rises to the height `left` above it, and falls back to it.
 
-    Infinity and 0 where it does not reach it.
+    Infinity and 0 if it does not reach that height.
     """
     spare = 0.25 * u * u - left
     if not spare > 0.0:
@@ -86,10 +87,10 @@ def crossings(left: float, u: float) -> tuple[float, float]:
 class First(NamedTuple):
     """The particle that may be the next to land or to be launched, and the one after it."""
 
-    # who, time: the particle, -1 where none can be, and its time
+    # who, time: the particle, -1 if there is none, and its time
     who: int
     time: float
-    # other, then: the same of the one after it
+    # other, then: the same for the one after it
     other: int
     then: float
 
@@ -117,7 +118,7 @@ def is_first(state: System, first: First) -> bool:
 
 @part
 def look(state: System, load: Load, limit: Bounds, j: int) -> bool:
-    """Move the time before which particle j does not land; return whether it lands then."""
+    """Advance the time before which particle j does not land; return whether it lands then."""
     t = state.particle[PARTICLE.SAFE, j]
     motion = motion_after(state, load, t)
     f, f1 = _clearance(state, j, motion, t)
@@ -140,16 +141,16 @@ def look(state: System, load: Load, limit: Bounds, j: int) -> bool:
 
 @part
 def _landing(state: System, load: Load, limit: Bounds, j: int, motion: Motion) -> float:
-    """Return when particle j lands, where that is the only time within reach.
+    """Return when particle j lands, if its clearance has a single root within the next step.
 
-    `motion` is that of the base up to the time before which it does not land.
+    `motion` is that of the base up to the time before which the particle does not land.
     """
     t, last, k = state.particle[PARTICLE.SAFE, j], np.inf, 2.0 + limit.pull
     for _ in range(20):
         f, f1 = _clearance(state, j, motion, t)
         step = _step(f, f1, -2.0 - motion.pull, -motion.jerk, k)
         t = max(t + step, 0.0)
-        # the error of the cubic, and rounding, below which steps do not shrink
+        # ends at the error of the cubic, or where rounding keeps steps from shrinking
         square = step * step
         if limit.snap * square * square <= -f1 * NEAR * t or abs(step) >= 0.5 * last:
             break
@@ -160,9 +161,9 @@ def _landing(state: System, load: Load, limit: Bounds, j: int, motion: Motion) -
 
 @part
 def lift(state: System, load: Load, until: float) -> bool:
-    """Move the time before which the riders do not leave; return whether they leave then.
+    """Advance the time before which the riders do not leave; return whether they leave then.
 
-    The time moves by some steps; where it is not after `until`, nothing is known yet.
+    At most `STEPS` steps are taken; if the time is still not after `until`, nothing is known yet.
     """
     now = state.now
     jumps = until_corner(load.drive, 0.0) < np.inf

@@ -4,8 +4,8 @@ The state recurs when all of it returns bit for bit, apart from whole periods.  
 compared with a stored state, which is renewed after 1, 2, 4, ... landings (Brent 1980).  Every
 landing advances the states of all particles, with rounding, so that the bits of an orbit of one
 period may return only after three.  A cycle that consists of several rounds which differ by
-rounding only is therefore reported as one such round.  Particles that move as one land in any
-order: no state is stored between their landings.
+rounding only is therefore reported as one such round.  Particles that move as one may land
+in any order, so that no state is stored between their landings.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from vibrosweep.kernels.coupled.state import EVENT, MODE, NOW, PARTICLE, System,
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.unwritten import unwritten
 
-# Largest difference of states by rounding, which grows along a cycle before it decays.  An orbit of
-# doubled period whose states are that close takes some 10**17 impacts to recur.
+# Largest difference between states that counts as rounding, which grows along a cycle before it
+# decays.  An orbit of doubled period with two states that close takes some 10**17 impacts to recur.
 ALIKE: Final = 2.0**-30
 BLOCKS: Final = 16  # of equal time; without an event in one of them there is no exponent
-# sin 2 pi j x and (cos 2 pi j x - cos 2 pi (j + 1) x) / sqrt 2 of the window 0 < x < 1, from whose
-# products with the growth the error of the exponent follows
+# Waves sin 2 pi j x and (cos 2 pi j x - cos 2 pi (j + 1) x) / sqrt 2 over the window 0 < x < 1;
+# their products with the growth give the error of the exponent
 SINES: Final = (1.0, 2.0, 3.0, 4.0)
 COSINES: Final = (1.0, 3.0)
 WAVES: Final = len(SINES) + len(COSINES)
@@ -38,8 +38,8 @@ WAVES: Final = len(SINES) + len(COSINES)
 class JointOrbit(NamedTuple):
     """Orbits of joint states; each array of shape (realization,) unless said otherwise."""
 
-    # impacts, periods, rests: of the cycle: landings of all particles, forcing periods, landings
-    # that stick; 0 where no recurrence was found
+    # impacts, periods, rests: landings of all particles, forcing periods and landings that stick in
+    # a cycle; 0 where no recurrence was found
     impacts: Integers
     periods: Integers
     rests: Integers
@@ -73,9 +73,9 @@ def _write_nothing(i: int, out: JointOrbit) -> None:
 
 
 class Round(NamedTuple):
-    """Counts from a state to its return; no impacts: none is known."""
+    """Counts from a state to its return; 0 impacts if no return is known."""
 
-    # impacts, periods, rests: as of a `JointOrbit`
+    # impacts, periods, rests: as in `JointOrbit`
     impacts: int
     periods: int
     rests: int
@@ -84,7 +84,7 @@ class Round(NamedTuple):
 class Notes(NamedTuple):
     """Scratch memory of one thread."""
 
-    # state, kept: state of the realization, and one that it is compared with
+    # state, kept: state of the realization, and the stored state that it is compared with
     state: System
     kept: System
     rode: Integers  # modes before an event
@@ -129,7 +129,7 @@ def _alike(a: System, b: System) -> bool:
 
 @jit
 def _amid(state: System) -> bool:
-    """Return whether another particle lands at this instant, but for rounding."""
+    """Return whether another particle lands at this instant, to within rounding."""
     for j in range(state.mode.size):
         speed = state.particle[PARTICLE.SPEED, j]
         lands = speed < 0.0 and state.particle[PARTICLE.HEIGHT, j] <= ALIKE * -speed
@@ -140,14 +140,14 @@ def _amid(state: System) -> bool:
 
 @jit
 def _since(state: System, kept: System, landings: int, rests: int) -> Round:
-    """Counts since a state was kept."""
+    """Return the counts since a state was stored."""
     whole = state.now[NOW.N] - kept.now[NOW.N]
     return Round(landings, int(np.rint(whole + (state.now[NOW.X] - kept.now[NOW.X]))), rests)
 
 
 @jit
 def _shortest(full: Round, first: Round) -> Round:
-    """Return the cycle, which is `full`, or a whole number of times the `first` that is alike."""
+    """Return `first`, the first round that is alike, if `full` repeats it; else `full`."""
     times = full.impacts // first.impacts if first.impacts > 0 else 0
     whole = times * first.impacts == full.impacts and times * first.periods == full.periods
     return first if whole and times * first.rests == full.rests else full
@@ -166,7 +166,7 @@ def _keep(state: System, kept: System) -> None:
 
 @jit
 def _shrink(deviation: Floats) -> float:
-    """Bring a deviation to length 1; return the logarithm of its length before."""
+    """Scale a deviation to length 1; return the logarithm of its length before."""
     square = 0.0
     for row in range(deviation.shape[0]):
         square += deviation[row, 0] * deviation[row, 0]
@@ -180,7 +180,7 @@ def _shrink(deviation: Floats) -> float:
 
 @jit
 def _add_waves(growth: float, x: float, waves: Floats) -> None:
-    """Add the growth at the place x of the window to each wave."""
+    """Add the growth at the place x of the window times each wave to the sums."""
     for k in range(len(SINES)):
         waves[k] += growth * sin_turns(SINES[k] * x - np.rint(SINES[k] * x))
     for k in range(len(COSINES)):
@@ -205,7 +205,7 @@ def _settle(
     nothing = Round(0, 0, 0)
     first = nothing
     _keep(state, kept)
-    while landed <= budget:  # one event more may show that all rest for good
+    while landed <= budget:  # one more event may show that all rest for good
         until = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
         event, load = follow_event(
             state, fixed, load, problem.launch_flight[i], until, rode, deviation
@@ -255,8 +255,8 @@ def settle_jointly(
 ) -> None:
     """Find the orbits of realizations first ... last - 1 until the end of their windows.
 
-    At most `budget` landings of all particles of a realization; `work` is not shared between
-    threads, and only the slots of these realizations are written.
+    The search ends after `budget` landings of all particles of a realization; `work` is not shared
+    between threads, and only the slots of these realizations are written.
     """
     for i in range(first, last):
         _write_nothing(i, out)

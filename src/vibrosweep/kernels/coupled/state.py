@@ -1,7 +1,7 @@
 """State of particles on a base of finite mass, relative to the base.
 
-Height and speed above the base keep their relative accuracy while a particle chatters.  Whole
-periods and phase are kept apart, as everywhere.
+Heights above the base and speeds relative to it keep their relative accuracy while a particle
+chatters.  Whole periods and phase are stored separately, as everywhere.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vibrosweep.model.parameters import Dimensionless, Launches
 
 
 class Particle(NamedTuple):
-    """Rows of numbers of each particle."""
+    """Rows of the quantities of a particle."""
 
     HEIGHT: int  # above the base
     SPEED: int  # relative to it
@@ -31,14 +31,14 @@ class Particle(NamedTuple):
 
 
 class Now(NamedTuple):
-    """Places of numbers of the realization."""
+    """Places of the quantities of the realization."""
 
     N: int  # whole periods and phase
     X: int
     SINE: int  # of the phase
     COSINE: int
-    D: int  # deviation of the base from its forced oscillation, and
-    B: int  # its velocity beyond that of slow decay
+    D: int  # deviation of the base from its forced oscillation
+    B: int  # velocity of the deviation beyond that of slow decay
     HEIGHT: int  # of the base, and its velocity
     SPEED: int
     HIGHEST: int  # upper bound of the height of the base
@@ -87,7 +87,7 @@ class Event(NamedTuple):
 
     kind: int  # one of `EVENT`
     who: int  # the particle; -1 for all riders, or where nobody takes part
-    time: float  # time passed since the event before, in forcing periods
+    time: float  # since the previous event, in forcing periods
     speed: float  # approach speed of a landing
     dropped: bool  # True if its recoil made the riders leave
 
@@ -170,7 +170,7 @@ def acceleration(state: System, load: Load) -> tuple[float, float]:
 
 @part
 def let_pass(state: System, load: Load, t: float) -> Motion:
-    """Let the time t pass, in which nothing happens; return the motion of the base."""
+    """Let the time t pass without an event; return the motion of the base."""
     particle, now, mode = state
     motion = motion_after(state, load, t)
     now[NOW.X], passed = land(now[NOW.X], t)
@@ -178,7 +178,7 @@ def let_pass(state: System, load: Load, t: float) -> Motion:
     now[NOW.D], now[NOW.B] = motion.d, motion.b
     now[NOW.LIFT] -= t
     locate(state, load)
-    for j in range(mode.size):  # those that do not fly get their numbers when they leave the base
+    for j in range(mode.size):  # height and speed of the others are set when they leave
         w = particle[PARTICLE.SPEED, j]
         particle[PARTICLE.HEIGHT, j] = fma(t, w - t, particle[PARTICLE.HEIGHT, j]) - motion.rise
         particle[PARTICLE.SPEED, j] = w - 2.0 * t - motion.gain
@@ -200,7 +200,7 @@ def since_now(state: System, j: int) -> float:
 
 @part
 def under(state: System, fixed: Mount, count: int, side: float) -> Load:
-    """Change the load or the side; height and velocity of the base stay, the deviation changes."""
+    """Change the load or the side of the drive; the base keeps its height and velocity."""
     changed, now = loaded(fixed, count, side), state.now
     forced = place(changed.drive, phase_now(state))
     now[NOW.D] = now[NOW.HEIGHT] - (forced.height + changed.level)

@@ -31,9 +31,9 @@ class UndecidableError(VibrosweepError, ArithmeticError):
 
     def __init__(self, decision: str, impact: int, bits: int) -> None:
         super().__init__(
-            f"impact {impact}: {decision} stays uncertain at {bits} bits: either this is an exact "
-            f"tie, then change a parameter by a rounding unit, or the orbit loses digits faster "
-            f"than that, then raise max_bits, shorten the duration or ask for fewer digits"
+            f"impact {impact}: {decision} stays uncertain at {bits} bits: if this is an exact tie, "
+            f"change a parameter by a rounding unit; if the orbit loses more digits than that, "
+            f"raise max_bits, shorten the duration or ask for fewer digits"
         )
         self.decision = decision
         self.impact = impact
@@ -50,7 +50,7 @@ except ImportError as error:
 
 
 def exact(number: float | Fraction) -> arb:
-    """Ball around a number that holds it, of radius 0 for a double."""
+    """Ball that holds a number; its radius is 0 for a double."""
     if isinstance(number, Fraction):
         return arb(fmpq(number.numerator, number.denominator))
     return arb(number)

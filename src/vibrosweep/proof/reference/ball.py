@@ -11,18 +11,18 @@ doubles, up to the correctness of FLINT.  The rules of the branches:
 * On this base a resting particle lifts off, with v' = v_rest, at the first t >= t' at which the
   kick A sin(2 pi f t + phi) rises through v_rest.  If A <= v_rest it never does.
 * Moving base, of velocity A / (1 + e) sin(2 pi f t + phi): a flight ends at the first point where
-  it meets the base, at once if it begins slower than the base or, as fast, where the base presses
+  it meets the base, at once if it begins slower than the base, or as fast while the base presses
   the particle, 1 + Gamma cos(2 pi f t + phi) > 0.  After a landing with the relative speed z the
   particle leaves with e z; it rests if and only if e z <= v_rest and the base presses it.
 * On this base a resting particle lifts off, with the velocity of the base, when the base begins to
   fall faster than gravity, cos(2 pi f t + phi) = -1 / Gamma and falling.  If Gamma <= 1 it never
   does.
-* With noise, e v is (e + sigma_e xi) v, the factor between 0 and 1, with (1 + e) sigma_V xi added;
-  over the moving base the modulus of both is taken.  In a forcing period A is A (1 + sigma_A xi).
-  A particle rests if and only if w <= v_rest, and leaves with v_rest, or over the moving base with
-  its speed, at the first instant at which the base alone would throw it so.
-* For another shape w of the motion, w replaces the sine, and its derivative the cosine: a particle
-  is lifted at the next of several phases.
+* With noise, e v becomes (e + sigma_e xi) v, with the factor limited to [0, 1], plus
+  (1 + e) sigma_V xi; over the moving base the modulus of this sum is taken.  In each forcing period
+  A becomes A (1 + sigma_A xi).  A particle rests if and only if w <= v_rest; it leaves with v_rest,
+  or over the moving base with the velocity of the base, as soon as the base alone lifts it.
+* For another shape w of the motion, w replaces the sine, and its derivative the cosine; a particle
+  is lifted at the next of possibly several phases.
 * A particle that never lifts off again is at rest for good, and its trajectory ends.  A lift-off is
   reported with its landing even where it is later than the duration.
 
@@ -71,12 +71,12 @@ def trajectory(
     launch_time x0 and duration in periods: velocities are then flight times.
 
     Parameters are all of `vibrosweep.model.parameters.PARAMETERS`, `restitution_speed` under a law
-    that has one, and the strengths of noise, which needs the deviates of the particle: exact
-    numbers.  They are those of a scene that was checked, and are not checked again.
+    that has one, and the strengths of noise, which also needs the deviates of the particle.  All
+    are taken as exact; they come from a scene that was checked, and are not checked again.
 
     Landings at t <= duration (s) count; a `Fraction` gives a time exactly.  Radii are at most
-    10**-digits of a velocity or of v_rest, of a time or of the contact time, whichever is larger,
-    and of a turn for a phase.
+    10**-digits times the larger of a velocity and v_rest, the larger of a time and the contact
+    time, or one turn for a phase.
 
     Raises an UndecidableError where a decision stays uncertain at `max_bits`: a tie, or an orbit
     that loses more digits.

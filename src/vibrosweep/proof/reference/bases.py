@@ -17,14 +17,15 @@ class Reference(NamedTuple):
     motion: Callable[[Problem], Motion]  # of a particle, from a problem
     # Impacts in forcing periods, from physical parameters and the laws of an impact
     period_map: Callable[[Mapping[str, float], Laws], PeriodMap]
-    # Velocity of a sine as fast, as high and as steep as the base, m s-1, from physical parameters
+    # Velocity of a sine at least as fast, high and steep as the base's motion, m s-1, from physical
+    # parameters
     velocity: Callable[[Mapping[str, float], Laws], float]
     # Largest error in turns of a lift-off after a rest in doubles, from physical parameters
     liftoff_error: Callable[[Mapping[str, float], Laws], float]
 
 
 def _moved(problem: Problem) -> Motion:
-    """Motion over the moving base; without an amplitude it rests, which decides ties exactly."""
+    """Motion over the moving base; with amplitude 0 it is fixed, so that ties are decided."""
     still = problem.parameters["amplitude"] == 0.0 and problem.deviates is None
     return high_bounce.Motion(problem) if still else moving.Motion(problem)
 

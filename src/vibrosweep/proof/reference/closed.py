@@ -1,14 +1,14 @@
 """Closed orbits, their bifurcations and branches of them, proved by Krawczyk's method.
 
 The equations are those of `vibrosweep.proof.reference.orbit_equations`.  The multipliers of an
-orbit are in the trace T and the determinant D of the Jacobian of a cycle, 1 - m T + D = 0 where one
-of them is m = 1 or -1.
+orbit are the roots of M^2 - T M + D, with the trace T and the determinant D of the Jacobian of a
+cycle; one of them is M = 1 or -1 where 1 - M T + D = 0.
 
-For a box Z around m, C near the inverse of F'(m), Krawczyk's operator
+For a box Z around m, and a matrix C near the inverse of F'(m), Krawczyk's operator
 
     K = m - C F(m) + (1 - C F'(Z)) (Z - m)
 
-holds every root of F in Z, and if it lies inside Z there is exactly one.
+contains every root of F in Z; if K lies inside Z, there is exactly one.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from vibrosweep.proof.reference.jets import Jet, variables
 from vibrosweep.proof.reference.orbit_equations import Box, Cycle, Orbit, cycle
 
 BITS: Final = 160
-NEWTON: Final = 6  # steps in the middle of boxes, from a double
-SHARP: Final = arb(2) ** -60  # radius of a box from which an enclosure is made narrower
-SHARPER: Final = 3  # number of steps in which it is made narrower
-WIDE: Final = (4, 5, 6, 8, 10, 12, 16, 20, 24, 30)  # boxes of radius 2^-w, in which a root is alone
+NEWTON: Final = 6  # Newton steps for the middle of a box, from a double
+SHARP: Final = arb(2) ** -60  # radius of the box from which an enclosure is narrowed
+SHARPER: Final = 3  # number of steps that narrow it
+WIDE: Final = (4, 5, 6, 8, 10, 12, 16, 20, 24, 30)  # radii 2^-w of boxes tried for a single root
 OVERLAP: Final = 0.05  # of a piece of a branch with the next one
 DEEPEST: Final = 12  # most halvings of a piece
 ENLARGED: Final = 1.2  # radius of a box, relative to that of the points it should hold
-TRIES: Final = 4  # boxes around a piece
+TRIES: Final = 4  # boxes tried around a piece
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Event:
 
 
 class _System(NamedTuple):
-    """Equations of an orbit and one more: a multiplier, or the place along a direction."""
+    """Equations of an orbit, and one that sets a multiplier or the place along a direction."""
 
     orbit: Orbit
     multiplier: int = 0
@@ -68,7 +68,7 @@ def _matrix(jets: Sequence[Jet]) -> arb_mat:
 
 
 def _inverse(system: _System, middle: Sequence[arb]) -> arb_mat | None:
-    """Return a matrix of points near the inverse of the derivative."""
+    """Return an exact matrix near the inverse of the derivative; None if that is singular."""
     try:
         return _matrix(system.at(middle)[0]).inv().mid()
     except ZeroDivisionError:
@@ -96,7 +96,7 @@ def _krawczyk(
 ) -> tuple[Box, Box] | None:
     """Return an enclosure of the only root in a box, and the box; None without proof.
 
-    A further try takes the image of the box before, somewhat enlarged.
+    Each further try takes the image of the previous box, slightly enlarged.
     """
     inverse = _inverse(system, middle)
     if inverse is None:
@@ -221,7 +221,7 @@ def _holds(outer: Box, inner: Box) -> bool:
 def _piece(
     orbit: Orbit, one: Box, other: Box, events: Sequence[Event], joint: Box | None
 ) -> _Piece | str:
-    """Prove that orbits attract between two points, and that they go on from a joint."""
+    """Prove that orbits between two points attract, and that the branch passes through a joint."""
     apart = [b - a for a, b in zip(one, other, strict=True)]
     length = sum((d * d for d in apart), arb(0)).sqrt().mid()
     direction = [(d / length).mid() for d in apart]

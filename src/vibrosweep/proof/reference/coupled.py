@@ -39,7 +39,7 @@ ZERO: Final = arb(0)
 
 
 class TooManyLandingsError(ParameterError):
-    """More landings come before the end than may be proved."""
+    """More landings come before the end than are allowed."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Coupled:
 
 @dataclass(frozen=True)
 class _Problem:
-    """Exact inputs, and the radii asked for."""
+    """Exact inputs, and the accuracy of the results."""
 
     parameters: Mapping[str, float]
     launch_times: tuple[Fraction, ...]
@@ -149,15 +149,15 @@ def coupled(
 ) -> Coupled:
     """Every landing of all particles, with proved error bounds.
 
-    Parameters are those of `vibrosweep.model.parameters.PARAMETERS` and of the mount, and with
-    `deviates`, of each particle, those of the noise of impacts.  Landings at
-    t <= duration (s) count; a `Fraction` gives a time exactly.  Radii are at most 10**-digits of a
-    velocity or of v_rest, of a time or of the contact time, whichever is larger, and of a turn for
-    a phase.  The first precision is `bits`, or more if `digits` needs it.
+    Parameters are those of `vibrosweep.model.parameters.PARAMETERS`, of the mount and, where
+    `deviates` gives those of each particle, of the noise of impacts.  Landings at t <= duration (s)
+    count; a `Fraction` gives a time exactly.  Radii are at most 10**-digits times the larger of a
+    velocity and v_rest, the larger of a time and the contact time, or one turn for a phase.  The
+    first precision is `bits`, or more if `digits` needs it.
 
-    Parameters are those of a scene that was checked, and are not checked again.  Raises an
+    Parameters come from a scene that was checked, and are not checked again.  Raises an
     UndecidableError where a decision stays uncertain at `max_bits`: a tie, or motion that loses
-    more digits.  Its impact is numbered among those of all particles.
+    more digits.  It counts the impacts of all particles together.
     """
     values = {name: float(value) for name, value in parameters.items()}
     launched = tuple(Fraction(time) for time in launch_times)
@@ -167,7 +167,7 @@ def coupled(
 
 
 class _Course:
-    """Events of one particle: `counted` of them up to the end of the observation, then others.
+    """Events of one particle: `counted` of them up to the end of the observation, then later ones.
 
     A lift-off that no longer counts is left out, with all later events.
     """
@@ -178,7 +178,7 @@ class _Course:
         self.complete = False  # True once no later event is needed
 
     def add(self, event: Event, after: bool, late: bool) -> None:
-        """Add the next event, which may be after the end, or later than lift-offs count."""
+        """Add the next event; it may be `after` the end, or too `late` for a lift-off to count."""
         if self.complete:
             return
         if late and self.waits:
@@ -195,7 +195,7 @@ class _Course:
 
     @property
     def waits(self) -> bool:
-        """True if the particle may still be on the base since then."""
+        """True if the particle is on the base at the end, and its lift-off may still count."""
         return self.rides and self.counted == len(self.events) and not self.complete
 
     def trajectory(self, problem: _Problem, rest: bool, bits: int) -> Trajectory:

@@ -1,4 +1,4 @@
-"""Decisions of ball arithmetic, or a request for more precision."""
+"""Decisions in ball arithmetic; an uncertain one requests more precision."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def certain_above(left: arb, right: arb, decision: str, impact: int) -> bool:
 
 
 class Narrow:
-    """Check that results are as narrow as a number of digits asks for, or else raise.
+    """Check that results are as narrow as a number of digits requires.
 
     Attributes
     ----------
     bits
         Relative accuracy that is enough for any result.
     phase, time, velocity
-        Largest radii of results that are less accurate: in turns or periods, s, and m s-1.
+        Radii that are enough for less accurate results: in turns or periods, s, and m s-1.
     """
 
     def __init__(self, digits: int, parameters: Mapping[str, float]) -> None:
@@ -73,7 +73,8 @@ def first_precision(digits: int) -> int:
 def decided(attempt: Callable[[int], T], bits: int, max_bits: int) -> T:
     """Return the result of an attempt at the lowest precision that decides everything.
 
-    The precision is doubled from `bits` on; an UndecidableError where `max_bits` is not enough.
+    The precision starts at `bits` and is doubled.  Raises an UndecidableError where `max_bits` is
+    not enough.
     """
     while True:
         try:

@@ -37,7 +37,7 @@ class Mount(NamedTuple):
 
 
 class _Tone(NamedTuple):
-    """Coefficients of the cosine and the sine of a harmonic, since the beginning of an arc."""
+    """Coefficients of the cosine and the sine of a harmonic, in the time since an arc began."""
 
     number: int
     # forced, answered: of the height of the base, and of its deviation D
@@ -110,7 +110,7 @@ class Stretch:
     """Parabolic motion under a load, from a phase in turns on until the next corner.
 
     Its acceleration is constant, 4 alpha on the side 1 around phase 0 and -4 alpha on the side -1,
-    and so is the depth to which it presses a load below the bare base.
+    and so is the forced part of D.
     """
 
     def __init__(self, mount: Mount, x: arb, load: arb, side: int) -> None:
@@ -142,7 +142,7 @@ class Stretch:
 
 
 def _turn(number: int) -> arb:
-    """Angular frequency of a harmonic, in forcing periods."""
+    """Angular frequency of a harmonic, per forcing period."""
     return 2 * arb.pi() * number
 
 

@@ -23,15 +23,15 @@ class Enclosure:
     (Lohner's method: mean-value form and rotation), so it grows at the orbit's own rate: a locked
     orbit needs the same precision at any length.
 
-    The exact states set out from `flown` and `speed`, both balls.
+    The set begins as the product of the balls `flown` and `speed`.
 
     Attributes
     ----------
     flown, speed
         The centre, exact numbers.
     bits
-        Precision with which the centre is computed: bits far below the error carry nothing, so a
-        chaotic orbit needs fewer and fewer.
+        Precision with which the centre is computed: bits far below the error carry no information,
+        so a chaotic orbit needs fewer and fewer.
     """
 
     __slots__ = ("_cos", "_r1", "_r2", "_sin", "bits", "flown", "speed")
@@ -43,17 +43,17 @@ class Enclosure:
         self.bits = ctx.prec
 
     def change(self, by_flown: arb, by_speed: arb) -> arb:
-        """Ball of the changes, within the set, of a quantity with these derivatives over it."""
+        """Ball of the changes within the set of a quantity that has these derivatives over it."""
         along, across = self._columns(by_flown, by_speed)
         return along * self._r1 + across * self._r2
 
     def _columns(self, by_flown: arb, by_speed: arb) -> tuple[arb, arb]:
-        """One row of Jacobian times frame."""
+        """One row of the Jacobian times the frame."""
         cos, sin = self._cos, self._sin
         return by_flown * cos + by_speed * sin, by_speed * cos - by_flown * sin
 
     def turn(self, flown: arb, speed: arb, rows: Rows) -> None:
-        """Map the set: `flown` and `speed` hold the image of the centre, `rows` all Jacobians.
+        """Map the set: `flown`, `speed` hold the image of the centre, `rows` the Jacobians over it.
 
         The new frame lies along the image of the first axis.  It may be any pair of exact numbers;
         its determinant, 1 up to rounding, is divided out, so that it need not be orthogonal.

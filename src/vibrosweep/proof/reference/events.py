@@ -60,7 +60,7 @@ class Flying:
     gap: arb
     speed: arb
     lifted: bool = False  # True if the base pressed them until they left
-    # Time before which they have not landed; None where that is the last event
+    # Time before which they cannot land; None where that is the time of the last event
     clear: arb | None = None
 
 

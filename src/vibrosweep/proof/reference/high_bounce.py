@@ -2,19 +2,18 @@
 
 The base stays at height 0: a flight arrives with the speed that it began with, and the kick depends
 on the phase alone.  The state is kept in velocities: the rebound speed v, and the sum V of the
-speeds since the launch, which is the time flown in units of 2 / g.  With every parameter an exact
-double
+speeds since the launch, which is the time flown in units of 2 / g.  The map is
 
     V' = V + v         w = e v + A sin(2 pi (f t0 + phi / 2 pi + (2 f / g) V'))
 
-so landing before the end, 2 V' <= g (T - t0), and rest, w <= g tau_c / 2, compare numbers that no
-division has made inexact.  Without excitation V and v stay exact while they fit the precision, and
-even a tie is decided.  The dimensionless map is the case g = 2, f = 1, phi = 0.
+so the conditions for a landing before the end, 2 V' <= g (T - t0), and for a rest,
+w <= g tau_c / 2, compare numbers that no division has made inexact.  Without excitation V and v
+stay exact while they fit the precision, and even a tie is decided.  The dimensionless map is the
+case g = 2, f = 1, phi = 0.
 
 Where only phase and flight matter, as on a cycle, the map is written in forcing periods:
-x' = x + u, w = e u + a sin(2 pi x').  The law of restitution decides how much of the speed an
-impact keeps, and the sine is one shape of several (`vibrosweep.proof.reference.waves`); e v, e u
-and the sine stand for them here.
+x' = x + u, w = e u + a sin(2 pi x').  For other laws of restitution and other shapes of the motion
+(`vibrosweep.proof.reference.waves`), e v, e u and the sine stand for what these give.
 """
 
 from __future__ import annotations
@@ -43,18 +42,18 @@ from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.reference.waves import SINE_WAVE, Wave, next_of, wave_of
 
 ZERO, ONE = arb(0), arb(1)
-LONGEST: Final = 1 << 16  # most forcing periods of a rest in which its end is looked for
+LONGEST: Final = 1 << 16  # number of forcing periods in which the end of a rest is searched for
 
 
 @dataclass(frozen=True)
 class BallMap:
-    """The map's parameters as balls; half turns, because sin(pi h) needs no multiplication."""
+    """The map's parameters as balls; phases in half turns, as sin(pi h) needs no multiplication."""
 
     restitution: Impact
     amplitude: arb  # A (m s-1)
     half_turns_at_launch: arb  # 2 f t0 + phi / pi
-    # half_turn_rate, gravity: 4 f and g.  The phase is 4 f V / g as a quotient, which is exact
-    # where the result is: a landing on a zero of the sine is then recognised as one.
+    # half_turn_rate, gravity: 4 f and g.  The phase 4 f V / g is one quotient, exact if its value
+    # fits the precision: a landing on a zero of the sine is then recognised as one.
     half_turn_rate: arb
     gravity: arb
     turns_back: bool = False  # True if a particle that is pushed into the base is turned back
@@ -87,7 +86,7 @@ class BallMap:
         return landed, self.restitution.kept(speed) + kick
 
     def slopes(self, half_turns: arb, speed: arb) -> tuple[arb, arb]:
-        """Derivatives of w by V', at a phase, and by the speed before it, the landing kept."""
+        """Derivatives of w by V', at a phase, and by the speed before the impact at a fixed V'."""
         turns_by_landing = self.half_turn_rate / self.gravity / 2
         by_landing = self.amplitude * self.wave.slope(half_turns) * turns_by_landing
         return by_landing, self.restitution.slope(speed)
@@ -184,8 +183,8 @@ class Motion:
     def _lifted(self, impact: int) -> arb | None:
         """V at the lift-off from a rest; None at rest for good.
 
-        Without noise no rest lies between a rise of the kick through v_rest and its fall, where
-        w > v_rest; only the whole number of periods is to be decided.
+        Without noise no rest begins while the kick is above v_rest, since then w > v_rest; only the
+        number of whole periods is to be decided.
         """
         m = self._map
         if self._problem.deviates is not None:
@@ -205,7 +204,7 @@ class Motion:
         return any(m.wave.rises(s * m.amplitude, self._rest_velocity, 0) for s in strengths)
 
     def _lifted_in_some_period(self, impact: int) -> arb | None:
-        """V where the kick of a forcing period is first above v_rest, each with its strength."""
+        """V at which the kick first exceeds v_rest, with the random strength of each period."""
         m, rest, begin = self._map, self._rest_velocity, self._half_turns / 2
         if not self._lifts_ever:
             return None
@@ -262,7 +261,7 @@ class PeriodMap(NamedTuple):
         return self.restitution.kept(u) + self.a * self.wave.velocity(2 * x)
 
     def slopes(self, x: arb, u: arb) -> tuple[arb, arb]:
-        """Derivatives of w by the phase x of the landing, and by u with that phase kept.
+        """Derivatives of w by the phase x of the landing, and by u at a fixed phase.
 
         The Jacobian of (x', w) by (x, u) is [[1, 1], [s, f + s]].
         """
@@ -301,9 +300,9 @@ class PeriodMap(NamedTuple):
 
 
 def liftoff_error(parameters: Mapping[str, float], laws: Laws) -> float:
-    """Error of the phase of a lift-off after a rest that a computation in doubles makes, turns.
+    """Error in turns of the phase of a lift-off after a rest, as computed in doubles.
 
-    It grows where the kick barely reaches v_rest.
+    It grows where the kick barely exceeds v_rest.
     """
     with ctx.workprec(2 * FRAME_BITS):
         wave = wave_of(laws.waveform)

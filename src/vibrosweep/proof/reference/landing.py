@@ -6,16 +6,17 @@ speed y, the particle is
     G(s) = s (y - s) / 2 - (alpha / 2) (W(x + s) - W(x) - s w(x))
 
 above the base, of velocity w and height W (`vibrosweep.proof.reference.waves`), after s periods.
-G'' >= -(1 + Gamma), with the bound Gamma of alpha |w'| / 2, and for a while G'', G''' and a bound
-of the next derivative give a better bound, also where both are close to 0: a base of little more
+G'' >= -(1 + Gamma), where Gamma bounds alpha |w'| / 2.  For a while G'', G''' and a bound of the
+next derivative give a better bound, even where both are close to 0, as when a base of little more
 than 1 g throws a particle for a moment.  A base of finite mass (`vibrosweep.proof.reference.mount`)
 has such bounds too.
 
-So from any s with G(s) >= 0 a parabola of this curvature passes no root; steps to where it comes
-down converge to the first root from below.  While the particle is above every height of the base
-there is none, and a step goes to the end of that time at once.  The root at s = 0 is left by a step
-that is proved beforehand.  Once G > 0 at one end of an interval, G < 0 at the other and G' < 0
-throughout, there is one root inside, and the interval Newton operator (Moore 1966) narrows it.
+So a parabola of this curvature that touches G at any s with G(s) >= 0 stays below it; steps to
+where the parabola comes down pass no root and converge to the first one from below.  While the
+particle is above every height of the base there is no root, and one step goes to the end of that
+time.  The root at s = 0 is left by a step that is proved beforehand.  Once G > 0 at one end of an
+interval, G < 0 at the other and G' < 0 throughout, there is one root inside, and the interval
+Newton operator (Moore 1966) narrows it.
 """
 
 from __future__ import annotations
@@ -49,10 +50,10 @@ class Course(Protocol):
         """Derivative."""
 
     def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
-        """Minus the second derivative; its rate; bounds of the rate of that, and of itself."""
+        """Return c, minus the second derivative; its derivative c'; a bound of c'' and one of c."""
 
     def above_all(self) -> tuple[arb, arb] | None:
-        """Interval of time without a root, where one is known."""
+        """Interval of time without a root, if one is known."""
         return None
 
 
@@ -91,7 +92,7 @@ class Clearance:
         return self.y / 2 - s - self.alpha / 2 * self.wave.gain(self.begun, s)
 
     def bend(self, s: arb) -> arb:
-        """Positive where the base presses what lies on it: minus the second derivative."""
+        """Minus the second derivative, positive where the base presses a particle lying on it."""
         return 1 + self.alpha / 2 * self.wave.slope(2 * (self.x + s))
 
     def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
@@ -102,7 +103,7 @@ class Clearance:
         return self.bend(s), rate, self.alpha / 2 * self.bounds.jolt, 1 + self.gamma
 
     def start(self) -> arb | None:
-        """Time before which there is no root; None where that is open."""
+        """Time before which there is no root; None if uncertain."""
         if self.bend(arb(0)) < 0 and (self.y > 0 or self.y.is_zero()):
             # the base falls away until it presses again
             until = (next_of(self.presses(), self.x, 0) - self.x).lower()
@@ -122,9 +123,9 @@ class Clearance:
 def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
     """Return a ball that holds the first root, with G' < 0 on all of it.
 
-    No root is before `start`, and the search ends at `until`: infinity where it has found none.
-    Raises an UncertainError, about that impact, where this precision cannot distinguish a graze
-    from a landing.
+    There is no root before `start`.  The search ends at `until`; the result is infinite if it has
+    found none.  Raises an UncertainError, about that impact, where this precision cannot
+    distinguish a graze from a landing.
     """
     clear = c.above_all()
     s, before = start, start
@@ -145,7 +146,7 @@ def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
             break
         before, s = s, reached
     width = s - before
-    for _ in range(CLOSER):  # there is none before s
+    for _ in range(CLOSER):  # there is no root before s
         found = _bracket(c, (s - width).upper(), (s + width).upper())
         if found is not None:
             return found
@@ -160,7 +161,7 @@ def _step(c: Course, s: arb, height: arb, slope: arb) -> arb:
     while tried < 1:
         tried = 4 * tried
         then = now + tried * (rate + growth * tried / 2)
-        bend = now.max(then).min(largest)  # at most, for as long as is tried
+        bend = now.max(then).min(largest)  # largest curvature during the step that is tried
         down = _down(height, slope, bend)
         if not down > tried:
             return step.max(down.min(tried))
@@ -178,7 +179,7 @@ def _down(height: arb, slope: arb, bend: arb) -> arb:
 
 
 def _bracket(c: Course, low: arb, high: arb) -> arb | None:
-    """Interval between two times if the only root in it is proved to be a landing."""
+    """Interval between two times if it is proved to hold exactly one root, a landing."""
     interval = low.union(high)
     proved = c.height(low) > 0 and c.height(high) < 0 and c.slope(interval) < 0
     return interval if proved else None

@@ -3,8 +3,8 @@
 Over the high-bounce base the speed after an impact is w = kept + kick.  Where w is negative the
 particle is pushed into the base: it rests, or the law of rebound turns it back with the speed -w.
 
-A law of restitution holds for a restitution e and a speed v_r, and is given speeds in the unit of
-that one.  Where a ball of speeds holds a kink, values and slopes of both sides are enclosed.
+A law of restitution has a restitution e and a speed v_r, whose unit is that of all speeds.  Where a
+ball of speeds holds a kink, values and slopes of both sides are enclosed.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Laws(NamedTuple):
         return self.rebound == "reflect"
 
     def in_periods(self, p: Mapping[str, arb]) -> Impact:
-        """Return `impact` of physical parameters, with speeds as flights in forcing periods."""
+        """Return `impact` for physical parameters, with speeds in units of g / 2 f."""
         speed = p.get("restitution_speed")
         unit = p["gravity"] / (2 * p["frequency"])
         return self.impact(p["restitution"], None if speed is None else speed / unit)
 
     def impact(self, e: arb, speed: arb | None) -> Impact:
-        """Return the law of restitution e, where it has one of that speed."""
+        """Return the law for a restitution e and, if it has one, a speed v_r."""
         if self.restitution == CONSTANT or speed is None:
             return Constant(e)
         if self.restitution in OF_SPEED:
@@ -114,7 +114,7 @@ class Plastic(Impact):
 
 
 class Viscoelastic(Impact):
-    """P(y) of the speed with y = y_0 (v / speed)^(1/10), where P(y_0) = e."""
+    """The share P(y) of the speed with y = y_0 (v / speed)^(1/10), where P(y_0) = e."""
 
     def __init__(self, e: arb, speed: arb) -> None:
         self._speed, self._root = speed, _root_at(e)
@@ -145,8 +145,8 @@ class Viscoelastic(Impact):
 class Random(Impact):
     """A law under noise: random numbers are added to its share and to the speed after impact.
 
-    The speed after it is turned back where it would be negative, if `thrown`.  The slope has no
-    derivative here, which serves closed orbits only, and they are without noise.
+    If `thrown`, a speed that would be negative changes its sign.  No derivative of the slope is
+    given: only closed orbits need it, and they have no noise.
     """
 
     def __init__(self, law: Impact, slip: arb, push: arb, thrown: bool) -> None:
@@ -176,7 +176,7 @@ class Random(Impact):
 
 
 def _slope_at(y: Any) -> Any:
-    """Slope of a ball y, or of a jet."""
+    """Derivative of `kept` at y, a ball or a jet."""
     top, higher, by_top, by_higher = _terms(y)
     bottom = top + higher
     fall = y * (by_top * higher - top * by_higher) / bottom
@@ -184,7 +184,7 @@ def _slope_at(y: Any) -> Any:
 
 
 def _terms(y: Any) -> tuple[Any, Any, Any, Any]:
-    """Numerator of P, its denominator less that, and their derivatives."""
+    """Numerator of P, its denominator minus the numerator, and the derivatives of both."""
     n1, d2, d3, d4 = arb("0.501086"), arb("1.15345"), arb("0.577977"), arb("0.532178")
     higher = y * y * (d2 + y * (d3 + y * d4))
     return 1 + n1 * y, higher, n1, y * (2 * d2 + y * (3 * d3 + y * 4 * d4))
@@ -195,7 +195,7 @@ def _root_at(e: arb) -> arb:
     if e == 1:
         return arb(0)
     y = arb(1)
-    for _ in range(30):  # (1 - e) top = e higher; each leaves a fifth of the error
+    for _ in range(30):  # solves (1 - e) top = e higher; each step leaves a fifth of the error
         top, higher, _, _ = _terms(y)
         y = arb((y * ((1 - e) * top / (e * higher)).sqrt()).mid())
     found = y * arb(1, 2.0**-40)
@@ -212,7 +212,7 @@ def _root_at(e: arb) -> arb:
 class Outside(Impact):
     """A law from outside the package, as it is now.
 
-    It bounds the change of its slope, but does not give a derivative of it.
+    Its slope can be evaluated on a ball, but the derivative of the slope is not known.
     """
 
     def __init__(self, law: OutsideLaw, e: arb, speed: arb) -> None:
@@ -235,7 +235,7 @@ OF_SPEED: Final[Mapping[str, Callable[[arb, arb], Impact]]] = {
 
 
 def slope_change(impact: Impact, v: arb, error: float) -> float:
-    """Bound of how much the slope changes where a speed does by an error."""
+    """Bound of the change of the slope if a speed changes by an error."""
     if isinstance(impact, Constant):
         return 0.0
     return float((impact.slope(v + arb(0, error)) - impact.slope(v)).abs_upper())

@@ -20,9 +20,10 @@ Contraction: TypeAlias = tuple[arb | float, float]
 
 
 class Deviates(NamedTuple):
-    """Normal deviates of one particle, as exact numbers; None where nothing is random."""
+    """Normal deviates of one particle, as exact numbers."""
 
-    of_impact: Callable[[int], Pair]  # of the restitution and of the kick, by the impact, from 0
+    # Deviates of the restitution and of the kick, by the number of the impact, from 0
+    of_impact: Callable[[int], Pair]
     of_period: Callable[[int], float]  # of the drive, by the forcing period
     largest: float  # bound of their moduli
 
@@ -51,7 +52,7 @@ class Problem:
 
     @cached_property
     def balls(self) -> dict[str, arb]:
-        """Parameters, exact."""
+        """Parameters as exact balls."""
         return {name: arb(value) for name, value in self.parameters.items()}
 
     @property
@@ -75,7 +76,7 @@ class Problem:
     def random(self, law: Impact, impact: int, unit: arb, thrown: bool) -> Impact:
         """Return a law of restitution with the random numbers of an impact, counted from 1.
 
-        The unit is that of speeds.
+        `unit` is the unit of speeds.
         """
         if self.deviates is None:
             return law
@@ -90,7 +91,7 @@ class Landed(NamedTuple):
     flown: arb  # time since the launch, in the unit of the base
     half_turns: arb  # phase of the forcing, not reduced
     duration: arb  # of the flight that ends with it, forcing periods
-    # Derivatives of the duration by phase and speed of lift-off; None where it equals that speed
+    # Derivatives of the duration by phase and speed of lift-off; None where it equals the speed
     slopes: tuple[float, float] | None
     arrival: arb  # speed relative to the base, in units of g / 2 f
 
@@ -101,8 +102,8 @@ class Left(NamedTuple):
     flown: arb  # time since the launch, in the unit of the base
     rested: bool  # True if the particle stayed on the base before
     velocity: arb  # m s-1
-    # Relative to the base; the unit is that whose flight from a base at rest lasts one forcing
-    # period, g / 2 f
+    # Relative to the base, in units of g / 2 f: from a base at rest, a flight of speed 1 lasts one
+    # forcing period
     speed: arb
     height: arb  # m, of the highest point of the flight, above the mean level of the base
 
@@ -114,13 +115,13 @@ class Motion(Protocol):
     end: arb  # end of the observation, as time since the launch in the unit of the base
 
     def time(self, flown: arb) -> arb:
-        """Time in s that long after the launch."""
+        """Time in s, `flown` after the launch."""
 
     def land(self, impact: int) -> Landed:
         """Fly to the next landing; an UncertainError where more precision is needed to find it."""
 
     def leave(self, impact: int) -> Left | None:
-        """Rebound from it, perhaps after a rest; None at rest for good.
+        """Rebound from the landing, perhaps after a rest; None at rest for good.
 
         Raises an UncertainError where more precision is needed to decide.
         """
@@ -136,12 +137,12 @@ class Step(NamedTuple):
 
 
 class Carried(NamedTuple):
-    """Images of a direction and of its normal by the Jacobian of an impact."""
+    """Images of a direction and of its normal under the Jacobian of an impact."""
 
     # along, across: the images
     along: Pair
     across: Pair
-    wrong: float  # bound of the change of the first by the errors of the state and of doubles
+    wrong: float  # bound of the change of `along` by the errors of the state and by rounding
     turned_back: bool  # True if the law of rebound then turns the particle back
 
 
@@ -157,11 +158,11 @@ class PeriodMap(Protocol):
     def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction through the impact after a flight that sets out from phase x.
 
-        In doubles, with phase and speed of the lift-off known up to `errors`.
+        Computes in doubles, with phase and speed of the lift-off known up to `errors`.
         """
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
         """Mean logarithm of the contraction of areas by impacts with these speeds of arrival.
 
-        With it comes a bound of its change where all speeds of lift-off change by `error`.
+        Also returns a bound of its change if all speeds of lift-off change by `error`.
         """

@@ -1,13 +1,13 @@
 """The base of finite mass on its mount, between events, in ball arithmetic.
 
-Phase x in turns, time in forcing periods, speeds in g / 2 f: heights are in g / 2 f^2, and gravity
-is 2.  Without particles the base moves as Yf = alpha W(x), a sum of harmonics
+Phase x is in turns, time in forcing periods, speeds in g / 2 f; so heights are in g / 2 f^2, and
+gravity is 2.  Without particles the base moves as Yf = alpha W(x), a sum of harmonics
 (`vibrosweep.proof.reference.waves`).  While n particles ride it, the deviation D = Y - Yf obeys,
 with the load l = n mu and nu = f0 / f of the mount,
 
     (1 + l) D'' + 2 zeta w0 D' + w0^2 D = -l (Yf'' + 2),        w0 = 2 pi nu
 
-D is a constant, forced oscillations and a free one, h.  As h'' + 2 Z h' + Q h = 0 with
+D is the sum of a constant, forced oscillations and a free one, h.  As h'' + 2 Z h' + Q h = 0 with
 Z = zeta w0 / (1 + l) and Q = w0^2 / (1 + l), and all derivatives of h obey the same equation,
 (h^(k+1))^2 + Q (h^(k))^2 never grows: this bounds all of them from any instant on.
 """
@@ -47,14 +47,14 @@ class Arc:
     after
         Time between the instant and that state, which may be negative.
     impact
-        Number of the next landing, for the error.
+        Number of the next landing, for an error.
     side
-        Side of the drive where its waveform has corners (`Stretch`); it ends at the next corner.
+        Side of the drive if its waveform has corners (`Stretch`); the arc ends at the next corner.
 
     Raises
     ------
     UncertainError
-        More precision is needed to know the kind of its motion.
+        More precision is needed to decide the kind of its motion.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Arc:
         return h * keeps + v * drifts, v * brakes - h * self._q * drifts
 
     def _waves(self, s: arb) -> tuple[arb, arb, arb]:
-        """Free motion in s periods: h = 1 and h' = 1 to h, and h' = 1 to h'.
+        """Free motion over s periods: factors of h and h' in h(s), and of h' in h'(s).
 
         They are C + Z S, S and C - Z S with C = exp(-Z s) cosh(k s), S = exp(-Z s) sinh(k s) / k
         and k^2 = Z^2 - Q, of either sign.
@@ -142,7 +142,7 @@ class Arc:
         return self.level + height + h, rate + v
 
     def most(self, order: int, s: arb) -> arb:
-        """Bound of the modulus of a derivative, from s on; of the height, from its mean."""
+        """Bound of the modulus of a derivative from s on; for order 0, of height minus mean."""
         free, low = self._free_at(s), max(order - 1, 0)
         energy = free[low + 1] * free[low + 1] + self._q * free[low] * free[low]
         decaying = (energy if order else energy / self._q).upper().sqrt()
@@ -194,7 +194,7 @@ class Above:
 def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -> arb:
     """Time until which a particle that leaves the base `now` has not landed.
 
-    Its speed is relative to the base; `lifted` is True if the base presses it until then.
+    Its speed is relative to the base; `lifted` is True if the base pressed it until it left.
     Raises an UncertainError, about the next impact, where more precision is needed.
     """
     until = ZERO
@@ -212,7 +212,7 @@ def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -
 
 
 class Pressure(Course):
-    """Acceleration of the base above that of gravity: it presses what rides while positive."""
+    """Acceleration of the base relative to free fall: while positive, riders are pressed."""
 
     def __init__(self, arc: Arc) -> None:
         self._arc = arc

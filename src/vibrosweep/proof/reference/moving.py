@@ -2,8 +2,8 @@
 
 The base has the velocity V0 w(x) and the height (V0 / f) W(x), with V0 = A / (1 + e) and a shape w
 (`vibrosweep.proof.reference.waves`).  An impact leaves E(z) of the relative speed z, with the slope
-q = E'(z).  In forcing periods and speeds of g / 2 f its velocity is alpha w(x) with alpha = a /
-(1 + e), a = 2 f A / g, and its acceleration G = alpha w' / 2 in units of gravity.  The state is the
+q = E'(z).  In units of g / 2 f the base has the velocity alpha w(x) with alpha = a / (1 + e),
+a = 2 f A / g, and in units of gravity the acceleration G = alpha w' / 2.  The state is the
 phase x and the speed y relative to the base, both at lift-off.  The flight to the first s > 0 at
 the height of the base (`vibrosweep.proof.reference.landing`) ends with the relative speed z, and
 
@@ -52,7 +52,7 @@ ROUNDED_BITS = 64  # beyond those of a frame, in which roundings of doubles are 
 
 @dataclass(frozen=True)
 class MovingMap:
-    """The impacts in forcing periods."""
+    """The map in forcing periods."""
 
     restitution: Impact
     alpha: arb  # factor of the velocity of the base
@@ -107,7 +107,7 @@ class MovingMap:
         return narrowed(c, first_root(c, start, impact))
 
     def impact(self, x: arb, y: arb, s: arb | None, impact: int) -> Step:
-        """Impact after a flight of `s` periods; None where it lands at once."""
+        """Impact after a flight of `s` periods; `s` is None if the particle lands at once."""
         if s is None:
             kept, slope = self.restitution.kept(-y), -self.restitution.slope(-y)
             return Step(ZERO, kept, ((ONE, ZERO), (ZERO, slope)), slope)
@@ -160,10 +160,10 @@ class MovingMap:
         return Carried(_floats(along), _floats(across), wrong, False)
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
-        """Mean logarithm of the determinant in coordinates in which only the arrival enters.
+        """Mean logarithm of the determinant, in coordinates where it depends on the arrival alone.
 
-        It is q y / z = q (y' / z) (y / y') in (x, y), and q y' / z in (x, y^2).  An arrival is off
-        by the error of y' = E(z) over the slope q.
+        It is q y / z = q (y' / z) (y / y') in (x, y), and q y' / z in (x, y^2).  The error of an
+        arrival z is that of y' = E(z) divided by the slope q.
         """
         law = self.restitution
         off = max((error / float(law.slope(z)) for z in speeds if law.slope(z) > 0), default=0.0)
@@ -171,9 +171,9 @@ class MovingMap:
 
 
 def liftoff_error(parameters: Mapping[str, float], laws: Laws) -> float:
-    """Error of the phase of a lift-off after a rest that a computation in doubles makes, turns.
+    """Error in turns of the phase of a lift-off after a rest, as computed in doubles.
 
-    It grows where the base hardly falls faster than gravity: G, of a few roundings, decides.
+    It grows where the base barely falls faster than gravity, and rounding errors of G decide.
     """
     with ctx.workprec(FRAME_BITS + ROUNDED_BITS):
         m = MovingMap.from_parameters(parameters, laws)
@@ -233,7 +233,7 @@ class Motion:
         """Lift-off from the present state."""
         m, turns = self._map, self._phase + self._flown
         u = self._speed + m.velocity(turns)
-        # a particle that falls, or that the base pushes at once, is highest at its beginning
+        # a particle that falls, or that the base pushes at once, is highest at lift-off
         rising = ZERO if self._speed < 0 else u.max(ZERO)
         square = rising * rising + 4 * m.alpha * m.wave.level(2 * turns)
         height = self._gravity / (8 * self._frequency * self._frequency) * square

@@ -1,4 +1,4 @@
-"""A trajectory at one precision: certain and narrow enough, or else more precision is needed.
+"""A trajectory at one precision, which is raised if a decision is uncertain or a ball too wide.
 
 The semantics of the branches are stated in `vibrosweep.proof.reference.ball`.
 """

@@ -31,7 +31,7 @@ class Orbit(NamedTuple):
     rest: arb  # speed at and below which a particle rests
     wave: Wave = SINE_WAVE
     law: Impact | None = None  # of restitution, where it is not constant
-    turns_back: bool = False  # whether a rebound downwards is turned back, as under `reflect`
+    turns_back: bool = False  # True if a rebound downwards is turned back, as under `reflect`
 
 
 class Moved(NamedTuple):
@@ -105,7 +105,7 @@ def _moved(wave: Wave, turns: Jet) -> Moved:
 
 
 def _impact(orbit: Orbit, v: Jet) -> tuple[Jet, Jet]:
-    """Relative speed that an impact leaves of another one, and its derivative by that."""
+    """Relative speed after an impact with the relative speed v, and its derivative by v."""
     law = orbit.law or Constant(orbit.e)
     slope = law.slope(v.v)
     bend = law.bend(v.v)

@@ -24,7 +24,7 @@ class Flight:
     speed: arb
     height: arb  # ball, m; its highest point above the mean level of the base
     duration: arb  # ball, forcing periods
-    # Derivatives of the duration by phase and speed of the lift-off; None where it is the speed
+    # Derivatives of the duration by phase and speed of the lift-off; None where it equals the speed
     slopes: tuple[float, float] | None
 
 

@@ -9,9 +9,10 @@ of velocity V on which n particles ride, with the approach speed c = V - v.  mu 
   their velocity and so leave with the relative speed w, if w > r.
 * Else base and riders take the impact as one body: mu / (1 + n mu) replaces mu.
 
-The base presses while it would, alone, not fall faster than gravity: Yf'' - 2 zeta w0 D' - w0^2 D
-> -2.  When it begins to, all riders leave with its velocity.  Particles in one and the same state
-land in the order of their numbers, and those that the base then no longer approaches fly on.
+The base presses its riders while it would not, alone, fall faster than gravity:
+Yf'' - 2 zeta w0 D' - w0^2 D > -2.  When that ends, all riders leave with its velocity.  Particles
+in the same state land in the order of their numbers; those that the recoiling base no longer
+approaches fly on.
 
 The next event is proved to be the next: the first landing of every flight is enclosed, or proved to
 be later, and two enclosures that overlap require more precision.  Balls are carried from event to
@@ -54,7 +55,7 @@ class System:
 
     Where all particles ride the base, their lift-off is looked for up to the phase `end`.
 
-    The state is that of an exact instant next to the last event, to which the motion after the
+    The state is kept at an exact instant next to the last event, to which the motion after the
     event is continued: the uncertain time of the event then widens only balls that depend on it.
 
     Attributes
@@ -98,7 +99,7 @@ class System:
         return 1 if certain_above(rises, ZERO, "the side of the first launch", 0) else -1
 
     def _corner(self) -> list[Next]:
-        """Next corner of the drive, where something still may happen."""
+        """Next corner of the drive; none without corners, or if nothing more can happen."""
         if not self._bodies.mount.has_corners:
             return []
         offset = arb(0.25) if self._side > 0 else arb(0.75)
@@ -212,14 +213,14 @@ class System:
             self._leave(ZERO, lifted=False)
 
     def _presses(self, rate: arb) -> bool:
-        """Decide whether the base, whose deviation has a rate, presses a particle."""
+        """Decide whether the base presses a particle when its deviation has this rate."""
         mount = self._bodies.mount
         pull = mount.natural * (2 * mount.damping * rate + mount.natural * self._deviation)
         what = "the base presses a particle"
         return certain_above(self._own_press - pull, ZERO, what, self.landings)
 
     def _settle(self) -> None:
-        """Continue base and flights after the event from the exact instant next to it."""
+        """Continue the base and the flights after the event from the exact instant next to it."""
         late, around = self._late, ZERO.union(self._late)
         before, self._arc = self._arc.derivative(2, self._passed + around), self._motion()
         after = self._arc.derivative(2, around)
@@ -241,7 +242,7 @@ class System:
         return self._own_velocity + self._rate
 
     def _recoil(self, velocity: arb) -> None:
-        """Take a velocity from the base."""
+        """Reduce the velocity of the base."""
         self._rate -= velocity
         self._recoiled += velocity
         for flying in self._leaving:
@@ -263,14 +264,14 @@ class System:
             self._leaving.append(Flying(tuple(flying), ZERO, speed))
 
     def _leave(self, speed: arb, *, lifted: bool) -> None:
-        """All riders leave, with a speed relative to the base."""
+        """Let all riders leave, with a speed relative to the base."""
         riders, self._riders = tuple(sorted(self._riders)), []
         self._leaving.append(Flying(riders, ZERO, speed, lifted))
         for particle in riders:
             self._note(LIFTOFF, particle, self._velocity + speed, speed)
 
     def _land(self, particles: Sequence[int], speed: arb) -> None:
-        """Let particles of one state land, one after the other; as one where they are massless."""
+        """Let particles in one state land, one after the other; as one if they are massless."""
         if self._bodies.mount.mass_ratio.is_zero() and self._bodies.drawn is None:
             self._impact(particles, speed)
             return
@@ -314,11 +315,11 @@ class System:
         return self._bodies.drawn(particle, self._drawn[particle] - 1)
 
     def _sticks(self, c: arb, w: arb) -> bool:
-        """Decide whether a particle sticks that approaches with speed c and would leave with w."""
+        """Decide if a particle that approaches with speed c, and would leave with w, sticks."""
         mount, r, riding = self._bodies.mount, self._bodies.r, len(self._riders)
         if certain_above(w, r, "e c > r", self.landings):
             return False
-        if riding:  # the base presses them, and more after the impact
+        if riding:  # the base presses the riders, and even more after the impact
             return True
         return self._presses(self._rate - mount.mass_ratio * c / (1 + mount.mass_ratio))
 

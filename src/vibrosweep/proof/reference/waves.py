@@ -2,7 +2,7 @@
 
 The base has the velocity V0 w(x) and the height (V0 / f) W(x), W' = w, at the phase x in turns; w
 has the period 1 and the mean zero.  Phases are given in half turns, because sin(pi h) needs no
-product.  A weight and a phase are the exact doubles that they are.
+product.  The weights and phases of harmonics are taken as exact doubles.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ QUARTER: Final = arb(0.25)
 PIECES: Final = 64  # of a period, which are halved further where a zero may hide
 OFF: Final = arb(0.49087)  # start of the first piece, where a zero of a waveform is unlikely
 FALLS: Final = "the base ever falls faster than gravity"
-Begun: TypeAlias = Sequence[tuple[arb, arb]]  # what a shape keeps of the phase of a lift-off
+Begun: TypeAlias = Sequence[tuple[arb, arb]]  # values of a shape at the phase of a lift-off
 
 
 class Bounds(NamedTuple):
@@ -32,7 +32,8 @@ class Bounds(NamedTuple):
     bend: arb
     jolt: arb
     top: arb  # of W
-    # Largest of `fast`, 2 pi W and `steep` / 2 pi: its sine is at least as fast, high and steep
+    # Largest of `fast`, 2 pi `top` and `steep` / 2 pi: a sine of this size is at least as fast,
+    # high and steep
     size: float
     # Roundings of w and of w' in doubles, relative to `fast` and `steep`, beyond those of a sine
     blur: float
@@ -55,17 +56,17 @@ class Wave(Protocol):
         """Derivative of w."""
 
     def rate(self, h: arb) -> arb:
-        """Second derivative; of a shape with corners a bound of the change of w' in a period."""
+        """Second derivative of w; for a shape with corners, its value between them."""
 
     def slope_change(self, h: arb, error: float) -> float:
         """Bound of the change of w' within an error of a phase, in turns."""
         return float(self.bounds.bend) * error
 
     def begun(self, h: arb) -> Begun:
-        """Return what `rise` and `gain` need of the phase x of a lift-off."""
+        """Return the values at the phase x of a lift-off that `rise` and `gain` need."""
 
     def rise(self, begun: Begun, s: arb) -> arb:
-        """W(x + s) - W(x) - s w(x), in which nothing cancels."""
+        """W(x + s) - W(x) - s w(x), computed without cancellation."""
 
     def gain(self, begun: Begun, s: arb) -> arb:
         """w(x + s) - w(x)."""
@@ -282,10 +283,10 @@ def wave_of(waveform: Waveform) -> Wave:
 def crossings(
     value: Callable[[arb], arb], slope: Callable[[arb], arb], impact: int
 ) -> list[tuple[arb, bool]]:
-    """All zeros of a function of the phase in turns in a period, and whether it rises there.
+    """All zeros in a period of a function of the phase in turns, and whether it rises there.
 
-    A piece without a zero, or in which the function is monotone, is proved by its values over all
-    of it; others are halved.  The interval Newton operator narrows what is left.
+    Pieces of the period are halved until balls prove that the function has no zero, or is monotone,
+    over the whole piece.  The interval Newton operator narrows the zeros that are found.
     """
     least = arb(2) ** (-FRAME_BITS // 2)
     step = ONE / PIECES
@@ -328,7 +329,7 @@ def _narrowed(value: Callable[[arb], arb], slope: Callable[[arb], arb], root: ar
 
 
 def next_of(phases: Sequence[arb], turns: arb, impact: int) -> arb:
-    """First of some phases, whole periods added, not earlier than a time in turns."""
+    """First time in turns, not earlier than a given one, that has one of some phases."""
     found = []
     for phase in phases:
         periods = (turns - phase).ceil().unique_fmpz()
