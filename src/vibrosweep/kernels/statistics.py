@@ -55,6 +55,9 @@ def declare(
 ) -> Any:
     """Declare a statistic; return its marker, an empty named tuple of a type of its own.
 
+    A COUNT of flights is right only over a coupled base: elsewhere it includes rests that no flight
+    follows, as flights of no time and height.
+
     The name of a statistic from outside the package must contain a digest of its code, because
     machine code is kept by the names of types.
     """

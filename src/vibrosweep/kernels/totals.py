@@ -25,6 +25,7 @@ from vibrosweep.kernels.statistics import (
     KINDS,
     LANDINGS,
     MAX,
+    MIN,
     PRODUCTS,
     RESTS,
     START,
@@ -78,14 +79,17 @@ def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
 def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]:
     """Yield each statistic's place, the statistic, and the text of its number.
 
-    In a sum of products, the number of one landing is its rounded product.
+    In a sum of products, the number of one landing is its rounded product.  A flight of no time,
+    which stands for a rest that no flight follows, is left out of a minimum.
     """
     for k, kind in enumerate(statistics):
-        argument = "flight" if kind.of_flights else "landing"
+        number = f"number_{k}({'flight' if kind.of_flights else 'landing'})"
         if kind.combine == PRODUCTS:
-            yield k, kind, f"number_{k}({argument})[0] * number_{k}({argument})[1]"
+            yield k, kind, f"{number}[0] * {number}[1]"
+        elif kind.combine == MIN and kind.of_flights:
+            yield k, kind, f"(1.0 * {number} if flight.time > 0.0 else inf)"
         else:
-            yield k, kind, f"1.0 * number_{k}({argument})"
+            yield k, kind, f"1.0 * {number}"
 
 
 def _row(statistics: Sequence[Statistic], k: int) -> str:
@@ -108,7 +112,7 @@ def count(
     kinds: Kinds, s: Floats, j: int, landing: Landing, flight: Counted, seen: bool, ends: bool
 ) -> Iterator[str]:
     """Count a landing in place j where it is seen, and a flight where it ends."""
-    for k, kind in enumerate(kinds):
+    for k, kind, text in _numbers(kinds):
         row = f"s[{(ROWS + k) * STRIDE} + j]"
         counts = "ends" if kind.of_flights else "seen"
         number = f"number_{k}({'flight' if kind.of_flights else 'landing'})"
@@ -122,7 +126,7 @@ def count(
         else:
             # adding 0.0 changes nothing, but keeps the compiler from choosing by a masked store,
             # which takes AMD processors without AVX-512 as long as ten ordinary ones
-            yield f"v, w = 1.0 * {number}, {row} + 0.0"
+            yield f"v, w = {text}, {row} + 0.0"
             yield f"{row} = v if (v {'>' if kind.combine == MAX else '<'} w) & {counts} else w"
 
 
