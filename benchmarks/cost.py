@@ -3,7 +3,7 @@
     python benchmarks/cost.py -o docs
 
 writes ``cost.md``, ``cost.csv``, and ``cost.png`` in ``images``.  Every point is a sweep from its
-ranges to its result file, on one thread, in units of processor time, which other programs disturb
+ranges to its result file, on one thread.  Time is processor time, which other programs disturb
 little; memory is the largest that its arrays take at once.
 """
 

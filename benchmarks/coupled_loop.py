@@ -1,4 +1,4 @@
-"""A base of finite mass as a plain scalar loop: after each event every particle's next landing.
+"""Base of finite mass as a scalar loop, which finds all next landings anew after each event.
 
 It follows one realization after the other and one event after the other, with one running time and
 the library's sine and exponential.  The search for a landing starts at the present time, with steps
@@ -69,7 +69,7 @@ def base(motion, t, s):
 
 @njit(nogil=True, error_model="numpy")
 def advance(s, f, slope, curvature):
-    """Step from s without passing a root of a function with this value, slope and curvature."""
+    """Step from s, not past a root of a function with this value, slope and largest curvature."""
     root = math.sqrt(slope * slope + 2.0 * curvature * max(f, 0.0))
     if slope < 0.0:
         return s + 2.0 * max(f, 0.0) / (root - slope)
@@ -78,7 +78,7 @@ def advance(s, f, slope, curvature):
 
 @njit(nogil=True, error_model="numpy")
 def next_landing(motion, energy, t, y, u, s, end):
-    """Time of the first landing after t + s of a ball with height y and speed u at t; else inf."""
+    """Time of the first landing from t + s to `end`, for height y and velocity u at t; else inf."""
     w, zeta, mass, level, p, q, _, _ = motion
     reach, own = math.hypot(p, q), w / math.sqrt(mass)
     curvature = 2.0 + TWO_PI**2 * reach + (2.0 * zeta * w / mass + own) * energy
@@ -114,7 +114,7 @@ def press(motion, energy, t, s):
 
 @njit(nogil=True, error_model="numpy")
 def next_release(motion, energy, t, end):
-    """Time at which the base begins to fall faster than the particles that ride it; else inf."""
+    """Time at which the base begins to fall faster than g, so that riders leave; else inf."""
     s = 0.0
     for _ in range(TRIES):
         if not t + s <= end:
@@ -148,7 +148,7 @@ def release_riders(place, balls, height, rate, now):
 
 @njit(nogil=True, error_model="numpy")
 def scalar_coupled(first, last, problem, mounts, launches, periods, times, out):
-    """Realizations first to last; `out` holds the landings of each particle.
+    """Follow realizations first to last; `out` receives the number of landings of each particle.
 
     Landing times go into `times`, shape (realization, particle, impact), unless it is None.
     """
@@ -200,7 +200,7 @@ def scalar_coupled(first, last, problem, mounts, launches, periods, times, out):
             t = now
             motion, energy = motion_from(alpha, mu, w, zeta, riders, t, height, rate)
             gap = 0.0
-            if now == release:  # the base falls away from what leaves it, for at least this time
+            if now == release:  # the base falls away from its riders for at least this time
                 _, jerk, snap = press(motion, energy, t, 0.0)
                 gap = max(-2.0 * jerk / snap, 0.0)
             release = next_release(motion, energy, t, end) if riders > 0 else np.inf

@@ -76,14 +76,14 @@ def bare_map(s, repetitions):
 def lanes():
     """Random lanes for `sine_only` and `bare_map`, aligned to a cache line.
 
-    Each is near a stable orbit of one impact in every period, so that no flight dies away: numbers
-    below 1e-308 would be timed instead of the map.
+    Each is near a stable orbit of one impact in every period, so that no flight dies away: slow
+    subnormal numbers would be timed instead of the map.
     """
     rng = np.random.default_rng(1)
     s = aligned(4 * STRIDE)
     e = rng.uniform(0.5, 0.95, LANES)
-    # the flight lasts where a sin(2 pi x) = 1 - e; it is stable while -2 pi a cos(2 pi x) lies
-    # between 0 and 2 (1 + e)
+    # a flight of one period repeats where a sin(2 pi x) = 1 - e; it is stable while
+    # -2 pi a cos(2 pi x) lies between 0 and 2 (1 + e)
     slope = rng.uniform(0.2, 1.8, LANES) * (1.0 + e)
     a = np.hypot(1.0 - e, slope / (2.0 * np.pi))
     x = 0.5 - np.arcsin((1.0 - e) / a) / (2.0 * np.pi)

@@ -23,7 +23,7 @@ TRIES = 20_000
 
 @njit(nogil=True, error_model="numpy")
 def _stretch(x, x_lift):
-    """Return whether the base presses at phase x, and return the periods until that changes."""
+    """Return whether the base presses at phase x, and the periods until that changes."""
     x -= np.rint(x)
     presses = not abs(x) > x_lift
     to_fall = x_lift - x
@@ -65,7 +65,7 @@ def _next(alpha, x_lift, at, f, slope, step, newton, series, good):
 
 @njit(nogil=True, error_model="numpy")
 def moving_flight(alpha, x_lift, x, y, count):
-    """Duration of a flight from phase x with relative speed y, its last speed, and all passes."""
+    """Duration of a flight from phase x with relative speed y, landing speed, passes so far."""
     if y < 0.0 or (y == 0.0 and not abs(x) >= x_lift):
         return 0.0, -y, count
     gamma = math.pi * alpha
@@ -124,7 +124,7 @@ def moving_flight(alpha, x_lift, x, y, count):
 
 @njit(nogil=True, error_model="numpy")
 def scalar_moving(first, last, problem, launches, periods, times, out):
-    """Trajectories first to last; `out` holds landings, passes, sums of flights, highest apices.
+    """Follow trajectories first to last; `out`: landings, passes, sums of flights, highest apices.
 
     Landing times go into `times`, shape (trajectory, impact), unless it is None.
     """

@@ -28,14 +28,14 @@ PICTURE = ROOT / "docs" / "images" / "peers.png"
 LIBRARIES = ("numpy", "numba", "scipy", "pynamicalsys", "jax", "diffrax", "heyoka")
 OPTIONAL = (
     ("pynamicalsys", "methods.dynamical", "ensemble"),
-    ("diffrax", "methods.jaxed", "jax_map"),  # in one module, and diffrax needs jax
+    ("diffrax", "methods.jaxed", "jax_map"),  # its module imports diffrax, too
     ("diffrax", "methods.jaxed", "diffrax_events"),
     ("heyoka", "methods.taylor", "heyoka_events"),
 )
 
 
 def bare_points(threads: int, missing: list[str]) -> list[Point]:
-    """The bare map beside pynamicalsys' ensemble call, where that is installed."""
+    """Points of the bare map and of pynamicalsys; none if that is not installed."""
     if "pynamicalsys" in missing:
         return []
     from methods.dynamical import bare_points
@@ -44,7 +44,7 @@ def bare_points(threads: int, missing: list[str]) -> list[Point]:
 
 
 def origin(threads: int, missing: list[str]) -> str:
-    """Versions and processor, and what is absent."""
+    """Describe processor and versions, and name the libraries that are not installed."""
     known = provenance(threads)
     there = [name for name in LIBRARIES if find_spec(name) is not None]
     versions = ", ".join(f"{name} {version(name)}" for name in there)

@@ -2,7 +2,7 @@
 
     python benchmarks/processors.py             print the table
     python benchmarks/processors.py --write     and put it into docs/speed.md
-    python benchmarks/processors.py --here      this process alone, as JSON
+    python benchmarks/processors.py --here      time in this process only, and print JSON
 
 Each width is timed in a separate process, in which all jobs take turns: a figure is the median
 ratio of the processor time of a job to that of the sine just before it, which other programs
@@ -42,14 +42,14 @@ WAYS = {
 
 
 class Job(NamedTuple):
-    """A function to time, its name, and the number of units of work of a call."""
+    """A function to time, and the units of work of a call."""
 
     run: object
     work: float
 
 
 def jobs(workers):
-    """Everything that is timed, per impact; the sine first."""
+    """All jobs by name, the sine first; their unit of work is an impact, or one sine."""
     from loops import LANES, bare_map, lanes, sine_only
     from test_kernels import scene
     from vibrosweep.engine.trajectories import follow, statistics
@@ -78,7 +78,7 @@ def jobs(workers):
 
 
 def measure():
-    """Medians: the sine in ns, and of everything else the time as a multiple of the sine's."""
+    """Median time of the sine in ns, and of every other job as a multiple of the sine's."""
     from vibrosweep.engine.workers import Workers
 
     def nanoseconds(job):
@@ -142,7 +142,7 @@ def table(found):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--write", action="store_true", help="put the table into docs/speed.md")
-    parser.add_argument("--here", action="store_true", help="this process alone, as JSON")
+    parser.add_argument("--here", action="store_true", help="time in this process, print JSON")
     options = parser.parse_args()
     if options.here:
         print(json.dumps(measure()))

@@ -51,7 +51,7 @@ def test_help_against_starting_python(race):
 
 
 def test_cold_start_against_compiling_something_else(race, tmp_path):
-    """First use ever, every kernel is compiled; numba itself sets the scale."""
+    """The first use ever compiles every kernel; compiling a small function sets the scale."""
     command = [*VIBROSWEEP, "run", str(SWEEPS / "paper.toml"), "-o", str(tmp_path / "p.h5")]
     took = []
 
@@ -94,7 +94,7 @@ def iterations(spec, workers):
 
 
 def test_run_against_the_kernel_alone(race, benchmark, tmp_path):
-    """Planning, drawing, writing, sealing and opening take a quarter of the kernel and 60 ms."""
+    """Planning, drawing, writing, sealing and opening take at most a quarter more and 60 ms."""
     ranges = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
     sweep = ranges | {"realizations": 100_000, "particles": 20, "duration": 12.0}
 

@@ -32,13 +32,13 @@ def parameters(realizations):
 
 
 def engine(given, particles, workers):
-    """The engine's run, which returns its landings."""
+    """The engine's run, which returns the number of landings."""
     watched = Scene(particles, "staggered", DURATION, "rest", Measures(), base="sprung")
     return lambda: int(measure(given, watched, workers)["impact_count"].sum())
 
 
 def scalar(given, particles, workers):
-    """The result of the scalar loop."""
+    """The run of the scalar loop, which returns the number of landings."""
     problem, mount = dimensionless(given, DURATION), mounts(given, Constant(), Sine())
     start = launches("staggered", particles, given["frequency"])
     size = given["frequency"].size
@@ -60,7 +60,7 @@ def test_the_engine_against_a_scalar_loop_that_solves_for_all_particles(race, pa
         own, loop = engine(given, particles, workers), scalar(given, particles, workers)
         impacts, looped = own(), loop()
         ratio = race(own, loop, work_subject=impacts, work_reference=looped, rounds=5)
-    # orbits that are chaotic part by the rounding of one impact; their number hardly changes
+    # one rounding sends a chaotic orbit elsewhere; the number of landings hardly changes
     assert abs(looped - impacts) < 0.1 * impacts
     assert ratio >= (5.0 if particles == 20 else 1.0)
 

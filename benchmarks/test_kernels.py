@@ -48,7 +48,7 @@ def scene(realizations, particles, duration, **options):
     return problem, launches("staggered", particles, parameters["frequency"]), observation
 
 
-# 12.1 to 12.6 and 13 to 13.5 on a quiet machine: vectors suffer more from busy neighbours
+# 12.1 to 12.6 and 13 to 13.5 on an idle machine; other programs slow vectors down more
 @pytest.mark.parametrize(
     ("realizations", "periods", "target"), [(20_000, 12.0, 11.5), (200, 1000.0, 12.0)]
 )
@@ -129,7 +129,7 @@ def test_cost_of_a_law_of_restitution(race, base, law, most):
 
 
 def test_speed_does_not_depend_on_the_place_in_memory():
-    """Rows that meet in the cache would make the kernel slow at some places of its memory."""
+    """Rows that collide in the cache would make the kernel slow at some places in memory."""
     trajectories, places, page = 10_000, 200, 4096 // 8
     problem, launch, observation = scene(trajectories // 20, 20, 12.0)
     batch = Batch(base_of("high-bounce", observation.rebound), problem, launch)
@@ -173,7 +173,7 @@ def passes(s, repetitions, chosen):
 
 
 def filled(law, flight, e, a, r):
-    """Scratch memory with lanes on their way, all with one flight and the same parameters."""
+    """Scratch memory with all lanes in flight, with the same flight time and parameters."""
     rng = np.random.default_rng(1)
     given = {"restitution": e, "amplitude": a, "contact_time": r, "gravity": 2.0, "frequency": 1.0}
     given = {name: np.array([value]) for name, value in given.items()}
@@ -187,7 +187,7 @@ def filled(law, flight, e, a, r):
 
 @pytest.mark.parametrize("law", ["rest", "reflect"])
 def test_speed_does_not_depend_on_how_small_flights_are(law):
-    """Numbers below 1e-308 would cost some processors a hundred cycles each: there are none."""
+    """Subnormal numbers, which cost some processors a hundred cycles each, do not occur."""
     kinds = {
         "chaotic": (1.0, 0.9, 0.7, 1e-4),
         "locked": (1.0, 0.5, 0.55, 1e-4),

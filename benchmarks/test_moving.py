@@ -109,7 +109,7 @@ def test_streaming_against_the_same_search_as_a_scalar_loop(
         scalar()
         scalar_impacts = int(out[0].sum())
         ratio = race(kernel, scalar, work_subject=impacts, work_reference=scalar_impacts, rounds=5)
-    # at rest for good sooner or later, by the rounding of one impact
+    # the rounding of one impact may decide when a particle comes to rest for good
     assert abs(scalar_impacts - impacts) < 0.1 * impacts
     assert ratio >= target
 
@@ -182,7 +182,7 @@ def test_a_million_periods_against_a_thousand(race):
 
 @pytest.mark.parametrize("key", ["moving-locked", "moving-resting", "moving-chaotic"])
 def test_streaming_against_heyoka_with_events(key, record_property):
-    """Time per impact; heyoka is too slow to be raced with."""
+    """Compare times per impact; heyoka is too slow for a race."""
     taylor = pytest.importorskip("methods.taylor")
     from methods import compiled
     from methods.finals import read_references

@@ -1,4 +1,4 @@
-"""The kernels against their sine, with every width; ``pytest benchmarks/test_processors.py -s``."""
+"""The kernels against their sine, by vector width; ``pytest benchmarks/test_processors.py -s``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of every landing against streaming and the memory that they write."""
+"""Records of every landing, compared with streaming and with writing as much memory."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def scatter(first, count, times, offs, speeds, rested):
 
 @pytest.mark.parametrize("base", FORCINGS)
 def test_a_ragged_record_against_streaming_and_writing(race, base):
-    """A record may take three times as long as streaming, and the time to write its numbers."""
+    """Race a record against three streaming runs and the writing of its numbers."""
     sweep = as_sweep({**SWEEP, **FORCINGS[base]}, {})
     scene = sweep.scene.recorded()
     parameters = scene.parameters(open_design(sweep).take(0, SIZE), SIZE)

@@ -23,7 +23,7 @@ def observed(particles=20, duration=1e3, base="high-bounce", skip=True, **keys):
 
 
 def drawn(realizations, **given):
-    """The ranges of sweeps/paper.toml; what is given replaces them."""
+    """Random parameters from the ranges of sweeps/paper.toml; given ones replace them."""
     rng = np.random.default_rng(3)
     values = {
         "restitution": rng.uniform(0.80, 0.98, realizations),
@@ -36,12 +36,12 @@ def drawn(realizations, **given):
 
 
 def measuring(parameters, workers, particles=20, **options):
-    """Measure a batch; `skip` among the options."""
+    """Return a function that measures a batch; `skip` is one of the options."""
     return lambda: measure(parameters, observed(particles, **options), workers)
 
 
 def skipping(race, parameters, **options):
-    """Race skipping against trajectories."""
+    """Race skipping against following everything."""
     with Workers(THREADS) as workers:
         subject, reference = (
             measuring(parameters, workers, skip=skip, **options) for skip in (True, False)
@@ -89,13 +89,13 @@ def test_four_values_of_gravity_against_one(race, realizations, periods):
 
 
 def test_nothing_to_skip_over_a_short_horizon(race):
-    """Nothing recurs in time and no two problems are equal: this measures the vain search."""
+    """Nothing recurs in time and no two problems are equal: the search is in vain, at this cost."""
     assert skipping(race, drawn(20_000), duration=12.0) >= 0.9
 
 
 @pytest.mark.parametrize("regimes", [False, True])
 def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
-    """Looking for orbits that repeat, and with regimes also counting the few that do in time."""
+    """Cost of looking for recurrence, and with regimes of counting the few cycles found in time."""
     monkeypatch.setattr(trajectories, "PERIODS_TO_RECUR", 0.0)
     parameters = drawn(20_000)
     scene = observed(duration=12.0, regimes=regimes)

@@ -18,7 +18,7 @@ TONES = {
 
 @pytest.mark.parametrize(
     ("base", "tones", "most"),
-    # 1.6 and 2.2, 1.6 and 2.6 on a busy machine
+    # measured on a busy machine: 1.6 and 2.2, 1.6 and 2.6
     [("high-bounce", 2, 2.0), ("high-bounce", 8, 2.8), ("moving", 2, 2.0), ("moving", 8, 3.0)],
 )
 def test_an_impact_under_harmonics_against_one_under_the_sine(race, base, tones, most):

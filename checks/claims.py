@@ -3,7 +3,7 @@
     python checks/claims.py [--realizations N] [--threads N] [--claims 4a,14] [--write]
 
 A verdict must be the same for 20 other seeds, unless one of the two says that it cannot be judged.
-The exit code is 1 if one turns.  --write replaces the table of verdicts in
+The exit code is 1 if one changes.  --write replaces the table of verdicts in
 docs/separations-and-claims.md by that of the first seeds; --claims judges some of the claims and
 replaces their rows.
 """
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from accuracy import options_of, provenance, table, write_section
 
-sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
+sys.path.append(str(Path(__file__).parents[1]))  # the directory of the study
 
 from study.claims_page import BASES, brief_reason, plain
 from study.collect import TESTS, judge_all
@@ -27,7 +27,7 @@ from study.verdict import ANY_BASE, Verdict
 PAGE = Path(__file__).parents[1] / "docs" / "separations-and-claims.md"
 SEEDS = 20
 FIRST_SEEDS = (0, 1000)
-# On the base of finite mass the condition is that of two particles
+# A condition is worded for two particles on the base of finite mass: the docs use one wording
 ONE_NAME = "two particles in slots of their own", "each particle in a slot of its own"
 SHORT = {
     Verdict.HOLDS: "holds",
@@ -54,7 +54,7 @@ def turned(first, second):
 
 
 def rows(claims):
-    """Cells of the table in the docs, where the heights of flights stand below it."""
+    """Cells of the table in the docs; conditions omit flight heights, which are given below it."""
     for claim in claims:
         found = {
             one.base: f"{SHORT[one.verdict]} {brief_reason(one)}".rstrip()
@@ -68,7 +68,7 @@ def rows(claims):
 
 
 def known():
-    """Cells of the rows that the table in the docs has, by claim, and the line below it."""
+    """Cells of the present table in the docs by claim, and the line below the table."""
     section = PAGE.read_text(encoding="utf-8").partition("<!-- begin verdicts -->\n")[2]
     lines = section.partition("\n<!-- end verdicts -->")[0].splitlines()
     cells = (line.strip("| ").split(" | ") for line in lines[2:] if line.startswith("|"))

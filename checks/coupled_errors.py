@@ -45,9 +45,9 @@ def draw(rng):
 
 
 def compare(parameters, launches, duration, most=MOST):
-    """Return the judgement of a realization, its number of landings, and the largest error.
+    """Return the judgement of a realization, its number of landings, and the largest error twice.
 
-    The error is in units of the estimate, and of the claim of `verify` for each number.
+    The error is in units of the estimate, and of the error that `verify` claims for each number.
     """
     found = simulate(base="sprung", launch_time=list(launches), duration=duration, **parameters)
     landings = int(found.impact_count.sum())
@@ -83,7 +83,7 @@ def compare(parameters, launches, duration, most=MOST):
                     if not np.isfinite(value):
                         return "different", landings, np.inf, np.inf
                     error = float((arb(value) - ball).abs_upper())
-                    if error > 0.0:  # a parameter of zero does not change
+                    if error > 0.0:  # a parameter of 0 is not changed, so that the claim may be 0
                         worst = max(worst, error / claim if claim > 0.0 else np.inf)
                     share = max(share, error / estimate.record_claims(realization, value)[name])
     return "compared", landings, worst, share

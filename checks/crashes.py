@@ -7,9 +7,9 @@ flushes.  The power may fail after each of these operations.  Data that were flu
 the disk; all others may be there completely, partly or not at all: a name without its bytes or
 bytes without a name, a write that stopped half way or left zeros, and of two operations only the
 later one.  Each such state is laid out in a directory and the same command is given again: it must
-succeed, compute no chunk again that was finished, nor any once the parts were being removed, give
-the bytes of an undisturbed run, and leave nothing beside them.  At no moment may anything but a
-complete file have the name of the result.
+succeed, recompute no finished chunk, and none at all once the parts were being removed, give the
+bytes of an undisturbed run, and leave no other file.  At no moment may anything but a complete file
+have the name of the result.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ separation = true
 impact_budget = 32
 """
 CREATED = {"created": "2000-01-01T00:00:00+00:00"}
-ENDS = (f"/{MANIFEST}", f"/{LOCK}")  # with these a run clears away
+ENDS = (f"/{MANIFEST}", f"/{LOCK}")  # their removal shows that a run is clearing away its parts
 MODES = ("kept", "dropped", "no bytes", "zeros", "torn", "any")
 Tree = dict[str, bytes | None]  # contents of each path; None for a directory
 
 
 class Scenario(NamedTuple):
-    """A command, and whether a result is there before."""
+    """A command, and whether it replaces a result."""
 
     chunk: int
     chunks: int
@@ -76,7 +76,7 @@ SCENARIOS = {
 
 
 class Operation(NamedTuple):
-    """An operation on a file, which has a number, or on a name; or the end of a chunk."""
+    """An operation on a numbered file or on a name, or the end of a chunk."""
 
     kind: str
     path: str = ""
@@ -100,7 +100,7 @@ class Recorder:
     def __init__(self, root: Path) -> None:
         self.root = root
         self.operations: list[Operation] = []
-        self._files: dict[int, int] = {}  # numbers of files, by those of the system
+        self._files: dict[int, int] = {}  # numbers of files, by inode
         self._count = 0
 
     def _inside(self, path: Any) -> str | None:
@@ -134,7 +134,7 @@ class Recorder:
 
     @contextmanager
     def recording(self) -> Iterator[None]:
-        """Note all that happens inside."""
+        """Record all operations inside the block."""
         opening, beginning, writing, cutting = os.open, Disk.__init__, Disk.write, Disk.truncate
         finishing = Parts.write
 
@@ -202,7 +202,7 @@ class Recorded:
         self.operations = operations
 
     def durable(self, moment: int) -> list[bool]:
-        """Tell which of the operations until a moment were flushed by then."""
+        """Return, for each operation until a moment, whether it was flushed by then."""
         flushed: set[int | str] = set()
         found = []
         for one in reversed(self.operations[:moment]):
@@ -310,7 +310,7 @@ def record(root: Path, scenario: Scenario) -> tuple[Recorded, bytes]:
     run = Recorded(first, recorder.operations)
     found = tree_of(root)
     if code or run.left(len(run.operations), "kept", np.random.default_rng()) != found:
-        raise SystemExit(f"what the run did is not what was recorded of it ({code}): {said}")
+        raise SystemExit(f"the record does not give the files that the run left ({code}): {said}")
     result = found[OUTPUT]
     assert result is not None
     return run, result
@@ -335,9 +335,9 @@ class Findings:
 
 
 def again(root: Path, scenario: Scenario, tree: Tree, result: bytes) -> bool:
-    """Run the command again until it succeeds; return whether it did."""
+    """Run the command again; return whether it succeeds."""
     lay_out(tree, root)
-    # a run with --force goes on without it; where none has begun, it is to be given again
+    # a run begun with --force continues without it; if none was begun, --force is given again
     tries = ((), scenario.words) if scenario.words == ("--force",) else (scenario.words,)
     for words in tries:
         code, said = given(root, scenario, words)
@@ -349,7 +349,7 @@ def again(root: Path, scenario: Scenario, tree: Tree, result: bytes) -> bool:
 
 
 def campaign(root: Path, scenario: Scenario, states: int, seed: int) -> Findings:
-    """Continue from a number of different states, or from all there are."""
+    """Continue from a number of different states, or from all if there are fewer."""
     run, result = record(root, scenario)
     rng, seen = np.random.default_rng(seed), set()
     findings = Findings(operations=len(run.operations))
@@ -403,13 +403,13 @@ def report(found: Mapping[str, Findings], seconds: float, seed: int) -> str:
     each = found.values()
     rows = [
         ("operations on files", *(f.operations for f in each)),
-        ("states after a power cut that were gone on from", *(f.states for f in each)),
-        ("finished chunks in them", *(f.finished for f in each)),
+        ("states after a power cut from which the run was continued", *(f.states for f in each)),
+        ("finished chunks in these states", *(f.finished for f in each)),
         ("finished chunks lost", *(f.lost for f in each)),
         ("incomplete files under the name of the result", *(f.incomplete for f in each)),
-        ("states from which the same command does not go on", *(f.refused for f in each)),
+        ("states from which the same command does not continue", *(f.refused for f in each)),
         ("results that differ from that of an undisturbed run", *(f.different for f in each)),
-        ("results with anything left beside them", *(f.left for f in each)),
+        ("results with other files left beside them", *(f.left for f in each)),
     ]
     made = f"Python {platform.python_version()}; {processor()}; seed {seed}; {seconds:.0f} s"
     return f"{table(('', *found), rows)}\n\n*{made}.*"

@@ -5,10 +5,10 @@
 Windows: each random scene is recorded to some periods past its end, and the measures of windows
 that begin and end anywhere (in a rest, in a flight, next to a landing, a lift-off or a launch) are
 compared with what plain Python finds in the record by the definitions of docs/results.md.  Limits:
-particles without mass do not move a base on a mount, and without amplitude the bases are one; there
-every number in whole must agree and every real one within the bounds of its error.  Orders:
-realizations in any order, one by one and together, over memory that was small, large or used before
-must give the same bits.  Exit code 1 if anything differs.
+massless particles do not move a base on a mount, and without amplitude all bases are the same;
+there integers must agree, and real numbers to within their error bounds.  Orders: realizations in
+any order, one by one and together, over memory that was small, large or used before, must give the
+same bits.  Exit code 1 if anything differs.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from vibrosweep.scene.scene import Scene
 
 BASES = ("high-bounce", "moving", "sprung without mass", "sprung")
 ALL = Measures(separation=True, per_particle=True)
-PAST = 40.0  # periods past the end to which scenes are recorded: flights there have landed
+PAST = 40.0  # periods past the end up to which scenes are recorded, so that last flights land
 BESIDE = 1e-7  # periods between an instant and the edge of a window beside it
-NARROW = 1e-9  # periods; windows as close to a decision are left out
-CLOSE = 1e-8  # relative difference of a measure from the same by its definition
+NARROW = 1e-9  # periods; windows that depend on smaller differences are left out
+CLOSE = 1e-8  # allowed relative difference of a measure from its definition
 
 Case = tuple[dict[str, np.ndarray], Scene]
 
@@ -72,7 +72,7 @@ def scene(rng: np.random.Generator, base: str) -> Case:
 
 
 def over(parameters: Mapping[str, np.ndarray], observation: Scene, base: str) -> Case:
-    """Return the same scene over another base, on a mount where that is sprung."""
+    """Return the same scene over another base, with a mount if that is sprung."""
     mount = {"mass_ratio": 0.0, "mount_frequency": 0.37, "mount_damping": 0.05}
     own = {n: v for n, v in parameters.items() if n not in mount}
     if base == "sprung":
@@ -81,7 +81,7 @@ def over(parameters: Mapping[str, np.ndarray], observation: Scene, base: str) ->
 
 
 class Recorded:
-    """Every landing of a realization to `PAST` its end, and what the definitions make of them."""
+    """Landings of a realization up to `PAST` periods after its end, and measures by definition."""
 
     def __init__(self, of: Case, workers: Workers) -> None:
         parameters, watched = of
@@ -214,7 +214,7 @@ class Recorded:
         if not times.size:
             return np.nan
         v, g = self.p["launch_velocity"], self.p["gravity"]
-        if self.track is not None:  # known from the first launch on, whose time is rounded
+        if self.track is not None:  # the track begins at the first launch, with its time rounded
             times = np.maximum(times, self.track.track.time[0, 0])
         low = self.height(times)
         if self.observation.base == "high-bounce":
@@ -232,7 +232,7 @@ def differences(
     wanted: Mapping[str, float | np.ndarray],
     near: Mapping[str, float],
 ) -> list[str]:
-    """Name the measures that differ: whole numbers at all, others by more than is `near`."""
+    """Name the measures that differ: integers at all, others by more than `near` allows."""
     wrong = []
     for name, value in wanted.items():
         own = found[name][0]
@@ -247,7 +247,7 @@ def differences(
 
 
 def windows(rng: np.random.Generator, base: str, workers: Workers) -> tuple[int, list[str]]:
-    """Compare windows of a scene with their definitions; return how many, and what differs."""
+    """Compare windows of a scene with their definitions; return their number and differences."""
     own, wrong, compared = Recorded(scene(rng, base), workers), [], 0
     if not own.complete:
         return 0, []
@@ -272,7 +272,7 @@ def windows(rng: np.random.Generator, base: str, workers: Workers) -> tuple[int,
 
 
 def limit(rng: np.random.Generator, workers: Workers) -> tuple[int, list[str]]:
-    """Compare the bases where they are one; return how many windows, and what differs."""
+    """Compare bases in limits where they agree; return the number of windows and differences."""
     still = rng.random() < 0.2
     parameters, watched = scene(rng, "moving")
     if still:  # without amplitude all bases stay at their level
@@ -310,7 +310,7 @@ def limit(rng: np.random.Generator, workers: Workers) -> tuple[int, list[str]]:
 
 
 def orders(rng: np.random.Generator, base: str, threads: int = 2) -> tuple[int, list[str]]:
-    """Compute realizations in other orders over used memory; return how many, and what differs."""
+    """Compute realizations in other orders over used memory; return runs and differences."""
     scenes = [scene(rng, base)[0] for _ in range(12)]
     together = {n: np.concatenate([one[n] for one in scenes]) for n in scenes[0]}
     coupled_base = base.startswith("sprung")
@@ -336,14 +336,14 @@ def orders(rng: np.random.Generator, base: str, threads: int = 2) -> tuple[int, 
 
 
 def one_by_one(parameters, watched, i):
-    """Measure one realization over memory that nothing has used."""
+    """Measure one realization over unused memory."""
     with Workers(1) as workers:
         return measure({n: v[i : i + 1].copy() for n, v in parameters.items()}, watched, workers)
 
 
 @contextmanager
 def remembering(size: int):
-    """Let the coupled engine begin with room for so many impact numbers."""
+    """Let the coupled engine begin with room for `size` impact numbers."""
     before = coupled.work_for
     coupled.work_for = lambda n: before(n)._replace(landings=landings(n, size))
     try:
@@ -353,7 +353,7 @@ def remembering(size: int):
 
 
 def campaign(scenes: int, seed: int) -> tuple[dict[str, int], list[str]]:
-    """Run so many scenes of each kind; return what was compared, and what differs."""
+    """Run `scenes` scenes of each kind; return the numbers of comparisons, and differences."""
     rng, counts, wrong = np.random.default_rng(seed), {}, []
 
     def add(what: str, one: tuple[int, list[str]]) -> None:

@@ -1,7 +1,7 @@
 """Regimes, exponents and windows over a grid of 200 x 200 with 20 particles: times and accuracy.
 
 Prints the numbers of docs/analysis.md.  Times are processor times, summed over both threads, since
-the machine may be shared; kernels are compiled before.
+the machine may be shared; kernels are compiled beforehand.
 """
 
 from __future__ import annotations
@@ -25,14 +25,17 @@ REALIZATIONS_AT_A_TIME = 4000
 
 
 def clocked(task):
-    """Result, seconds of the processor and seconds on the wall."""
+    """Result, processor time and wall time in s."""
     processor, wall = time.process_time(), time.perf_counter()
     result = task()
     return result, time.process_time() - processor, time.perf_counter() - wall
 
 
 def plane(workers, **changes):
-    """Every realization of the plane; the largest deviation of a sum of exponents from ln e."""
+    """Measure the plane; compare known sums of exponents with ln e.
+
+    Returns their number, how many are off by more than their error, and the largest deviation.
+    """
     spec = read_spec(PLANE)
     scene = spec.scene
     observation = scene.with_measures(**changes)

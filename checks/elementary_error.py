@@ -2,7 +2,7 @@
 
     python checks/elementary_error.py [--numbers 200000] [--seed 1] [--write]
 
-Bounds are relative to the result, in half ulps (2^-53); each follows every rounding (`rounded`).
+Bounds are relative to the result, in half ulps (2^-53), and count every rounding (`rounded`).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def horner(z: Number, coefficients: list[float], arithmetic: Arithmetic) -> Numb
 
 
 def log_head(f: Number, low: Number, arithmetic: Arithmetic) -> Number:
-    """Logarithm of 1 + f, and the low part of k ln 2: all but the last operation."""
+    """Logarithm of 1 + f plus the low part of k ln 2: all of `log` but its last operation."""
     number, fma, quotient = arithmetic
     zero, one = number(0.0), number(1.0)
     s = quotient(f, fma(one, number(2.0), f))
@@ -101,7 +101,7 @@ def check_schemes() -> None:
         *((arcsin_head(x, x * x, FLOATS), arcsine.arcsin_turns(x)) for x in draw(0.0, 0.5, 500)),
     ]
     if any(mine != kernel for mine, kernel in pairs):
-        raise SystemExit("the kernels' functions are not what the proof is about")
+        raise SystemExit("the arithmetic that is proved is not that of the kernels")
 
 
 def octaves(high: float) -> Iterator[tuple[float, float]]:
@@ -179,7 +179,7 @@ def exp_bounds() -> tuple[float, float]:
 
 
 def arcsin_bound() -> float:
-    """Bound of `arcsin_turns`; near 0 as for `log`, near 1 the last rounding is all."""
+    """Bound of `arcsin_turns`; near 0 as for `log`, near 1 only the last rounding counts."""
     worst = 1.0 + 2.0**SMALLEST * 8.0 + relative(upper(_first_of_arcsin()), 0.159)
 
     def missed(middle: float, half: float) -> float:

@@ -24,7 +24,7 @@ from accuracy import options_of
 
 FLAGS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
 IMPORTS = "import vibrosweep.commands.explore, vibrosweep.explore.server"
-MANY = 20_000  # more points are gathered in pixels
+MANY = 20_000  # more points than this are gathered in pixels
 MOTION = ("height first", "return map first", "phases first", "separations first")
 # pictures are there, whether kernels had to be compiled or not
 READY = """() => window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle
@@ -63,7 +63,7 @@ SET = """([name, value, names]) => {
   model(name).value = value
   return answered
 }"""
-# number of pictures of a slider that is moved with every frame for a time in ms
+# number of pictures while a slider is moved with every frame, for a time in ms
 DRAG = """([name, low, high, lasting]) => new Promise((done) => {
   let pictures = 0
   const began = performance.now(), {repainted} = view("height first")
@@ -194,14 +194,14 @@ def timed(server: subprocess.Popen[str], began: float, found: str, count: int) -
 
 def main() -> None:
     """Start the page of a sweep and print what was measured."""
-    timed_too = f"of the sweep that is opened; of more than {MANY} the plane is timed"
+    timed_too = f"of the sweep that is opened; above {MANY} the plane is timed"
     options = options_of(__doc__, count=(50, "of each"), realizations=(200, timed_too), write=False)
     found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
     spec = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5), "particles": 20, "seed": 1}
     if options.realizations > MANY:
         spec["particles"] = 2
     print(f"load of the machine {os.getloadavg()[0]:.1f}, processors {os.cpu_count()}")
-    for _ in range(2):  # at first they come from the disk
+    for _ in range(2):  # the first time they are read from the disk
         began = time.perf_counter()
         subprocess.run([sys.executable, "-c", IMPORTS], check=True)
     print(f"imports {time.perf_counter() - began:.1f} s", flush=True)

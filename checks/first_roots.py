@@ -4,7 +4,7 @@
 
 The clearance over the base after s periods is covered from the launch on with intervals on which
 its Taylor polynomial of second degree, with a bound of the third derivative (2 pi Gamma), either
-shows that there is no root, or that there is one and that the clearance falls all through.  An
+shows that there is no root, or that there is one and the clearance falls throughout.  An
 interval that is halved down to 1e-7 of its time without an answer holds a minimum within rounding
 of zero, an undecided graze: the particle may land there or fly on.  The method shares only the
 equation with the kernel.
@@ -12,7 +12,7 @@ equation with the kernel.
 Flights: Gamma 0.01-50 and launch speeds relative to the base 1e-9-20 periods, both log-uniform,
 phases uniform; lift-offs from rest; and grazes, whose parameters solve for a clearance that touches
 zero, changed by a share of 1e-17 to 1e-3.  A landing of the kernel is right if it is the first root
-or an undecided graze before it.  With --proved, so many are compared with ball arithmetic as well.
+or an undecided graze before it.  --proved N compares N with ball arithmetic as well.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ EPS = 2.0**-53
 ROUNDINGS = 8.0  # of a clearance, in units of EPS times the moduli of its terms
 NARROWEST = 1e-7  # intervals, relative to the time
 LARGEST_ERROR = 1.0  # allowed, in units of the effect of roundings of the clearance's terms
-MOST_GRAZES = 4  # of one flight, which are kept apart
+MOST_GRAZES = 4  # of one flight that are kept
 CHUNK = 50_000  # flights of one task of a thread
 BATCH = 1_000_000  # flights in memory
 BITS = 256
@@ -97,7 +97,7 @@ def _least(value, slope, bend, h):
 
 @njit(error_model="numpy", nogil=True)
 def _polished(alpha, x, y, left, right):
-    """The root between both, where the clearance falls."""
+    """The root between `left` and `right`, where the clearance falls."""
     s = right
     for _ in range(200):
         value, _, slope, _ = clearance(alpha, x, y, s)
@@ -172,11 +172,11 @@ class Verdicts(NamedTuple):
     missed
         1: the kernel lands after the first root; -1: before it, and at no undecided graze.
     error
-        Error of the kernel's landing, over what rounding the clearance forces, where it is the
-        certain root; NaN else.
+        Error of the kernel's landing, in units of the error that rounding the clearance forces;
+        NaN where the landing is not the certain root.
     speed_error
-        Error of its speed relative to the base, over as many roundings of its terms and what the
-        error of the landing moves.
+        Error of its speed relative to the base, in units of `ROUNDINGS` of its terms plus the
+        effect of the forced error of the landing.
     """
 
     root: np.ndarray
@@ -215,7 +215,7 @@ def _judge(base, problem, x, y, first, last, out):
             at_graze |= grazes[k, 0] - room <= landing <= grazes[k, 1] + room
         right = steep and error <= LARGEST_ERROR
         if not (right or at_graze):
-            # a root that is as good as a graze, or three that are almost one
+            # a root that is almost a graze, or three that almost coincide
             at_graze = _within_rounding(alpha, x[i], y[i], landing, root)
             undecided = max(undecided, 1)
         out.root[i], out.landing[i] = root, landing
@@ -295,9 +295,9 @@ def judge(flights: Flights, threads: int = 2) -> Verdicts:
 
 
 def proved(flights: Flights, chosen: np.ndarray) -> tuple[int, float]:
-    """Landings of the kernel that ball arithmetic refutes, and the largest error of the others.
+    """Number of the kernel's landings that ball arithmetic refutes, and the largest error.
 
-    The error is in units of what rounding the clearance forces, as in `Verdicts`.
+    The error is in units of the error that rounding the clearance forces, as in `Verdicts`.
     """
     from proved_pieces import first_landing
 
@@ -327,7 +327,7 @@ class Campaign(NamedTuple):
 def campaign(
     draw: Callable[[int, np.random.Generator], Flights], flights: int, proofs: int, seed: int
 ) -> Campaign:
-    """Judge so many flights, a million at a time, of which some are also proved."""
+    """Judge a number of flights, a million at a time; some are also proved."""
     rng = np.random.default_rng(seed)
     number, missed, early, named = 0, 0, 0, []
     largest = [0.0, 0.0]
@@ -360,7 +360,7 @@ SHORT = (0, 1, 2, 3, 4, 6, 7)  # columns of the report
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--flights", type=int, default=1_000_000, help="a tenth more of each kind")
+    parser.add_argument("--flights", type=int, default=1_000_000, help="a tenth of each other kind")
     parser.add_argument("--proved", type=int, default=0, metavar="N", help="in ball arithmetic")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", metavar="CSV", help="where to name all undecided grazes")

@@ -40,8 +40,8 @@ from vibrosweep.scene.sweep import Sweep, read_spec
 from vibrosweep.store.seal import append_seal
 
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
-PATIENCE = 600  # s, after which an attempt hangs: a busy machine compiles for minutes
-MOST_WORK = 1e6  # impacts or so, up to which a sweep that is valid is computed too
+PATIENCE = 600  # s until an attempt counts as hanging; a busy machine compiles for minutes
+MOST_WORK = 1e6  # impacts, roughly, up to which a valid sweep is also computed
 SPEC = """title = "A sweep to be spoilt"
 [scene]
 frequency = 1.0
@@ -249,7 +249,7 @@ def fuzz_specs(directory: Path, rng: np.random.Generator, number: int) -> Findin
 
 
 def fuzz_tables(directory: Path, rng: np.random.Generator, number: int) -> Findings:
-    """Tables of text, and one in five in netCDF, each of which is tried in a process of its own."""
+    """Text tables, and one in five in netCDF, which is first read in a separate process."""
     findings = Findings()
     with h5py.File(directory / "sound.nc", "w") as file:
         for name, values in (("restitution", [0.9, 0.8]), ("amplitude", [1.2, 0.4])):
@@ -268,7 +268,7 @@ def fuzz_tables(directory: Path, rng: np.random.Generator, number: int) -> Findi
 
 
 def fuzz_results(directory: Path, rng: np.random.Generator, number: int) -> Findings:
-    """Damaged results through the commands that read them."""
+    """Give damaged results to the commands that read them."""
     findings = Findings()
     commands: list[tuple[str, tuple[object, ...]]] = [
         ("info", ()),
@@ -296,9 +296,9 @@ def fuzz_results(directory: Path, rng: np.random.Generator, number: int) -> Find
         whole = contents(base)
         name, words = commands[0 if round_number % 10 else rng.integers(len(commands))]
         path = directory / "damaged.h5"
-        sealed = bool(rng.random() < 0.7)  # what has no seal is read in a process of its own first
+        sealed = bool(rng.random() < 0.7)  # without, it is first read in a separate process
         given = whole if sealed else whole[: whole.rindex(b"\nvibrosweep seal")]
-        # a third of the attempts go to the parts at the beginning that say what is where
+        # a third of the attempts damage the metadata at the beginning
         data = spoilt_bytes(rng, given, 8192 if rng.random() < 0.3 else None)
         path.write_bytes(data)
         if rng.random() < 0.2:
@@ -372,7 +372,7 @@ ELSEWHERE = ("external", "external file", "raw", "virtual")
 
 
 def fuzz_saved_again(directory: Path, rng: np.random.Generator, number: int) -> Findings:
-    """Results of every kind that another program saved with something else in them."""
+    """Results of every kind, saved again by another program with other contents."""
     findings = Findings()
     texts = {**MOTIONS, "grid": GRID, **SCANS}
     path, page = directory / "again.h5", directory / "page.html"
@@ -476,7 +476,7 @@ def replaced(rng: np.random.Generator, group: h5py.Group, name: str) -> str:
     if "CLASS" in kept:
         new.make_scale(name)
         for other, i in along:
-            with contextlib.suppress(RuntimeError, ValueError):  # not of what is no array
+            with contextlib.suppress(RuntimeError, ValueError):  # fails if the new one is no array
                 group[other].dims[i].attach_scale(new)
     elif new.shape == shape:
         for i, found in enumerate(scales):
@@ -504,14 +504,14 @@ def other_attribute(rng: np.random.Generator, holder: h5py.Group | h5py.Dataset)
     if isinstance(value, np.ndarray) and value.dtype == object:
         holder.attrs.create(name, value, dtype=h5py.string_dtype())
     elif isinstance(value, np.bytes_) and rng.random() < 0.5:
-        holder.attrs.create(name, value, dtype=h5py.string_dtype())  # of any length
+        holder.attrs.create(name, value, dtype=h5py.string_dtype())  # of variable length
     else:
         holder.attrs[name] = value
     return f"{holder.name}: {name} = {value!r}"
 
 
 def linked(rng: np.random.Generator, group: h5py.Group, directory: Path) -> str:
-    """Make a member of a group a link: to a pipe, which never ends, or in a circle."""
+    """Make a member of a group a link: to a pipe, which blocks, or in a circle."""
     name = str(rng.choice([*group, "new"]))
     pipe = str(directory / "pipe")
     shape = getattr(group.get(name), "shape", None) or (3,)

@@ -178,7 +178,7 @@ def short(workers, _options):
 
 
 def plane(workers, options, size=72):
-    """Regimes over restitution and Gamma on both bases, with the picture's data."""
+    """Regimes over restitution and Gamma on both bases: draws the picture, returns a table."""
     e, gamma = np.meshgrid(np.linspace(0.30, 0.98, size), np.geomspace(0.03, 6.0, size))
     drawn = {"restitution": e.ravel(), "amplitude": amplitude_of(e, gamma).ravel()}
     found = [measured(drawn, settled(duration=5000.0), base, workers) for base in BOTH]
@@ -210,7 +210,7 @@ def plane(workers, options, size=72):
 
 
 def orbit_of(e, amplitude, base, workers):
-    """Phase, height and exponents of the orbit locked to one period, of a launch that finds it."""
+    """Phase, height and exponents of the orbit locked to one period, for a launch that locks."""
     drawn = {"restitution": np.array([e]), "amplitude": np.array([amplitude])}
     found = measured(drawn, settled(200), base, workers)
     finds = (found["cycle_impacts"][0] == 1) & (found["regime"][0] == Regime.LOCKED)

@@ -15,7 +15,7 @@ CEDDIA = "Ceddia [4]"
 
 
 def cycles(e, gamma, workers, launches=1, duration=2e4):
-    """Impacts, periods and rests in the cycle of each launch, regime, and whether it is certain."""
+    """Impacts, periods and rests in each launch's cycle, regime, and whether that is uncertain."""
     gamma = np.atleast_1d(gamma)
     values = {
         "restitution": np.full(gamma.size, e),
@@ -42,9 +42,9 @@ def inelastic(workers):
 
     The flight after a rest lasts n periods at sqrt(1 + (pi n)^2); from there on the ball lands
     where the base falls faster than g and leaves at once, on the orbit locked to n periods.
-    Flights from x_L to -x_L, in whole periods more, end at the height at which they began and so
+    Flights from x_L to -x_L, plus whole periods, end at the height at which they began and so
     last 2 Gamma sin(2 pi x_L) radians of phase: tan z = z with z = pi s, and Gamma = sqrt(1 + z^2).
-    From there on the ball lands again where it is pressed on.
+    From there on the ball lands again where the base presses on it.
     """
 
     def signature(gamma):
@@ -77,14 +77,14 @@ def tangent_root(n):
 
 
 def doublings(workers):
-    """Amplitudes in cm at which the orbit locked to one period doubles its period, and again.
+    """Amplitudes in cm of the first two period doublings of the orbit locked to one period.
 
     The text names neither restitution nor frequency: 0.5, 60 Hz and 981 cm/s^2 are assumed.
     """
     per_gamma = 981.0 / (2.0 * np.pi * 60.0) ** 2  # cm
 
     def doubled(times):
-        # 500,000 periods: the leading multiplier comes within 1e-4 of -1 before orbits do not recur
+        # 500,000 periods: orbits recur until the leading multiplier is within 1e-4 of -1
         def holds(gamma):
             found = cycles(0.5, gamma, workers, launches=8, duration=5e5)[0]
             free = found[(found[:, 2] == 0) & (found[:, 0] > 0)]

@@ -15,7 +15,7 @@ COLOURS = ("0.75", style.OKABE_ITO[5], style.OKABE_ITO[0], style.OKABE_ITO[1])
 
 @style.styled
 def plane(e, gamma, common, agreement):
-    """Commonest regime on each base, and the share of launches that agree, of both kinds."""
+    """Commonest regime on each base, and two shares of launches that agree on both bases."""
     figure = Figure(figsize=(style.PAGE, 5.2), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     codes = {"cmap": ListedColormap(COLOURS), "norm": BoundaryNorm(np.arange(5) - 0.5, 4)}

@@ -2,7 +2,7 @@
 
     python checks/honest.py [--specs 300] [--seed 1] [--seconds 3600]
 
-Every specification that fails is printed with its complaints.  It ends with 1 if there is any.
+Every specification that fails is printed with its complaints.  The exit code is 1 if any fails.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FORCINGS = {  # value for an amplitude of 1 m/s at e = 0.9 and 1 Hz, and power o
     "base_displacement": (1.0 / 1.9 / (2.0 * np.pi), -2),
     "base_acceleration": (2.0 * np.pi / 1.9 / 9.81, 0),
 }
-LONGEST_COUPLED = 30.0  # periods: of more landings than come in them verify proves none
+LONGEST_COUPLED = 30.0  # periods; in longer sweeps verify meets too many landings to prove any
 
 
 def random_spec(rng: np.random.Generator, longest: float = 300.0) -> str:
@@ -103,7 +103,7 @@ def random_sample(rng: np.random.Generator, base: str, frequency: float) -> tupl
         strength[0] = 0.0
     design = str(rng.choice(DESIGNS, p=(0.4, 0.1, 0.1, 0.4)))
     if design == "grid":
-        # not e = 0 or 1 themselves more often than by chance
+        # inside the ranges: e = 0 and 1 themselves come only from the choice below
         axes = [
             sorted(set(rng.uniform(*ends, int(rng.integers(1, 3))).tolist()))
             for ends in (restitution, strength)

@@ -5,7 +5,7 @@
 A sweep of 60 chunks is started, killed with SIGKILL after a random time, and started again, until
 it is complete; then the next round begins.  After every kill each part is read and its checksum
 compared, and no part that was there before may be gone.  After every round the result must be that
-of a run that nothing disturbed, byte for byte apart from the time of its creation.
+of an undisturbed run, byte for byte apart from the time of its creation.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def finished(directory: Path, output: Path) -> tuple[dict[int, Path], int]:
         return {}, 0
     parts = Parts(directory, manifest)
     found = parts.finished()
-    # a kill while the parts are removed, when the result stands, may leave any of them
+    # a kill while parts are removed, after the result is complete, may leave any of them
     torn = sum(parts.read(index, path) is None for index, path in found.items())
     return found, torn
 
@@ -132,7 +132,7 @@ def campaign(directory: Path, sweep: str, kills: int, seed: int) -> Findings:
         was_killed = killed(words, rng.uniform(0.0, whole))
         found, torn = finished(run_directory(output), output)
         findings.torn += torn
-        if output.exists():  # complete, if the kill came a moment later or never
+        if output.exists():  # it is complete, whether the kill came after that or not at all
             findings.kills["end"] += was_killed
             findings.rounds += 1
             findings.chunks += CHUNKS - len(before)
@@ -152,7 +152,7 @@ def campaign(directory: Path, sweep: str, kills: int, seed: int) -> Findings:
 
 
 def phase(before: int, now: int) -> str:
-    """Infer the phase of a run in which a kill came from the parts that it left."""
+    """Infer from the parts that are left in which phase of a run the kill came."""
     if now == CHUNKS:
         return "result"
     return "chunks" if now > before else "start"

@@ -2,10 +2,10 @@
 
     python checks/kills_dask.py [--kills 100] [--workers 2] [--minutes 60] [--seed 1] [--write]
 
-As `kills.py`, on worker processes: after random times one of them is killed with SIGKILL, or, one
-time in eight, the process that holds the scheduler and the run; then the run is started again, as
-it is where it has ended because no workers were left.  At the end of each round the result must be
-that of an undisturbed run without Dask, byte for byte apart from the time of its creation.
+Like `kills.py`, with worker processes: after random times one of them is killed with SIGKILL, or,
+one time in eight, the process that holds the scheduler and the run.  After that, or if the run has
+ended because no workers were left, it is started again.  After each round the result must be that
+of an undisturbed run without Dask, byte for byte apart from the time of its creation.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from kills import CHUNK, CHUNKS, SWEEPS, contents, finished, killed, run_words
 from vibrosweep.store.rundir import run_directory
 
 REPORT = Path(__file__).parents[1] / "docs" / "cluster.md"
-# every landing is followed, for error bounds or as particles are coupled: a chunk takes a second
+# every landing is computed, for error bounds or coupled particles: a chunk takes a second
 LONGER = {
     base: sweep.replace("duration_periods = 4.0", "duration_periods = 60.0")
     if base == "sprung"
@@ -75,9 +75,9 @@ def disturbed(
 ) -> None:
     """Run a command and kill its workers until it ends or is killed itself.
 
-    Workers are killed once they have finished a chunk: where one dies before all have started, the
-    run ends with a message that says so.  Those that Dask starts in their place may die as they
-    start; where none is left, the run ends and says how to continue.
+    Workers are killed once they have finished a chunk: if one dies before all have started, the
+    run ends with a message that says so.  Workers that Dask starts in their place may be killed as
+    they start; if none is left, the run ends and says how to continue.
     """
     before = finished(run, run)[0].keys()
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:

@@ -1,8 +1,8 @@
 """Accuracy of the laboratory's measurements: the tables and figures of docs/laboratory.md.
 
 ``python checks/laboratory.py [accuracy|estimates|bases|time|imperfections|cases ...]`` prints the
-tables, all of them by default; ``--figures DIR`` draws; ``--films N`` and ``--seed S`` are of the
-films of ``bases``.  Exit code 1 where a target is missed.
+tables, all of them by default; ``--figures DIR`` draws; ``--films N`` and ``--seed S`` set number
+and first seed of the films of ``bases``.  Exit code 1 if a target is missed.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.locked_theory import amplitude_max
 
-sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
+sys.path.append(str(Path(__file__).parents[1]))  # the directory of the study
 
 from study.figures.imperfections import imperfections
 from study.table4 import CASES, STUDY, study_imperfections, verdict
@@ -51,7 +51,7 @@ ROOT = Path(__file__).parents[1]
 SWEEPS = ROOT / "sweeps" / "laboratory"
 G = LABORATORY["gravity"]
 QUARTER, COVERAGE = 0.25, (0.60, 0.76)
-# Irregular films: `share` is that of the amplitude up to which one bounce a period is stable
+# Irregular films: `share` is relative to the amplitude up to which one bounce a period is stable
 DRAWN = {
     "restitution": (0.5, 0.95),
     "frequency": (10.0, 30.0),
@@ -158,7 +158,7 @@ def estimates():
                     f"{scene[parameter]:g} | {np.median(error):.2g} | {square:.2f} | "
                     f"{determined} of {recordings} |"
                 )
-                # of 40 squares of normal deviates the mean lies in here with 99.9 %
+                # 99.9 % interval of the mean of 40 squared normal deviates
                 reached &= 0.4 < square < 1.95 and determined == recordings
     return reached
 
@@ -233,7 +233,7 @@ def bases(films, first):
                 except TrackError:  # too few bounces
                     continue
                 reached &= not int(found["determined"]) or 0.0 <= float(found["estimate"][0]) <= 1.0
-                # what is said is right only on the right base
+                # estimates are right only on the right base
                 if not int(found["determined"]) or fitted.favoured_base == "undetermined":
                     continue
                 number += 1

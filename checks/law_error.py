@@ -2,11 +2,11 @@
 
     python checks/law_error.py [--numbers 20000] [--seed 1] [--write]
 
-All terms are positive, but for one difference in the slope: an error is counted in half ulps
+All terms but one difference in the slope are positive.  An error is therefore counted in half ulps
 (2^-53) relative to its term, weighted by the share of the term in a sum, over parts of y that cover
 all speeds.  The coefficients of P are decimal numbers, up to half an ulp off as doubles.  Logarithm
-and exponential are within the bounds that `elementary_error` proves.  That the slope falls with the
-speed, which encloses it over a range of speeds, is proved as well.
+and exponential are within the bounds that `elementary_error` proves.  It is also proved that the
+slope falls with the speed, so that its end values enclose it over a range of speeds.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PARTS = 16  # of each factor of two of y
 OF_GUESS = 2**10  # parts of each factor of two of t
 LEAST, MOST = -100, 103  # powers of two between which y lies: t is from 1e-300 to 2^1024
 LEAST_START = -28  # of y_0, from e = 1 - 2^-53 on
-SECOND = 1.0 + 1e-9  # for products of errors
+SECOND = 1.0 + 1e-9  # factor that covers products of errors
 
 
 class Counted(NamedTuple):
@@ -74,7 +74,7 @@ FLOATS: Any = (float, _fma_exact, float.__mul__, float.__truediv__, math.sqrt)
 
 
 def quotients(y: Any, arithmetic: Any) -> tuple[Any, Any, Any]:
-    """P, and the derivatives of the logarithms of its top and its bottom by ln y."""
+    """P, and the logarithmic derivatives of its numerator and of its denominator."""
     number, fma, times, over, _ = arithmetic
     n1, d2, d3, d4 = map(number, PADE)
     one, square, line = number(1.0), times(y, y), times(n1, y)
@@ -99,13 +99,13 @@ def check_schemes() -> None:
     for y in (10.0 ** draw.uniform(-6.0, 3.0, 500)).tolist():
         share, rise, fall = quotients(y, FLOATS)
         if falling.pade(y) != (share, share * _fma_exact(0.1, rise - fall, 1.0)):
-            raise SystemExit("the kernels' P is not what the proof is about")
+            raise SystemExit("the arithmetic of P that is proved is not that of the kernels")
     for e in draw.uniform(LEAST_VISCOELASTIC, 1.0, 50).tolist():
         y = 0.0
         for _ in range(falling.STEPS):
             y = step(1.0 - e, e, y, FLOATS)
         if falling.root_at(e) != y:
-            raise SystemExit("the kernels' y_0 is not what the proof is about")
+            raise SystemExit("the arithmetic of y_0 that is proved is not that of the kernels")
 
 
 def balls(first: int, last: int) -> list[arb]:
@@ -131,10 +131,9 @@ def left_out(most: float) -> float:
 def fourth_root_bound() -> float:
     """Bound of `inverse_fourth_root`.
 
-    A factor of 16 of t halves the guess exactly, so that t from 1 to 16 is all.  With
-    h = 1 - root^4 t, the next root is t^(-1/4) but for what the series leaves out, and for
-    roundings: of the last sum; of h, three of the fourth power and its own; and of terms that h
-    makes small.
+    A factor of 16 of t halves the guess exactly, so that t from 1 to 16 suffices.  With
+    h = 1 - root^4 t, the next root is t^(-1/4) up to the truncation of the series and roundings:
+    of the last sum; of h, three in the fourth power and its own; and of terms that h makes small.
     """
     worst = 0.0
     for k in range(4 * OF_GUESS):
@@ -148,10 +147,10 @@ def fourth_root_bound() -> float:
 
 
 def start_bound() -> float:
-    """Bound of the error of y_0: of the last step, and what is left of those before."""
+    """Bound of the error of y_0: from the last step, and the remainder of earlier ones."""
     worst = 0.0
     for y in balls(LEAST_START, 0)[1:]:
-        one = Counted(arb(1), 1.0)  # 1 - e, which is rounded below 1/2
+        one = Counted(arb(1), 1.0)  # 1 - e, which is rounded for e below 1/2
         rounded = step(one, one._replace(error=0.0), Counted(y, 0.0), COUNTED).error
         top, higher, by_top, by_higher = _terms(y)
         contracts = upper(1 + y * (by_top / top - by_higher / higher) / 2)
@@ -179,7 +178,8 @@ def share_and_slope_bounds() -> tuple[float, float]:
 def slope_falls() -> bool:
     """Prove that q falls with the speed: its derivative is a quotient of polynomials of y > 0.
 
-    With top T and bottom B = T + H of P, q = M / (10 B^2) where M = 10 T B + y (T' H - T H').
+    With numerator T and denominator B = T + H of P, q = M / (10 B^2), where
+    M = 10 T B + y (T' H - T H').
     """
     n1, d2, d3, d4 = (fmpq(round(c * 10**6), 10**6) for c in PADE)
     top, higher = fmpq_poly([1, n1]), fmpq_poly([0, 0, d2, d3, d4])

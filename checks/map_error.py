@@ -9,7 +9,7 @@ and against the exact w at the exact phase, which the rounding of the phase move
 
 Locked orbits: the map is iterated from the double nearest to the fixed point, and from a little
 beside it, and the phase is compared with the closed form sin(2 pi x) = (1 - e) k / a at the exact
-doubles e and a.  The same map with a running time and a library sine is iterated beside it.
+doubles e and a.  The same map with a running time and a library sine is iterated for comparison.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def step_all(x, u, e, a):
 
 @njit(error_model="numpy")
 def visited(base, problem, x, impacts):
-    """States before each impact of orbits that start with flight 1; a rest ends as a bounce."""
+    """States before each impact of orbits that start with flight 1; negative w are reflected."""
     found = np.empty((x.size, impacts, 2))
     for i in range(x.size):
         phase, flight = x[i], 1.0
@@ -139,8 +139,8 @@ def step_rows(given: list[np.ndarray]) -> list[list[str]]:
         share("$w$ at the computed $x'$, ulp of its larger term", "all", errors.own, ulp_larger),
         share("$w$ at the exact $x'$, ulp of $w$", "all", errors.full, ulp_w),
         share("$w$ at the exact $x'$, ulp of $w$", both, errors.full[whole], ulp_w[whole]),
-        share("$w$ at the exact $x'$, ulp of its larger term and what $2^{-54}$ turns of phase "
-              "move", "all", errors.full, ulp_larger + moved),
+        share("$w$ at the exact $x'$, ulp of its larger term plus the effect of $2^{-54}$ "
+              "turns of phase", "all", errors.full, ulp_larger + moved),
     ]  # fmt: skip
 
 
@@ -181,7 +181,7 @@ def forced(orbit: Locked) -> float:
     """Error forced by the conditioning: the largest phase error from roundings of each step.
 
     Errors of the phase (2^-54 turns), and of w (the sine's, a product's and a sum's rounding) enter
-    at each impact, and the Jacobian carries them on: the sum of all, with the worst signs.
+    at each impact, and the Jacobian carries them on; this is their sum with the worst signs.
     """
     need = (1.0 - orbit.e) * orbit.k
     slope = -2.0 * math.pi * math.sqrt((orbit.a - need) * (orbit.a + need))

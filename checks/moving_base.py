@@ -55,7 +55,7 @@ def filmed(base, case, seed):
 
 
 def stays_called_flights(fitted, record):
-    """Flights found where the particle rested all the time between their ends."""
+    """Number of flights found where the particle rested all the time between their ends."""
     flights, wrong = fitted.flights, 0
     middle = (flights.ends.up + flights.ends.down) / 2.0
     for p in range(record.landing_time.shape[0]):
@@ -68,7 +68,7 @@ def stays_called_flights(fitted, record):
 
 
 def over_a_moving_base(case, seeds):
-    """One row of the table, and whether it reaches the targets."""
+    """Print one row of the table; return whether it reaches the targets."""
     said, off, errors, times, marks = [], [], [], [], np.zeros(2, int)
     for seed in seeds:
         trial, truth = filmed("moving", case, seed)
@@ -110,7 +110,7 @@ def over_a_moving_base(case, seeds):
 
 
 def over_a_level_base(seeds):
-    """Count how often a base that stays at its level is recognised."""
+    """Count how often a level base is recognised; return whether that reaches the target."""
     said, refused = [], 0
     for case in SCENES:
         for seed in seeds:

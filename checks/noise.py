@@ -22,13 +22,13 @@ from noise_pictures import energy, lifetimes, staggering, windows
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "noise.md"
-# In units of g / (2 f), whose flights last one forcing period
+# Speeds in units of g / (2 f), at which flights last one forcing period
 UNITS = {"gravity": 2.0, "frequency": 1.0, "phase": 0.0}
 TREMBLING = {**UNITS, "amplitude": 0.0, "contact_time": 1e-30}
 
 
 class Compared(NamedTuple):
-    """A closed form: what it is of, its value, that measured, and the standard error of that."""
+    """A closed form: its name and value, the measured value, and the standard error of that."""
 
     words: str
     known: float
@@ -64,7 +64,7 @@ def bounces(totals, landing):
 
 
 def of_each(function, **how):
-    """An observable that keeps the totals of particles apart."""
+    """An observable with separate totals for each particle."""
     return vs.Observable(function.__name__, function, function.__name__, particles="each", **how)
 
 
@@ -80,7 +80,7 @@ def stationary(impacts, seed):
             transient=100.0, duration=100.0 + 2.0 * impacts / 2000, per_particle=True,
             observables=[of_each(square, landings="sum")],
         )  # fmt: skip
-        # a ratio of means: landings of slow particles come faster
+        # a ratio of means, because slow particles land more often
         total, count = found.square.values[0], found.particle_impact_count.values[0]
         mean = total.sum() / count.sum()
         error = np.std(total - mean * count) / (math.sqrt(total.size) * count.mean())
@@ -135,8 +135,8 @@ def lifetime(noise, seed, replicas=500, duration=2000.0):
     """Mean lifetime of the lock of mode 1 at Table 1, in periods, with its interval of 95 %.
 
     A particle of each replica is launched on the locked orbit.  One that is locked at the end
-    counts with the time until then: of exponential lifetimes, time over losses is the estimate of
-    largest likelihood.
+    counts with the time until then: for exponential lifetimes, total time over losses is the
+    maximum-likelihood estimate.
     """
     ((kind, values),) = noise.items()
     phase = 0.5 - math.asin(0.1 * 9.81 / (2.0 * 1.2)) / (2.0 * math.pi)
@@ -153,7 +153,7 @@ def lifetime(noise, seed, replicas=500, duration=2000.0):
 
 
 def blurred(amplitude, seed, noise, particles=100):
-    """Share of particles that stay locked to mode 1 for 500 periods, from the attracting orbit."""
+    """Share of particles launched on the attracting orbit that stay locked for 500 periods."""
     sine = np.clip(0.1 * 9.81 / (2.0 * amplitude), None, 1.0)
     design = {
         "amplitude": np.repeat(amplitude, len(noise)),

@@ -1,4 +1,4 @@
-"""Orbits and their bifurcations by a slow independent way: 60 digits, differences, no kernels.
+"""Orbits and bifurcations by a slow independent method: 60 digits, differences, no kernels.
 
 Run with ``python checks/orbits.py``; takes about 80 s of processor time.  A flight is found by
 steps of 1/200 period and Newton's method on its height, the multipliers of an orbit from
@@ -19,7 +19,7 @@ import vibrosweep as vs
 
 ctx.prec = 220  # bits
 GRAVITY = 9.81
-TOLERANCE = 1e-11  # relative: the digits that are known of the law; of parameters 1e-15
+TOLERANCE = 1e-11  # relative: limited by the digits in `yielding`; parameters agree to 1e-15
 TURN = 2 * arb.pi()
 TURN_FLOAT = 2.0 * np.pi
 State = tuple[Any, Any]
@@ -27,7 +27,7 @@ BASES = ("high-bounce", "moving")
 
 
 def fly(base: str, e: Any, a: Any, x: Any, y: Any) -> State:
-    """Duration of a flight from phase x with the relative speed y, and the relative arrival."""
+    """Duration of a flight from phase x with relative speed y, and relative speed of arrival."""
     if base == "high-bounce":
         return y, y
     alpha = a / (1 + e)
@@ -228,7 +228,10 @@ def corners(judge: Callable[[str, float, Any], None]) -> None:
 
 
 def falling(judge: Callable[[str, float, Any], None]) -> None:
-    """Compare mode 1 under the viscoelastic law: v - E(v), and v (1 + E'(v)) / pi beside it."""
+    """Compare mode 1 under the viscoelastic law with closed forms, at the landing speed v = g / 2.
+
+    A = v - E(v) at its birth, sqrt((v - E(v))^2 + (v (1 + E'(v)) / pi)^2) where it doubles.
+    """
     found = vs.branches(
         restitution=0.9,
         amplitude=[0.2, 1.5, 8.0],

@@ -62,7 +62,7 @@ def turn(k):
 
 
 def radius(load, natural, damping, k, particles):
-    """Spectral radius of evenly spaced slots under a mass of all particles; NaN without orbit."""
+    """Spectral radius of evenly spaced particles of total mass `load`; NaN if there is no orbit."""
     base = CoupledBase(E, GAMMA, load / particles, natural, damping)
     try:
         return spectral_radius(staggered(base, k, np.arange(0, k, k // particles)))

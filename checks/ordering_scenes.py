@@ -36,7 +36,7 @@ def phase_of(k, mass_ratio=0.0, natural=0.37, damping=0.05):
 
 
 def modes(landings):
-    """Mode in which each particle is locked at the end, 0: none, -1: it lands no more.
+    """Mode in which each particle is locked at the end; 0 if it is in none, -1 if it lands no more.
 
     Returns
     -------

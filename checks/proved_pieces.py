@@ -42,7 +42,7 @@ def first_landing(e, a, x, y, bits=128, max_bits=1 << 13, waveform=SINE):
 
     Kick a in forcing periods, alpha = a / (1 + e); phase x in turns, and speed y relative to the
     base in units of g / 2 f, at lift-off.  The precision is doubled until the landing is certain;
-    an UndecidableError where a graze is not told from a landing.
+    raises an UndecidableError if a graze cannot be told from a landing.
 
     Returns
     -------

@@ -37,7 +37,7 @@ from vibrosweep.store.seal import LENGTH
 
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 Tables = dict[str, dict[str, Any]]
-# where a run may be interrupted: what is called, and where it stands
+# where a run may be interrupted: owner and name of a function
 PLACES = ((Parts, "write"), (Parts, "read"), (result, "kinds"), (result, "write_record"))
 MODELS = (
     {"rebound": "rest"},
@@ -141,7 +141,7 @@ def _toml(value: object) -> str:
 
 
 def changed(tables: Tables, rng: np.random.Generator) -> tuple[Tables, str]:
-    """Tables with one key changed, and how a refusal names it; empty where none may refuse."""
+    """Tables with one key changed, and its name in a refusal; empty if it must be accepted."""
     now = {section: dict(keys) for section, keys in tables.items()}
     if rng.random() < 0.2:  # a default that is written out
         now["scene"] |= {"gravity": 9.81, "phase": 0.0}
@@ -167,7 +167,7 @@ def changed(tables: Tables, rng: np.random.Generator) -> tuple[Tables, str]:
         now[section] |= {key: value + 1, "launch": "staggered"}
     else:
         now[section][key] = value + 1 if isinstance(value, int) else value * 0.9375 + 0.001
-    if key == "regimes" and now["measure"].get("lyapunov"):  # which includes them
+    if key == "regimes" and now["measure"].get("lyapunov"):  # lyapunov includes regimes
         return now, ""
     parameters = {"restitution", "frequency", *FORCINGS, *MOUNT}
     known = key in parameters and section != "record"
@@ -175,7 +175,7 @@ def changed(tables: Tables, rng: np.random.Generator) -> tuple[Tables, str]:
 
 
 class _Counted:
-    """Interrupts at the n-th call of any of the places, before or after what it does."""
+    """Interrupts the n-th call of any function of `PLACES`, before or after its work."""
 
     def __init__(self, calls: int, late: bool) -> None:
         self.left, self.late = calls, late
@@ -289,7 +289,7 @@ def _resumed(
 
 
 def _retried(tables: Tables, spec: Sweep, output: Path, whole: Path, findings: Findings) -> None:
-    """Compute again with a larger budget what a small one could not settle."""
+    """Compute again, with a larger budget, what exceeded a small one; compare with a direct run."""
     larger = {**tables, "measure": tables["measure"] | {BUDGET: 10**6}}
     run_sweep(parse_spec(text_of(larger)), whole, threads=1, force=True)
     _, again = retry_failed(spec, output, threads=1, impact_budget=10**6)
@@ -298,7 +298,7 @@ def _retried(tables: Tables, spec: Sweep, output: Path, whole: Path, findings: F
 
 
 def campaign(directory: Path, specs: int, seed: int) -> Findings:
-    """Compute so many random sweeps."""
+    """Compute `specs` random sweeps."""
     findings = Findings()
     for number in range(specs):
         one_sweep(directory, np.random.default_rng([seed, number]), findings)

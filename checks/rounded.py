@@ -1,4 +1,4 @@
-"""Rounding errors of an evaluation by affine arithmetic: a separate noise for each rounding.
+"""Rounding errors of an evaluation by affine arithmetic: one noise symbol for each rounding.
 
 An error that two operations inherit from the same rounding is counted with its sign, which bounds
 by absolute values cannot do.
@@ -32,7 +32,7 @@ _names = itertools.count()
 
 @dataclass
 class Rounded:
-    """All exact values of a quantity on a part, and its rounding error: noises, and a rest."""
+    """Exact values of a quantity on a part, and its rounding error: noises, and a remainder."""
 
     exact: arb
     noises: dict[int, arb]

@@ -3,9 +3,9 @@
 ``python checks/shaker.py [--recordings N] [--first SEED]`` films virtual experiments over bases of
 two to four random harmonics, whose traces are known, and compares harmonics, restitution and motion
 with the truth; then over both bases with each law of restitution, and counts the laws that are
-found.  Exit code 1 where 68 % intervals of all parameters together hold less than 60 % or more than
-76 %, a number of harmonics is wrong in more than 5 %, or a law is ruled out wrongly in more than
-5 %.
+found.  Exit code 1 if the 68 % intervals of all parameters together hold the truth in less than
+60 % or more than 76 %, if the number of harmonics is wrong in more than 5 % of the films, or if a
+true law is ruled out in more than 5 %.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LAWS_OVER = {"moving": {"restitution": 0.8, "base_acceleration": 1.5}, "level": 
 
 
 def drawn(seed):
-    """Scene over a base of random harmonics, and the parameters that its film should tell."""
+    """Scene over a base of random harmonics, and the parameters that its film should yield."""
     rng = np.random.default_rng((seed, 38))
     tones = [[1, 1.0, 0.0]]
     tones += [
@@ -56,7 +56,7 @@ def drawn(seed):
 
 
 def over_harmonics(seeds):
-    """Share of right numbers of harmonics, and table of the deviations of each parameter."""
+    """Print deviations of each parameter over random harmonics; return whether targets are met."""
     right, refused, ruled_out, off = 0, 0, 0, {}
     for seed in seeds:
         scene, truth = drawn(seed)
@@ -81,7 +81,7 @@ def over_harmonics(seeds):
         size = 0.5 * np.ptp(base.height(np.linspace(0.0, 1.0 / scene["frequency"], 20001)))
         errors = {str(n): float(one["error"].sel(parameter=n)) for n in one["parameter"].values}
         values = {n: float(one["estimate"].sel(parameter=n)) for n in errors}
-        if not set(values) <= set(truth):  # a speed of a law: the restitution is constant in truth
+        if not set(values) <= set(truth):  # the speed of a law; the true restitution is constant
             ruled_out += 1
             continue
         for name, known in {
@@ -117,7 +117,7 @@ def over_harmonics(seeds):
 
 
 def over_laws(seeds):
-    """Count which laws films of each law leave."""
+    """Count the laws that films of each law leave; return whether the target is met."""
     print(
         "\n| base | law | only it | it and others | ruled out | not measured |\n" + "|---" * 6 + "|"
     )
@@ -132,7 +132,7 @@ def over_laws(seeds):
 
 
 def fastest(impacts):
-    """Speed in m/s that few bounces on a level base exceed; only those above it may yield."""
+    """Speed in m/s that a tenth of the bounces exceed: at a higher v_y hardly any of them yield."""
     return float(impacts["impact_speed"].quantile(0.9))
 
 

@@ -4,9 +4,9 @@
 
 The clearance over the base is covered from the launch on with intervals on which its Taylor
 polynomial of second degree, with a bound of the third derivative, either shows that there is no
-root, or that the clearance falls all through one.  An interval that is halved down to 1e-7 of its
-time without an answer holds a minimum within rounding of zero, an undecided graze, at which the
-particle may land or fly on.  The method shares only the equation with the kernel.
+root, or that there is one and the clearance falls throughout.  An interval that is halved down to
+1e-7 of its time without an answer holds a minimum within rounding of zero, an undecided graze, at
+which the particle may land or fly on.  The method shares only the equation with the kernel.
 
 Waveforms: two to sixteen harmonics, weights normal, phases uniform.  Flights: the greatest downward
 acceleration 0.01-50 g and launch speeds relative to the base 1e-9-20 periods, both log-uniform,
@@ -40,8 +40,8 @@ class Judged(NamedTuple):
     """Landings compared, each array of shape (flight,)."""
 
     missed: np.ndarray
-    # error, speed_error: in units of what the roundings of both clearances, the one that results
-    # claim for theirs and `ROUNDINGS` of the one here, can move them
+    # error, speed_error: in units of the effect that rounding errors of the clearance can have,
+    # `ROUNDINGS` of the clearance here and the bound that results claim for theirs
     error: np.ndarray
     speed_error: np.ndarray
     grazes: np.ndarray  # whether an undecided graze came first
@@ -67,7 +67,7 @@ def _lag(q):
 
 @njit(error_model="numpy", nogil=True)
 def clearance(tones, alpha, x, y, s):
-    """Clearance after s periods, two derivatives, and bounds of errors of it and of the first."""
+    """Clearance after s periods, two derivatives, error bounds of it and the first derivative."""
     value, size = 0.5 * s * (y - s), 0.5 * s * (abs(y) + s)
     blur = ROUNDINGS * (0.5 * abs(y) + s)
     slope, bend = 0.5 * y - s, -1.0

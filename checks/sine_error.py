@@ -27,7 +27,7 @@ from vibrosweep.kernels.sine import sin_turns
 BITS = 192
 TERMS = 12  # of the Taylor polynomial that bounds the approximation on one part
 PARTS = 256  # of each factor of two of the phase
-SMALLEST = -30  # below 2**SMALLEST turns one estimate serves
+SMALLEST = -30  # below 2**SMALLEST turns one estimate covers all
 HIGHER = (sine.C1, sine.C2, sine.C3, sine.C4, sine.C5, sine.C6, sine.C7, sine.C8)
 
 
@@ -48,7 +48,7 @@ def check_scheme() -> None:
     """Check that the arithmetic that is bounded is that of the kernel, bit for bit."""
     for y in np.random.default_rng(0).uniform(-0.25, 0.25, 2000).tolist():
         if scheme(y, float, _fma_exact) != sin_turns(y):
-            raise SystemExit(f"sin_turns({y!r}) is not what the proof is about")
+            raise SystemExit(f"the arithmetic that is proved is not that of sin_turns({y!r})")
 
 
 def approximation(middle: float, half_width: float) -> float:
@@ -121,7 +121,7 @@ def sines(phases):
 
 
 def families(total: int, seed: int) -> dict[str, np.ndarray]:
-    """Phases of every kind; each double that is a neighbour of a fold or zero is taken in turn."""
+    """Phases of every kind, among them consecutive doubles next to the folds at 1/4 and 1/2."""
     rng = np.random.default_rng(seed)
     part = total // 10
     steps = np.arange(part)
@@ -151,7 +151,7 @@ def true_errors(phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Worst(NamedTuple):
-    """Worst of some phases: absolute error, error in ulp of the sine, and their phases."""
+    """Largest errors of some phases, absolute and in ulp, where they occur, and sum of squares."""
 
     size: int
     absolute: float

@@ -62,7 +62,7 @@ def case(
     transient: float = 0.0,
     budget: int = 4000,
 ) -> Case:
-    """A case from dimensionless numbers; others are drawn from a moderate range."""
+    """A case from dimensionless numbers; those not given are drawn from moderate ranges."""
 
     def drawn(value: float | None, low: float, high: float) -> float:
         return rng.uniform(low, high) if value is None else value
@@ -224,7 +224,7 @@ ENDLESS = ("1e9 periods", "endless chatter, 2 to 200 particles")
 
 def families_of(base: str) -> Mapping[str, Family]:
     """Families of scenes that are tried on a base."""
-    if base == SPRUNG:  # followed landing by landing, however long
+    if base == SPRUNG:  # every landing is followed, however many
         return {name: one for name, one in FAMILIES.items() if name not in ENDLESS}
     return FAMILIES | MOVING_FAMILIES if base == "moving" else FAMILIES
 
@@ -253,7 +253,7 @@ def gather(total: Findings, found: Findings) -> None:
 def run_family(
     family: Family, base: str, law: str, cases: int, seed: int, workers: Workers
 ) -> Findings:
-    """Sums over the cases of one family."""
+    """Findings summed over the cases of one family."""
     total = Findings(cases=0)
     for number in range(cases):
         rng = np.random.default_rng([seed, number])
@@ -271,7 +271,7 @@ def run_family(
 
 
 def cells(total: Findings) -> list[object]:
-    """Cells of a row; what is not measured over a base has stayed 0."""
+    """Cells of a row; a quantity of 0 is not measured over this base, and shown as -."""
 
     def shown(largest: float) -> str:
         return f"{largest:.2f}" if largest > 0.0 else "-"

@@ -174,7 +174,7 @@ def check_measures(
         return
     if status != Status.COMPLETED:
         return
-    if record["status"].any():  # a recurrence is counted to the end, a record is not
+    if record["status"].any():  # unlike a record, a recurrence is counted to the end
         return
     times, slack = record["landing_time"][0], rounding(case)
     most = int((times >= case.transient - slack).sum())
@@ -232,7 +232,7 @@ def check_steps(case: Case, found: Findings) -> None:
     with ctx.workprec(BITS):
         for count, phase, flight, rested in landings[:inside].tolist():
             if max(abs(count), abs(n), u) > 2.0**52:
-                return  # beyond what is counted
+                return  # such counts are not exact
             flown = arb(u)
             apart = (arb(x) + flown) - (arb(count) - arb(n)) - arb(phase)
             found.phase_ulp = max(found.phase_ulp, float(apart.abs_upper()) / ULP)
@@ -269,9 +269,9 @@ def flights_of(batch, capacity):
     return found[:k], fixed.alpha
 
 
-MOST_GAMMA, LONGEST = 100.0, 50.0  # up to which the certain search is short
+MOST_GAMMA, LONGEST = 100.0, 50.0  # up to which the certain search is fast
 SLOWEST = 1e-100  # squares of smaller speeds lose digits
-# Above 1 g by less, a base throws what rests on it no higher than the search's own rounding.
+# A base above 1 g by less throws a resting particle no higher than the search's own rounding.
 NEAREST = 1e-11
 
 

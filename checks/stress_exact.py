@@ -1,6 +1,6 @@
 """Identities that hold bit for bit, or within proved bounds, between different computations.
 
-Each check takes a law, a number of cases, a seed and threads, and returns the number of cases that
+Each check takes a law, a number of cases, a seed and workers, and returns the number of cases that
 it tried and the faults.
 """
 
@@ -62,7 +62,7 @@ def late_launch(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
     for number in range(cases):
         rng = np.random.default_rng([seed, number])
         scene = dyadic_scene(rng)
-        # of 2^-20 periods, so that a billion periods more are still exact
+        # a multiple of 2^-20 periods, exact even after a billion periods are added
         start = math.floor(rng.uniform(0.0, 1.0) * 2.0**20) / 2.0**20
         early, later = (
             scene

@@ -99,7 +99,7 @@ class Job:
 
 @dataclass
 class Verdict:
-    """Errors found, and bounds over them."""
+    """Largest errors, their bounds, and faults."""
 
     compared: int = 0
     landing: float = np.nan
@@ -209,7 +209,7 @@ def compare(job: Job) -> Verdict:
         elif k < certain and impact.rested != bool(rested):
             verdict.faults.append(f"landing {k}: rest or not")
         elif k < certain and impact.flight is not None:
-            with ctx.workprec(128):  # the units' roundings are not the kernel's
+            with ctx.workprec(128):  # no rounding from the change of units
                 speed = 2 * frequency / gravity * impact.rebound_velocity
                 flights.append(upper(speed - float(u)))
     judge(job, verdict, np.array(errors), flights)

@@ -147,7 +147,7 @@ def heights_hardly_change(plan: Plan, base: str) -> Evidence:
 
 
 def _rise(record: xr.Dataset) -> Array:
-    """Greatest rise of the first particle in a flight after an impact, m; 0 without any."""
+    """Greatest rise of the first particle in a flight after an impact, m; 0 if there are none."""
     speed = np.nan_to_num(record["rebound_velocity"].values[:, 0]).max(axis=1)
     return np.asarray(speed**2 / (2.0 * float(record["gravity"])))
 

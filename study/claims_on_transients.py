@@ -61,7 +61,7 @@ def transient_decays(plan: Plan, base: str) -> Evidence:
 
 
 def _decay(plan: Plan, base: str, columns: dict[str, Any]) -> Array:
-    """Greatest height in the last third over that in the first; 0 without a flight in the last."""
+    """Greatest height in the last third over that in the first; 0 if the last has no flights."""
     first, last = (
         measured(plan, base, columns, particles=1, transient=begin, duration=end)
         for begin, end in (EARLY, LATE)

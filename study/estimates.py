@@ -35,8 +35,8 @@ def exact(value: Estimate | SupportsFloat) -> Estimate:
 def share(flags: ArrayLike, known: ArrayLike = True) -> Estimate:
     """Share of true ones among independent realizations, with Wilson's interval.
 
-    NaN without realizations.  If some are unknown, so is the share; its interval then reaches from
-    the low end with all of these false to the high end with all of them true.
+    NaN if there are no realizations.  If some are unknown, so is the share; its interval then
+    reaches from the low end with all of these false to the high end with all of them true.
     """
     from scipy.stats import binomtest
 

@@ -261,7 +261,7 @@ def test_outputs_that_cannot_be_written(refused, spec, tmp_path):
     assert "is not a directory" in refused("run", path, "-o", path / "out.h5")
     assert "too long" in refused("run", path, "-o", tmp_path / ("x" * 300))
     assert "is an input" in refused("run", path, "-o", path, "--force")
-    assert "no ordinary file" in refused("run", path, "-o", os.devnull, "--force")
+    assert "not a regular file" in refused("run", path, "-o", os.devnull, "--force")
     assert [p.name for p in tmp_path.iterdir()] == ["sweep.toml"]
 
 

@@ -138,7 +138,7 @@ def test_existing_results_are_told_apart(spec, output, refused):
     assert "is true\nwrite to another file with -o, or replace it with --force" in message
     assert output.read_bytes() == before
     output.write_bytes(b"other")
-    assert "it is no result of a sweep" in refused("run", spec(), "-o", output)
+    assert "it is not the result of a sweep" in refused("run", spec(), "-o", output)
 
 
 def test_existing_diagrams_are_told_apart(spec, output, refused):

@@ -37,7 +37,7 @@ def _watched(scene: Scene, launch_times: np.ndarray) -> Watched:
 
 
 def arrays(scene: Scene, realizations: int = 1) -> dict[str, np.ndarray]:
-    """Parameters of realizations: the scene's, then others, as equal ones are computed once."""
+    """Parameters of realizations, all different because equal ones are computed only once."""
     found = {name: np.full(realizations, value) for name, value in scene.parameters.items()}
     found["amplitude"] *= 1.0 + 1e-9 * np.arange(realizations)
     return found | ({STREAM: np.zeros(realizations)} if "kick_noise" in found else {})

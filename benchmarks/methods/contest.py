@@ -1,4 +1,4 @@
-"""All methods on all scenes: which of them can run here, their points, and the table of these."""
+"""All methods on all scenes: those that can run here, their points, and the table of points."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from methods.scenes import Point, Scene
 from methods.sweeps import Sweep
 from methods.truth import prove, worst
 
-# of a scene, the landings that are wanted of each proved trajectory, and threads
+# takes a scene, the number of landings wanted of each proved trajectory, and threads
 Method = Callable[[Scene | Sweep, list[int], int], Iterator[Point]]
 
 COLUMNS = (
@@ -53,7 +53,7 @@ def measure(sweeps: Sequence[Sweep], methods: Sequence[Method], threads: int) ->
 def timings(
     scene: Scene | Sweep, sizes: list[int], methods: Sequence[Method], threads: int
 ) -> Iterator[Point]:
-    """Points of a scene without errors, told as they come."""
+    """Points of a scene without errors, printed as they come."""
     print(scene.title, flush=True)
     for method in methods:
         for point in method(scene, sizes, threads):
@@ -63,7 +63,7 @@ def timings(
 
 
 def write_table(points: list[Point], missing: list[str], path: Path) -> None:
-    """Every point, one row each; what is not installed has a row that says so."""
+    """Write one row for each point, and one for each library that is not installed."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)

@@ -44,7 +44,7 @@ def _starts(rows: np.ndarray) -> np.ndarray:
 def ensemble(sweep: Sweep, sizes: list[int], threads: int) -> Iterator[Point]:
     """One call per realization, because a call takes one parameter set; it keeps all states.
 
-    A call takes a number of impacts and no end: here as many as the longest trajectory needs.
+    A call takes a number of impacts, not an end: here as many as the longest trajectory needs.
     """
     system = DiscreteDynamicalSystem(
         mapping=_impact, system_dimension=2, number_of_parameters=len(PARAMETERS) + 1
@@ -103,15 +103,15 @@ class BareMap:
 
     Both advance 256 trajectories for each thread.  pynamicalsys' ways are: `default`, the map
     written as its own models are and every state kept, as it does unless asked otherwise; and
-    `fastest`, with the cheaper reduction of this package's map and the last states kept only.
+    `fastest`, with the cheaper reduction of this package's map and only the last states kept.
 
     Parameters
     ----------
     threads
         Number of threads.
     impacts, their_impacts
-        Impacts of each trajectory in a call: both calls then last about a tenth of a second, which
-        hides the start of threads.
+        Impacts of each trajectory in a call of each.  By default both calls last about a tenth of
+        a second, which hides the start of threads.
     """
 
     def __init__(self, threads: int, impacts: int = 400_000, their_impacts: int = 4000) -> None:
@@ -141,7 +141,7 @@ class BareMap:
 
 
 def bare_points(threads: int) -> list[Point]:
-    """The bare map and both ways of pynamicalsys, timed in turn; without errors."""
+    """Points of the bare map and both ways of pynamicalsys, timed in turn, errors unknown."""
     bare = BareMap(threads)
     seconds = medians(bare.ours, *(bare.theirs(way) for way in BARE))
     runs = [("vibrosweep", "", bare.impacts)]

@@ -1,4 +1,4 @@
-"""The work-precision figure: one panel per scene, every method named beside its points."""
+"""The work-precision figure: one panel per scene, with one legend of all methods."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Last landings of fixed problems: the stored references, what methods found, and its errors.
+"""Last landings of fixed problems: stored references, the times that methods found, and errors.
 
 A reference is the time of the last landing of a particle up to the end, as a decimal number with a
 bound of its error, proved in ball arithmetic.
@@ -25,11 +25,11 @@ from vibrosweep.store.provenance import provenance, version
 HERE = Path(__file__).parents[1]
 REFERENCES = HERE / "references.csv"
 FINALS = HERE / "finals.csv"
-DECIMALS = 34  # significant ones
+DECIMALS = 34  # significant digits
 
 Row = dict[str, str]
 
-# of each method, beside Python and numpy; others are compiled by numba
+# packages of a method beside Python and numpy; all other methods are compiled by numba
 PACKAGES = {
     "SciPy solve_ivp": ("scipy",),
     "heyoka.py": ("heyoka",),
@@ -82,7 +82,7 @@ def read(path: Path) -> list[Row]:
 
 
 def read_references() -> dict[str, list[Reference]]:
-    """The stored references by the scene."""
+    """The stored references by scene."""
     found = defaultdict(list)
     for row in read(REFERENCES):
         numbers = {name: int(row[name]) for name in ("particle", "landings", "bits")}
@@ -92,7 +92,7 @@ def read_references() -> dict[str, list[Reference]]:
 
 
 def row_of(point: Point, sizes: Sequence[int]) -> Row:
-    """A measured point: settings, time, versions, and the last landings that it found."""
+    """Row of a measured point: settings, time, versions, and the last landings found."""
     known = provenance(point.threads)
     packages = ("numpy", *PACKAGES.get(point.method, ("vibrosweep", *COMPILED)))
     last = [
@@ -119,7 +119,7 @@ def row_of(point: Point, sizes: Sequence[int]) -> Row:
 
 
 def keep(rows: list[Row], path: Path = FINALS) -> None:
-    """Write rows; those of methods and scenes that were not measured again stay as they are."""
+    """Write rows, and keep stored ones of methods and scenes that were not measured again."""
     new = {(row["scene"], row["method"]) for row in rows}
     stored = read(path) if path.exists() else []
     old = [row for row in stored if (row["scene"], row["method"]) not in new]

@@ -21,8 +21,8 @@ MOST_IMPACTS = 10_000  # per trajectory; a call takes some tenths of a milliseco
 def _height(t: float, y: np.ndarray) -> float:
     """Height on the way down.
 
-    On the way up the result is set to a positive number: a flight that fits into one step would
-    otherwise begin and end with an event, and the lift-off would be found.
+    On the way up the result is set to a positive number: in a flight that fits into one step the
+    lift-off would otherwise be found instead of the landing.
     """
     return y[0] if y[1] < 0.0 else 1.0
 

@@ -1,4 +1,4 @@
-"""JAX: the map itself, and diffrax with the landing as an event, compiled by XLA, many lanes."""
+"""JAX: the map itself, and diffrax with landings as events, over many lanes, compiled by XLA."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ JAX = "JAX"
 DIFFRAX = "diffrax"
 LANES = 256
 BLOCK = 250  # lanes; larger blocks wait longer for their last one
-MOST_IMPACTS = 100_000  # of a trajectory, with so many lanes
+MOST_IMPACTS = 100_000  # of a trajectory; from here on only the sample is run
 ABOVE = 1e-300  # an event needs a change of sign, so the flight starts above the base
 ROOT = 1e-12  # Newton's last step; it converges quadratically, so the root is better than that
 
@@ -47,7 +47,7 @@ class HighBounce:
     Parameters
     ----------
     reflects
-        The law.
+        True for the law `reflect`.
     """
 
     solver, settings = diffrax.Tsit5(), "rtol {:.0e}, atol {:.0e}, Tsit5"
@@ -56,7 +56,7 @@ class HighBounce:
         self.reflects = reflects
 
     def constants(self, row) -> dict:
-        """Parameters by name, and what does not change from impact to impact."""
+        """Parameters by name, and constants that follow from them."""
         p = dict(zip(PARAMETERS, row, strict=False))
         rest = 0.5 * p["gravity"] * p["contact_time"]
         fastest = jnp.maximum(p["launch_velocity"], p["amplitude"] / (1.0 - p["restitution"]))
@@ -137,7 +137,7 @@ def _parabola(p: dict, left, height, v):
 
 
 def _event(base: HighBounce | Moving, rtol: float) -> Callable:
-    """Duration of a flight and speed of the landing, by integration up to the landing."""
+    """Return a function like `_parabola` that integrates a flight up to its landing."""
     landing = diffrax.Event(
         lambda t, y, args, **kwargs: y[0], optimistix.Newton(ROOT, ROOT), direction=False
     )
@@ -157,7 +157,7 @@ def _event(base: HighBounce | Moving, rtol: float) -> Callable:
 
 
 def _landings(rows: np.ndarray, fly: Callable, base: HighBounce | Moving, impacts: int) -> Callable:
-    """Compiled for these rows: so many landing times of each, shape (trajectory, impact)."""
+    """Compile for these rows a function that returns landing times (trajectory, impact)."""
 
     def trajectory(row):
         p = base.constants(row)
@@ -173,7 +173,7 @@ def _landings(rows: np.ndarray, fly: Callable, base: HighBounce | Moving, impact
 
 
 def _statistics(rows: np.ndarray, duration: float, reflects: bool) -> Callable:
-    """Compiled for these rows: landings, and sum and maximum of the velocities that follow."""
+    """Compile for these rows: number of landings, sum and maximum of rebound velocities."""
 
     def trajectory(row):
         base = HighBounce(reflects)

@@ -1,4 +1,4 @@
-"""The exact rebound and rest in plain Python, for methods that integrate one flight a time."""
+"""The exact rebound and rest in plain Python, for methods that integrate one flight at a time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ AFTER_REST = 1e-5  # radians of phase; see `MovingBase`
 
 
 class LiftOff(NamedTuple):
-    """Time in s, height above the base in m and speed relative to it in m/s: a flight begins."""
+    """Start of a flight: time in s, height above the base in m, speed relative to it in m/s."""
 
     time: float
     height: float
@@ -67,8 +67,8 @@ class HighBounceBase:
 class MovingBase:
     """Impacts of a particle on a moving base; height and speed are relative to the base.
 
-    After a rest a particle leaves with neither speed nor acceleration.  As no event can be looked
-    for from there, it begins `AFTER_REST` later, where its height is known to 1e-5 of itself.
+    After a rest a particle leaves with neither speed nor acceleration.  No event can be found from
+    there, so its flight begins `AFTER_REST` later, where its height is known to a relative 1e-5.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """A base of finite mass: the scalar loop, and SciPy over base and particles at once.
 
-SciPy's particles never ride the base: the scene has no rests.
+The program for SciPy lets no particle ride the base, because the scene has no rests.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 
-MOST = 10  # times the landings: an orbit that has gone astray may end in ever shorter flights
+MOST = 10  # times the landings: an orbit spoilt by errors may end in ever shorter flights
 
 
 def scalar_mounted(scene: Scene, sizes: list[int], threads: int) -> Iterator[Point]:
-    """After each event the next landing of every particle; one thread."""
+    """Run the scalar loop on one thread."""
     given, shape = arrays(scene, scene.realizations), (scene.realizations, scene.proved)
     mount = mounts(given, Constant(), Sine())
     start = launches(tuple(scene.sample.tolist()), scene.proved, given["frequency"])

@@ -32,7 +32,7 @@ def _room(trajectories: int) -> tuple[np.ndarray, ...]:
 
 
 def count_moving_landings(rows: np.ndarray, duration: float, reflect: None) -> np.ndarray:
-    """Landings of the trajectories of a table; durations are in periods, as is the time here."""
+    """Landings of the trajectories of a table; all times are in periods, which last 1 s here."""
     out = _room(len(rows))
     scalar_moving(0, len(rows), *_given(rows, duration), duration, None, out)
     return out[0]

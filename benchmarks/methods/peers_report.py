@@ -114,7 +114,7 @@ def _wrapped(text: str) -> str:
 
 
 def agreement(rows: list[Row]) -> str:
-    """Describe scenes that rounding leaves undecided, and the spread of their landing counts."""
+    """Say how many orbits rounding makes uncertain, and how far landing counts differ."""
     lost, apart = [], []
     for sweep in SWEEPS:
         found = _of(rows, sweep.key)
@@ -130,7 +130,7 @@ def agreement(rows: list[Row]) -> str:
 
 
 def bare_sentence(rows: list[Row]) -> str:
-    """The bare map beside pynamicalsys; empty where that is not installed."""
+    """Sentence on the bare map and pynamicalsys; empty if that was not measured."""
     bare = {row["setting"]: row for row in rows if row["scene"] == "bare"}
     if not bare:
         return ""
@@ -142,7 +142,7 @@ def bare_sentence(rows: list[Row]) -> str:
 
 
 def draw(rows: list[Row], path: Path) -> None:
-    """Time of every method on a logarithmic axis, its error written beside it; a panel a scene."""
+    """Draw the time of every method, with its error beside it, in one panel per scene."""
     least = min(float(r["ns_per_impact"]) for s in SWEEPS for r in _of(rows, s.key).values())
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 3.6), layout="constrained")

@@ -20,36 +20,36 @@ steps of `python benchmarks/work_precision.py`, each of which reads only what th
 
 1. `prove`: the time of the last landing of each particle up to the end, proved in ball arithmetic,
    with 34 digits, off by {radius} s at most (`benchmarks/references.csv`).
-2. `time`: what each method finds for these landings, its processor time, and in each row the
-   processor, date, settings, threads, precision and versions (`benchmarks/finals.csv`).
-3. `compare`: the differences of the two in exact arithmetic: this page, and
+2. `time`: the times that each method finds for these landings, and its processor time; each row
+   names processor, date, settings, threads, precision and versions (`benchmarks/finals.csv`).
+3. `compare`: the differences between the two, in exact arithmetic; it writes this page and
    [all rows](work_precision.csv).
 
 ![Processor time per landing against the error of the last landing](images/work_precision.png)
 
-**Error**: the largest of the particles' last landings. **Processor time**: of one thread, over the
-landings of a run; the median of runs that fill a second, without compilation, on a machine that had
-other work. Nothing is skipped (`skip = false`).
+**Error**: the largest error of the particles' last landings. **Processor time**: of one
+thread, per landing; the median of runs that fill a second, without compilation, on a machine that
+had other work. Nothing is skipped (`skip = false`).
 
-- **kernel**: keeps statistics; **every landing**: as `vs.simulate`.
+- **kernel**: keeps statistics only; **every landing**: keeps all landings, as `vs.simulate` does.
 - **naive map**, **scalar loop**: plain numba with a running time and the library's sine. Where the
-  base moves the loop searches for one landing after the other.
+  base moves, the loop searches for one landing after the other.
 - **RK4**: the study's fixed step, compiled by numba.
 - **SciPy** (`solve_ivp`), **heyoka.py** (Taylor series), **diffrax** (`jit`, `vmap`): landings as
   terminal events. In heyoka.py and diffrax flights start 1e-300 m above the base, because an event
   needs a change of sign. After a rest on the moving base the integrators begin 1e-5 rad later,
-  because they find no event where neither speed nor acceleration is left.
+  because they find no landing from a state without relative speed and acceleration.
 
 | problem | e | A (m/s) | base, law | launched between (s) | particles |
 |---|---|---|---|---|---|
 {scenes}
 
-On the base of finite mass a particle has {mass_ratio:g} of its mass, the mount
-{mount_frequency:g} Hz and the damping {mount_damping:g}; {realizations} realizations are timed.
-The launches were chosen so that none rests, because the program for SciPy leaves rests out there.
+On the base of finite mass the mass ratio is {mass_ratio:g}, the mount's frequency
+{mount_frequency:g} Hz and its damping ratio {mount_damping:g}; {realizations} realizations are
+timed. The launches were chosen so that no particle rests there: the program for SciPy omits rests.
 The tones are `[[1, 1.0, 0.0], [2, 0.4, 1.1]]`. The noise is `kick_noise = {kick_noise:g}` (m/s) of
-seed 0 and stream 0. Its deviates are stored beside the references: the kernel draws them, the
-others are given them.
+seed 0 and stream 0. Its deviates are stored with the references: the kernel draws them itself,
+the other methods are given them.
 
 {absent}
 
@@ -58,19 +58,20 @@ others are given them.
 {finest}
 
 - Over a base at rest integrators step along parabolas exactly, whatever the tolerance: only
-  rounding remains, most of it in the running time. Where the base moves tolerances count. Errors of
-  a large part of a period mean a lost orbit; "missed": fewer landings were found than there are.
-- RK4, as any integrator with fixed steps, sees contact late by up to one step: observed order
-  {order:.2f} on the locked problem.
-- A rest erases the errors before it: where particles rest, the last landing flatters all methods.
+  rounding remains, most of it in the running time. Where the base moves, tolerances count. Errors
+  of a large part of a period mean a lost orbit; "missed": fewer landings were found than there are.
+- RK4, like any integrator with fixed steps, sees contact late by up to one step: its observed order
+  is {order:.2f} on the locked problem.
+- A rest erases the errors before it: where particles rest, the error of the last landing makes all
+  methods look better than they are.
 
 *{origin}*
 """
 
 ABSENT = """\
 Without a row, because the programs used here do not support them: {gaps}.
-That of heyoka.py follows one particle over a base without recoil; the compiled loop of diffrax
-takes the sine only, and no random numbers."""
+The program for heyoka.py follows one particle over a base without recoil; the compiled loop of
+diffrax takes the sine only, and no random numbers."""
 
 
 def report(rows: Sequence[Row], references: Mapping[str, Sequence[Reference]]) -> str:

@@ -1,4 +1,4 @@
-"""The scenes of the comparisons, and what a measured point of them is.
+"""The scenes of the comparisons, and their measured points.
 
 Every scene has frequency 1 Hz and phase 0, so seconds are forcing periods and an instant is a whole
 number plus a reduced phase without any rounding.
@@ -37,7 +37,7 @@ class Case:
     waveform
         Shape of the motion of the base.
     particle
-        Its number, which tells its random numbers.
+        Its number, which determines its random numbers.
     """
 
     parameters: dict[str, float]
@@ -50,10 +50,10 @@ class Case:
 
     @property
     def longest_flight(self) -> float:
-        """No flight lasts longer: speeds stay below the launch and below A / (1 - e).
+        """Bound of flight times: speeds stay below the larger of launch speed and A / (1 - e).
 
-        On the moving base they stay below (1 + 3 e) V0 / (1 - e), and a flight may end as low as
-        twice the displacement below its beginning.
+        On the moving base A becomes (1 + 3 e) V0, and a flight may end twice the displacement
+        below its beginning.
         """
         p = self.parameters
         e, gravity = p["restitution"], p["gravity"]
@@ -97,7 +97,7 @@ class Scene:
     waveform
         Shape of the motion of the base.
     realizations
-        Of all launches, where the particles of one are few because they act on each other.
+        Number of realizations; several where particles act on each other, so that each has few.
     """
 
     key: str
@@ -158,7 +158,7 @@ class Point:
     trajectories, impacts
         Numbers covered by the timed run.
     seconds
-        Median time of a run: of a processor for one thread, by the clock for several.
+        Median time of a run: processor time for one thread, wall time for several.
     times
         Landing times of each proved trajectory.
     note
@@ -224,7 +224,7 @@ MAP_SCENES = (
 
 
 def _moving(key: str, title: str, e: float, gamma: float, **others) -> Scene:
-    """A scene on a base that moves with gamma times the acceleration of gravity at most."""
+    """A scene on a moving base with a largest acceleration of gamma times gravity."""
     mount = {name: others.pop(name) for name in MOUNT if name in others}
     amplitude = (1.0 + e) * gamma * TABLE_1["gravity"] / (2.0 * math.pi)
     return Scene(

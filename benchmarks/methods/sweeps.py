@@ -22,7 +22,7 @@ def paper_parameters(realizations: int) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Random realizations of the ranges of sweeps/paper.toml, with staggered particles each.
+    """Random realizations of the ranges of sweeps/paper.toml, each with staggered particles.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Sweep:
 
     @property
     def chosen(self) -> np.ndarray:
-        """Trajectories that are proved: each of another realization, over all launches."""
+        """Trajectories that are proved, from different realizations, spread over all launches."""
         spread = np.arange(self.proved)
         return spread * (self.realizations // self.proved) * self.particles + (
             spread % self.particles

@@ -86,7 +86,7 @@ class Bouncer:
 
 
 def heyoka_events(scene: Scene | Sweep, sizes: list[int], threads: int) -> Iterator[Point]:
-    """Every tolerance, one thread; of a sweep the finest one."""
+    """Every tolerance, or for a sweep the finest, on one thread."""
     pairs = list(zip(scene.cases, sizes, strict=True))
     for tolerance in TOLERANCES if len(scene.tolerances) > 1 else TOLERANCES[-1:]:
         bouncer = Bouncer(BASE_OF[scene.cases[0].base](scene.cases[0]), tolerance)

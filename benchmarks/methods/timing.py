@@ -17,9 +17,9 @@ SETTLE = 0.3
 
 
 def timed(run: Callable[[], T], threads: int = 1) -> tuple[T, float]:
-    """Return the result of a run, and the median of the seconds of all.
+    """Return the result of a run, and the median time of all runs in s.
 
-    Of one thread it is processor time, which other programs do not change; of several, wall time.
+    For one thread it is processor time, which other programs disturb little; else wall time.
     A run that is longer than the budget is not repeated.
     """
     clock = time.process_time if threads == 1 else time.perf_counter
@@ -32,7 +32,7 @@ def timed(run: Callable[[], T], threads: int = 1) -> tuple[T, float]:
 
 
 def medians(*runs: Callable[[], object], rounds: int = 9) -> list[float]:
-    """Median seconds of runs that are timed in turn, after one run of each that is not."""
+    """Median seconds of runs that are timed in turn, after an untimed run of each."""
     for run in runs:
         run()
     seconds = [[_settled(run) for run in runs] for _ in range(rounds)]

@@ -17,7 +17,7 @@ from vibrosweep.proof.reference.motion import Deviates
 from vibrosweep.proof.reference.results import Trajectory
 
 BITS = 256
-DIGITS = 32  # of what is proved
+DIGITS = 32  # of the proved numbers
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Orbit:
     count, phase, low
         Shape (impact,): whole periods, and the reduced phase as an unevaluated sum of two doubles.
     radius
-        Proved bound of what is left.
+        Proved bound of the remainder.
     """
 
     count: np.ndarray
@@ -44,7 +44,7 @@ class Orbit:
     def errors(self, times: np.ndarray) -> np.ndarray:
         """Distance of landing times, in order, from the proved ones, s.
 
-        Landings that are missing leave the array shorter.
+        Missing landings make the array shorter.
         """
         n = min(self.size, int(np.count_nonzero(np.isfinite(times))))
         error = ((times[:n] - self.count[:n]) - self.phase[:n]) - self.low[:n]
@@ -85,7 +85,7 @@ def _orbit(found: Trajectory) -> Orbit:
 
 
 def _two_doubles(value: arb) -> tuple[float, float, float]:
-    """Two doubles whose sum is the ball's midpoint, and a bound of what is left."""
+    """Two doubles whose sum is the ball's midpoint, and a bound of the remainder."""
     with ctx.workprec(BITS):
         high = float(value)
         low = float(value - high)

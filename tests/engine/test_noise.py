@@ -9,7 +9,6 @@ import vibrosweep as vs
 from vibrosweep.kernels.deviates import OF_DRIVE, OF_KICK, OF_RESTITUTION, deviate, key_of
 
 ALL = {"restitution_noise": 0.05, "kick_noise": 0.1, "drive_noise": 0.4}
-OWN = {"restitution_noise": 0.3, "kick_noise": 0.2}  # to each impact
 SCENE = {"restitution": (0.5, 0.95), "amplitude": (0.0, 2.0), "realizations": 60, "particles": 2}
 # speeds in units of g / (2 f), at which a flight lasts one forcing period
 UNITS = {"gravity": 2.0, "frequency": 1.0, "phase": 0.0}

@@ -48,7 +48,7 @@ def test_curves_of_another_scene_are_refused(curves, plane, tmp_path):
         ("frequency", curves.assign(frequency=2.0)),
     ):
         path = save_result(wrong, tmp_path / f"{name}.h5", BOUNDARIES)
-        with pytest.raises(DataError, match=f"has {name} = "):
+        with pytest.raises(DataError, match=f"its {name} is "):
             with_borders(plane, path)
     path = save_result(curves, tmp_path / "windows.h5", WINDOWS)
     with pytest.raises(DataError, match="vibrosweep boundaries"):

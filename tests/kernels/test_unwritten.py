@@ -44,12 +44,12 @@ def test_a_single_unwritten_number_is_reported(results):
     for values in arrays(results):
         if values.dtype.kind in "fc":
             assert np.isnan(values).all()
-        with pytest.raises(RunError, match="not written"):
+        with pytest.raises(RunError, match="not completely written"):
             require_written(results)
         first = values.flat[0]
         values[...] = 0
         values.flat[0] = first
-        with pytest.raises(RunError, match="not written"):
+        with pytest.raises(RunError, match="not completely written"):
             require_written(results)
         values[...] = np.nan if values.dtype.kind in "fc" else -1
     require_written(results)

@@ -1,4 +1,4 @@
-"""Bases whose motion is no sine: their films, their traces, and the parameters found from both."""
+"""Bases whose motion is not a sine: films, traces, and the parameters found from both."""
 
 import math
 import tomllib

@@ -91,7 +91,7 @@ def test_the_gravity_of_positions_in_whole_pixels_is_within_its_error():
 
 
 def test_a_few_flights_before_long_rests_show_their_gravity(trial):
-    """Waves of noise between the low points of a rest are no flights, however they are curved."""
+    """Waves of noise between the low points of a rest are not flights, however they are curved."""
     scene = {**LABORATORY, "amplitude": 1.9 * 0.4 * 9.81 / (40.0 * np.pi), "phase": 1.83}
     scene["launch_velocity"] = 0.393
     film = trial(scene=scene, transient=0.0, length=6.0, seed=3)

@@ -67,9 +67,9 @@ def test_mistakes_are_named(changes, words):
 def test_observables_of_one_sweep_have_different_names():
     one, other = make(), make(name="other", along="bin", values=(1.0, 2.0))
     assert observables_of([one, other]) == (one, other)
-    with pytest.raises(ParameterError, match="seen is"):
+    with pytest.raises(ParameterError, match="more than once: seen;"):
         observables_of([one, make()])
-    with pytest.raises(ParameterError, match="bin is"):
+    with pytest.raises(ParameterError, match="more than once: bin;"):
         observables_of([other, make(name="bin")])
     with pytest.raises(ParameterError, match="same values"):
         observables_of([other, make(along="bin", values=(1.0, 3.0))])

@@ -105,7 +105,7 @@ def test_reflection_reverses_the_speed_and_the_determinant():
     x = 1.0 - math.asin((1.0 + e) / a) / (2.0 * math.pi)
     proved = prove_orbit(orbit(rebound="reflect"), [x], arb(a))
     assert float(proved.cycle.determinant.v) == pytest.approx(-e)
-    assert proved.cycle.takes == ""
+    assert proved.cycle.obstacle == ""
     assert float(proved.cycle.trace.v) == pytest.approx(
         1.0 - e - 2.0 * math.pi * a * math.cos(2.0 * math.pi * x)
     )
@@ -124,7 +124,7 @@ def test_at_a_corner_of_the_parabolic_waveform_an_orbit_is_proved_and_no_bifurca
 def test_an_orbit_that_rests_is_reported_as_resting():
     own = orbit()._replace(rest=arb(2))
     x = phase_where_it_falls(SINE, 0.2 / 0.3)
-    assert prove_orbit(own, [x], arb(0.3)).cycle.takes == RESTING
+    assert prove_orbit(own, [x], arb(0.3)).cycle.obstacle == RESTING
 
 
 @pytest.fixture(scope="module", params=BASES)

@@ -102,7 +102,7 @@ def test_an_orbit_is_proved_with_its_multipliers():
         assert found.determinant.v.overlaps(arb(0.9))
         turn = 2 * arb.pi() * box[1] * (2 * box[0]).cos_pi()
         assert found.trace.v.overlaps(1 + arb(0.9) + turn)
-    assert found.takes == ""
+    assert found.obstacle == ""
 
 
 def test_a_branch_is_covered_only_where_it_attracts_and_does_not_rest():

@@ -76,8 +76,8 @@ def test_the_digest_is_that_of_names_and_values():
         ({"restitution": [0.5], "amplitude": [2.0], "dt_min": [1]}, "the name of a variable"),
         ({"e": [0.5], "A": [2.0]}, 'did you mean "restitution"'),
         ({"restitution": [], "amplitude": []}, "has no rows"),
-        ({"restitution": [0.5], "amplitude": [[1], [2, 3]]}, "is no list of values"),
-        (3, "design: a int is no table; give a pandas.DataFrame"),
+        ({"restitution": [0.5], "amplitude": [[1], [2, 3]]}, "is not a list of values"),
+        (3, "design: an object of type int is not a table; give a pandas.DataFrame"),
         (pd.DataFrame([[0.5, 0.6]], columns=["restitution"] * 2), "appears twice"),
     ],
 )

@@ -119,7 +119,7 @@ def test_even_axes_are_written_briefly_and_exactly():
         ({"restitution": (0.8, 0.9)}, "realizations: is missing; state how many"),
         ({"restitution": [0.8, 0.8]}, "restitution = [0.8, 0.8]:"),
         ({"restitution": [0.8], "amplitude": (1.0, 2.0)}, "amplitude is a range; give all as"),
-        ({"restitution": [0.8, 0.9], "design": "sobol"}, "draws; give a tuple (low, high)"),
+        ({"restitution": [0.8, 0.9], "design": "sobol"}, "draws values; give a tuple (low, high)"),
         ({"restitution": (0.8, 0.9), "design": "grid"}, "give them as a list"),
         ({"amplitude": 1.0, "base_velocity": 2.0}, "and so does amplitude; keep one of the two"),
         ({"separation": 1}, "separation = 1:"),

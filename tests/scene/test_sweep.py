@@ -167,7 +167,7 @@ MISTAKES = {
     "table type": ("scene = 3", "scene", 3),
     "table array": ("[[record]]", "record", [{}]),
     "number type": ('[scene]\ngravity = "9"', "scene.gravity", "9"),
-    "bool is no number": ("[scene]\ngravity = true", "scene.gravity", True),
+    "bool is not a number": ("[scene]\ngravity = true", "scene.gravity", True),
     "nan": ("[scene]\nphase = nan", "scene.phase", NAN),
     "inf": ("[scene]\namplitude = inf", "scene.amplitude", math.inf),
     "huge integer": (f"[scene]\nphase = {'9' * 400}", "scene.phase", 10**400 - 1),

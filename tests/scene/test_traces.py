@@ -137,7 +137,7 @@ def test_frequency_and_forcing_that_are_given_stay(tmp_path, monkeypatch):
         (lambda t: motion(t, "height")[: int(0.5 / FREQUENCY / 5e-4)], 2, "periods; at least 2"),
         (lambda t: np.random.default_rng(2).normal(size=t.size), 2, "no period"),
         (lambda t: motion(t, "height") + 0.05 * t, 2, "mean velocity"),
-        (lambda t: np.ones(t.size), 2, "does not move"),
+        (lambda t: np.ones(t.size), 2, "shows no motion"),
         (lambda t: np.where(t > 0.3, np.nan, motion(t, "height")), 2, "not finite in line"),
         (lambda t: motion(t, "height"), 17, "from 1 to 16"),
         (lambda t: motion(t, "height")[:7], 2, "7 lines; at least 8"),

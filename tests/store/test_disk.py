@@ -155,7 +155,7 @@ def test_check_output(tmp_path):
         (old, False, r"exists and is kept.*output=.*force=True"),
         (tmp_path, False, "is a directory"),
         (tmp_path, True, "is a directory"),
-        (pipe, True, "no ordinary file"),
+        (pipe, True, "not a regular file"),
         (loop, False, "cannot be written"),
         (tmp_path / "no" / "out.h5", False, "no is not a directory; create it"),
         (old / "out.h5", False, "is not a directory"),

@@ -154,7 +154,7 @@ def test_a_pipe_is_refused_without_waiting(tmp_path, capsys):
     for command in ("info", "verify", "figures", "explore"):
         with soon():
             assert main([command, str(tmp_path / "pipe.h5")]) == 2
-        assert "no ordinary file" in capsys.readouterr().err
+        assert "not a regular file" in capsys.readouterr().err
 
 
 def test_a_link_within_a_result_is_followed(sound, tmp_path, capsys):

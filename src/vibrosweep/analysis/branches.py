@@ -173,7 +173,7 @@ def _lines(
         "admissible": coded(
             dims,
             _padded([line.admissible for line in lines], points, blank=NONE),
-            "whether a particle takes the orbit: no earlier landing, no rest",
+            "whether a particle can follow the orbit: no earlier landing, no rest",
             ((NONE, "no_point"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
         ),
         "ends": coded((dim, "end"), ends, "why the line ends", ENDS),

@@ -171,7 +171,7 @@ def _orbits(found: Closed, unit_speed: Array, unit_time: Array) -> dict[str, Any
         "admissible": coded(
             dims,
             found.admissible,
-            "whether a particle takes the orbit: no earlier landing, no rest",
+            "whether a particle can follow the orbit: no earlier landing, no rest",
             ((NO_ORBIT, "no_orbit"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
         ),
         "stable": coded(
@@ -273,10 +273,12 @@ def summary(found: xr.Dataset) -> Iterator[str]:
                     f"stable"
                 )
     late, balanced = int(found["late_orbits"].sum()), found["balanced"].values
-    missed = int(np.count_nonzero(balanced == 0))
-    completeness = "no balance shows whether all were found"
+    completeness = "no count shows whether all were found"
     if (balanced != ABSENT).any():
-        completeness = f"{missed} of {np.count_nonzero(balanced != ABSENT)} counts do not balance"
+        completeness = (
+            f"saddle points and other points, equal in number if no orbit is missing, differ in "
+            f"{np.count_nonzero(balanced == 0)} of {np.count_nonzero(balanced != ABSENT)} searches"
+        )
     yield (
         f"{'search':24}{int(found['seeds'].sum())} seeds, the last half of which led to {late} new "
         f"orbits; {completeness}"

@@ -35,7 +35,7 @@ class Condition:
     name
         Name in messages and files.
     holds
-        Function from a dataset with dim ``realization`` to booleans, one per realization.  The
+        Function from a dataset with the dimension ``realization`` to booleans, one for each.  The
         dataset holds the variables named below, the physical parameters as coordinates, and the
         attribute ``particles``.  Where one of these variables has no value, or the realization did
         not complete, the condition is undetermined, whatever the function returns; a function that

@@ -43,8 +43,8 @@ def heights_against_restitution(
     xarray.Dataset
         Dim ``part``: ``restitution_low``, ``restitution_high``, medians of the maximum and the mean
         rebound height (m), ``plateau_fraction`` of the heights.  Dim ``realization``: ``mode``, the
-        k of the plateau, 0 on none, -1 without a height (an incomplete realization has none, since
-        its measures cover only a part).  Scalars: ``relative_change``, the change of the
+        k of the plateau, 0 on none, -1 if there is no height (an incomplete realization has none,
+        since its measures cover only a part).  Scalars: ``relative_change``, the change of the
         median maximum height from the lowest to the highest bin, relative to the lowest;
         ``rank_correlation`` (Spearman) of maximum height and restitution, and its ``p_value``;
         ``plateau_deviation``, the largest relative distance of a height on a plateau from it.
@@ -94,7 +94,7 @@ def heights_against_restitution(
             "realization",
             np.where(on, mode, np.where(known, 0.0, -1.0)).astype(np.int64),
             "mode of the plateau",
-            comment="0 on no plateau, -1 without a height",
+            comment="0 on no plateau, -1 if there is no height",
         ),
         relative_change=variable((), change, "change of the median maximum height"),
         rank_correlation=variable(

@@ -131,7 +131,7 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
 
 
 def _conditions(sweep: Sweep) -> list[Condition | Locked]:
-    """Conditions of a sweep; raises a SpecError without any, or for one that is not known."""
+    """Conditions of a sweep; raises a SpecError if there are none, or for an unknown one."""
     if sweep.windows is None:
         known = f" is missing; add it with conditions = [...], each one of {', '.join(NAMES)}"
         raise sweep.refusal((table("windows"), known))

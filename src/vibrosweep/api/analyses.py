@@ -72,8 +72,8 @@ def windows(
         that reach an end of the scan, and for ends beyond which the condition is undetermined.
         Names begin with the symbol of the scanned forcing: ``A``, ``V0``, ``B``, ``Gamma``.  Dims
         (condition, direction, restitution): ``window_count`` and ``widest``, the index of the
-        widest window, -1 without any.  Dims (condition, direction, restitution, scan): ``holds``,
-        1 where the condition holds, 0 where it fails, -1 where it is undetermined.  With
+        widest window, -1 if there is none.  Dims (condition, direction, restitution, scan):
+        ``holds``, 1 where the condition holds, 0 where it fails, -1 where it is undetermined.  With
         `prove` also ``min_proof``, ``max_proof`` and ``inside_proof``, with the dims of ``A_min``:
         codes for a proof, or for the reason why there is none; and ``A_min_low``, ``A_min_high``,
         ``A_max_low``, ``A_max_high``, which enclose proved ends.  Under noise also ``share``,

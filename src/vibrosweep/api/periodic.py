@@ -31,8 +31,8 @@ def orbits(
 
     Newton's method on the phases of all impacts starts from seeds that cover them evenly; an orbit
     is listed once, whatever impact and forcing period it is found to begin with.  The number of
-    seeds is at least ``seeds * 4**(p - 1)`` for p impacts, and twice the number that led to the
-    last new orbit.
+    seeds is at least ``seeds * 4**(min(p, 8) - 1)`` for p impacts; it grows to twice the number
+    that led to the last new orbit, up to 32 times that least number.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def orbits(
     xarray.Dataset
         With the axes of a grid, or ``realization``, as first dims where parameters vary.  Dims
         (..., orbit): ``cycle_impacts`` and ``cycle_periods``, 0 past the last orbit; ``stable``;
-        ``admissible``, a code: a particle takes the orbit, would land earlier, or would rest.
+        ``admissible``, a code: a particle can follow the orbit, would land earlier, or would rest.
         Dims (..., orbit, multiplier): ``multiplier_real`` and ``multiplier_imaginary``.  Dims (...,
         orbit, impact), from the impact before the shortest flight: ``impact_phase`` (turns),
         ``rebound_velocity`` (m s-1), and, for the flight that follows, ``flight_time`` (s) and

@@ -14,7 +14,7 @@ from vibrosweep.store.kinds import ResultKind, register_kind
 if TYPE_CHECKING:
     import xarray as xr
 
-_PROVES: Final = "the reference proves landings of single trajectories from their launch, and"
+_PROVES: Final = "the reference proves landings of single trajectories from their launch,"
 _OF_A_CAMERA: Final = "it holds measurements of a camera, which cannot be proved"
 
 
@@ -45,7 +45,7 @@ WINDOWS: Final = ResultKind(
     _window_lines,
     _late("figures", "stability_windows"),
     "stability_windows",
-    unverified=f"{_PROVES} this holds ends of intervals of the forcing",
+    unverified=f"{_PROVES} while this result holds ends of intervals of the forcing",
 )
 BIFURCATION: Final = ResultKind(
     "bifurcation",
@@ -53,7 +53,7 @@ BIFURCATION: Final = ResultKind(
     _late("analysis.bifurcation", "summary"),
     _late("figures", "bifurcation_diagram"),
     "bifurcation_diagram",
-    unverified=f"{_PROVES} this holds orbits that are continued from amplitude to amplitude",
+    unverified=f"{_PROVES} while this result holds orbits continued from amplitude to amplitude",
 )
 BASINS: Final = ResultKind(
     "basins",
@@ -61,7 +61,7 @@ BASINS: Final = ResultKind(
     _late("analysis.basins", "summary"),
     _basin_figure,
     "basins_of_attraction",
-    unverified=f"{_PROVES} this holds the attractors that launches lead to",
+    unverified=f"{_PROVES} while this result holds the attractors that launches lead to",
 )
 ORBITS: Final = ResultKind(
     "orbits",
@@ -78,7 +78,7 @@ BRANCHES: Final = ResultKind(
     _late("analysis.branches", "summary"),
     _late("figures", "orbit_branches"),
     "orbit_branches",
-    unverified=f"{_PROVES} this holds periodic orbits, whether they attract or not",
+    unverified=f"{_PROVES} while this result holds periodic orbits, whether they attract or not",
 )
 BOUNDARIES: Final = ResultKind(
     "boundaries",
@@ -86,7 +86,7 @@ BOUNDARIES: Final = ResultKind(
     _late("analysis.branches", "summary"),
     _late("figures", "orbit_boundaries"),
     "orbit_boundaries",
-    unverified=f"{_PROVES} this holds bifurcations of periodic orbits",
+    unverified=f"{_PROVES} while this result holds bifurcations of periodic orbits",
 )
 IMPACTS: Final = ResultKind(
     "impacts",

@@ -16,7 +16,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.record import Record, Units, empty_record
-from vibrosweep.kernels.recorder import Recorder, leave_rest_empty
+from vibrosweep.kernels.recorder import Recorder, mark_unused_places
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.unwritten import require_written
 from vibrosweep.model.parameters import (
@@ -133,7 +133,7 @@ def recorded(
     out = empty_record(int(first[-1]))
     recorder = Recorder(out, first, units, problem, scene.particles)
     counted = statistics(problem, launch, scene, workers, observer=recorder)
-    leave_rest_empty(out, first, counted.landings)
+    mark_unused_places(out, first, counted.landings)
     require_written(out)
     return out, counted
 

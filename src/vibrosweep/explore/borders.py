@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 BOUNDARIES: Final = "boundaries"
 DASHES: Final = {"saddle node": "solid", "period doubling": "dashed", "corner": "solid"}
-# Events at which rounding decides whether a particle takes the orbit
+# Events at which rounding decides whether the orbit is admissible
 TIES: Final = ("grazing", "rest")
 
 
@@ -32,6 +32,7 @@ def with_borders(points: Points, path: Path) -> Points:
         raise DataError(f"{path}: is a result of {kind.command}; give one of vibrosweep boundaries")
     found = load_dataset(path)
     scene = points.base_choice.scene
+    differs = "but that of the result is"
     for name, expected in (
         ("base", scene.base),
         ("rebound", scene.rebound),
@@ -39,11 +40,13 @@ def with_borders(points: Points, path: Path) -> Points:
         ("restitution_law", scene.restitution_law),
     ):
         if found.attrs[name] != expected:
-            raise DataError(f"{path}: has {name} = {found.attrs[name]!r}, the result {expected!r}")
+            raise DataError(f"{path}: its {name} is {found.attrs[name]!r}, {differs} {expected!r}")
     for name in ("frequency", "gravity"):
         values = points.columns[name].values if name in points.columns else scene.inputs[name]
         if np.any(np.asarray(values) != float(found[name])):
-            raise DataError(f"{path}: has {name} = {float(found[name]):g}, the result another one")
+            raise DataError(
+                f"{path}: its {name} is {float(found[name]):g}, but the result has another"
+            )
     borders = tuple(_border(found.isel(curve=i)) for i in range(found.sizes["curve"]))
     return replace(points, borders=borders)
 

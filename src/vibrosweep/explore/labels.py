@@ -32,7 +32,7 @@ _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def units_text(units: str) -> str:
-    """Units with raised exponents: 'm s-1' becomes 'm s⁻¹'; empty without a unit."""
+    """Units with raised exponents: 'm s-1' becomes 'm s⁻¹'; empty if there is no unit."""
     if units in ("", "1"):
         return ""
     return re.sub(r"(?<=[A-Za-z])-?\d+", lambda found: found[0].translate(_RAISED), units)

@@ -44,7 +44,7 @@ DOTS: Final[Mapping[str, Dots]] = {
         "arrival_speed",
         "next_arrival_speed",
         "velocity of arrival vₙ (m s⁻¹)",
-        "next one vₙ₊₁ (m s⁻¹)",
+        "next velocity of arrival vₙ₊₁ (m s⁻¹)",
     ),
     "phases": Dots(
         analysis.landing_phases, "landing_time", "phase", "time t (s)", "phase of landing (turns)"

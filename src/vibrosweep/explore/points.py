@@ -52,7 +52,7 @@ class Column:
 
 
 class Border(NamedTuple):
-    """A curve over a plane; NaN where no particle takes its orbit."""
+    """A curve over a plane; NaN where its orbit is not admissible."""
 
     name: str
     dash: str

@@ -168,7 +168,7 @@ def separations_over_chance(
     Raises
     ------
     DataError
-        A dataset is no result of these analyses, or the ratio has no meaning in any realization.
+        A dataset is not a result of these analyses, or the ratio has no meaning in any realization.
 
     Examples
     --------

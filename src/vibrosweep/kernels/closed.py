@@ -190,7 +190,7 @@ def begin_shortest(times: Floats, p: int, q: int, scratch: Floats) -> None:
 
 @part
 def admits(fixed: Constants, times: Floats, p: int, q: int) -> int:
-    """Return whether a particle takes the orbit: `ADMISSIBLE`, `MEETS_BASE` or `RESTS`."""
+    """Return whether a particle can follow the orbit: `ADMISSIBLE`, `MEETS_BASE` or `RESTS`."""
     for i in range(p):
         arc = flight(fixed, times, p, q, i)
         w = rebound(fixed, arc.landing, arc.v)

@@ -135,7 +135,7 @@ def _locate_birth(
 def _record(
     base: Base, problem: Dimensionless, span: Range, z: Floats, out: Line, work: Work
 ) -> bool:
-    """Add a point to a line; return whether a particle takes its orbit."""
+    """Add a point to a line; return whether its orbit is admissible."""
     k = out.ends[0]
     out.ends[0] += 1
     fixed = place(base, problem, z, span.p, span.relative)

@@ -1,4 +1,4 @@
-"""Multipliers and Lyapunov exponents of a cycle, with bounds of their errors.
+"""Multipliers and Lyapunov exponents of a cycle, with bounds on their errors.
 
 The multipliers are the eigenvalues of the product of the Jacobians of the impacts of the cycle.
 """

@@ -79,7 +79,7 @@ def _end_error(fixed: Constants, v: float) -> float:
 
 @uncounted
 def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
-    """Bounds of the errors, as kicks, that a law of restitution adds to the ends of windows.
+    """Bounds on the errors, as kicks, that a law of restitution adds to the ends of windows.
 
     The windows are those of the orbit of k periods of each problem; the bounds hold over the
     high-bounce base and over one that moves.
@@ -95,7 +95,7 @@ def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Flo
     """Write the conditions of the orbit of k periods of a single problem.
 
     These are the fields of `vibrosweep.model.locked_shapes.Mode`: a w at the landing, the least
-    -a w' at which the orbit does not attract, and bounds of their errors; first in the high-bounce
+    -a w' at which the orbit does not attract, and bounds on their errors; first in the high-bounce
     limit, then over the moving base.  `sign` is that of `find_fixed`.
     """
     fixed = constants(base, problem, 0)

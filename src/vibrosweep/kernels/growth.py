@@ -69,7 +69,7 @@ def add(g: Floats, grown: float) -> None:
 
 @jit
 def mean(g: Floats) -> float:
-    """Mean growth per impact; NaN without impacts."""
+    """Mean growth per impact; NaN if there are no impacts."""
     if g[AT.COUNT] == 0.0:
         return np.nan
     return g[AT.TOTAL] / g[AT.COUNT]  # type: ignore[no-any-return]

@@ -69,7 +69,7 @@ class Harmonics(NamedTuple):
     steepest: float
     top: float
     bottom: float
-    # rounding, slope_rounding: bounds of the errors of w and of w'
+    # rounding, slope_rounding: bounds on the errors of w and of w'
     rounding: float
     slope_rounding: float
     bend: float  # bound of half |w''|
@@ -248,7 +248,7 @@ def lift_off_error_harmonics(shape: Harmonics, a: float, r: float, phases: LiftO
 
 @jit
 def rise_error(shape: Harmonics, a: float, r: float, x: float, more: float) -> float:
-    """Bound of the error of a phase at which a w(x) rises through r; infinite if none is known.
+    """Bound on the error of a phase at which a w(x) rises through r; infinite if none is known.
 
     `more` bounds errors of the kick beyond its rounding.
     """

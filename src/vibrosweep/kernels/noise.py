@@ -56,7 +56,7 @@ STILL: Final = Draw(0.0, 0.0, 0.0)
 
 
 def noise_of(strengths: Strengths | None, seed: int) -> Noise | None:
-    """Return the noise of a base over which realizations have such noise; None without any."""
+    """Return the noise of a base with such strengths in its realizations; None if it has none."""
     if strengths is None:
         return None
     restitution, kick, drive = (None if values is None else 1 for values in strengths[:3])

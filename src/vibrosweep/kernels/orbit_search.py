@@ -3,7 +3,7 @@
 Seeds cover the landing times of p impacts in q periods evenly: quasi-random points of the unit cube
 of p dimensions (the sequence of the generalised golden ratio) give the phase of the first landing
 and the times of the others.  The search ends at twice the number of the seed that led to the last
-new orbit and, for the map, not before the orbits balance.
+new orbit and, for the map, not before the orbits balance, unless `PATIENCE` ends it.
 
 For e < 1 the p equations of the map have no solution at the boundary of the region u > 0 of all
 flights, and none without kicks: their topological degree is zero.  Hence as many points have a real
@@ -36,7 +36,7 @@ from vibrosweep.model.parameters import Dimensionless
 WORTH = 2.5  # kicks; a seed with a larger residual is not tried
 LEAST = 8  # impacts beyond which the number of seeds does not grow
 NO_ORBIT = -2  # beside the codes of `vibrosweep.kernels.closed.admits`
-PATIENCE = 32  # largest number of seeds relative to the least, if new orbits are still found
+PATIENCE = 32  # number of seeds, relative to the least, beyond which it does not grow
 
 
 class Wanted(NamedTuple):
@@ -44,7 +44,7 @@ class Wanted(NamedTuple):
 
     impacts: int  # at most, of an orbit
     periods: int  # at most
-    seeds: int  # at least, of each (p, q), times 4 for each impact beyond the first
+    seeds: int  # at least, of each (p, q), times 4 for each further impact, up to `LEAST` of them
     balances: bool  # whether the orbits of each (p, q) balance once all are found
 
 

@@ -85,8 +85,8 @@ def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> Non
 
 
 @uncounted
-def leave_rest_empty(out: Record, first: Integers, landings: Integers) -> None:
-    """Mark the places past the last landing of each trajectory as empty."""
+def mark_unused_places(out: Record, first: Integers, landings: Integers) -> None:
+    """Mark the places past the last landing of each trajectory as unused."""
     for t in range(landings.size):
         for k in range(first[t] + landings[t], first[t + 1]):
             out.landing_time[k] = out.liftoff_time[k] = out.rebound_velocity[k] = np.nan

@@ -114,7 +114,7 @@ def write_order(out: Orders, i: int, memory: Turns, order: Order, known: bool) -
 
 @part
 def _of_gaps(memory: Turns, order: Order) -> tuple[float, float]:
-    """Return the median of the gaps of the last period and the least; NaN if none, or too many."""
+    """Return the median and the least of the gaps of the last period; NaN if none or too many."""
     gaps, count = memory.gaps, order.gaps
     if not 0 < count <= GAPS:
         return np.nan, np.nan

@@ -83,7 +83,7 @@ class Orbits(NamedTuple):
     largest: Floats
     largest_error: Floats
     # total, total_error: sum of both exponents per impact, from the areas of the frames that are
-    # carried along, and the bound of its rounding error; -inf with error 0 also without restitution
+    # carried along, and the bound on its rounding error; -inf with error 0 also without restitution
     total: Floats
     total_error: Floats
 
@@ -118,7 +118,7 @@ def _follow(
 
     Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), so that the cycle is
     found whatever rests came before it.  Returns the state reached, the rests, and, over the
-    impacts in the window, the sum of the logarithms of areas with the bound of its rounding error.
+    impacts in the window, the sum of the logarithms of areas with the bound on its rounding error.
     """
     n, x, u = launched
     c, d = 1.0, 0.0
@@ -165,7 +165,7 @@ def _next(fixed: Constants, state: State) -> State:
 
 @jit
 def _periods_of(fixed: Constants, x: float, u: float, impacts: int, shorter: int) -> int:
-    """Periods of a shorter cycle that equals this one up to rounding; 0 without one."""
+    """Periods of a shorter cycle that equals this one up to rounding; 0 if there is none."""
     state = ahead = State(0.0, x, u)
     for _ in range(shorter):
         ahead = _next(fixed, ahead)
@@ -180,7 +180,7 @@ def _periods_of(fixed: Constants, x: float, u: float, impacts: int, shorter: int
 
 @jit
 def _shortest(fixed: Constants, x: float, u: float, impacts: int, periods: int) -> tuple[int, int]:
-    """Impacts and periods of a cycle with states closer than `SAME_ORBIT` taken as one.
+    """Impacts and periods of a cycle; states closer than `SAME_ORBIT` count as equal.
 
     Rounding can make an orbit alternate between neighbouring doubles; its exact bits then repeat
     only after a multiple of the true period.

@@ -1,9 +1,10 @@
 """Statistics: a number for each landing, or for each flight, and how the numbers combine.
 
-The kernels keep nothing else of the landings.  A statistic is declared once, below;
-`kernels.totals` composes the chosen ones into the loop over the lanes, the totals of a cycle and
-the loop over the events of a coupled base.  The choice is a tuple of empty named tuples, whose
-types decide what is compiled, so that the machine code of each choice can be kept on disk.
+Separations, cycles, exponents, error bounds and records have kernels of their own.  A statistic is
+declared once, below; `kernels.totals` composes the chosen ones into the loop over the lanes, the
+totals of a cycle and the loop over the events of a coupled base.  The choice is a tuple of empty
+named tuples, whose types decide what is compiled, so that the machine code of each choice can be
+kept on disk.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def stretch(c: float, s: float, jacobian: Jacobian) -> tuple[float, float, float
         Diagonal of the triangular factor (Gram-Schmidt): how much the first axis is stretched,
         and how much is left of the second across it.  Their product is the determinant, up to sign.
     slack
-        Bound of the rounding error of the logarithm of that product.
+        Bound on the rounding error of the logarithm of that product.
     """
     ax, ay = carry(c, s, jacobian)
     bx, by = carry(-s, c, jacobian)

@@ -101,7 +101,7 @@ def extent(box: Enclosure) -> StateError:
 
 @jit
 def spread_of(box: Enclosure) -> StateError:
-    """Bounds of the errors of phase and speed in a box."""
+    """Bounds on the errors of phase and speed in a box."""
     phase, speed = extent(box)
     return StateError(phase * INFLATION, speed * INFLATION)
 
@@ -137,7 +137,7 @@ def turn_box(box: Enclosure, derivative: Jacobian) -> Enclosure:
 
 
 class Bounded(NamedTuple):
-    """An impact with the bounds of its errors."""
+    """An impact with the bounds on its errors."""
 
     # x, passed: phase of the landing, and whole periods passed
     x: float
@@ -222,7 +222,7 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
 def _lifted(
     noise: Noise | None, fixed: Constants, hit: Bounded, n: float, later: Instant
 ) -> StateError:
-    """Bounds of the errors of the lift-off after a rest that begins in period n.
+    """Bounds on the errors of the lift-off after a rest that begins in period n.
 
     Infinite where it is in doubt whether the rest begins before the instant of the lift-off.
     """

@@ -54,7 +54,7 @@ def require_written(results: Any, fields: Collection[str] = ()) -> None:
             bits, mark = _bits(values)
             if np.any(bits == mark):
                 raise RunError(
-                    f"{type(results).__name__}.{name}: not written to the end by a kernel; this is "
+                    f"{type(results).__name__}.{name}: not completely written by a kernel; this is "
                     f"a fault of vibrosweep: please report it"
                 )
 

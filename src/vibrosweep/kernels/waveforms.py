@@ -48,7 +48,7 @@ def kick_slope(shape: Shape, a: float, x: float) -> float:
 
 @generic
 def kick_rounding(shape: Shape, a: float, w: float) -> float:
-    """Bound of the error of a w at an exact phase, that of a included."""
+    """Bound on the error of a w at an exact phase, that of a included."""
 
 
 @generic
@@ -104,7 +104,7 @@ def next_lift_off(shape: Shape, phases: LiftOffs, x: float) -> tuple[float, floa
 
 @generic
 def lift_off_error(shape: Shape, a: float, r: float, phases: LiftOffs) -> float:
-    """Bound of the errors of the phases of lift-offs, infinite where one may be missed.
+    """Bound on the errors of the phases of lift-offs, infinite where one may be missed.
 
     It holds where the largest kick exceeds r by more than rounding.
     """

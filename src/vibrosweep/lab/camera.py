@@ -81,7 +81,7 @@ class Motion:
         return self.rise + self.velocity**2 / (2.0 * self.gravity)
 
     def means(self, begin: float, end: float) -> tuple[float, float]:
-        """Mean apex (m) and duration (s) of the flights within an interval; NaN without any."""
+        """Mean apex (m) and duration (s) of the flights in an interval; NaN if there are none."""
         inside = (self.start >= begin) & (self.end <= end)
         if not inside.any():
             return np.nan, np.nan

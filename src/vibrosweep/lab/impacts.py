@@ -31,7 +31,10 @@ _VARIABLES: Final = {
     "liftoff_time_error": ("s", "standard error of the time of lift-off"),
     "next_covariance": ("s2", "covariance of the lift-off with the next landing"),
     "flight_time": ("s", "time from the lift-off to the next landing"),
-    "impact_speed": ("m s-1", "speed at lift-off"),
+    "impact_speed": (
+        "m s-1",
+        "velocity at lift-off; over a level base also the impact speed at the end of the flight",
+    ),
     "rebound_height": (
         "m",
         "height of the flight that follows, above the (mean) level of the base",
@@ -79,11 +82,12 @@ def find_impacts(
     xarray.Dataset
         Dims (particle, impact), NaN past the last landing: ``landing_time``, ``liftoff_time`` and
         their errors (s); ``next_covariance`` (s2) of a lift-off with the next landing;
-        ``flight_time``, ``impact_speed``, ``rebound_height`` of the flight that follows, NaN if its
-        landing was not seen or one of its ends is doubtful; ``quality``.  Dim particle: numbers of
-        frames, gaps and poor flights, and the level of the base below it (m).  Attributes: the
-        noise of a position (m), the height of the base (m), the acceleration with which the
-        particles fall, and ``favoured_base``, ``"moving"``, ``"level"`` or ``"undetermined"``.
+        ``flight_time``, ``impact_speed`` (at its beginning, over a level base also at its end)
+        and ``rebound_height`` of the flight that follows, NaN if its landing was not seen or one of
+        its ends is doubtful; ``quality``.  Dim particle: numbers of frames, gaps and poor flights,
+        and the level of the base below it (m).  Attributes: the noise of a position (m), the height
+        of the base (m), the acceleration with which the particles fall, and ``favoured_base``,
+        ``"moving"``, ``"level"`` or ``"undetermined"``.
 
         Over a moving base ``shaken`` and ``shaken_covariance`` hold restitution, S, C (m s-1) and,
         if it was found, the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi

@@ -146,7 +146,7 @@ def _ends(
 
 
 def _fit_laws(base_fit: BaseFit) -> list[FittedLaw]:
-    """Fit the laws of `FITTED` to the contacts of a moving base that are no outliers."""
+    """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers."""
     contacts = base_fit.problem.contacts
     speeds = base_fit.oscillation.velocity(contacts.time) - contacts.arrival
     speeds = np.maximum(speeds[base_fit.kept], 1e-6)

@@ -27,7 +27,7 @@ QUANTITY_UNITS: Final = {
     "flight_time": ("s", "mean flight time"),
     "rebound_height_max": ("m", "maximum rebound height"),
     "rebound_height_mean": ("m", "mean rebound height"),
-    "impact_speed": ("m s-1", "mean impact speed"),
+    "impact_speed": ("m s-1", "mean velocity at lift-off; over a level base the impact speed"),
     "impact_phase": ("1", "mean phase of impact, in turns"),
     "phase_lock": ("1", "length of the mean phase vector; 1 where all impacts share one phase"),
     "phase_difference": ("1", "mean separation in phase of neighbouring particles, in turns"),

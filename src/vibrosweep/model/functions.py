@@ -92,8 +92,8 @@ def _parts(function: FunctionType, where: str, seen: set[FunctionType]) -> Itera
             if isinstance(value, ModuleType):
                 remedy = f"an import of what it needs, as from {value.__name__} import ..."
             raise ParameterError(
-                f"{where}: its function uses {name}, a {type(value).__name__}, whose value could "
-                f"change without notice; use {remedy} instead"
+                f"{where}: its function uses {name}, of type {type(value).__name__}, whose value "
+                f"could change without notice; use {remedy} instead"
             )
 
 

@@ -45,9 +45,9 @@ class LockedWindow(NamedTuple):
     """
 
     low: float  # kick at the lower end
-    high: float  # kick at the upper end; infinite without one
-    low_error: float  # bound of the error of `low`
-    high_error: float  # bound of the error of `high`
+    high: float  # kick at the upper end; infinite if there is none
+    low_error: float  # bound on the error of `low`
+    high_error: float  # bound on the error of `high`
     from_phase: float  # phase of the landings at the lower end
     to_phase: float  # phase of the landings at the upper end
     begins: str  # kind of the lower end
@@ -55,7 +55,7 @@ class LockedWindow(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """Conditions of an orbit, with bounds of their errors apart from a few roundings."""
+    """Conditions of an orbit, with bounds on their errors apart from a few roundings."""
 
     need: float  # n of the module's text
     limit: float  # m of the module's text
@@ -102,7 +102,7 @@ def locked_windows(
     -------
     list of LockedWindow
         Windows in the order of their lower ends, each a named tuple: ends ``low``, ``high`` and
-        bounds of their errors ``low_error``, ``high_error`` (m s-1); phases of the landings there
+        bounds on their errors ``low_error``, ``high_error`` (m s-1); phases of the landings there
         ``from_phase``, ``to_phase`` (turns); kinds of ends ``begins``, ``ends``: ``"fold"``,
         ``"doubling"`` or ``"none"``.
 
@@ -170,7 +170,7 @@ def windows_of(waveform: Waveform, mode: Mode, *, turned: bool = False) -> list[
 
 
 def _kick(w: Waveform, mixed: Waveform, mode: Mode, x: float, kind: str) -> tuple[float, float]:
-    """Return the kick of the orbit at an end of a window, at phase x, and a bound of its error."""
+    """Return the kick of the orbit at an end of a window, at phase x, and a bound on its error."""
     value, slope = float(w.velocity(x)), float(w.slope(x))
     # error of the phase: roundings of the function that vanishes there, over its slope
     function, order = (w, 1) if kind == FOLD else (mixed, 0)
@@ -178,11 +178,11 @@ def _kick(w: Waveform, mixed: Waveform, mode: Mode, x: float, kind: str) -> tupl
     off = 64.0 * EPS * function.sum_of(order) / steep if steep > 0.0 else NARROW
     change = abs(slope) * off + w.sum_of(2) * off * off
     error = (change + 64.0 * EPS * w.sum_of(0)) / value + 8.0 * EPS
-    return mode.need / value, mode.need / value * error + _moved(w, mode, x, kind)
+    return mode.need / value, mode.need / value * error + _error_of_conditions(w, mode, x, kind)
 
 
-def _moved(w: Waveform, mode: Mode, x: float, kind: str) -> float:
-    """Return a bound of the error of a kick that errors of the conditions cause.
+def _error_of_conditions(w: Waveform, mode: Mode, x: float, kind: str) -> float:
+    """Return a bound on the error of a kick that errors of the conditions cause.
 
     At a fold the phase does not depend on the conditions.  At a period doubling, K w = n and
     K w' = -m determine both the kick K and the phase: dK (w'^2 - w w'') = -w' dm - w'' dn.

@@ -103,7 +103,7 @@ _RP = ("realization", "particle")
 _RPI = ("realization", "particle", "impact")
 _UNDECIDED = ((UNDETERMINED, "undetermined"),)
 _STATUS = tuple((int(s), s.meaning) for s in Status)
-_AFTER = "of the flights that follow the landings in the window; NaN without any"
+_AFTER = "of the flights that follow the landings in the window; NaN if there are none"
 _APEX = "greatest heights above the mean level of the base, v^2 / 2g in the high-bounce limit,"
 _WITHOUT = "0 where no recurrence was found"
 _NO_ORBIT = "-1 where no recurrence was found"
@@ -188,8 +188,8 @@ MEASURES: Final[Mapping[str, Measure]] = {
             "dt_min",
             "s",
             "smallest separation",
-            "between landings of different particles; NaN without two of them, or where the impact "
-            "budget ran out",
+            "between landings of different particles; NaN if there are no two of them, or where "
+            "the impact budget ran out",
         ),
         _code(
             "dt_min_resolved",
@@ -202,7 +202,7 @@ MEASURES: Final[Mapping[str, Measure]] = {
             "dt_min_same_index",
             "s",
             "smallest separation between landings of different particles with equal impact number",
-            "numbered from the launch; NaN without two of them in the window",
+            "numbered from the launch; NaN if the window has no two of them",
         ),
         _code(
             "base_shared",
@@ -322,8 +322,8 @@ MEASURES: Final[Mapping[str, Measure]] = {
             "lyapunov_largest",
             "largest Lyapunov exponent per impact",
             "from the multipliers of the cycle, else the mean over the landings in the window; "
-            "-inf where the regime is resting or at_rest; NaN without landings, and where the "
-            "window has a rest but no cycle is known",
+            "-inf where the regime is resting or at_rest; NaN if there are no landings, and where "
+            "the window has a rest but no cycle is known",
             dims=_RP,
             judged="exponent",
         ),
@@ -345,7 +345,7 @@ MEASURES: Final[Mapping[str, Measure]] = {
         ),
         _exponent(
             "lyapunov_sum_error",
-            "bound of the rounding error of the sum of both Lyapunov exponents per impact",
+            "bound on the rounding error of the sum of both Lyapunov exponents per impact",
             "infinite where the cycle is uncertain",
             dims=_RP,
             judged="exponent_sum_error",
@@ -368,12 +368,12 @@ MEASURES: Final[Mapping[str, Measure]] = {
         requires=("regimes",),  # the exponents of a cycle are those of its multipliers
     ),
     "trust": _measure(
-        "bounds of the errors of landings",
+        "bounds on the errors of landings",
         "40 ns over 12 periods, 30 ns over 1000",
         _real(
             "landing_time_error",
             "s",
-            "bound of the error of every landing time",
+            "bound on the error of every landing time",
             _BOUND,
             judged="bound",
             open_by_budget=True,
@@ -381,7 +381,7 @@ MEASURES: Final[Mapping[str, Measure]] = {
         _real(
             "rebound_velocity_error",
             "m s-1",
-            "bound of the error of every rebound velocity",
+            "bound on the error of every rebound velocity",
             _BOUND,
             judged="bound",
         ),
@@ -420,8 +420,8 @@ MEASURES: Final[Mapping[str, Measure]] = {
             "gap_median",
             "s",
             "median time between neighbouring landings of different particles in the last period",
-            "NaN without two such landings, with more than 4096, or where the landings exceed the "
-            "impact budget",
+            "NaN if there are no two such landings or more than 4096, or where the landings exceed "
+            "the impact budget",
         ),
         _real(
             "gap_min",
@@ -511,7 +511,7 @@ MEASURES: Final[Mapping[str, Measure]] = {
             "impact_speed_max",
             "m s-1",
             "greatest speed of impact",
-            "relative to the base, of the landings in the window; NaN without any",
+            "relative to the base, of the landings in the window; NaN if there are none",
         ),
         _code(
             "law_in_range",
@@ -587,7 +587,8 @@ RECORD: Final = _by_name(
         "s",
         "time of lift-off",
         "equal to the landing time unless the particle rests, and then perhaps after the end "
-        "of the observation; NaN if it rests for good, or for a forcing period past the end",
+        "of the observation; NaN if it rests for good, or until more than a forcing period past "
+        "the end",
         dims=_RPI,
     ),
     _real(
@@ -595,7 +596,7 @@ RECORD: Final = _by_name(
         "m s-1",
         "velocity at lift-off, upwards",
         "absolute, not relative to the base; negative if the particle leaves a falling base "
-        "downwards; NaN without a time of lift-off",
+        "downwards; NaN where the time of lift-off is NaN",
         dims=_RPI,
     ),
     _code(

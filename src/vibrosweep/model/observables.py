@@ -204,7 +204,10 @@ def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
     names = [o.name for o in found] + list({o.along for o in found if o.along})
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
     if twice:
-        raise ParameterError(f"observables: {', '.join(twice)} is the name of two things")
+        raise ParameterError(
+            f"observables: names that occur more than once: {', '.join(twice)}; every observable "
+            f"and every dimension needs a name of its own"
+        )
     lengths = {(o.along, o.values) for o in found if o.along}
     if len(lengths) > len({along for along, _ in lengths}):
         raise ParameterError("observables: those along one dimension must have the same values")

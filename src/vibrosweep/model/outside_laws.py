@@ -35,7 +35,7 @@ class Law:
         ``bend(e)``: a bound of the modulus of the derivative of `slope` with respect to s, for all
         s >= 0.
     roundings
-        Bound of the errors of `ratio` and `slope`, in roundings of half an ulp.
+        Bound on the errors of `ratio` and `slope`, in roundings of half an ulp.
     ball_ratio, ball_slope
         The same two functions for balls of `flint.arb`, if `ratio` and `slope` cannot take them.
 

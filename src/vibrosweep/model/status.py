@@ -59,9 +59,9 @@ class Status(_Code):
     )
     REFUSED = (
         3,
-        "A time is more than 2^51 forcing periods, which cannot be counted exactly, or the "
-        "amplitude is above 1e30 m s-1; nothing was measured, and counts are -1: lower frequency "
-        "or forcing, or shorten scene.duration.",
+        "A time is more than 2^51 forcing periods, which cannot be counted exactly, the amplitude "
+        "is above 1e30 m s-1, or the mass ratio is above 1000; nothing was measured, and counts "
+        "are -1: lower the frequency, the forcing or the mass ratio, or shorten scene.duration.",
     )
 
 
@@ -86,8 +86,8 @@ class Regime(_Code):
     LOCKED = 2, "The orbit repeats exactly and never rests."
     UNSETTLED = (
         3,
-        "No exact repetition was found, and nothing shows that there is none: the orbit may still "
-        "be settling; observe for longer.",
+        "No exact repetition was found, but it is not ruled out: the orbit may still be settling; "
+        "observe for longer.",
     )
     APERIODIC = (
         4,

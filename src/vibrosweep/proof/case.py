@@ -16,7 +16,7 @@ from vibrosweep.proof.coupled import Estimate
 from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.measures import ProvedMeasures, prove_measures
 from vibrosweep.proof.observables import ProvedObservable, prove_observable
-from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
+from vibrosweep.proof.recurrence import SIGNS, Cycle, Orbit, State, numbered
 from vibrosweep.proof.reference._flint import arb, exact
 from vibrosweep.proof.reference.results import Impact, Trajectory
 from vibrosweep.proof.sample import Realization
@@ -33,11 +33,11 @@ class Exponent(NamedTuple):
     """Proved Lyapunov exponent of a particle."""
 
     value: Proved
-    claim: float | None  # largest error that the dataset admits; None where none is known
+    claim: float | None  # largest error that the dataset allows; None where none is known
     # Error that must be stored with it, to within the claim: the standard error of a mean along the
     # orbit, 0 if the exponent is minus infinity; None where undefined
     error: Proved = None
-    bounded: bool = False  # True if the stored error is a bound of the rounding error instead
+    bounded: bool = False  # True if the stored error is a bound on the rounding error instead
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Case:
     # the file
     again: Mapping[str, Any]
     realization: Realization
-    bounds: Bounds  # bounds of the errors of its landings
+    bounds: Bounds  # bounds on the errors of its landings
     trajectories: Sequence[Trajectory]  # proved; empty where there is no proof
     # Proved errors of the kernel's landings of each particle, where the file bounds them
     errors: Sequence[Errors]
@@ -64,11 +64,11 @@ class Case:
 
     @cached_property
     def claims(self) -> Mapping[str, float | None]:
-        """Largest errors of the measures that the dataset admits."""
+        """Largest errors that the dataset allows for the measures."""
         return (self.estimate or self.bounds).claims(self.realization, self.measures)
 
     def observable(self, observable: Observable) -> ProvedObservable:
-        """Proved value of an observable, and the largest errors that the dataset admits."""
+        """Proved value of an observable, and the largest errors that the dataset allows."""
         errors = partial((self.estimate or self.bounds).landing_errors, self.realization)
         status: Any = self.measures.values["particle_status"]
         found = prove_observable(observable, self.realization, self.trajectories, status, errors)
@@ -97,11 +97,11 @@ class Case:
         """Cycle of each particle: from rest to rest, or as at least half of the variables state."""
         if self.realization.deviates is not None:  # random motion never repeats
             return [None] * len(self.orbits)
-        said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]
+        signs = [np.array([SIGNS[n](v) for v in self.stored[n]]) for n in SIGNS if n in self.stored]
         found = []
         for particle, orbit in enumerate(self.orbits):
             cycle = orbit.from_rest_to_rest()
-            if cycle is None and 2 * sum(one[particle] for one in said) >= len(said):
+            if cycle is None and 2 * sum(one[particle] for one in signs) >= len(signs):
                 stated = max(0, int(self.stored["cycle_impacts"][particle]))
                 cycle = orbit.recurrence(float(self.stored["recurrent_from"][particle]), stated)
             found.append(cycle)
@@ -114,12 +114,12 @@ class Case:
 
     @cached_property
     def orbit_numbers(self) -> Sequence[int | None]:
-        """Number of the orbit of each particle, -1 without a cycle; None where it is undecided."""
+        """Number of the orbit of each particle, -1 if it has no cycle; None if undecided."""
         return numbered(self.cycles, self._states)
 
     @cached_property
     def slots(self) -> Sequence[int | None]:
-        """Slot of each particle, -1 without a cycle; None where this cannot be decided."""
+        """Slot of each particle, -1 if it has no cycle; None where this cannot be decided."""
         return [
             -1 if cycle is None else None if state is None else state.whole % cycle.periods
             for cycle, state in zip(self.cycles, self._states, strict=True)

@@ -136,7 +136,7 @@ def _judged(
 
     yield judge("cycle_impacts", None, p, p if _primitive(orbit, proved.box) else None, 0.0)
     yield judge("cycle_periods", None, q, q, 0.0)
-    for name, proof in (("admissible", _taken(orbit, proved)), ("stable", _stable(proved))):
+    for name, proof in (("admissible", _admissible(orbit, proved)), ("stable", _stable(proved))):
         held = int(own[name])
         known = proof is not None
         yield judge(name, None, held, held if proof is None else proof, 0.0 if known else None)
@@ -177,12 +177,12 @@ def _stable(proved: Proved) -> int | None:
     return NO if abs(t) > 1 + d or abs(d) > 1 else None
 
 
-def _taken(orbit: Orbit, proved: Proved) -> int | None:
+def _admissible(orbit: Orbit, proved: Proved) -> int | None:
     """Return whether an orbit is admissible, in the codes of the result; None if uncertain."""
     found = proved.cycle
     if any(one.after.v <= orbit.rest and one.presses > 0 for one in found.flights):
         return RESTS
-    if not found.takes:
+    if not found.obstacle:
         return YES
     leaves = all(one.after.v > orbit.rest for one in found.flights)
     return NO if leaves and any(_lands_earlier(orbit, proved, i) for i in range(orbit.p)) else None
@@ -193,10 +193,10 @@ def _lands_earlier(orbit: Orbit, proved: Proved, i: int) -> bool:
     box, flight = proved.box, proved.cycle.flights[i]
     ends = [*box[: orbit.p], box[0] + orbit.q]
     alpha, lasts = box[orbit.p] / (1 + orbit.e), ends[i + 1] - ends[i]
-    begun = orbit.wave.level(2 * ends[i])
+    level = orbit.wave.level(2 * ends[i])
     for k in range(1, PLACES):
         s = lasts * k / PLACES
-        risen = orbit.wave.level(2 * (ends[i] + s)) - begun
+        risen = orbit.wave.level(2 * (ends[i] + s)) - level
         if s * (flight.leaves.v - s) < alpha * risen:
             return True
     return False
@@ -231,6 +231,6 @@ def _multipliers(
 
 
 def _widest(step: tuple[Jet, ...]) -> float:
-    """Bound of the norm of the derivatives over a flight."""
+    """Bound on the norm of the derivatives over a flight."""
     xx, xu, ux, uu = (_most(one.v) for one in step)
     return max(xx + xu, ux + uu)

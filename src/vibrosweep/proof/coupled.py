@@ -1,6 +1,6 @@
 """Realizations on a base of finite mass: their proof, and estimates of rounding errors.
 
-No bound of the errors of coupled particles is proved.  Instead the reference follows a realization
+No error bounds are proved for coupled particles.  Instead the reference follows a realization
 twice: as it is, and with its parameters changed by a relative `CHANGE`, some up and some down, and
 with each launch delayed by that fraction of a period more than the one before, since simultaneous
 landings would otherwise stay simultaneous.  These changes are 512 times a rounding error.

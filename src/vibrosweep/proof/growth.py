@@ -27,7 +27,7 @@ class Mean(NamedTuple):
     value: float
     # Standard error of the mean, from the means of blocks; None below two blocks
     standard_error: float | None
-    # Bound of the errors of both, from the dataset's bounds; None where there is none
+    # Bound on the errors of both, from the dataset's bounds; None where there is none
     claim: float | None
 
 

@@ -16,7 +16,7 @@ class Judgement:
     particle: int | None  # number of the particle; None for a number of the whole realization
     # Distance from the proved value; NaN where both are undefined, infinite where one is
     error: float
-    claim: float | None  # largest error that the dataset admits; None where it claims nothing
+    claim: float | None  # largest error that the dataset allows; None where it claims nothing
     # Certified decimal digits, from the sum of the claim and the reference's radius, relative to
     # the value; 0 where the sum exceeds it.  None for exact, zero or undefined values.
     digits: float | None = None

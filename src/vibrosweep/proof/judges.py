@@ -198,7 +198,7 @@ def _exponent(case: Case, name: str) -> Judgements:
 
 
 def _exponent_error(case: Case, name: str) -> Judgements:
-    """Judge a standard error, or the bound of a rounding error."""
+    """Judge a standard error, or the bound on a rounding error."""
     for particle, one in enumerate(case.exponents[name.removesuffix("_error")]):
         stored = float(case.stored[name][particle])
         if case.stored["cycle_uncertain"][particle] == 1:
@@ -263,7 +263,7 @@ def _greatest(case: Case, name: str) -> float | None:
 
 
 def _landing_bound(case: Case, name: str) -> Judgements:
-    """Judge a bound of the errors of all landings by the proved errors, and by a new bound."""
+    """Judge a bound on the errors of all landings by the proved errors, and by a new bound."""
     stored = float(case.stored[name])
     changed = _changed(case, name, None)
     if not case.trajectories:
@@ -298,7 +298,7 @@ def _changed(case: Case, name: str, particle: int | None) -> str:
 
 
 def _rounding_bound(case: Case, name: str, particle: int, proved: Any) -> Judgement:
-    """Judge the bound of the rounding error of an exponent.
+    """Judge the bound on the rounding error of an exponent.
 
     The exponent itself is judged by that bound, so that in a file of this version only a change of
     the bound is a failure.

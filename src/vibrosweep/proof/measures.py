@@ -47,7 +47,7 @@ class ProvedMeasures:
 
     # By the names of `vibrosweep.model.measures`; a variable of each particle has a list of values
     values: dict[str, Proved | list[Proved]]
-    fastest: arb | None  # largest rebound speed in the window, m s-1; None without any flight
+    fastest: arb | None  # largest rebound speed in the window, m s-1; None if there are no flights
     flights: Sequence[Flight]  # those that follow landings in the window
     landed: Sequence[Flight]  # those that end with landings in the window
     longest: int  # largest number of flights of one particle
@@ -58,13 +58,13 @@ class ProvedMeasures:
     # if every launch is outside the window
     launch_depth: Fraction
     # Shortest time between landings of different particles, also before the window; particles that
-    # land as one are left out.  None without any
+    # land as one are left out.  None if there are no two such landings
     apart: arb | None
     # Smallest distance of a landing from the beginning of the last period of the window, s; None
-    # without any
+    # if there are no landings
     last_period: arb | None
     # Longest time for which two particles are on the base at once; if that never happens, minus the
-    # shortest time between two stays.  None without two stays.
+    # shortest time between two stays.  None if there are no two stays.
     overlap: arb | None
 
 

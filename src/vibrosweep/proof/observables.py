@@ -1,7 +1,7 @@
 """Observables with a number for each landing: their values from proved landings, and claims.
 
 The user's function is evaluated twice for each landing, on the proved numbers and on balls around
-them as wide as the errors that a dataset admits; both round as doubles do, operation by operation.
+them as wide as the errors that a dataset allows; both round as doubles do, operation by operation.
 The second ball then holds every number that the kernel can have found, and its distance from the
 first is claimed.  A function that uses more than arithmetic, or that compares a ball with a number
 inside it, is evaluated in doubles instead: at the midpoints of the proved numbers, and with each of
@@ -134,14 +134,14 @@ class Total(NamedTuple):
     """Proved value for one landing, or total over several."""
 
     value: arb
-    error: float  # largest error that is admitted
+    error: float  # largest error that is allowed
 
 
 class ProvedObservable(NamedTuple):
     """Proved value of an observable, or one for each particle."""
 
     values: list[Proved]
-    claims: list[float | None]  # largest errors that are admitted; None where nothing is known
+    claims: list[float | None]  # largest errors that are allowed; None where nothing is known
     estimated: bool  # True where the errors are estimated by changes of the function
 
 

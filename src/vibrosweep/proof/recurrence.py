@@ -28,8 +28,8 @@ from vibrosweep.proof.tolerances import Bounds
 
 # Precision in bits of numbers that become doubles
 FLOATING: Final = 128
-# Variables that show whether a particle recurs, each with its test.
-SAID: Final[dict[str, Callable[[Any], bool]]] = {
+# Signs that a particle recurs: variables, each with its test
+SIGNS: Final[dict[str, Callable[[Any], bool]]] = {
     "regime": lambda code: code in (Regime.RESTING, Regime.LOCKED),
     "cycle_impacts": lambda number: number > 0,
     "cycle_periods": lambda number: number > 0,
@@ -94,7 +94,7 @@ class Orbit:
         self._error = 2.0 * max(time, bounds.speed_error(realization)) + 8.0 * EPS
 
     def from_rest_to_rest(self) -> Cycle | None:
-        """Cycle between two rests that end at the same phase; None without two such rests.
+        """Cycle between two rests that end at the same phase; None if there are no two such rests.
 
         Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), as in the
         kernels: with several phases of lift-off other rests may come before the cycle.

@@ -81,7 +81,7 @@ def statistics(flights: Flights, frequency: arb) -> dict[str, Proved]:
 
 
 def largest(balls: Iterable[arb]) -> arb | None:
-    """Largest of some balls; None without any."""
+    """Largest of some balls; None if there are none."""
     listed = list(balls)
     return reduce(arb.max, listed) if listed else None
 

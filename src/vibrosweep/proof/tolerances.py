@@ -41,23 +41,23 @@ FIRST_ORDER: Final = 2.0
 
 
 class Bounds(NamedTuple):
-    """Bounds of the errors of all landings of a realization."""
+    """Bounds on the errors of all landings of a realization."""
 
     landing_time: float  # s
     rebound_velocity: float  # m s-1
 
     def phase_error(self, realization: Realization) -> float:
-        """Bound of the errors of the phases of lift-offs, in turns."""
+        """Bound on the errors of the phases of lift-offs, in turns."""
         frequency = realization.parameters["frequency"]
         return self.landing_time * frequency + realization.liftoff_error + 4.0 * EPS
 
     def height_error(self, realization: Realization) -> float:
-        """Bound of the errors of the height of the base at lift-offs, in m."""
+        """Bound on the errors of the height of the base at lift-offs, in m."""
         velocity, frequency = realization.velocity, realization.parameters["frequency"]
         return velocity * self.phase_error(realization) / frequency if velocity > 0.0 else 0.0
 
     def speed_error(self, realization: Realization) -> float:
-        """Bound of the errors of speeds relative to the base, in units of g / 2 f."""
+        """Bound on the errors of speeds relative to the base, in units of g / 2 f."""
         p = realization.parameters
         base = 2.0 * math.pi * p["frequency"] * self.height_error(realization)
         return (self.rebound_velocity + base) * 2.0 * p["frequency"] / p["gravity"]
@@ -75,7 +75,7 @@ class Bounds(NamedTuple):
         }
 
     def duration_error(self, realization: Realization, flight: Flight) -> float:
-        """Bound of the error of the duration of a flight, in s."""
+        """Bound on the error of the duration of a flight, in s."""
         speed, period = self.speed_error(realization), 1.0 / realization.parameters["frequency"]
         if flight.slopes is None:
             return speed * period
@@ -84,7 +84,7 @@ class Bounds(NamedTuple):
         return FIRST_ORDER * linear * period
 
     def landing_errors(self, realization: Realization, flight: Flight) -> LandingErrors:
-        """Bounds of the errors of a landing, and of the rebound from it, after a flight."""
+        """Bounds on the errors of a landing, and of the rebound from it, after a flight."""
         frequency = realization.parameters["frequency"]
         duration = self.duration_error(realization, flight) * frequency
         speed = self.speed_error(realization)

@@ -221,7 +221,7 @@ class Report:
     def _estimates(self) -> Iterator[str]:
         """Describe the estimates over a sprung base, and the largest errors that were found."""
         yield (
-            "no bound of errors is proved for coupled particles: claims are estimates, "
+            "no error bounds are proved for coupled particles: claims are estimates, "
             f"the effects of relative changes of the parameters by {CHANGE:.2g}"
         )
         found = [o.deviation for o in self.outcomes if o.deviation is not None]
@@ -230,7 +230,7 @@ class Report:
             largest = max(error for error, _ in found)
             share = max(error / estimate for error, estimate in found)
             yield (
-                f"largest error of a landing, computed again: {largest:.3g} s; at most "
+                f"largest error of a recomputed landing: {largest:.3g} s; no error exceeds "
                 f"{share:.2g} of its estimate"
             )
 

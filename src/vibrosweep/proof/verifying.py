@@ -250,7 +250,7 @@ def _coordinates(sample: Sample, setting: Expected, prefix: str) -> Iterator[Jud
 
 
 def _bounds(values: Mapping[str, NDArray[Any]], row: int) -> Bounds:
-    """Bounds of the errors of landings; infinite where none are known."""
+    """Bounds on the errors of landings; infinite where none are known."""
     return Bounds(*(float(values[name][row]) if name in values else math.inf for name in BOUNDS))
 
 

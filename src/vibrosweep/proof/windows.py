@@ -113,7 +113,7 @@ def prove_windows(found: xr.Dataset, scene: Scene) -> xr.Dataset:
             values = np.array([getattr(p, field)[k] for p in proofs.ravel()]).reshape(shape)
             which = "lower" if name == "min" else "upper"
             words = f"{side} end of the enclosure of the {which} end"
-            attrs = {"units": forcing.units, "long_name": words, "comment": "NaN without a proof"}
+            attrs = {"units": forcing.units, "long_name": words, "comment": "NaN if not enclosed"}
             data[f"{forcing.symbol}_{name}_{side}"] = (dims, values, attrs)
     return found.assign(data)
 

@@ -131,7 +131,7 @@ def _design(job: Job) -> Realizations:
 
 
 def no_rows(spec: Sweep, design: Realizations) -> Columns:
-    """Return the columns of a sweep without any rows, which show their types and shapes."""
+    """Return the columns of a sweep without rows, which show their types and shapes."""
     sizes = {"realization": 0, **spec.sizes}
     columns = {name: np.empty(0) for name in spec.scene.varying(design.sampled)}
     for variable in spec.scene.measures.variables:

@@ -21,7 +21,7 @@ def is_of(spec: Sweep, path: Path) -> bool:
 
 
 def kept_text(output: Path) -> str:
-    """Return the text of the sweep file in an output or its unfinished run; empty without one."""
+    """Return the text of the sweep file in an output or its unfinished run; "" if there is none."""
     directory = run_directory(output)
     manifest = read_manifest(directory) if directory.exists() else None
     if manifest is not None:
@@ -55,7 +55,7 @@ def origin(spec: Sweep, path: Path) -> str:
     """Describe an existing file and how it differs from the result of this sweep."""
     changes = _changes(spec, path)
     if changes is None:
-        return "it is no result of a sweep, or is damaged"
+        return "it is not the result of a sweep, or it is damaged"
     if isinstance(changes, str):
         return changes
     if not changes:

@@ -80,7 +80,7 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
 
 
 def record_bytes(spec: Sweep, workers: Workers) -> tuple[int, int]:
-    """Return the bytes of the record on disk, and of memory while it is made; 0 without one.
+    """Return the bytes of the record on disk, and of memory while it is made; 0 if there is none.
 
     Raises a ParameterError if it does not fit into memory.
     """

@@ -170,7 +170,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
 
 
 def identity_in(file: Any) -> str:
-    """Return the identity in an open result file, as JSON; empty without one.
+    """Return the identity in an open result file, as JSON; empty if it has none.
 
     Earlier versions stored it as an attribute of the file.
     """

@@ -55,8 +55,8 @@ class GivenTable:
             columns = {str(name): _of_values(str(name), v) for name, v in table.items()}
         else:
             raise TableError(
-                f"design: a {type(table).__name__} is no table; give a pandas.DataFrame, an "
-                f"xarray.Dataset or a dict of columns, or the path of a table"
+                f"design: an object of type {type(table).__name__} is not a table; give a "
+                f"pandas.DataFrame, an xarray.Dataset or a dict of columns, or the path of a table"
             )
         return cls(columns, _digest(columns))
 
@@ -98,7 +98,7 @@ def _of_values(name: str, values: Any) -> Label:
     try:
         array = np.asarray(values)
     except ValueError as error:
-        raise TableError(f'the table in memory: column "{name}" is no list of values') from error
+        raise TableError(f'the table in memory: column "{name}" is not a list of values') from error
     dims = (REALIZATION, *(f"axis {k}" for k in range(1, array.ndim)))
     return Label(array, dims=dims[: array.ndim])
 

@@ -188,7 +188,7 @@ def _choose_design(given: Mapping[str, Any], data: dict[str, Any], mistakes: Mis
     elif axes and design is None:
         data["sample"]["design"] = GRID
     elif axes and isinstance(design, str) and design in DESIGNS:
-        rule = f'is an axis of a grid, but design = "{design}" draws'
+        rule = f'is an axis of a grid, but design = "{design}" draws values'
         mistakes.add_broken(axes[0], rule, given[axes[0]], ("give a tuple ", RANGE))
     elif ranges and design == GRID:
         rule = 'is a range, but design = "grid" takes lists of values'

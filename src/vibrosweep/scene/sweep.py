@@ -41,8 +41,8 @@ class Sweep:
     scene: Scene
     design: Design
     record: Scene | None  # the scene, if any, of which every landing is recorded
-    windows: Mapping[str, Any] | None  # values of [windows] by their keys; None without this table
-    # True to store recorded landings as one list without padding; None without a record
+    windows: Mapping[str, Any] | None  # values of [windows] by their keys; None if it is missing
+    # True to store recorded landings as one list without padding; None if there is no record
     ragged: bool | None = None
 
     def with_measures(self, **changes: Any) -> Sweep:

@@ -96,7 +96,7 @@ def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, f
     span = float(time[-1] - time[0])
     total = _least_squares(time, values, 1.0, 0)[0]
     if not total > 1e-24 * float(np.sum(values * values)):
-        raise ValueError("the trace does not move")
+        raise ValueError("the trace shows no motion")
     peak = _peak(time, values)
     trials = [peak / k for k in range(1, FRACTIONS + 1) if peak * span / k >= 0.75]
     trials = [_refined(time, values, f, harmonics, span) for f in trials or [1.0 / span]]

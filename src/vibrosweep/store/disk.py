@@ -56,7 +56,7 @@ def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ())
             f"{path}: cannot be written ({error.strerror}); choose another name with ", OUTPUT
         ) from error
     if mode is not None and not stat.S_ISREG(mode):
-        kind = "a directory" if stat.S_ISDIR(mode) else "no ordinary file"
+        kind = "a directory" if stat.S_ISDIR(mode) else "not a regular file"
         raise OutputError(f"{path}: is {kind}; give the name of a file with ", OUTPUT)
     if mode is not None and not force:
         raise ExistingOutputError(path)

@@ -41,7 +41,7 @@ class ResultKind(NamedTuple):
         Function from the dataset to the lines that ``vibrosweep info`` prints.
     draw
         Function from the dataset to the axes, or an array of axes, of the figure of
-        ``vibrosweep figures``; None without a figure.
+        ``vibrosweep figures``; None if it has no figure.
     stem
         Name of the figure's files without their ending; by default `name`.
     undrawn
@@ -94,7 +94,7 @@ def register_kind(kind: ResultKind) -> ResultKind:
     Returns
     -------
     ResultKind
-        The same.
+        The kind that was given.
 
     Raises
     ------

@@ -73,7 +73,7 @@ def write_manifest(directory: Path, manifest: Manifest) -> None:
 
 
 def read_manifest(directory: Path) -> Manifest | None:
-    """Read the manifest of a run directory; None without one, a RunError if it is damaged."""
+    """Read the manifest of a run directory; None if missing, a RunError if it is damaged."""
     path = directory / MANIFEST
     try:
         data = json.loads(path.read_bytes())

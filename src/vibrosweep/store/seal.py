@@ -40,7 +40,7 @@ def append_seal(file: BinaryIO) -> None:
 def state_of(path: Path) -> State:
     """Compare the contents of a file with its seal; takes about a second per 1-2 GB.
 
-    Raises a ValueError for anything but an ordinary file.
+    Raises a ValueError for anything but a regular file.
     """
     return _state(*version_of(path))
 

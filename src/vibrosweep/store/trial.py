@@ -52,12 +52,12 @@ def _try(path: Path, inode: int, size: int, modified: int) -> None:
 def version_of(path: Path) -> tuple[Path, int, int, int]:
     """Return path, inode, size and modification time, by which a changed file is recognised.
 
-    Raises a ValueError for anything but an ordinary file: reading a pipe or a device might never
+    Raises a ValueError for anything but a regular file: reading a pipe or a device might never
     end.
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
-        raise ValueError("it is no ordinary file")
+        raise ValueError("it is not a regular file")
     return path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns
 
 

@@ -43,7 +43,7 @@ def test_balls_hold_the_shape_and_its_differences(shape):
     wave, bounds = wave_of(shape), wave_of(shape).bounds
     for x in np.random.default_rng(1).uniform(-2.0, 2.0, 40).tolist():
         for s in (1e-6, 0.1, 0.3, 4.7):
-            h, begun = 2 * arb(x), wave.begun(2 * arb(x))
+            h, begun = 2 * arb(x), wave.at_liftoff(2 * arb(x))
             then = h + 2 * arb(s)
             rise = wave.level(then) - wave.level(h) - arb(s) * wave.velocity(h)
             assert rise.overlaps(wave.rise(begun, arb(s)))

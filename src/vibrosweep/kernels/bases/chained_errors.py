@@ -1,4 +1,4 @@
-"""Bounds of errors, and derivatives, over the base of parabolas.
+"""Bounds on errors, and derivatives, over the base of parabolas.
 
 The acceleration jumps at the corners of the velocity.  Between them derivatives do not depend on
 the phase; where an error reaches across a corner, they change by a bounded step.

@@ -55,7 +55,7 @@ def chord_moving(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]
 
 @generic
 def clearing(fixed: AnyConstants, arc: Flight) -> float:
-    """Least local minimum of the height above the base within a flight; infinite without one."""
+    """Least local minimum of the height above the base in a flight; infinite if there is none."""
 
 
 @implements(clearing, Constants)

@@ -95,7 +95,7 @@ def side_of(drive: Drive) -> float:
 
 @generic
 def until_corner(drive: Drive, x: float) -> float:
-    """Periods from a phase until the present stretch ends; infinite without corners."""
+    """Periods from a phase until the present stretch ends; infinite if there are no corners."""
 
 
 @generic

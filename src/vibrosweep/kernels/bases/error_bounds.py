@@ -1,4 +1,4 @@
-"""Generic functions of a base for the bounds of errors of `vibrosweep.kernels.trust`."""
+"""Generic functions of a base for the bounds on errors of `vibrosweep.kernels.trust`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def launch_error(fixed: Constants, x: float, u: float) -> float:
 
 @generic
 def landing_added(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
-    """Bounds of the errors that a flight adds to the phase of its landing and the speed of arrival.
+    """Bounds on the errors that a flight adds to the phase of its landing and the speed of arrival.
 
     They come from rounding, and from terms of second order in `spread`, which the Jacobian leaves
     out.  They are infinite where a state within `spread` may land at quite another time.
@@ -54,7 +54,7 @@ def jacobian_error(
 def rebound_error(
     fixed: Constants, flight: Flight, added: StateError, error: float, spread: StateError
 ) -> float:
-    """Bound of the error that an impact adds to the speed after it.
+    """Bound on the error that an impact adds to the speed after it.
 
     `added` is from `landing_added`; `error` is the whole error of the phase of the landing,
     `spread` that of the lift-off before.
@@ -63,7 +63,7 @@ def rebound_error(
 
 @generic
 def absolute_error(fixed: Constants, x: float, u: float, spread: StateError) -> float:
-    """Bound of the error of the absolute speed of a particle that leaves phase x with speed u."""
+    """Bound on the error of the absolute speed of a particle that leaves phase x with speed u."""
 
 
 @generic
@@ -73,7 +73,7 @@ def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: StateError) -
 
 @generic
 def liftoff_error(fixed: Constants) -> StateError:
-    """Bounds of the errors of phase and speed of the lift-off from a rest.
+    """Bounds on the errors of phase and speed of the lift-off from a rest.
 
     The bound of the phase is infinite where it is in doubt whether a resting particle is ever
     lifted.

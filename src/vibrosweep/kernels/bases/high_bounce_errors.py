@@ -1,4 +1,4 @@
-"""Bounds of the errors that an impact on the high-bounce base adds."""
+"""Bounds on the errors that an impact on the high-bounce base adds."""
 
 from __future__ import annotations
 

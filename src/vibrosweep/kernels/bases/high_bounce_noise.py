@@ -35,7 +35,7 @@ def random_high_bounce(
 
 @jit
 def random_drive(noise: Noise | None) -> int | None:
-    """Return the field `drive` of the noise of a base; None without any noise."""
+    """Return the field `drive` of the noise of a base; None if there is no noise."""
     if noise is None:
         return None
     return noise.drive
@@ -62,7 +62,7 @@ def _first_lift(fixed: Constants, n: float, x: float) -> tuple[float, float]:
 
 @jit
 def first_lift_error(fixed: Constants, n: float, x: float, error: float) -> StateError:
-    """Bounds of the errors of `_first_lift`, from that of the phase x of the rest.
+    """Bounds on the errors of `_first_lift`, from that of the phase x of the rest.
 
     The bound of the phase is infinite where it is in doubt which forcing period lifts the particle.
     """

@@ -1,4 +1,4 @@
-"""Bounds of the errors that an impact on the moving base adds.
+"""Bounds on the errors that an impact on the moving base adds.
 
 The notation is that of `vibrosweep.kernels.bases.moving_jacobian`; Gamma is a bound of |G|.  The
 errors have four sources:
@@ -48,7 +48,7 @@ MARCH = 1000  # steps
 
 
 class Landed(NamedTuple):
-    """Bounds of the errors of the duration and of the speed of arrival, for an exact lift-off."""
+    """Bounds on the errors of the duration and of the speed of arrival, for an exact lift-off."""
 
     time: float
     v: float

@@ -21,7 +21,7 @@ from vibrosweep.kernels.waveforms import (
     velocity,
 )
 
-USELESS: Final = 2.0**-20  # turns; a larger bound of the error of a lift-off is of no use
+USELESS: Final = 2.0**-20  # turns; a larger bound on the error of a lift-off is of no use
 
 
 @generic
@@ -36,7 +36,7 @@ def lift_in(shape: Shape, kick: float, r: float, after: float, rests: bool) -> t
 def lift_in_error(
     shape: Shape, a: float, drive: float, r: float, after: float, error: float
 ) -> tuple[bool, float]:
-    """Return whether `lift_in` lifts, and a bound of the error of when; `error` is that of `after`.
+    """Return whether `lift_in` lifts, and a bound on the error of when; `error` is that of `after`.
 
     The bound is infinite where either is in doubt.  The kick of a period, a (1 + drive), takes two
     more roundings than without noise, and its noise another two.

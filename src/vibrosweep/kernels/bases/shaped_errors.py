@@ -1,4 +1,4 @@
-"""Bounds of errors at the rests on a base that moves as a sum of harmonics."""
+"""Bounds on errors at the rests on a base that moves as a sum of harmonics."""
 
 from __future__ import annotations
 

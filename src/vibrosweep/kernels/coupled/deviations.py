@@ -91,18 +91,18 @@ def _impact(
         deviation = deviations[:, column]
         dy, dv = deviation[j], deviation[particles + j]
         base_y, base_v = deviation[2 * particles], deviation[2 * particles + 1]
-        early = (dy - base_y) / c if c > 0.0 else 0.0
-        y = base_y + was * early  # both are at this height at the moment of the impact
-        v, w = dv - 2.0 * early, base_v + pulled * early
+        delay = (dy - base_y) / c if c > 0.0 else 0.0
+        y = base_y + was * delay  # both are at this height at the moment of the impact
+        v, w = dv - 2.0 * delay, base_v + pulled * delay
         approach = w - v
         for i in range(particles):
             if event.dropped and rode[i] == MODE.RIDING:  # it keeps its velocity
-                deviation[particles + i] = w + 2.0 * early
+                deviation[particles + i] = w + 2.0 * delay
         leaves = speed if sticks else speed + kept * c
-        deviation[j] = y - leaves * early
-        deviation[particles + j] = v + gain * approach + 2.0 * early
-        deviation[2 * particles] = y - speed * early
-        deviation[2 * particles + 1] = w - share * approach - pulls * early
+        deviation[j] = y - leaves * delay
+        deviation[particles + j] = v + gain * approach + 2.0 * delay
+        deviation[2 * particles] = y - speed * delay
+        deviation[2 * particles + 1] = w - share * approach - pulls * delay
 
 
 @part

@@ -45,7 +45,7 @@ class JointOrbit(NamedTuple):
     rests: Integers
     since: Floats  # forcing periods after which the state was on the cycle at the latest
     landings: Integers  # in the window
-    # Logarithm of the growth of a deviation in each block of the window, NaN without an event;
+    # Logarithm of the growth of a deviation in each block of the window, NaN if it has no event;
     # shape (realization, block)
     growth: Floats
     waves: Floats  # sums of the growth at each event times a wave; shape (realization, wave)

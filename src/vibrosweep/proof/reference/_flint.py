@@ -22,7 +22,7 @@ class UndecidableError(VibrosweepError, ArithmeticError):
     Attributes
     ----------
     decision
-        The open decision, in words.
+        The uncertain decision, in words.
     impact
         Number of the impact, from 1.
     bits

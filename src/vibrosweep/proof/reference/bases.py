@@ -24,7 +24,7 @@ class Reference(NamedTuple):
     liftoff_error: Callable[[Mapping[str, float], Laws], float]
 
 
-def _moved(problem: Problem) -> Motion:
+def _over_moving_base(problem: Problem) -> Motion:
     """Motion over the moving base; with amplitude 0 it is fixed, so that ties are decided."""
     still = problem.parameters["amplitude"] == 0.0 and problem.deviates is None
     return high_bounce.Motion(problem) if still else moving.Motion(problem)
@@ -43,7 +43,7 @@ REFERENCE_OF: Final[Mapping[str, Reference]] = {
         liftoff_error=high_bounce.liftoff_error,
     ),
     "moving": Reference(
-        motion=_moved,
+        motion=_over_moving_base,
         period_map=moving.MovingMap.from_parameters,
         velocity=_velocity,
         liftoff_error=moving.liftoff_error,

@@ -94,7 +94,7 @@ def _newton(system: _System, guess: Sequence[arb]) -> Box:
 def _krawczyk(
     system: _System, middle: Sequence[arb], radii: Sequence[arb], tries: int = 1
 ) -> tuple[Box, Box] | None:
-    """Return an enclosure of the only root in a box, and the box; None without proof.
+    """Return an enclosure of the only root in a box, and the box; None if there is no proof.
 
     Each further try takes the image of the previous box, slightly enlarged.
     """
@@ -242,8 +242,8 @@ def _piece(
         return _holds(whole, point) and bool(abs(_along(line, point)) <= half)
 
     found, centre = cycle(orbit, variables(box)), cycle(orbit, variables(middle))
-    if found.takes:
-        return found.takes
+    if found.obstacle:
+        return found.obstacle
     if not abs(found.determinant.v) < 1:
         return NOT_ATTRACTING
     for multiplier in (1, -1):

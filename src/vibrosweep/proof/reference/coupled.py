@@ -20,7 +20,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx, exact
 from vibrosweep.proof.reference.decisions import (
-    Narrow,
+    WidthLimits,
     certain_above,
     decided,
     first_precision,
@@ -96,14 +96,14 @@ class _Problem:
 
     def require_narrow(self, impact: Impact, number: int) -> None:
         """Raise `UncertainError` unless a landing and the lift-off after it are narrow."""
-        narrow = Narrow(self.digits, self.parameters)
-        found = [(impact.landing_time, narrow.time), (impact.phase, narrow.phase)]
+        limits = WidthLimits(self.digits, self.parameters)
+        found = [(impact.landing_time, limits.time), (impact.phase, limits.phase)]
         if impact.liftoff_time is not None and impact.rebound_velocity is not None:
-            found.append((impact.liftoff_time, narrow.time))
-            found.append((impact.rebound_velocity, narrow.velocity))
+            found.append((impact.liftoff_time, limits.time))
+            found.append((impact.rebound_velocity, limits.velocity))
         if impact.flight is not None:
-            found.append((impact.flight.duration, narrow.phase))
-        narrow.require(number, *found)
+            found.append((impact.flight.duration, limits.phase))
+        limits.require(number, *found)
 
 
 def bodies_of(

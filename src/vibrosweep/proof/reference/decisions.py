@@ -31,7 +31,7 @@ def certain_above(left: arb, right: arb, decision: str, impact: int) -> bool:
     raise UncertainError(f"whether {decision}", impact)
 
 
-class Narrow:
+class WidthLimits:
     """Check that results are as narrow as a number of digits requires.
 
     Attributes

@@ -54,7 +54,7 @@ class Tones:
     def __init__(self, mount: Mount, x: arb, load: arb, impact: int) -> None:
         self._tones = []
         numbers = [h for h, _, _ in mount.waveform.tones] or [1]
-        for number, (u, v) in zip(numbers, mount.wave.begun(2 * x), strict=True):
+        for number, (u, v) in zip(numbers, mount.wave.at_liftoff(2 * x), strict=True):
             turn = _turn(number)
             bare = -mount.alpha * v / turn, mount.alpha * u / turn
             c, d = _answer(mount, load, turn, bare, impact)
@@ -92,7 +92,7 @@ class Tones:
         return height, rate
 
     def most(self, order: int) -> arb:
-        """Bound of the modulus of a derivative."""
+        """Bound on the modulus of a derivative."""
         total = ZERO
         for turn, size in self._sizes:
             total += size * turn**order

@@ -268,7 +268,7 @@ class PeriodMap(NamedTuple):
         return self.a * self.wave.slope(2 * x), self.restitution.slope(u)
 
     def step(self, x: arb, u: arb) -> Step | None:
-        """Impact of a ball of states; None where one may rest, or a decision is open."""
+        """Impact of a ball of states; None where one may rest, or a decision is uncertain."""
         w = self.speed(x + u, u)
         s, f = self.slopes(x + u, u)
         if self.turns_back and w < 0:

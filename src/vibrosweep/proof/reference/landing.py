@@ -6,7 +6,7 @@ speed y, the particle is
     G(s) = s (y - s) / 2 - (alpha / 2) (W(x + s) - W(x) - s w(x))
 
 above the base, of velocity w and height W (`vibrosweep.proof.reference.waves`), after s periods.
-G'' >= -(1 + Gamma), where Gamma bounds alpha |w'| / 2.  For a while G'', G''' and a bound of the
+G'' >= -(1 + Gamma), where Gamma bounds alpha |w'| / 2.  For a while G'', G''' and a bound on the
 next derivative give a better bound, even where both are close to 0, as when a base of little more
 than 1 g throws a particle for a moment.  A base of finite mass (`vibrosweep.proof.reference.mount`)
 has such bounds too.
@@ -28,11 +28,11 @@ from typing import Final, Protocol
 
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
-from vibrosweep.proof.reference.waves import Begun, Bounds, Wave, next_of
+from vibrosweep.proof.reference.waves import AtLiftoff, Bounds, Wave, next_of
 
 # Steps; a flight takes about ten, and one that passes close above the base some dozens.
 MOST_STEPS: Final = 1000
-SHY: Final = arb(1.0 - 2.0**-8)  # shortens the interval above all heights of the base, at its end
+SHORTENING: Final = arb(1.0 - 2.0**-8)  # factor for the end of the time above all of the base
 # How often, and by how much, an interval about a root is narrowed until it is proved to hold one.
 CLOSER: Final = 4
 NEARER: Final = arb(2.0**-16)
@@ -50,7 +50,7 @@ class Course(Protocol):
         """Derivative."""
 
     def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
-        """Return c, minus the second derivative; its derivative c'; a bound of c'' and one of c."""
+        """Return c, minus the second derivative; its derivative c'; a bound on c'' and one on c."""
 
     def above_all(self) -> tuple[arb, arb] | None:
         """Interval of time without a root, if one is known."""
@@ -75,21 +75,21 @@ class Clearance:
 
     @cached_property
     def gamma(self) -> arb:
-        """Bound of the acceleration of the base, in units of gravity."""
+        """Bound on the acceleration of the base, in units of gravity."""
         return self.alpha * self.bounds.steep / 2
 
     @cached_property
-    def begun(self) -> Begun:
+    def at_liftoff(self) -> AtLiftoff:
         """Shape at the phase of the lift-off."""
-        return self.wave.begun(2 * self.x)
+        return self.wave.at_liftoff(2 * self.x)
 
     def height(self, s: arb) -> arb:
         """G(s)."""
-        return s * (self.y - s) / 2 - self.alpha / 2 * self.wave.rise(self.begun, s)
+        return s * (self.y - s) / 2 - self.alpha / 2 * self.wave.rise(self.at_liftoff, s)
 
     def slope(self, s: arb) -> arb:
         """G'(s), half the speed relative to the base."""
-        return self.y / 2 - s - self.alpha / 2 * self.wave.gain(self.begun, s)
+        return self.y / 2 - s - self.alpha / 2 * self.wave.gain(self.at_liftoff, s)
 
     def bend(self, s: arb) -> arb:
         """Minus the second derivative, positive where the base presses a particle lying on it."""
@@ -117,7 +117,7 @@ class Clearance:
         root = u * u - 4 * self.alpha * below
         if not (u > 0 and root > 0):
             return None
-        return ((u - root.sqrt()) / 2).upper(), ((u + SHY * root.sqrt()) / 2).lower()
+        return ((u - root.sqrt()) / 2).upper(), ((u + SHORTENING * root.sqrt()) / 2).lower()
 
 
 def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:

@@ -235,7 +235,7 @@ OF_SPEED: Final[Mapping[str, Callable[[arb, arb], Impact]]] = {
 
 
 def slope_change(impact: Impact, v: arb, error: float) -> float:
-    """Bound of the change of the slope if a speed changes by an error."""
+    """Bound on the change of the slope if a speed changes by an error."""
     if isinstance(impact, Constant):
         return 0.0
     return float((impact.slope(v + arb(0, error)) - impact.slope(v)).abs_upper())
@@ -244,7 +244,7 @@ def slope_change(impact: Impact, v: arb, error: float) -> float:
 def mean_logarithm(
     law: Impact, factor: Callable[[arb], arb], speeds: Sequence[arb], error: float
 ) -> tuple[arb | float, float]:
-    """Mean logarithm of a factor at some speeds, and a bound of its change by their error."""
+    """Mean logarithm of a factor at some speeds, and a bound on its change by their error."""
     exact = [factor(v) for v in speeds[: 1 if isinstance(law, Constant) else None]]
     if any(one == 0 for one in exact):
         return -math.inf, 0.0

@@ -15,7 +15,7 @@ from vibrosweep.proof.reference.results import Flight
 
 EPS: Final = 2.0**-53  # one rounding
 Pair: TypeAlias = tuple[float, float]
-# a mean logarithm, and a bound of its change by the errors of the speeds
+# a mean logarithm, and a bound on its change by the errors of the speeds
 Contraction: TypeAlias = tuple[arb | float, float]
 
 
@@ -25,7 +25,7 @@ class Deviates(NamedTuple):
     # Deviates of the restitution and of the kick, by the number of the impact, from 0
     of_impact: Callable[[int], Pair]
     of_period: Callable[[int], float]  # of the drive, by the forcing period
-    largest: float  # bound of their moduli
+    largest: float  # bound on their moduli
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ class Carried(NamedTuple):
     # along, across: the images
     along: Pair
     across: Pair
-    wrong: float  # bound of the change of `along` by the errors of the state and by rounding
+    wrong: float  # bound on the change of `along` by the errors of the state and by rounding
     turned_back: bool  # True if the law of rebound then turns the particle back
 
 
@@ -150,7 +150,7 @@ class PeriodMap(Protocol):
     """Impacts in forcing periods; states (x, u) are phase and relative speed at lift-off."""
 
     def step(self, x: arb, u: arb) -> Step | None:
-        """Impact of a ball of states; None where one may rest, or a decision is open."""
+        """Impact of a ball of states; None where one may rest, or a decision is uncertain."""
 
     def lost(self) -> float:
         """Bits that an impact may cost a ball."""
@@ -164,5 +164,5 @@ class PeriodMap(Protocol):
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
         """Mean logarithm of the contraction of areas by impacts with these speeds of arrival.
 
-        Also returns a bound of its change if all speeds of lift-off change by `error`.
+        Also returns a bound on its change if all speeds of lift-off change by `error`.
         """

@@ -19,7 +19,7 @@ from typing import Final
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
 from vibrosweep.proof.reference.drives import Mount, Stretch, Tones
-from vibrosweep.proof.reference.landing import SHY, Course
+from vibrosweep.proof.reference.landing import SHORTENING, Course
 
 ZERO, ONE = arb(0), arb(1)
 # Number of derivatives of the height of the base that are needed.
@@ -142,7 +142,7 @@ class Arc:
         return self.level + height + h, rate + v
 
     def most(self, order: int, s: arb) -> arb:
-        """Bound of the modulus of a derivative from s on; for order 0, of height minus mean."""
+        """Bound on the modulus of a derivative from s on; for order 0, of height minus mean."""
         free, low = self._free_at(s), max(order - 1, 0)
         energy = free[low + 1] * free[low + 1] + self._q * free[low] * free[low]
         decaying = (energy if order else energy / self._q).upper().sqrt()
@@ -188,7 +188,7 @@ class Above:
         root = v * v + 4 * (y - arc.level - arc.most(0, ZERO))
         if not root > 0:
             return None
-        return ((v - root.sqrt()) / 2).upper(), ((v + SHY * root.sqrt()) / 2).lower()
+        return ((v - root.sqrt()) / 2).upper(), ((v + SHORTENING * root.sqrt()) / 2).lower()
 
 
 def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -> arb:

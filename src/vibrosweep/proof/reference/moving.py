@@ -70,7 +70,7 @@ class MovingMap:
 
     @cached_property
     def gamma(self) -> arb:
-        """Bound of |G|."""
+        """Bound on |G|."""
         return self.alpha * self.wave.bounds.steep / 2
 
     @cached_property
@@ -120,7 +120,7 @@ class MovingMap:
     def jacobian(self, x: arb, s: arb, arrival: arb) -> Rows:
         """Derivative of phase and speed after an impact by those before its flight."""
         before, after = self.wave.slope(2 * x), self.wave.slope(2 * (x + s))
-        gained = self.wave.gain(self.wave.begun(2 * x), s)
+        gained = self.wave.gain(self.wave.at_liftoff(2 * x), s)
         by_phase = self.alpha * (s * before - gained) / arrival
         by_speed = s / arrival
         twice = 2 + self.alpha * after
@@ -130,7 +130,7 @@ class MovingMap:
         return (1 + by_phase, by_speed), below
 
     def step(self, x: arb, y: arb) -> Step | None:
-        """Impact of a ball of states; None where one may rest, or a decision is open."""
+        """Impact of a ball of states; None where one may rest, or a decision is uncertain."""
         try:
             found = self.impact(x, y, self.flight(x, y, 1), 1)
         except UncertainError:

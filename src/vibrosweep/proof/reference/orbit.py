@@ -10,7 +10,7 @@ from itertools import zip_longest
 
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import ctx
-from vibrosweep.proof.reference.decisions import Narrow, certain_above, nearest_integer
+from vibrosweep.proof.reference.decisions import WidthLimits, certain_above, nearest_integer
 from vibrosweep.proof.reference.motion import Landed, Left, Motion, Problem
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 
@@ -21,7 +21,7 @@ def _orbit(motion: Motion, problem: Problem) -> tuple[list[Landed], list[Left], 
     The last one is beyond the end or the budget, unless the particle comes to rest for good.
     """
     landings, lifted = [], [motion.launched]
-    narrow = Narrow(problem.digits, problem.parameters)
+    limits = WidthLimits(problem.digits, problem.parameters)
     for n in range(1, problem.max_impacts + 2):
         landed = motion.land(n)
         landings.append(landed)
@@ -32,11 +32,11 @@ def _orbit(motion: Motion, problem: Problem) -> tuple[list[Landed], list[Left], 
         left = motion.leave(n)
         # the phase, which is reduced later, must be narrow in turns, however late the landing is
         phase = landed.half_turns - landed.half_turns.mid()
-        found = [(phase, narrow.phase), (landed.duration, narrow.phase)]
-        found.append((motion.time(landed.flown), narrow.time))
+        found = [(phase, limits.phase), (landed.duration, limits.phase)]
+        found.append((motion.time(landed.flown), limits.time))
         if left is not None:
-            found += [(motion.time(left.flown), narrow.time), (left.velocity, narrow.velocity)]
-        narrow.require(n, *found)
+            found += [(motion.time(left.flown), limits.time), (left.velocity, limits.velocity)]
+        limits.require(n, *found)
         if left is None:
             return landings, lifted, Status.COMPLETED
         lifted.append(left)

@@ -16,7 +16,7 @@ from vibrosweep.proof.reference.laws import Constant, Impact
 from vibrosweep.proof.reference.waves import SINE_WAVE, Wave
 
 Box = list[arb]
-# Reasons why a particle may not take an orbit
+# Reasons why a particle may be unable to follow an orbit
 EARLIER: Final = "earlier_landing_not_excluded"
 RESTING: Final = "rest_not_excluded"
 
@@ -34,7 +34,7 @@ class Orbit(NamedTuple):
     turns_back: bool = False  # True if a rebound downwards is turned back, as under `reflect`
 
 
-class Moved(NamedTuple):
+class BaseMotion(NamedTuple):
     """The motion of the base at a phase."""
 
     w: Jet
@@ -63,22 +63,22 @@ class Cycle(NamedTuple):
     flights: list[Flight]
     trace: Jet
     determinant: Jet
-    takes: str  # reason why a particle may not take the orbit; empty where it takes it
+    obstacle: str  # reason why a particle may be unable to follow the orbit; "" if it can
 
 
 def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
     """Equations and multipliers of an orbit."""
     p, a = orbit.p, z[orbit.p]
     times = [*z[:p], z[0] + orbit.q]
-    moves = [_moved(orbit.wave, one) for one in times[:p]]
+    moves = [_base_motion(orbit.wave, one) for one in times[:p]]
     fly = _bounce if orbit.base == "high-bounce" else _fly
     one, zero = 0 * a + 1, 0 * a
-    m, determinant, takes = (one, zero, zero, one), one, ""
+    m, determinant, obstacle = (one, zero, zero, one), one, ""
     flights = []
     for i in range(p):
         flight = fly(orbit, a, times[i + 1] - times[i], moves[i], moves[(i + 1) % p])
         flights.append(flight)
-        takes = (takes or flight.meets) if flight.after.v > orbit.rest else RESTING
+        obstacle = (obstacle or flight.meets) if flight.after.v > orbit.rest else RESTING
         determinant = determinant * flight.shrinks
         xx, xu, ux, uu = flight.step
         m = (
@@ -88,16 +88,16 @@ def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
             ux * m[1] + uu * m[3],
         )
     off = [flight.begins - flights[i - 1].after for i, flight in enumerate(flights)]
-    return Cycle(off, flights, m[0] + m[3], determinant, takes)
+    return Cycle(off, flights, m[0] + m[3], determinant, obstacle)
 
 
-def _moved(wave: Wave, turns: Jet) -> Moved:
+def _base_motion(wave: Wave, turns: Jet) -> BaseMotion:
     """Motion of the base, with derivatives; the slope has none at a corner."""
     h = 2 * turns.v
     level, velocity, slope = wave.level(h), wave.velocity(h), wave.slope(h)
     jumps = wave.bounds.bend == 0 and slope.rad() > 0
     rate = arb("nan") if jumps else wave.rate(h)
-    return Moved(
+    return BaseMotion(
         Jet(velocity, [slope * d for d in turns.d]),
         Jet(level, [velocity * d for d in turns.d]),
         Jet(slope, [rate * d for d in turns.d]),
@@ -112,7 +112,7 @@ def _impact(orbit: Orbit, v: Jet) -> tuple[Jet, Jet]:
     return Jet(law.kept(v.v), [slope * d for d in v.d]), Jet(slope, [bend * d for d in v.d])
 
 
-def _bounce(orbit: Orbit, a: Jet, s: Jet, first: Moved, last: Moved) -> Flight:
+def _bounce(orbit: Orbit, a: Jet, s: Jet, first: BaseMotion, last: BaseMotion) -> Flight:
     """A flight of the high-bounce map."""
     kept, q = _impact(orbit, s)
     w, k = kept + a * last.w, a * last.slope
@@ -122,7 +122,7 @@ def _bounce(orbit: Orbit, a: Jet, s: Jet, first: Moved, last: Moved) -> Flight:
     return Flight(s, s, s, w, (one, one, k, k + q), q, arb(1), "")
 
 
-def _fly(orbit: Orbit, a: Jet, s: Jet, first: Moved, last: Moved) -> Flight:
+def _fly(orbit: Orbit, a: Jet, s: Jet, first: BaseMotion, last: BaseMotion) -> Flight:
     """A flight over the moving base."""
     alpha = a / (1 + orbit.e)
     gained = alpha * (last.w - first.w)  # speed of the base

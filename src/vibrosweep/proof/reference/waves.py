@@ -20,7 +20,7 @@ QUARTER: Final = arb(0.25)
 PIECES: Final = 64  # of a period, which are halved further where a zero may hide
 OFF: Final = arb(0.49087)  # start of the first piece, where a zero of a waveform is unlikely
 FALLS: Final = "the base ever falls faster than gravity"
-Begun: TypeAlias = Sequence[tuple[arb, arb]]  # values of a shape at the phase of a lift-off
+AtLiftoff: TypeAlias = Sequence[tuple[arb, arb]]  # values of a shape at the phase of a lift-off
 
 
 class Bounds(NamedTuple):
@@ -59,16 +59,16 @@ class Wave(Protocol):
         """Second derivative of w; for a shape with corners, its value between them."""
 
     def slope_change(self, h: arb, error: float) -> float:
-        """Bound of the change of w' within an error of a phase, in turns."""
+        """Bound on the change of w' within an error of a phase, in turns."""
         return float(self.bounds.bend) * error
 
-    def begun(self, h: arb) -> Begun:
+    def at_liftoff(self, h: arb) -> AtLiftoff:
         """Return the values at the phase x of a lift-off that `rise` and `gain` need."""
 
-    def rise(self, begun: Begun, s: arb) -> arb:
+    def rise(self, at_liftoff: AtLiftoff, s: arb) -> arb:
         """W(x + s) - W(x) - s w(x), computed without cancellation."""
 
-    def gain(self, begun: Begun, s: arb) -> arb:
+    def gain(self, at_liftoff: AtLiftoff, s: arb) -> arb:
         """w(x + s) - w(x)."""
 
     def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
@@ -98,17 +98,17 @@ class _Sine(Wave):
     def rate(self, h: arb) -> arb:
         return -4 * arb.pi() ** 2 * h.sin_pi()
 
-    def begun(self, h: arb) -> Begun:
+    def at_liftoff(self, h: arb) -> AtLiftoff:
         sine, cosine = h.sin_cos_pi()
         return ((sine, cosine),)
 
-    def rise(self, begun: Begun, s: arb) -> arb:
-        ((sine, cosine),) = begun
+    def rise(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        ((sine, cosine),) = at_liftoff
         half, turn = s.sin_pi(), 2 * arb.pi()
         return (2 * cosine * half * half - sine * (turn * s - (2 * s).sin_pi())) / turn
 
-    def gain(self, begun: Begun, s: arb) -> arb:
-        ((sine, cosine),) = begun
+    def gain(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        ((sine, cosine),) = at_liftoff
         half, half_cosine = s.sin_cos_pi()
         return -2 * half * (sine * half - cosine * half_cosine)
 
@@ -159,7 +159,7 @@ class _Harmonics(Wave):
     def _along(self, half_turns: arb, term: Callable[[arb, arb, arb], arb]) -> arb:
         """Sum of a function of 2 pi h, c sin and c cos."""
         total = ZERO
-        for (h, *_), (u, v) in zip(self._terms, self.begun(half_turns), strict=True):
+        for (h, *_), (u, v) in zip(self._terms, self.at_liftoff(half_turns), strict=True):
             total += term(2 * arb.pi() * h, u, v)
         return total
 
@@ -175,24 +175,24 @@ class _Harmonics(Wave):
     def rate(self, h: arb) -> arb:
         return self._along(h, lambda turn, u, v: -turn * turn * u)
 
-    def begun(self, h: arb) -> Begun:
+    def at_liftoff(self, h: arb) -> AtLiftoff:
         found = []
         for number, p, q in self._terms:
             sine, cosine = (number * h).sin_cos_pi()
             found.append((p * sine + q * cosine, p * cosine - q * sine))
         return found
 
-    def rise(self, begun: Begun, s: arb) -> arb:
+    def rise(self, at_liftoff: AtLiftoff, s: arb) -> arb:
         total = ZERO
-        for (number, *_), (u, v) in zip(self._terms, begun, strict=True):
+        for (number, *_), (u, v) in zip(self._terms, at_liftoff, strict=True):
             q, half = 2 * arb.pi() * number * s, (number * s).sin_pi()
             turned = (2 * number * s).sin_pi()
             total += (2 * v * half * half - u * (q - turned)) / (2 * arb.pi() * number)
         return total
 
-    def gain(self, begun: Begun, s: arb) -> arb:
+    def gain(self, at_liftoff: AtLiftoff, s: arb) -> arb:
         total = ZERO
-        for (number, *_), (u, v) in zip(self._terms, begun, strict=True):
+        for (number, *_), (u, v) in zip(self._terms, at_liftoff, strict=True):
             half, half_cosine = (number * s).sin_cos_pi()
             total -= 2 * half * (u * half - v * half_cosine)
         return total
@@ -250,18 +250,18 @@ class _Triangle(Wave):
         near = h + arb(0, 2.0 * error)
         return 8.0 if len(self._pieces(near)) > 1 else 0.0
 
-    def begun(self, h: arb) -> Begun:
+    def at_liftoff(self, h: arb) -> AtLiftoff:
         return ((h, self.velocity(h)),)
 
-    def rise(self, begun: Begun, s: arb) -> arb:
-        ((h, velocity),) = begun
+    def rise(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        ((h, velocity),) = at_liftoff
         before, after = self._pieces(h), self._pieces(h + 2 * s)
         if s < 0.25 and len(before) == 1 and len(after) == 1 and before[0][0] == after[0][0]:
             return 2 * before[0][0] * s * s
         return self.level(h + 2 * s) - self.level(h) - s * velocity
 
-    def gain(self, begun: Begun, s: arb) -> arb:
-        ((h, velocity),) = begun
+    def gain(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        ((h, velocity),) = at_liftoff
         return self.velocity(h + 2 * s) - velocity
 
     def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
