@@ -386,6 +386,11 @@ def test_each_mistake_is_one_clear_line_with_its_key_and_value(text, key, value)
         ("[measure]\nseed = 3", ["belongs in [sample]"]),
         ("[scene]\nphase = nan", ["not a finite number", "at most 1e+09 rad"]),
         ("[scene]\nrestitution = 1.2", ["at least 0 and at most 1"]),
+        (
+            "[scene]\nrestitution = [0.8, 0.9]",
+            ["must be one number", "a list, belongs in [sample]"],
+        ),
+        ("[scene]\nphase = { min = 0, max = 1 }", ["must be one number", "in [sample]"]),
         (f"[scene]\nparticles = 1{400 * '0'}", ["a huge number", "at most 1000000000"]),
         ('[sample]\ndesign = "sobel"', ['did you mean "sobol"?', '"latin"', '".csv" or ".nc"']),
         ("[sample]\nrealizations = 2\nrestitution = [0.98, 0.8]", ["write [0.8, 0.98]"]),

@@ -227,11 +227,10 @@ def _design(value: object) -> str | GivenTable:
     if isinstance(value, GivenTable):
         return value
     known = (*DESIGNS, GRID)
-    guess = None
-    if isinstance(value, str):
-        if value in known or PurePath(value).suffix.lower() in SUFFIXES:
-            return value
-        guess = nearest(value, known)
+    text = value if isinstance(value, str) else ""
+    if text in known or PurePath(text).suffix.lower() in SUFFIXES:
+        return text
+    guess = nearest(text, known)
     hint = f'; did you mean "{guess}"?' if guess else ""
     raise ValueError(
         f"is not a known design; it must be {quoted(known)}, or the path of a table that ends "
@@ -282,13 +281,19 @@ def _is_finite_number(value: object) -> TypeGuard[float]:
 def _within(parameter: Parameter, value: object) -> float:
     """Return a number in the parameter's range, or raise a ValueError that says what is allowed."""
     if not _is_finite_number(value):
-        rule = f" is not a finite number (allowed: {parameter.allowed})"
-        raise ValueError(Value(value), rule)
-    number = float(value)
-    if not parameter.accepts(number):
+        raise ValueError(Value(value), f" is not a finite number (allowed: {parameter.allowed})")
+    if not parameter.accepts(float(value)):
         rule = f" is out of range: the {parameter.long_name} must be {parameter.allowed}"
         raise ValueError(Value(value), rule)
-    return number
+    return float(value)
+
+
+def _single(parameter: Parameter, value: object) -> float:
+    """Return a number, or raise a ValueError; several numbers belong elsewhere."""
+    if not isinstance(value, list | tuple | Mapping):
+        return _within(parameter, value)
+    rule = f"must be one number (allowed: {parameter.allowed}); a range, or a list, belongs in "
+    raise ValueError(rule, table("sample"))
 
 
 def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
@@ -308,7 +313,7 @@ def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
 
 _SEED: Final = whole_number(0, MAX_SEED)
 _SCENE: Final[Mapping[str, Check]] = {
-    **{name: partial(_within, parameter) for name, parameter in INPUTS.items()},
+    **{name: partial(_single, parameter) for name, parameter in INPUTS.items()},
     "particles": whole_number(1, MAX_PARTICLES),
     "launch": _launch,
     "duration": partial(_positive, "s"),
