@@ -391,6 +391,10 @@ def test_each_mistake_is_one_clear_line_with_its_key_and_value(text, key, value)
             ["must be one number", "a list, belongs in [sample]"],
         ),
         ("[scene]\nphase = { min = 0, max = 1 }", ["must be one number", "in [sample]"]),
+        (
+            "[sample]\nphase = { min = 0, max = 1 }",
+            ["an axis as { start", "a range as [low, high]"],
+        ),
         (f"[scene]\nparticles = 1{400 * '0'}", ["a huge number", "at most 1000000000"]),
         ('[sample]\ndesign = "sobel"', ['did you mean "sobol"?', '"latin"', '".csv" or ".nc"']),
         ("[sample]\nrealizations = 2\nrestitution = [0.98, 0.8]", ["write [0.8, 0.98]"]),

@@ -298,10 +298,8 @@ def _single(parameter: Parameter, value: object) -> float:
 
 def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
     if set(value) != {"start", "stop", "num"}:
-        raise ValueError(
-            "an axis as an inline table has exactly start, stop and num, as in "
-            "{ start = 0.1, stop = 0.9, num = 9 }"
-        )
+        axis = "{ start = 0.1, stop = 0.9, num = 9 }"
+        raise ValueError(f"write an axis as {axis}, with exactly these keys, or a range as ", RANGE)
     start, stop = _within(parameter, value["start"]), _within(parameter, value["stop"])
     num = value["num"]
     if isinstance(num, bool) or not isinstance(num, int) or not 2 <= num <= MAX_STEPS:
