@@ -388,9 +388,9 @@ def test_each_mistake_is_one_clear_line_with_its_key_and_value(text, key, value)
         ("[scene]\nrestitution = 1.2", ["at least 0 and at most 1"]),
         (
             "[scene]\nrestitution = [0.8, 0.9]",
-            ["must be one number", "a list, belongs in [sample]"],
+            ["must be one number", "lists are for [sample]"],
         ),
-        ("[scene]\nphase = { min = 0, max = 1 }", ["must be one number", "in [sample]"]),
+        ("[scene]\nphase = { min = 0, max = 1 }", ["must be one number", "for [sample]"]),
         (
             "[sample]\nphase = { min = 0, max = 1 }",
             ["an axis as { start", "a range as [low, high]"],

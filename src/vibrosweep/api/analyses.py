@@ -41,9 +41,9 @@ def windows(
 
         amplitude, base_velocity, base_displacement, base_acceleration
             One of them, the forcing that is scanned (m s-1, m s-1, m, 1): a list of the two or more
-            points of the coarse scan, or a tuple, a range scanned at 150 even values.
+            points of the coarse scan, or a tuple, a range scanned at 150 evenly spaced values.
         restitution
-            A number, a list, or a tuple, a range taken at 25 even values.
+            A number, a list, or a tuple, a range taken at 25 evenly spaced values.
         conditions
             A list of ``"locked(k)"``, ``"ordered"``, ``"periodic"``, ``"separated"``,
             ``"collision_free"`` and ``"regular"``; by default ``["locked(1)"]``.

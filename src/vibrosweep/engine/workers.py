@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Self
@@ -85,7 +86,8 @@ class Workers:
         """
         small = min(SMALL_PIECE, max(SMALLEST_PIECE, PERIODS_PER_PIECE // max(1.0, periods)))
         piece = max(int(small), min(total // (PIECES_PER_THREAD * self.threads), LARGEST_PIECE))
-        piece = max(1, min(piece, -(-total // self.threads)))
+        # as many ranges for each thread, unless trajectories differ
+        piece = math.ceil(total / (self.threads * math.ceil(total / (self.threads * piece))))
         starts = range(0, total, piece)
         # each thread has a first range of its own, so that no thread takes all
         first, others = starts[: self.threads], iter(starts[self.threads :])

@@ -230,8 +230,8 @@ class Report:
             largest = max(error for error, _ in found)
             share = max(error / estimate for error, estimate in found)
             yield (
-                f"largest error of a recomputed landing: {largest:.3g} s; no error exceeds "
-                f"{share:.2g} of its estimate"
+                f"largest error of a recomputed landing: {largest:.3g} s, "
+                f"and at most {share:.2g} times its estimate"
             )
 
     def _verdict(self) -> Iterator[str]:

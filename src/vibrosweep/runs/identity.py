@@ -108,7 +108,7 @@ def _entries(path: str, key: str, value: Any) -> Iterator[tuple[str, object]]:
         if value not in ((), ""):
             yield key, value
     elif value is not None:
-        raise TypeError(f"{key}: the identity of a sweep cannot hold a value of {type(value)}")
+        raise TypeError(f"{key}: the identity of a sweep cannot hold {value!r}")
     for name, member in members.items():
         inner = f"{path}.{name}" if path else name
         if inner not in EXEMPT:

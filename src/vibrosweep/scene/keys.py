@@ -292,7 +292,7 @@ def _single(parameter: Parameter, value: object) -> float:
     """Return a number, or raise a ValueError; several numbers belong elsewhere."""
     if not isinstance(value, list | tuple | Mapping):
         return _within(parameter, value)
-    rule = f"must be one number (allowed: {parameter.allowed}); a range, or a list, belongs in "
+    rule = f"must be one number (allowed: {parameter.allowed}); ranges and lists are for "
     raise ValueError(rule, table("sample"))
 
 
