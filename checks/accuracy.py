@@ -26,7 +26,8 @@ def orbit(batch, i, capacity):
     """Landings of realization i: count from the end, phase, absolute speed that follows, rested.
 
     The speed is infinite where no flight follows.  The last entry is the landing after the end
-    unless the capacity or a rest for good came first; the second result counts those before it.
+    unless the capacity or a rest for good came first.  The second result is the number of landings
+    up to the end.
     """
     problem = batch.problem
     fixed = bases.constants(batch.base, problem, i)
@@ -65,7 +66,7 @@ def batch_of(scenes: Sequence[Mapping[str, float]], law: str, base: str = "high-
 
 
 def bare_problem(e: np.ndarray, a: np.ndarray) -> Dimensionless:
-    """Realizations of these restitutions and kicks, with defaults for all else."""
+    """Realizations of these restitutions and kicks; all other parameters are arbitrary."""
     given = {name: np.full(e.shape, p.default) for name, p in PARAMETERS.items()}
     # gravity 2 and frequency 1: an amplitude is its kick
     given |= {"restitution": e, "amplitude": a, "gravity": np.full(e.shape, 2.0)}

@@ -27,7 +27,7 @@ from study.verdict import ANY_BASE, Verdict
 PAGE = Path(__file__).parents[1] / "docs" / "separations-and-claims.md"
 SEEDS = 20
 FIRST_SEEDS = (0, 1000)
-# A condition is worded for two particles on the base of finite mass: the docs use one wording
+# On the base of finite mass a condition speaks of two particles; the docs use the other wording
 ONE_NAME = "two particles in slots of their own", "each particle in a slot of its own"
 SHORT = {
     Verdict.HOLDS: "holds",

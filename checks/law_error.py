@@ -74,7 +74,7 @@ FLOATS: Any = (float, _fma_exact, float.__mul__, float.__truediv__, math.sqrt)
 
 
 def quotients(y: Any, arithmetic: Any) -> tuple[Any, Any, Any]:
-    """P, and the logarithmic derivatives of its numerator and of its denominator."""
+    """P, and y T' / T of its numerator and its denominator T (derivatives of ln T by ln y)."""
     number, fma, times, over, _ = arithmetic
     n1, d2, d3, d4 = map(number, PADE)
     one, square, line = number(1.0), times(y, y), times(n1, y)

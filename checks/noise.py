@@ -153,7 +153,7 @@ def lifetime(noise, seed, replicas=500, duration=2000.0):
 
 
 def blurred(amplitude, seed, noise, particles=100):
-    """Share of particles launched on the attracting orbit that stay locked for 500 periods."""
+    """Share of particles, launched on the stable orbit of mode 1, that stay there 500 periods."""
     sine = np.clip(0.1 * 9.81 / (2.0 * amplitude), None, 1.0)
     design = {
         "amplitude": np.repeat(amplitude, len(noise)),

@@ -104,7 +104,7 @@ amplitude = { start = 0.2, stop = 3.5, num = 20 }
 
 
 def planned(spec: Path, output: Path) -> dict[str, float]:
-    """Make a plan in this new process and return its estimates."""
+    """Make a plan and return its estimates; called in a new process."""
     sweep = read_spec(spec)
     with Workers(THREADS) as workers:
         plan = make_plan(sweep, workers, seconds=2.0, enough=0.0)
@@ -113,7 +113,7 @@ def planned(spec: Path, output: Path) -> dict[str, float]:
 
 
 def measured(spec: Path, output: Path) -> dict[str, float]:
-    """Measure a run in this new process."""
+    """Run a sweep and return its measured costs; called in a new process."""
     began = time.perf_counter()
     summary = run_sweep(read_spec(spec), output, threads=THREADS)
     status = Path("/proc/self/status").read_text(encoding="ascii")

@@ -117,7 +117,7 @@ def over_harmonics(seeds):
 
 
 def over_laws(seeds):
-    """Count the laws that films of each law leave; return whether the target is met."""
+    """Print verdicts on films of each law, counted; return whether the target is met."""
     print(
         "\n| base | law | only it | it and others | ruled out | not measured |\n" + "|---" * 6 + "|"
     )

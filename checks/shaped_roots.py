@@ -40,8 +40,8 @@ class Judged(NamedTuple):
     """Landings compared, each array of shape (flight,)."""
 
     missed: np.ndarray
-    # error, speed_error: in units of the effect that rounding errors of the clearance can have,
-    # `ROUNDINGS` of the clearance here and the bound that results claim for theirs
+    # error, speed_error: in units of the effect that rounding errors of both clearances can have,
+    # of `ROUNDINGS` in the one here and of the bound that results claim for theirs
     error: np.ndarray
     speed_error: np.ndarray
     grazes: np.ndarray  # whether an undecided graze came first

@@ -73,7 +73,7 @@ def own_members(path: str) -> list[str]:
 
 
 def codes(path: str) -> list[tuple[str, int, str]]:
-    """Return name, number and sentence of each code of an enumeration; none of other things."""
+    """Return name, number and sentence of each code of an enumeration; else an empty list."""
     thing = public(path)
     return [(c.name, c.value, c.sentence) for c in thing] if isinstance(thing, EnumType) else []
 

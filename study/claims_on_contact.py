@@ -209,7 +209,7 @@ def grooves(plan: Plan) -> Outcome:
     rim = PLATFORM_RADIUS - 0.5 * DIAMETERS[1]
     guided = "height of mode 1, above which a ball has left its groove"
     fifty, twenty = (
-        check(f"balls in the fullest groove, of {n} in all", math.ceil(n / GROOVES), "at most", 1.0)
+        check(f"fewest balls in the fullest groove, of {n}", math.ceil(n / GROOVES), "at most", 1.0)
         for n in (50, 20)
     )
     apart = check(

@@ -26,7 +26,7 @@ DIFFERENCES: Final = {
     "worst": "of the particle that differs most",
     "flight": "of each flight from the mean predicted, averaged",
 }
-# Films shorter than the study's, two of its cases, one size of each imperfection: half a minute
+# Films shorter than the study's, two cases, one size of each imperfection: computed in 30 s
 SIZE: Final[dict[str, Any]] = {
     "cases": {"A": 1, "C": 20},
     "duration": 22.0,

@@ -220,7 +220,7 @@ def strong_excitation_figures(plan: Plan) -> dict[str, Figure]:
 
 
 def _time_to_rest(plan: Plan, law: str, contact_time: float) -> float:
-    """Mean time until the first rest in s, from the time at risk of all; NaN if it never rests."""
+    """Mean time until the first rest in s, from the time at risk of all; NaN if none rests."""
     there = FIRST.over(amplitude=STRONG, phase=ANY_PHASE).with_constants(
         rebound=law, contact_time=float(contact_time)
     )

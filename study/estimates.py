@@ -84,7 +84,7 @@ def mean(values: ArrayLike, least: float = -np.inf) -> Estimate:
 
 
 def magnitude(signed: Estimate) -> Estimate:
-    """Magnitude of a number of either sign; the interval begins at 0 if the number's holds 0."""
+    """Magnitude of a signed number; its interval begins at 0 if the number's interval holds 0."""
     ends = sorted((abs(signed.low), abs(signed.high)))
     low = 0.0 if signed.low < 0.0 < signed.high else ends[0]
     return Estimate(abs(signed.value), low, ends[1], signed.cases)

@@ -88,7 +88,7 @@ def _png(picture: Picture) -> bytes:
 
 
 def as_json(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
-    """Return everything but the figures as JSON; only the provenance differs from run to run."""
+    """Return all but the figures as JSON; runs of one version differ only in the provenance."""
     words = texts()
     document = {
         **{name: words[name] for name in ("rule", "samples", "bases")},

@@ -53,7 +53,7 @@ class Landings(NamedTuple):
 
 @compiled
 def _acceleration(y: float, v: float, gravity: float) -> float:
-    """Right-hand side of v' = -g, written as a function of the state, because RK4 takes any."""
+    """Right-hand side of v' = -g, in the general form that RK4 takes: a function of the state."""
     return -gravity
 
 

@@ -67,7 +67,7 @@ class Imperfection:
     always: Mapping[str, Any] = field(default_factory=dict)  # other fields that are set with it
 
     def applied(self, experiment: Experiment, size: float) -> Experiment:
-        """Return an experiment with this imperfection."""
+        """Return the experiment with this imperfection."""
         if self.key == ACCELERATION:
             numbers = experiment.parameters
             turn = 2.0 * math.pi * numbers["frequency"]

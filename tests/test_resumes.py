@@ -21,7 +21,7 @@ def test_the_campaign_notices_a_wrong_resume(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_identity_changes_exactly_if_a_key_does(seed):
+def test_the_identity_changes_exactly_if_the_change_must_be_refused(seed):
     rng = np.random.default_rng(seed)
     tables = resumes.random_tables(rng)
     other, key = resumes.changed(tables, rng)

@@ -150,8 +150,8 @@ PYTHON: Final = Dialect(lambda path: path.rpartition(".")[2], _python, lambda wo
 class Mistakes:
     """All mistakes in one description of a computation.
 
-    `where` is the name of its file, with which messages begin, and `dialect` its dialect.  `given`
-    holds the keyword arguments as the user gave them, for messages.
+    `where` is the name of its file, with which messages begin, and `dialect` the dialect in which
+    they are written.  `given` holds the keyword arguments as the user gave them, for messages.
     """
 
     def __init__(

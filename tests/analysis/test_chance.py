@@ -114,7 +114,7 @@ def test_a_sweep_takes_uniform_phases():
     np.testing.assert_array_equal(found["dt_min"], sweep["dt_min"])
 
 
-def test_records_that_cannot_be_compared_with_chance_are_refused():
+def test_impossible_comparisons_with_chance_are_refused():
     record = vs.simulate(duration=5.0)
     with pytest.raises(ParameterError, match="less than a forcing period"):
         order_against_chance(record, since=4.5)

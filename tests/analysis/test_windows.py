@@ -77,7 +77,7 @@ def test_keywords_may_scan_the_acceleration_of_the_base():
     assert "amplitude" not in found.variables
 
 
-def test_windows_of_landings_are_the_same_for_any_forcing_that_is_scanned():
+def test_windows_of_landings_are_the_same_if_the_base_velocity_is_scanned():
     scene = keyword_spec(
         {"particles": 3, "duration": 3.0}
     ).scene  # orbits depend smoothly on the forcing
@@ -465,6 +465,6 @@ def test_windows_under_noise_are_shares_of_replicas():
         ({"noise_replicas": 0}, "noise_replicas = 0.*at least 1"),
     ],
 )
-def test_requests_that_noise_rules_out_are_refused(given, words):
+def test_requests_that_do_not_fit_noise_replicas_are_refused(given, words):
     with pytest.raises(SpecError, match=words):
         windows(NOISY | {"amplitude": [1.0, 2.0]} | given)

@@ -1,4 +1,4 @@
-"""After warming up no command compiles anything, and all machine code is on disk."""
+"""After warming up, runs and `verify` compile no kernel, and all machine code is on disk."""
 
 from collections import Counter
 

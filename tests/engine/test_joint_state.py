@@ -267,7 +267,7 @@ def test_standard_error_of_growth_that_adds_up_and_of_shifts_at_ends_of_blocks(w
             _add_waves(one, (k + 0.5) / events, waves[i])
     error = standard_error(growth.reshape(rows, BLOCKS, -1).sum(axis=2), waves)
     scatter = np.sqrt(events * walk**2 + 2.0 * ends**2)
-    # slow waves of 2000 events hold 2 (2 pi)^2 7.5 / 2000 = 0.15 of the variance 2 t^2 of the ends
+    # slow waves of 2000 events hold (2 pi)^2 7.5 t^2 / 2000 = 0.15 t^2 of the ends' variance 2 t^2
     assert np.sqrt(np.mean(error**2)) == pytest.approx(scatter, rel=0.06)
     assert 0.6 < np.mean(abs(growth.sum(axis=1)) < error) < 0.74
 

@@ -75,7 +75,7 @@ def test_axes_that_a_user_placed_stay_and_have_the_legend_inside(twenty):
         assert legend.x1 <= around.x1
 
 
-def test_without_axes_pyplot_shows_the_figure(drawings):
+def test_without_axes_pyplot_manages_the_figure(drawings):
     for name, dataset in drawings.items():
         axes = getattr(figures, name)(dataset)
         assert isinstance(axes, Axes)

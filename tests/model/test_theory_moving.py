@@ -233,7 +233,7 @@ def test_no_landing_lifts_over_the_bound(e, x, gamma, y):
 
 
 def test_the_bound_of_the_speed_is_reached_by_three_quarters():
-    # the highest flight begins where the base is highest and ends where it rises fastest
+    # by a flight from where the base is highest to where it rises fastest: the bound is not idle
     e, alpha = 0.5, 1.0
     bound = float(theory.liftoff_speed_bound(0.0, 1.5, e, "moving"))
     phases = np.linspace(-0.5, 0.5, 201)

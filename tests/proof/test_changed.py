@@ -19,7 +19,7 @@ SINGLE = [n for n in VARIABLES if n not in MEASURE_OF or not MEASURES[MEASURE_OF
 NUMBERS = [name for name in SINGLE if VARIABLES[name].dtype == "float64"]
 CODES = [name for name in SINGLE if VARIABLES[name].flags]
 COUNTS = [name for name in SINGLE if name not in NUMBERS + CODES]
-# Coordinates that the files here lack: other forcings, mounts, noise, laws of restitution.
+# Coordinates that the files here lack: other forcings, mounts, noise, laws, ragged records.
 OTHERS = {
     "base_velocity",
     "base_displacement",

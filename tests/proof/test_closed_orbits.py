@@ -86,7 +86,7 @@ def test_the_derivative_of_a_slope_is_that_of_differences():
 
 
 def test_a_mode_under_two_tones_ends_in_a_proved_fold():
-    """At e = 0.85 the mode exists from 0.1688 to 0.2855, where w'(x) = 0."""
+    """At e = 0.85 the mode has folds at 0.1688, 0.2852 and 0.2855, where w'(x) = 0."""
     own = orbit(waveform=TWO_TONES)._replace(e=arb(0.85))
     x = np.linspace(0.0, 1.0, 10_001)
     w, slope = TWO_TONES.velocity(x), TWO_TONES.slope(x)

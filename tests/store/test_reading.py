@@ -192,7 +192,7 @@ OTHERS = {
 
 @pytest.mark.parametrize("other", OTHERS)
 @pytest.mark.parametrize("name", ["restitution", "rebound_height_max"])
-def test_a_variable_of_another_type_never_causes_a_traceback(sound, tmp_path, capsys, name, other):
+def test_a_replaced_variable_never_causes_a_traceback(sound, tmp_path, capsys, name, other):
     """A command shows what is left, or says in a message what is wrong."""
     path = shutil.copy(sound, tmp_path / "copy.h5")
     with h5py.File(path, "r+") as file:

@@ -59,7 +59,7 @@ def share_interval(counts: NDArray[np.int64], total: int) -> dict[str, Array]:
 
 
 def _entropies(index: NDArray[np.int64]) -> tuple[float, float]:
-    """Basin entropy, NaN if no box fits, and boundary entropy, NaN if no box has several basins."""
+    """Basin entropy, NaN if no box has a basin, and boundary entropy, NaN if no box has several."""
     rows, columns = (size // BOX * BOX for size in index.shape)
     cut = index[:rows, :columns].reshape(rows // BOX, BOX, columns // BOX, BOX)
     boxes = cut.transpose(0, 2, 1, 3).reshape(-1, BOX * BOX)

@@ -171,8 +171,8 @@ def _along(planes: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
 def _tracks(planes: list[xr.Dataset]) -> list[Codes]:
     """Number the attractors so that each keeps its number along a parameter.
 
-    An attractor is matched with one of the same kind at earlier values.  If there are several, the
-    distance between their impacts before the shortest flight, in phase and speed, decides.
+    An attractor is matched with one of the same kind at earlier values.  If there are several,
+    those are matched whose impacts before the shortest flight are nearest in phase and speed.
     """
     from scipy.optimize import linear_sum_assignment
 

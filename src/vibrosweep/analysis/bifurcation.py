@@ -53,7 +53,7 @@ class Impacts(NamedTuple):
 
     phase: Array  # of the forcing at landing, turns
     speed: Array  # at lift-off, m s-1
-    # Height of the apex of the next flight above the mean level of the base, m
+    # Highest point of the next flight, above the mean level of the base, m
     height: Array
     time: Array  # duration of the next flight, s
 

@@ -125,10 +125,11 @@ class Condition:
 
 @dataclass(frozen=True)
 class Locked:
-    """Condition that the fixed orbit of k forcing periods exists and attracts, reached or not.
+    """Condition that the fixed orbit of k forcing periods exists and attracts.
 
-    It is found as a fixed point of the map (`vibrosweep.kernels.fixed`): near the edge of its
-    window, a simulation would converge too slowly.
+    It may hold even if no launch leads to the orbit.  The orbit is found as a fixed point of the
+    map (`vibrosweep.kernels.fixed`): near the edge of its window, a simulation would converge too
+    slowly.
     """
 
     k: int

@@ -65,7 +65,7 @@ def _first(landing: Array, liftoff: Array, contact_time: float) -> tuple[float, 
     leaves = np.where(np.isnan(liftoff), np.inf, np.maximum(liftoff, landing + contact_time))
     order = np.argsort(landing[known], kind="stable")
     who, begin, end = np.nonzero(known)[0][order], landing[known][order], leaves[known][order]
-    # stays of one particle do not overlap, so that the latest end so far is another particle's
+    # stays of one particle do not overlap: one that has not yet ended is another particle's
     latest = np.maximum.accumulate(end)[:-1]
     sharing = np.flatnonzero((begin[1:] < latest) & _another(who, end))
     if not sharing.size:

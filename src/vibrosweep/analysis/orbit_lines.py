@@ -148,7 +148,7 @@ class Plane:
         ]
 
     def corrected(self, z: Array, span: Range, condition: int) -> bool:
-        """Correct `z` in place onto a line where `condition` holds; return whether it converges."""
+        """Correct `z` to where a line meets `condition`, in place; return whether it converges."""
         return bool(correct_point(self.base, self.problem, span, z, condition))
 
     def follow(self, z: Array, span: Range, along: Array | None = None) -> Line:

@@ -18,8 +18,8 @@ def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
     The sequence s_1, s_2, ... names the particle of each landing in the order of time (particles
     that land together stand in the order of their numbers).  N particles keep their order as long
     as each landing repeats the one N places before, s_(k+N) = s_k; each k at which this fails is a
-    change.  One particle overtakes another if it makes its n-th impact before the other's n-th
-    and its next impact after the other's next, or the other way round.
+    change.  One of two particles overtakes the other where the first of them to make impact n is
+    the second to make impact n + 1.
 
     Parameters
     ----------

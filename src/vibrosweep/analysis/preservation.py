@@ -34,7 +34,7 @@ def separation_changes(
     xarray.Dataset
         Dim ``realization``: ``change_max`` and ``change_median`` (s) over all pairs of particles
         and successive impacts, the ``preserved_fraction`` that changes by at most the contact time,
-        and the number ``steps`` of changes; NaN where there are none.
+        and the number ``steps`` of changes; if it is 0, the others are NaN.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def separation_distribution(
     measure
         ``"dt_min"`` or ``"dt_min_same_index"``.
     quantiles
-        Levels in [0, 1]; the q quantile is the least separation that a share q does not exceed.
+        In [0, 1]; the quantile q is the least separation that a share q of them does not exceed.
 
     Returns
     -------

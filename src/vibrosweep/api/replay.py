@@ -29,8 +29,8 @@ def replayed(result: xr.Dataset, keywords: Mapping[str, Any]) -> tuple[Scene, di
     """Return the scene of a sweep and the parameters that vary, as `batch` does for keywords.
 
     Raises a ParameterError for keywords other than measures, a SpecError for measures that cannot
-    be computed, and a DataError for anything but the complete dataset of a sweep; issues an
-    `OtherKernelsWarning` if another version of the code computed the dataset.
+    be computed, and a DataError for anything but a dataset of a sweep, or realizations of it, with
+    all its inputs; issues an `OtherKernelsWarning` if another version of the code computed it.
     """
     require_dataset(result)
     keywords = {name: value for name, value in keywords.items() if value is not None}

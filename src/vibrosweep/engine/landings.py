@@ -34,7 +34,7 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
-# For `simulate`, which adds phase and speed of impact: with these, and the arrays they come from
+# For `simulate`: with phase and speed of impact too, and the arrays from which they are computed
 BYTES_IN_MEMORY: Final = BYTES_PER_LANDING + 4 * 8
 # Motion of a base that recoils: four numbers for each landing and for each lift-off
 BYTES_OF_MOTION: Final = 2 * 4 * 8

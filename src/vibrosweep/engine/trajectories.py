@@ -163,7 +163,7 @@ def statistics(
 
 
 def _longest(problem: Dimensionless, launch: Launches) -> float:
-    """Return the forcing periods that no trajectory lasts longer than."""
+    """Return an upper bound of the duration of every trajectory, in forcing periods."""
     return float(np.max(problem.end_count) - np.min(launch.whole) + 2.0)
 
 

@@ -14,10 +14,10 @@ from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statis
 from vibrosweep.kernels.unwritten import FLAG, require_written
 
 TRAJECTORIES_PER_TASK = 1 << 16
-# Ranges of a stream: long against a call, which costs some 15 us; short, to balance the threads
+# Ranges of a stream: long against the cost of a call, some 15 us; short, to balance the threads
 PIECES_PER_THREAD = 16
 SMALLEST_PIECE, SMALL_PIECE, LARGEST_PIECE = 1 << 8, 1 << 12, 1 << 14  # trajectories
-PERIODS_PER_PIECE = 3 << 16  # of a small piece: its trajectories together
+PERIODS_PER_PIECE = 3 << 16  # forcing periods of all trajectories of a small piece together
 
 compiling.listen()
 

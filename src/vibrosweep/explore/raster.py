@@ -36,7 +36,7 @@ class Raster:
 
 
 def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = None) -> Raster:
-    """Gather points in the pixels of a view or, if they form an even grid, in its cells.
+    """Gather points in the pixels of a view, or points of an even grid in the cells of the grid.
 
     `codes` lists the possible values if they are codes; it is None for numbers.
     """

@@ -109,7 +109,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     forcing = Forcing(data.SYMBOLS[name], *scene, name)
     if has_closed_forms(windows):
         draw_windows(axes, forcing, over=True, modes=modes)
-    # labels with this remark or a direction are long: only two fit in a row
+    # labels with `NONE_FOUND` or a direction are long: only two fit in a row
     lacking = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
     turned = is_locked and windows.attrs.get("rebound") == "reflect"
     remark = "; curves: orbits without reflection" if turned else ""

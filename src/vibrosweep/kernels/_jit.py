@@ -306,7 +306,7 @@ fma: Callable[[float, float, float], float] = (
 
 @intrinsic
 def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
-    """Begin to load the cache line of array[i], contiguous and of one dimension, for writing."""
+    """Begin to load the cache line of array[i] for writing; a contiguous array of one dimension."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         from numba.np.arrayobj import make_array  # slow to import, and only compiling needs it

@@ -1,8 +1,8 @@
 """Advance trajectories in time with running statistics; landings are not stored.
 
 The inner loop over a block of lanes (see `lanes`) has no branches and compiles to vector code.
-Every `LOOK_AFTER` passes, lanes are checked: those that are past the end are written out and
-refilled with new trajectories.
+Every `LOOK_AFTER` passes, lanes are checked: those past the end or out of budget are written out
+and refilled with new trajectories.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Options(NamedTuple):
     patience: float = 0.0
     all_cycles: int = 0  # 1 to find every cycle, 0 to find only those that save work
     jump: int = 1  # 1 to skip repetitions of cycles, 0 to simulate every impact nevertheless
-    # Called for every landing in the window, or None; only if no cycles are detected
+    # Called for every landing in the window, or None; must be None if `cycles` are given
     observer: Observer | Recorder | None = None
 
 

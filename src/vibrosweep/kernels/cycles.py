@@ -102,8 +102,8 @@ def empty_rests(kinds: Kinds) -> Rests:
 def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -> Cycle:
     """Return the totals of the cycle through a state.
 
-    They are those of no impacts if there is a rest on the way, because such a cycle is counted from
-    rest to rest.
+    They are those of no impacts if there is a rest on the way and all rests end alike, because such
+    a cycle is counted from rest to rest.
     """
     n, x, u = 0.0, x_start, u_start
     found: Cycle = no_impacts(kinds)

@@ -40,7 +40,7 @@ class Source(NamedTuple):
     kick: float
     drive: float
     stream: float
-    end: float  # whole periods at the end of the observation, where counts may begin
+    end: float  # whole periods at the end of the observation, from which n may count
 
 
 class Draw(NamedTuple):

@@ -44,7 +44,7 @@ class Wanted(NamedTuple):
 
     impacts: int  # at most, of an orbit
     periods: int  # at most
-    seeds: int  # at least, of each (p, q), times 4 for each further impact, up to `LEAST` of them
+    seeds: int  # at least, of each (p, q), times 4 for each impact beyond the first, up to `LEAST`
     balances: bool  # whether the orbits of each (p, q) balance once all are found
 
 

@@ -1,6 +1,6 @@
 """Statistics: a number for each landing, or for each flight, and how the numbers combine.
 
-Separations, cycles, exponents, error bounds and records have kernels of their own.  A statistic is
+Separations, cycles, exponents, error bounds and records are computed elsewhere.  A statistic is
 declared once, below; `kernels.totals` composes the chosen ones into the loop over the lanes, the
 totals of a cycle and the loop over the events of a coupled base.  The choice is a tuple of empty
 named tuples, whose types decide what is compiled, so that the machine code of each choice can be

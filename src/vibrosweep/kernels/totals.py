@@ -208,7 +208,7 @@ def totals_of(kinds: Kinds, s: Floats, j: int) -> Iterator[str]:
 def with_flight(kinds: Kinds, totals: tuple[float, ...], flight: Counted) -> Iterator[str]:
     """Return totals with a flight added, and a sum that is not finite if a flight is not.
 
-    A flight of no time and height adds nothing.
+    A flight of no time and height adds nothing, except to a COUNT.
     """
     names = [f"v{k}" for k in range(len(kinds))]
     for k, kind, number in _numbers(kinds):

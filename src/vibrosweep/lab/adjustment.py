@@ -1,7 +1,7 @@
 """Adjustment of instants together with the parameters of bounces on a base of constant level.
 
-The smallest weighted change of the instants is sought with which every bounce obeys the map, with
-one of the laws of restitution.
+The adjustment is the smallest weighted change of the instants with which every bounce obeys the
+map, under one of the laws of restitution.
 """
 
 from __future__ import annotations

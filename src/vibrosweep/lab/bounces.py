@@ -102,7 +102,7 @@ def solve(matrix: csr_array, right: Array) -> Array:
 
 
 def whiten(matrix: csr_array, right: Array) -> Array:
-    """Transform columns with this covariance, as in `solve`, to independent ones of variance 1."""
+    """Transform columns to independent ones of variance 1; `matrix` is their covariance."""
     factor = cholesky_banded(_band(matrix), lower=True)
     return np.asarray(solve_banded((len(factor) - 1, 0), factor, right))
 

@@ -160,7 +160,7 @@ def _fit_and_laws(
 ) -> tuple[FittedLaw, list[FittedLaw]]:
     """Return the fit with constant restitution or, if the bounces rule that out, with the best law.
 
-    The second value holds the fits of all laws; it is empty if no parameters are determined.
+    The second value holds the fits of all laws; it is empty if the parameters are not determined.
     """
     fit = adjusted.with_law(Law())
     lost = np.isinf(fit.misfit)

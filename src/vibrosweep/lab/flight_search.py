@@ -35,7 +35,7 @@ UPPER: Final = 0.25
 # Fewest samples of a flight, one more than its unknowns, and least height in units of the noise
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
-FIRST_SHARE: Final = 0.6  # used of the first estimate of the noise, which may be too large
+FIRST_SHARE: Final = 0.6  # used share of the first estimate of the noise, which may be too large
 # Significance level of the test for poor flights: one good flight in a million fails it
 POOR: Final = 1e-6
 # Share of poor flights at which the search has failed

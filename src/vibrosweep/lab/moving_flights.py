@@ -64,7 +64,7 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         poor = poor_flights(fits, noise)
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
-        # a particle lifts off from rest without a kink: frames before it would distort the flight
+        # a lift-off from rest has no kink: frames before it would distort the flight
         lifted = np.zeros(poor.size, bool)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]

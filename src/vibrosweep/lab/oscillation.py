@@ -280,7 +280,7 @@ def without_outliers(
 ) -> tuple[OptimizeResult, Flags]:
     """Fit the contacts that are `kept`, then fit again without outliers.
 
-    Returns the last fit, and marks the contacts that it used.  The first fit begins at `values`,
+    Returns the last fit, and flags of the contacts that it used.  The first fit begins at `values`,
     whose scale is `scale`.
     """
     for _ in range(ROUNDS):

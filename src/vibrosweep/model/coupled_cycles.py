@@ -7,7 +7,7 @@ and its velocity, then height and speed of each particle.
 
 Particle i lands where h = y_i - Y = 0.  The impact changes the state to z+ = r(z-, t).  A small
 difference dz- from the orbit delays the impact by n dz- / c, where n is the gradient of h and
-c = -dh/dt the speed of approach.  After the impacts of both, the difference is therefore
+c = -dh/dt the speed of approach.  Once both motions have had the impact, their difference is
 
     dz+ = S dz-,    S = r_z - (f+ - r_z f- - r_t) n / c
 

@@ -2,7 +2,8 @@
 
 Source: the locked orbits of the high-bounce map (Holmes 1982, J. Sound Vib. 84, 173), written for
 a kick of velocity amplitude A on a base that stays at height zero, and of the exact model (Luck &
-Mehta 1993, Phys. Rev. E 48, 3988), where the base itself has A / (1 + e).  All functions broadcast.
+Mehta 1993, Phys. Rev. E 48, 3988), whose base has the velocity amplitude A / (1 + e).  All
+functions broadcast.
 
 A locked orbit of mode k lands once every k forcing periods and leaves with the speed
 v = g k / (2 f), over either base.  With Gamma = 2 pi f A / ((1 + e) g), the acceleration of the

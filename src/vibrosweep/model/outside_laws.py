@@ -32,7 +32,7 @@ class Law:
     slope
         ``slope(e, s)``: the derivative of s ratio(e, s) with respect to s, which is E'(v).
     bend
-        ``bend(e)``: a bound of the modulus of the derivative of `slope` with respect to s, for all
+        ``bend(e)``: a bound on the modulus of the derivative of `slope` with respect to s, for all
         s >= 0.
     roundings
         Bound on the errors of `ratio` and `slope`, in roundings of half an ulp.

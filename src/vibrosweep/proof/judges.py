@@ -90,7 +90,7 @@ def _recorded(impact: Impact | None) -> dict[str, Any]:
 
 
 def _follows(value: Callable[[Case, str], float | None]) -> Callable[[Case, str], Judgements]:
-    """Return a judge by the value that other variables imply, None where they imply nothing."""
+    """Judge a variable by the value that others imply, None where they imply nothing."""
 
     def follows(case: Case, name: str) -> Judgements:
         made = value(case, name) if case.stored["status"] == Status.COMPLETED else None

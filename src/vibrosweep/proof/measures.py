@@ -174,8 +174,8 @@ def _closest_same_index(landings: Sequence[Landing]) -> arb | None:
 def _overlap(landings: Sequence[Landing], begin: arb) -> arb | None:
     """Longest overlap of two stays inside the window, as `ProvedMeasures` says.
 
-    A stay overlaps longest with the earlier stay, of another particle, that ends last; so it is
-    enough to keep the latest ends of stays of the two particles that stay longest.
+    A stay overlaps longest with the earlier stay, of another particle, that ends last; so only
+    the latest end for each particle is kept, and only for the two particles where it is latest.
     """
     longest: dict[int, arb] = {}
     overlap = None

@@ -145,7 +145,7 @@ class Orbit:
         """Impacts in the cycle of a state; 0 if the orbit does not repeat.
 
         The stated number is correct if the orbit may repeat after it, and does not certainly repeat
-        after one of its divisors.
+        after one of its proper divisors.
         """
         if stated > 0 and self._repeats(since - stated, stated, SAME_ORBIT + self._error):
             shorter = (d for d in range(1, stated) if stated % d == 0)

@@ -109,7 +109,7 @@ def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
 
 
 def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
-    """Return flags of realizations that did not complete, or need more budget for a measure."""
+    """Mark realizations that did not complete, or lack a measure that a larger budget gives."""
     failed = columns["status"] != Status.COMPLETED
     # a realization whose landings are counted from a cycle completes, but these measures need
     # every landing

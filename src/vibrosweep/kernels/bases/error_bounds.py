@@ -45,8 +45,8 @@ def jacobian_error(
 ) -> tuple[float, float, float]:
     """Bounds of how much errors change the image of a small deviation of the state.
 
-    Three factors, whose products are added: with the deviation of the phase before, of the speed
-    before, and of the phase of the landing.  The phase of the landing has the error `error`.
+    The image changes by at most the sum of the three numbers, each times a deviation: of the phase
+    before, of the speed before, and of the phase of the landing, whose error is `error`.
     """
 
 

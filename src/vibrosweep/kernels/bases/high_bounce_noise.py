@@ -101,7 +101,7 @@ def prepare_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
 
 @jit
 def _wake_lanes(on: int | None, base: HighBounce, s: Floats, lanes: int) -> None:
-    """Check in each resting lane whether the period drawn for it ends the rest (`_first_lift`)."""
+    """Check in each resting lane if its present period ends the rest, as `_first_lift` does."""
     if on is not None:
         wide_vectors()
         for j in range(lanes):

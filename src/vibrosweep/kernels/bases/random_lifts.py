@@ -36,10 +36,10 @@ def lift_in(shape: Shape, kick: float, r: float, after: float, rests: bool) -> t
 def lift_in_error(
     shape: Shape, a: float, drive: float, r: float, after: float, error: float
 ) -> tuple[bool, float]:
-    """Return whether `lift_in` lifts, and a bound on the error of when; `error` is that of `after`.
+    """Return whether `lift_in` lifts, and a bound on the error of its time.
 
-    The bound is infinite where either is in doubt.  The kick of a period, a (1 + drive), takes two
-    more roundings than without noise, and its noise another two.
+    `error` is that of `after`.  The bound is infinite where either is in doubt.  The kick of a
+    period, a (1 + drive), takes two more roundings than without noise, and its noise another two.
     """
 
 

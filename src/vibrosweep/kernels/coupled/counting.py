@@ -47,7 +47,7 @@ class Work(NamedTuple):
     # flight that began with it, in g / (8 f^2); shape (3, particle)
     lifted: Floats
     # counts, flies, rides: for each particle, 1 where its last landing is in the window, where its
-    # flight counts, and where it has rested since a landing before the end
+    # flight counts, and where it has rested since a landing up to the end
     counts: Integers
     flies: Integers
     rides: Integers

@@ -150,7 +150,7 @@ def _landing(state: System, load: Load, limit: Bounds, j: int, motion: Motion) -
         f, f1 = _clearance(state, j, motion, t)
         step = _step(f, f1, -2.0 - motion.pull, -motion.jerk, k)
         t = max(t + step, 0.0)
-        # ends at the error of the cubic, or where rounding keeps steps from shrinking
+        # ends where the error of the cubic is negligible, or rounding keeps steps from shrinking
         square = step * step
         if limit.snap * square * square <= -f1 * NEAR * t or abs(step) >= 0.5 * last:
             break

@@ -178,7 +178,7 @@ def let_pass(state: System, load: Load, t: float) -> Motion:
     now[NOW.D], now[NOW.B] = motion.d, motion.b
     now[NOW.LIFT] -= t
     locate(state, load)
-    for j in range(mode.size):  # height and speed of the others are set when they leave
+    for j in range(mode.size):  # also if not flying: height and speed are set anew at the lift-off
         w = particle[PARTICLE.SPEED, j]
         particle[PARTICLE.HEIGHT, j] = fma(t, w - t, particle[PARTICLE.HEIGHT, j]) - motion.rise
         particle[PARTICLE.SPEED, j] = w - 2.0 * t - motion.gain

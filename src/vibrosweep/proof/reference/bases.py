@@ -25,7 +25,7 @@ class Reference(NamedTuple):
 
 
 def _over_moving_base(problem: Problem) -> Motion:
-    """Motion over the moving base; with amplitude 0 it is fixed, so that ties are decided."""
+    """Motion over the moving base; a base of amplitude 0 is fixed, so that ties are decided."""
     still = problem.parameters["amplitude"] == 0.0 and problem.deviates is None
     return high_bounce.Motion(problem) if still else moving.Motion(problem)
 

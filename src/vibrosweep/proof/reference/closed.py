@@ -68,7 +68,7 @@ def _matrix(jets: Sequence[Jet]) -> arb_mat:
 
 
 def _inverse(system: _System, middle: Sequence[arb]) -> arb_mat | None:
-    """Return an exact matrix near the inverse of the derivative; None if that is singular."""
+    """Return an exact matrix near the inverse of the derivative; None if that may be singular."""
     try:
         return _matrix(system.at(middle)[0]).inv().mid()
     except ZeroDivisionError:

@@ -2,7 +2,8 @@
 
 The base stays at height 0: a flight arrives with the speed that it began with, and the kick depends
 on the phase alone.  The state is kept in velocities: the rebound speed v, and the sum V of the
-speeds since the launch, which is the time flown in units of 2 / g.  The map is
+speeds since the launch, which is the time flown in units of 2 / g.  Every parameter is an exact
+double.  The map is
 
     V' = V + v         w = e v + A sin(2 pi (f t0 + phi / 2 pi + (2 f / g) V'))
 

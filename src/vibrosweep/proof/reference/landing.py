@@ -32,7 +32,7 @@ from vibrosweep.proof.reference.waves import AtLiftoff, Bounds, Wave, next_of
 
 # Steps; a flight takes about ten, and one that passes close above the base some dozens.
 MOST_STEPS: Final = 1000
-SHORTENING: Final = arb(1.0 - 2.0**-8)  # factor for the end of the time above all of the base
+SHORTENING: Final = arb(1.0 - 2.0**-8)  # shortens the time above all heights of the base
 # How often, and by how much, an interval about a root is narrowed until it is proved to hold one.
 CLOSER: Final = 4
 NEARER: Final = arb(2.0**-16)

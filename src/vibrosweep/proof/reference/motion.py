@@ -158,7 +158,7 @@ class PeriodMap(Protocol):
     def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction through the impact after a flight that sets out from phase x.
 
-        Computes in doubles, with phase and speed of the lift-off known up to `errors`.
+        The images are given as doubles; phase and speed of the lift-off are known up to `errors`.
         """
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:

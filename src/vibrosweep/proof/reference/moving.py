@@ -233,7 +233,7 @@ class Motion:
         """Lift-off from the present state."""
         m, turns = self._map, self._phase + self._flown
         u = self._speed + m.velocity(turns)
-        # a particle that falls, or that the base pushes at once, is highest at lift-off
+        # a particle that falls, or that the base pushes at once, is highest at the start
         rising = ZERO if self._speed < 0 else u.max(ZERO)
         square = rising * rising + 4 * m.alpha * m.wave.level(2 * turns)
         height = self._gravity / (8 * self._frequency * self._frequency) * square

@@ -1,4 +1,4 @@
-"""A trajectory at one precision, which is raised if a decision is uncertain or a ball too wide.
+"""A trajectory at one precision; an uncertain decision, or a ball too wide, requires more.
 
 The semantics of the branches are stated in `vibrosweep.proof.reference.ball`.
 """

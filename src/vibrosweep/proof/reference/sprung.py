@@ -271,7 +271,7 @@ class System:
             self._note(LIFTOFF, particle, self._velocity + speed, speed)
 
     def _land(self, particles: Sequence[int], speed: arb) -> None:
-        """Let particles in one state land, one after the other; as one if they are massless."""
+        """Let particles in one state land in order, or as one if massless and without noise."""
         if self._bodies.mount.mass_ratio.is_zero() and self._bodies.drawn is None:
             self._impact(particles, speed)
             return
