@@ -75,12 +75,12 @@ def test_functions_that_call_each_other_have_a_fingerprint():
 
 @pytest.mark.parametrize("value", [[1.0], np.ones(2), {"a": 1}, object(), (1.0, [2.0])])
 def test_values_that_could_change_unnoticed_are_refused(value):
-    with pytest.raises(ParameterError, match=r"here: .* uses K, a "):
+    with pytest.raises(ParameterError, match=r"here: .* uses K, of type "):
         identified(defined(USES, K=value))
 
 
 def test_a_module_of_the_user_is_refused():
-    with pytest.raises(ParameterError, match=r"uses K, a module, .* settings import"):
+    with pytest.raises(ParameterError, match=r"uses K, of type module, .* settings import"):
         identified(defined(USES, K=types.ModuleType("settings")))
 
 
