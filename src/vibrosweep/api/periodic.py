@@ -27,7 +27,7 @@ def orbits(
     threads: int | None = None,
     **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
-    """Find all periodic orbits without rests, whether they attract or not.
+    """Search for the periodic orbits without rests, whether they attract or not.
 
     Newton's method on the phases of all impacts starts from seeds that cover them evenly; an orbit
     is listed once, whatever impact and forcing period it is found to begin with.  The number of

@@ -20,7 +20,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "windows": "find the intervals of the forcing in which conditions hold",
     "bifurcation": "follow orbits up and down the forcing, and draw them",
     "basins": "find the attractor that each launch leads to, and draw the basins",
-    "orbits": "find all periodic orbits, whether they attract or not",
+    "orbits": "search for periodic orbits, whether they attract or not",
     "branches": "follow periodic orbits along a parameter, and find their bifurcations",
     "boundaries": "trace bifurcations of periodic orbits over a plane",
     "verify": "compare a result file with proved values",

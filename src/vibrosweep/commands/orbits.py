@@ -1,4 +1,4 @@
-"""``vibrosweep orbits``: find all periodic orbits, whether they attract or not."""
+"""``vibrosweep orbits``: search for periodic orbits, whether they attract or not."""
 
 from __future__ import annotations
 
