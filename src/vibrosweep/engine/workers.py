@@ -14,7 +14,7 @@ from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statis
 from vibrosweep.kernels.unwritten import FLAG, require_written
 
 TRAJECTORIES_PER_TASK = 1 << 16
-# Ranges of a stream: long against the cost of a call, some 15 us; short, to balance the threads
+# Ranges of a stream: long against the cost of a call, some 15 us, but short enough for balance
 PIECES_PER_THREAD = 16
 SMALLEST_PIECE, SMALL_PIECE, LARGEST_PIECE = 1 << 8, 1 << 12, 1 << 14  # trajectories
 PERIODS_PER_PIECE = 3 << 16  # forcing periods of all trajectories of a small piece together
@@ -86,7 +86,7 @@ class Workers:
         """
         small = min(SMALL_PIECE, max(SMALLEST_PIECE, PERIODS_PER_PIECE // max(1.0, periods)))
         piece = max(int(small), min(total // (PIECES_PER_THREAD * self.threads), LARGEST_PIECE))
-        # as many ranges for each thread, unless trajectories differ
+        # a multiple of the number of threads, so that all have as many ranges if these last as long
         piece = math.ceil(total / (self.threads * math.ceil(total / (self.threads * piece))))
         starts = range(0, total, piece)
         # each thread has a first range of its own, so that no thread takes all
