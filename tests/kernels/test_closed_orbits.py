@@ -1,4 +1,4 @@
-"""Closed orbits: each one found is an orbit, closed forms are among them, none is missed."""
+"""Closed orbits: each one is an orbit; closed forms, and what trajectories hold, are found."""
 
 import math
 
@@ -17,6 +17,7 @@ from vibrosweep.model.shapes import HARMONICS_NAME, SINE, Waveform
 
 GRAVITY = 9.81
 ROOM = 300
+TONES = Waveform(HARMONICS_NAME, ((1, 1.0, 0.0), (2, 0.4, 1.1)))
 
 
 def problem(e, a, contact_time=1e-4):
@@ -37,11 +38,11 @@ def problem(e, a, contact_time=1e-4):
     )
 
 
-def search(base, e, a, impacts=3, periods=3, rebound="rest"):
+def search(base, e, a, impacts=3, periods=3, waveform=SINE):
     given_ = problem(e, a)
-    wanted = Wanted(impacts, periods, 8, base == "high-bounce" and rebound == "rest")
+    wanted = Wanted(impacts, periods, 8, base == "high-bounce")
     found = empty_closed(given_.kick.size, ROOM, wanted)
-    find_closed(0, given_.kick.size, base_of(base, rebound), given_, wanted, found)
+    find_closed(0, given_.kick.size, base_of(base, "rest", waveform), given_, wanted, found)
     assert (found.orbits >= 0).all()
     return found
 
@@ -126,6 +127,32 @@ def test_one_orbit_has_doubled():
     assert own.sum() == 1
 
 
+@given(st.floats(0.3, 0.99), st.floats(0.02, 2.0), st.sampled_from(["high-bounce", "moving"]))
+@settings(max_examples=40, deadline=None)
+def test_all_orbits_of_one_impact_are_found_under_harmonics(e, a, base):
+    """There are as many as roots of a w(x) = (1 - e) k, over both bases."""
+    found = search(base, e, a, impacts=1, periods=4, waveform=TONES)
+    w = TONES.velocity(np.linspace(0.0, 1.0, 20_001))
+    extremes = np.abs(w[1:-1][(np.diff(w)[1:] > 0.0) != (np.diff(w)[:-1] > 0.0)])
+    for k in range(1, 5):
+        need = (1.0 - e) * k / a
+        if np.abs(extremes - need).min() < 1e-6:
+            return  # two orbits nearly coincide
+        roots = np.count_nonzero((w[1:] > need) != (w[:-1] > need))
+        assert np.count_nonzero(found.periods[0, : found.orbits[0]] == k) == roots
+
+
+def test_orbits_do_not_depend_on_how_a_waveform_is_scaled():
+    """Weights ten times as large with a tenth of the kick are the same motion."""
+    scaled = Waveform(HARMONICS_NAME, tuple((h, 10.0 * c, psi) for h, c, psi in TONES.harmonics))
+    one = search("moving", 0.7, 0.8, 2, 2, TONES)
+    other = search("moving", 0.7, 0.08, 2, 2, scaled)
+    assert one.orbits[0] == other.orbits[0] > 4
+    assert np.sort(one.trace[0, : one.orbits[0]]) == pytest.approx(
+        np.sort(other.trace[0, : one.orbits[0]]), rel=1e-6
+    )
+
+
 def test_many_seeds_find_nothing_more():
     """At e = 0.6 over the moving base sixteen times as many seeds find the same orbits."""
     given_, base = problem(0.6, 1.1), base_of("moving", "rest")
@@ -136,9 +163,6 @@ def test_many_seeds_find_nothing_more():
         find_closed(0, 1, base, given_, wanted, found)
         counts.append(int(found.orbits[0]))
     assert counts[0] == counts[1] > 4
-
-
-TONES = Waveform(HARMONICS_NAME, ((1, 1.0, 0.0), (2, 0.4, 1.1)))
 
 
 @pytest.mark.parametrize(

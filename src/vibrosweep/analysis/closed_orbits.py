@@ -26,7 +26,8 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.orbit_search import NO_ORBIT, Closed, Wanted, empty_closed, find_closed
+from vibrosweep.kernels.orbit_list import NO_ORBIT, Closed
+from vibrosweep.kernels.orbit_search import Wanted, empty_closed, find_closed
 from vibrosweep.kernels.unwritten import require_written
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless, taken

@@ -24,6 +24,7 @@ from vibrosweep.kernels.waveforms import (
     LiftOffs,
     Shape,
     depth_of,
+    falls_of,
     kick_bend,
     kick_rounding,
     kick_slope,
@@ -36,6 +37,7 @@ from vibrosweep.kernels.waveforms import (
     put_phases,
     steepness,
     take_phases,
+    turning,
     velocity,
 )
 from vibrosweep.model.shapes import TWO_PI
@@ -99,6 +101,8 @@ implements(velocity, Harmonics)(lambda shape, x: _clenshaw(shape, x, 0))
 implements(kick_slope, Harmonics)(lambda shape, a, x: 2.0 * math.pi * a * _clenshaw(shape, x, 1))
 implements(peak_of, Harmonics)(lambda shape: shape.highest)
 implements(depth_of, Harmonics)(lambda shape: shape.deepest)
+implements(turning, Harmonics)(lambda shape: shape.turns[:-1])
+implements(falls_of, Harmonics)(lambda shape: len(shape.dip))
 implements(steepness, Harmonics)(lambda shape: shape.steepest)
 
 

@@ -2,8 +2,13 @@
 
 Seeds cover the landing times of p impacts in q periods evenly: quasi-random points of the unit cube
 of p dimensions (the sequence of the generalised golden ratio) give the phase of the first landing
-and the times of the others.  The search ends at twice the number of the seed that led to the last
+and the times of the others.  The regions from which Newton's method leads to an orbit shrink with
+the falls of the velocity of the base, by whose number, squared for two impacts or more, the least
+number of seeds is multiplied.  The search ends at twice the number of the seed that led to the last
 new orbit and, for the map, not before the orbits balance, unless `PATIENCE` ends it.
+
+Orbits of one impact are found by the changes of sign of their equation, and trajectories lead to
+more orbits (`vibrosweep.kernels.close_returns`).
 
 For e < 1 the p equations of the map have no solution at the boundary of the region u > 0 of all
 flights, and none without kicks: their topological degree is zero.  Hence as many points have a real
@@ -13,30 +18,25 @@ orbits.  If these numbers differ, orbits were missed.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel, part
-from vibrosweep.kernels.bases import Base, Constants, constants, speed
-from vibrosweep.kernels.closed import (
-    Tangent,
-    admits,
-    begin_shortest,
-    close,
-    flight,
-    linearize,
-    power_trace,
-    primitive,
-    same,
-)
+from vibrosweep.kernels._jit import Floats, jit, kernel, part
+from vibrosweep.kernels.bases import Base, Constants, constants
+from vibrosweep.kernels.close_returns import follow_launches
+from vibrosweep.kernels.closed import Tangent, close, linearize, power_trace
+from vibrosweep.kernels.orbit_list import Closed, add, blank
 from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.waveforms import depth_of, falls_of, peak_of, turning
 from vibrosweep.model.parameters import Dimensionless
 
 WORTH = 2.5  # kicks; a seed with a larger residual is not tried
 LEAST = 8  # impacts beyond which the number of seeds does not grow
-NO_ORBIT = -2  # beside the codes of `vibrosweep.kernels.closed.admits`
 PATIENCE = 32  # number of seeds, relative to the least, beyond which it does not grow
+HALVINGS = 52  # of an interval in which an orbit of one impact is searched for
+LAUNCHES = 8  # of trajectories for each seed of orbits with one impact, at least
 
 
 class Wanted(NamedTuple):
@@ -44,31 +44,9 @@ class Wanted(NamedTuple):
 
     impacts: int  # at most, of an orbit
     periods: int  # at most
-    seeds: int  # at least, of each (p, q), times 4 for each impact beyond the first, up to `LEAST`
+    # under a sine at least, of each (p, q), times 4 for each impact beyond the first, up to `LEAST`
+    seeds: int
     balances: bool  # whether the orbits of each (p, q) balance once all are found
-
-
-class Closed(NamedTuple):
-    """Orbits; the first dimension of every array is (problem,), the second (orbit,) or (p, q)."""
-
-    orbits: Integers  # (problem,): their number, -1 where they exceed the capacity
-    impacts: Integers  # 0 past the last orbit, like the periods
-    periods: Integers
-    admissible: Flags  # `NO_ORBIT` past the last one
-    trace: Floats  # of the Jacobian of phase and speed over the orbit
-    determinant: Floats
-    # times, speed, arrival: (problem, orbit, impact): landing times in periods, the first one a
-    # phase; absolute speed at the lift-off; relative speed at the landing that ends its flight
-    times: Floats
-    speed: Floats
-    arrival: Floats
-    born: Integers  # number of the seed that led to it
-    # seeds, late: (problem, p, q): seeds, and new orbits found by their last half
-    seeds: Integers
-    late: Integers
-    # saddles, others: points with a real multiplier above 1, and without; see above
-    saddles: Integers
-    others: Integers
 
 
 def empty_closed(problems: int, capacity: int, wanted: Wanted) -> Closed:
@@ -133,78 +111,83 @@ def _balance(out: Closed, i: int, p: int, q: int) -> None:
     out.saddles[i, p - 1, q - 1], out.others[i, p - 1, q - 1] = saddles, others
 
 
-@jit
-def _known(i: int, times: Floats, p: int, q: int, out: Closed) -> bool:
-    """Return whether an orbit is among those that are kept."""
-    for k in range(out.orbits[i]):
-        alike = out.impacts[i, k] == p and out.periods[i, k] == q
-        if alike and same(out.times[i, k], times, p, q):
-            return True
-    return False
-
-
 @part
 def _search(
-    fixed: Constants, i: int, p: int, q: int, wanted: Wanted, kick: float, out: Closed
+    fixed: Constants, i: int, p: int, q: int, wanted: Wanted, worth: float, out: Closed
 ) -> bool:
-    """Find the orbits of (p, q), shorter ones among them; False where they exceed the capacity."""
-    times, scratch, off, matrix = np.empty(p), np.empty(p), np.empty(p), np.empty((p, p))
+    """Find the orbits of (p, q), shorter ones among them; False where they exceed the capacity.
+
+    Goes on after the seeds that were tried before if the orbits do not balance.
+    """
+    times, off, matrix = np.empty(p), np.empty(p), np.empty((p, p))
     golden = _golden(p)
-    least = wanted.seeds * 4 ** (min(p, LEAST) - 1)
-    number, until, before = 0, least, out.orbits[i]
-    while number < until:
+    plain = wanted.seeds * 4 ** (min(p, LEAST) - 1)
+    most = PATIENCE * plain
+    begun, before = out.seeds[i, p - 1, q - 1], out.orbits[i]
+    number, until = begun, max(begun, min(plain * falls_of(fixed.base.waveform) ** min(p, 2), most))
+    while True:
+        if number == until:
+            _balance(out, i, p, q)
+            even = out.saddles[i, p - 1, q - 1] == out.others[i, p - 1, q - 1]
+            if even or until >= most or not wanted.balances:
+                break
+            until = min(2 * until, most)
         number += 1
         _seed(number, golden, p, q, times)
         linearize(fixed, times, p, q, off, matrix)
         worst = 0.0
         for j in range(p):
             worst = max(worst, abs(off[j]))
-        if worst <= WORTH * kick and close(fixed, times, p, q, off, matrix):
-            d = primitive(times, p, q)
-            begin_shortest(times, d, q * d // p, scratch)
-            if not _known(i, times, d, q * d // p, out):
-                if out.orbits[i] == out.impacts.shape[1]:
-                    return False
-                _keep(fixed, i, times, d, q * d // p, number, out)
-                until = max(until, min(2 * number, PATIENCE * least))
-        if number == until and wanted.balances and until < PATIENCE * least:
-            _balance(out, i, p, q)
-            if out.saddles[i, p - 1, q - 1] != out.others[i, p - 1, q - 1]:
-                until *= 2
+        if worst <= worth and close(fixed, times, p, q, off, matrix):
+            orbits = out.orbits[i]
+            k = add(fixed, i, times, p, q, number, out)
+            if k == out.impacts.shape[1]:
+                return False
+            if k == orbits:
+                until = max(until, min(2 * number, most))
     out.seeds[i, p - 1, q - 1] = number
-    out.late[i, p - 1, q - 1] = 0
-    for k in range(before, out.orbits[i]):
-        out.late[i, p - 1, q - 1] += 2 * out.born[i, k] > number
+    if number > begun:
+        out.late[i, p - 1, q - 1] = 0
+        for k in range(before, out.orbits[i]):
+            out.late[i, p - 1, q - 1] += 2 * out.born[i, k] > number
     return True
 
 
 @part
-def _keep(
-    fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, out: Closed
-) -> None:
-    """Keep a new orbit, with the properties that follow from its times."""
-    k = out.orbits[i]
-    out.orbits[i] += 1
-    _blank(i, k, out)
-    out.impacts[i, k], out.periods[i, k], out.born[i, k] = p, q, number
-    out.times[i, k, :p] = times[:p]
-    tangent = linearize(fixed, times, p, q, np.empty(p), np.empty((p, p)))
-    out.trace[i, k], out.determinant[i, k] = tangent.trace, tangent.determinant
-    out.admissible[i, k] = admits(fixed, times, p, q)
-    for j in range(p):
-        arc = flight(fixed, times, p, q, j)
-        out.speed[i, k, j] = speed(fixed, arc.x, arc.u)
-        out.arrival[i, k, j] = arc.v
+def _search_single(fixed: Constants, i: int, q: int, out: Closed) -> bool:
+    """Find all orbits of one impact in q periods; False where they exceed the capacity.
+
+    Their equation is monotone between extremes of the velocity of the base: it has a root there if
+    its signs at the ends differ.
+    """
+    times, off, matrix = np.empty(1), np.empty(1), np.empty((1, 1))
+    roomy, turns = True, turning(fixed.base.waveform)
+    for k in range(len(turns)):
+        low, high = (turns[k - 1] if k else turns[len(turns) - 1] - 1.0), turns[k]
+        times[0] = low
+        linearize(fixed, times, 1, q, off, matrix)
+        sign = math.copysign(1.0, off[0])
+        times[0] = high
+        linearize(fixed, times, 1, q, off, matrix)
+        if sign * off[0] > 0.0:
+            continue
+        for _ in range(HALVINGS):
+            times[0] = 0.5 * (low + high)
+            linearize(fixed, times, 1, q, off, matrix)
+            low, high = (times[0], high) if sign * off[0] > 0.0 else (low, times[0])
+        if close(fixed, times, 1, q, off, matrix):
+            roomy = roomy and add(fixed, i, times, 1, q, 0, out) < out.impacts.shape[1]
+    return roomy
 
 
-@jit
-def _blank(i: int, k: int, out: Closed) -> None:
-    """Write that there is no orbit at a place."""
-    out.impacts[i, k] = out.periods[i, k] = out.born[i, k] = 0
-    out.admissible[i, k] = NO_ORBIT
-    out.trace[i, k] = out.determinant[i, k] = np.nan
-    for j in range(out.times.shape[2]):
-        out.times[i, k, j] = out.speed[i, k, j] = out.arrival[i, k, j] = np.nan
+@part
+def _search_all(fixed: Constants, i: int, wanted: Wanted, worth: float, out: Closed) -> bool:
+    """Search for the orbits of all (p, q) from seeds; False where they exceed the capacity."""
+    roomy = True
+    for p in range(1, wanted.impacts + 1):
+        for q in range(1, wanted.periods + 1):
+            roomy = roomy and _search(fixed, i, p, q, wanted, worth, out)
+    return roomy
 
 
 @kernel
@@ -218,14 +201,19 @@ def find_closed(
     for i in range(first, last):
         out.orbits[i] = 0
         fixed = constants(base, problem, i)
-        roomy = True
-        for p in range(1, wanted.impacts + 1):
-            for q in range(1, wanted.periods + 1):
-                roomy = roomy and _search(fixed, i, p, q, wanted, problem.kick[i], out)
+        shape = fixed.base.waveform
+        worth = WORTH * problem.kick[i] * max(peak_of(shape), depth_of(shape))
+        out.seeds[i] = 0
+        roomy = _search_all(fixed, i, wanted, worth, out)
+        for q in range(1, wanted.periods + 1):
+            roomy = roomy and _search_single(fixed, i, q, out)
+        roomy = roomy and follow_launches(fixed, i, LAUNCHES * wanted.seeds, out)
+        if wanted.balances:  # what trajectories found may have no partner yet
+            roomy = roomy and _search_all(fixed, i, wanted, worth, out)
         for p in range(1, wanted.impacts + 1):
             for q in range(1, wanted.periods + 1):
                 _balance(out, i, p, q)
         for k in range(out.orbits[i], out.impacts.shape[1]):
-            _blank(i, k, out)
+            blank(i, k, out)
         if not roomy:
             out.orbits[i] = -1

@@ -77,6 +77,16 @@ def steepness(shape: Shape) -> float:
 
 
 @generic
+def turning(shape: Shape) -> tuple[float, ...]:
+    """Phases of the extremes of w within a period, ascending."""
+
+
+@generic
+def falls_of(shape: Shape) -> int:
+    """Number of local minima of w' below 0 in a period, at least 1."""
+
+
+@generic
 def lift_offs(shape: Shape, a: float, r: float, of_sine: float) -> LiftOffs:
     """Phases at which the kick a w(x) rises through r, NaN where it does not.
 
@@ -125,6 +135,8 @@ def take_phases(shape: Shape, s: Floats, j: int) -> LiftOffs:
 
 implements(peak_of, Sine, Parabolic)(lambda shape: 1.0)
 implements(depth_of, Sine, Parabolic)(lambda shape: 1.0)
+implements(turning, Sine, Parabolic)(lambda shape: (0.25, 0.75))
+implements(falls_of, Sine, Parabolic)(lambda shape: 1)
 implements(lifts_once, Sine, Parabolic)(lambda shape: True)
 implements(take_phases, Sine, Parabolic)(lambda shape, s, j: s[ROW.CONSTANTS + 3 * STRIDE + j])
 
