@@ -1,4 +1,4 @@
-"""All closed orbits without rests, up to given numbers of impacts and forcing periods.
+"""Closed orbits without rests, up to given numbers of impacts and forcing periods.
 
 Orbits are solutions of equations, found whether they attract or not.  The time-shifted copies of an
 orbit (slots) count as one.
@@ -41,7 +41,7 @@ __all__ = ["SEEDS", "orbits", "summary"]
 
 MOST_IMPACTS: Final = 12
 MOST_PERIODS: Final = 64
-# Least number for one impact; 128 found no more orbits at e in [0.5, 0.98] and kicks a up to 1.2
+# Least number for one impact under a sine
 SEEDS: Final = 8
 PIECE: Final = 256  # points searched at a time
 CAPACITY: Final = 64  # orbits per point for which memory is reserved at first
@@ -52,7 +52,7 @@ ABSENT: Final = -1
 
 
 def orbits(sweep: Sweep, threads: int, *, impacts: int, periods: int, seeds: int) -> xr.Dataset:
-    """Closed orbits of all realizations of a sweep, as `vibrosweep.orbits`."""
+    """Closed orbits of the realizations of a sweep, as `vibrosweep.orbits`."""
     scene, design = sweep.scene, open_design(sweep)
     require_ability("orbits", scene, design.sampled)
     bounds = (("impacts", impacts, MOST_IMPACTS), ("periods", periods, MOST_PERIODS))
@@ -98,7 +98,7 @@ def _on_axes(found: xr.Dataset, axes: Mapping[str, Sequence[float]]) -> xr.Datas
 
 
 def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers) -> Closed:
-    """Find all closed orbits of a batch, sorted for each problem as by `_ordered`.
+    """Search for the closed orbits of a batch, sorted for each problem as by `_ordered`.
 
     Pieces of the batch are searched in turn; the search of a piece is repeated with a larger
     capacity until all its orbits fit.
@@ -224,10 +224,11 @@ def multipliers(trace: Array, determinant: Array) -> tuple[Array, Array]:
 
 
 def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> dict[str, Any]:
-    """Variables that show how complete the search is.
+    """Variables that may show that the search is not complete.
 
     Where the map contracts, and `wanted` says that orbits balance, there are as many saddle points
-    as others unless orbits were missed (`vibrosweep.kernels.orbit_search`).
+    as others unless orbits were missed (`vibrosweep.kernels.orbit_search`); a pair that was missed
+    changes both numbers alike.
     """
     dims = ("realization", "impacts", "periods")
     balances = wanted.balances & contracts[:, np.newaxis, np.newaxis]
@@ -274,10 +275,10 @@ def summary(found: xr.Dataset) -> Iterator[str]:
                     f"stable"
                 )
     late, balanced = int(found["late_orbits"].sum()), found["balanced"].values
-    completeness = "no count shows whether all were found"
+    completeness = "no count would show a missing orbit"
     if (balanced != ABSENT).any():
         completeness = (
-            f"saddle points and other points, equal in number if no orbit is missing, differ in "
+            f"saddle points and other points, equal in number unless orbits are missing, differ in "
             f"{np.count_nonzero(balanced == 0)} of {np.count_nonzero(balanced != ABSENT)} searches"
         )
     yield (

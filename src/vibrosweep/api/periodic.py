@@ -29,10 +29,13 @@ def orbits(
 ) -> xr.Dataset:
     """Search for the periodic orbits without rests, whether they attract or not.
 
-    Newton's method on the phases of all impacts starts from seeds that cover them evenly; an orbit
-    is listed once, whatever impact and forcing period it is found to begin with.  The number of
-    seeds is at least ``seeds * 4**(min(p, 8) - 1)`` for p impacts; it grows to twice the number
-    that led to the last new orbit, up to 32 times that least number.
+    All orbits of one impact are found, apart from two that coincide within rounding; of others some
+    may be missed.  Newton's method on the phases of all impacts starts from seeds that cover them
+    evenly, and where trajectories nearly return.  An orbit is listed once, whatever impact and
+    forcing period it is found to begin with.  Under a sine the number of seeds is at least ``seeds
+    * 4**(min(p, 8) - 1)`` for p impacts, and that of launches at least ``8 * seeds``; there are
+    more under harmonics.  Both grow to twice the number that led to the last new orbit, up to 32
+    times these numbers.
 
     Parameters
     ----------
@@ -42,7 +45,7 @@ def orbits(
     impacts, periods
         Largest numbers of impacts and of forcing periods of an orbit; up to 12 and 64.
     seeds
-        Least number of seeds for orbits with one impact.
+        Least number of seeds for orbits with one impact under a sine.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -59,8 +62,8 @@ def orbits(
         ``rebound_velocity`` (m s-1), and, for the flight that follows, ``flight_time`` (s) and
         ``arrival_velocity`` (m s-1).  Dims (..., impacts, periods): ``seeds``; ``late_orbits``, the
         number of new orbits to which the last half of the seeds led; ``saddle_points`` and
-        ``other_points``, two numbers that are equal over the high-bounce base if all orbits were
-        found, and ``balanced``, 1 if they are equal.
+        ``other_points``, two numbers that differ over the high-bounce base only if orbits were
+        missed, and ``balanced``, 1 if they are equal, which does not show that none was missed.
 
     Raises
     ------
@@ -101,8 +104,8 @@ def branches(
 ) -> xr.Dataset:
     """Follow periodic orbits along a parameter, round folds, and find their bifurcations.
 
-    All orbits at the values of the axis are followed in both directions, each once, until they
-    leave the range of the axis, touch the base, or begin to rest.  Saddle-nodes, period doublings,
+    The orbits found at the values of the axis are followed in both directions, each once, until
+    they leave the range of the axis, touch the base, or begin to rest.  Saddle-nodes, period doublings,
     grazings and rests are solutions of equations for the orbit, the parameter and the multiplier
     together.
 

@@ -1,4 +1,4 @@
-"""Search for all closed orbits of up to p impacts in up to q periods, for a batch of problems.
+"""Search for closed orbits of up to p impacts in up to q periods, for a batch of problems.
 
 Seeds cover the landing times of p impacts in q periods evenly: quasi-random points of the unit cube
 of p dimensions (the sequence of the generalised golden ratio) give the phase of the first landing
@@ -13,7 +13,7 @@ more orbits (`vibrosweep.kernels.close_returns`).
 For e < 1 the p equations of the map have no solution at the boundary of the region u > 0 of all
 flights, and none without kicks: their topological degree is zero.  Hence as many points have a real
 multiplier above 1 as have none, counting every point of an orbit and including repeated shorter
-orbits.  If these numbers differ, orbits were missed.
+orbits.  If these numbers differ, orbits were missed; if a pair was, they do not.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Wanted(NamedTuple):
     periods: int  # at most
     # under a sine at least, of each (p, q), times 4 for each impact beyond the first, up to `LEAST`
     seeds: int
-    balances: bool  # whether the orbits of each (p, q) balance once all are found
+    balances: bool  # whether the orbits of each (p, q) balance if none is missing
 
 
 def empty_closed(problems: int, capacity: int, wanted: Wanted) -> Closed:
@@ -155,10 +155,10 @@ def _search(
 
 @part
 def _search_single(fixed: Constants, i: int, q: int, out: Closed) -> bool:
-    """Find all orbits of one impact in q periods; False where they exceed the capacity.
+    """Find the orbits of one impact in q periods; False where they exceed the capacity.
 
     Their equation is monotone between extremes of the velocity of the base: it has a root there if
-    its signs at the ends differ.
+    its signs at the ends differ.  Under the law `reflect` it may have two where they do not.
     """
     times, off, matrix = np.empty(1), np.empty(1), np.empty((1, 1))
     roomy, turns = True, turning(fixed.base.waveform)

@@ -323,7 +323,8 @@ MEASURES: Final[Mapping[str, Measure]] = {
             "largest Lyapunov exponent per impact",
             "from the multipliers of the cycle, else the mean over the landings in the window; "
             "-inf where the regime is resting or at_rest; NaN if there are no landings, and where "
-            "the window has a rest but no cycle is known",
+            "the window has a rest but no cycle is known, so that a mean over particles is one "
+            "over motion that does not rest",
             dims=_RP,
             judged="exponent",
         ),
