@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.records import completed, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
@@ -138,7 +138,7 @@ def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
     xarray.Dataset
         Dim ``realization``: ``dt_min`` (s), ``coincidence_rate`` (s-1), ``dt_min_over_chance`` and
         ``dt_min_chance``; NaN where a particle rests in the window, lands more than 1.2 times per
-        period, or is locked (as far as the sweep has regimes).
+        period, is locked (as far as the sweep has regimes), or was not followed to the end.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
     most = OFTEN * (per_realization(sweep, "frequency") * window)
     rate = (count.sum(axis=1) ** 2 - (count**2).sum(axis=1)) / window
     known = (sweep["rest_count"].values == 0) & (sweep["at_rest_count"].values == 0)
-    known &= (count <= most[:, np.newaxis]).all(axis=1)
+    known &= (count <= most[:, np.newaxis]).all(axis=1) & completed(sweep)
     if "locked_count" in sweep:
         known &= sweep["locked_count"].values == 0
     z = np.where(known, rate * dt, np.nan)
