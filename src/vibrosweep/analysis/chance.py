@@ -22,6 +22,7 @@ from vibrosweep.analysis.records import completed, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.status import Status
 from vibrosweep.store.rows import flat
 
 __all__ = ["order_against_chance", "separations_against_chance"]
@@ -91,7 +92,8 @@ def order_against_chance(
         uniform phases ``phase_factor``, ``dt_min_over_chance``, ``dt_min_chance``,
         ``dt_min_surrogate_share``, ``order_over_chance``, ``order_chance`` and ``gap_chance``.
         Variables that assume independent landings are NaN where a particle rests, lands more than
-        1.2 times per period, or keeps to few phases, as a locked one does.
+        1.2 times per period, keeps to few phases, as a locked one does, or was not followed to the
+        end.
 
     Raises
     ------
@@ -200,7 +202,9 @@ def _against_chance(
     shares = _surrogates(window, smallest, seeds, surrogates)
     rests = bool((record["rested"].values[realization][inside] == 1).any())
     rate, uniform = _rates(window)
-    z = np.nan if rests or not rate > 0.0 else rate * smallest
+    status = record["status"].isel(realization=realization) if "status" in record else 0
+    lost = np.any(status != Status.COMPLETED)
+    z = np.nan if rests or lost or not rate > 0.0 else rate * smallest
     return {
         "coincidence_rate": rate * frequency,
         "dt_min": smallest / frequency,

@@ -12,6 +12,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
 from vibrosweep.figures.basins import basins_of_attraction
+from vibrosweep.figures.cells import between
 from vibrosweep.figures.paint import paint_grid
 from vibrosweep.model.parameters import OF_RESTITUTION
 
@@ -106,8 +107,8 @@ def _aligned(orbits: xr.Dataset, along: str) -> tuple[Array, tuple[int, ...]]:
 
 
 def _launch_times(orbits: xr.Dataset, basins: xr.Dataset) -> Array:
-    """Times, within the period of the basins, at which the base has the phases of the impacts."""
-    first, frequency = float(basins["launch_time"].min()), float(basins["frequency"])
+    """Times at which the base has the phases of the impacts, in the period from the first cell."""
+    first, frequency = between(np.sort(basins["launch_time"].values))[0], float(basins["frequency"])
     turns = orbits["impact_phase"].values - float(basins["phase"]) / (2.0 * np.pi)
     return np.asarray(first + np.mod(turns - frequency * first, 1.0) / frequency)
 

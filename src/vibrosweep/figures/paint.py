@@ -172,7 +172,7 @@ def _paint(
         cmap=cmap,
         norm=norm,
         marker=marker,
-        linewidths=1.0 if marker == "x" else 0.0,
+        linewidths=0.0 if marker == "o" else 1.0,  # crosses consist of lines alone
         rasterized=points.x.size > 5000,
     )
 
