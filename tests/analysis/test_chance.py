@@ -8,6 +8,7 @@ from scipy.stats import kstest
 import vibrosweep as vs
 from vibrosweep.analysis import order_against_chance, separations_against_chance
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.status import Status
 
 PERIODS = 1500
 LANDINGS = 60
@@ -112,6 +113,9 @@ def test_a_sweep_takes_uniform_phases():
     expected = single["coincidence_rate"] / single["phase_factor"]
     np.testing.assert_allclose(found["coincidence_rate"], expected, rtol=1e-12)
     np.testing.assert_array_equal(found["dt_min"], sweep["dt_min"])
+    sweep["status"].values[1] = record["status"].values[1, 2] = Status.BUDGET_EXCEEDED
+    for lost in (separations_against_chance(sweep), order_against_chance(record, surrogates=1)):
+        assert np.isfinite(lost["dt_min_over_chance"].values).tolist() == [True, False]
 
 
 def test_impossible_comparisons_with_chance_are_refused():

@@ -58,6 +58,13 @@ def test_a_noise_that_varies_has_a_curve_for_each_quarter_of_its_range():
     assert labels == [r"$\sigma_V$ to 0.05", "to 0.1", "to 0.15", "to 0.2 (m s$^{-1}$)"]
     middles = [np.median(one.get_xdata()[1:-1]) for one in axes.lines[:4]]
     assert middles == sorted(middles, reverse=True)
+    sweep["status"] = ("realization", (np.arange(size) == 3).astype(np.int8))
+    sweep["contact_time"] = ("realization", np.geomspace(1e-5, 1e-3, size))
+    axes = FIGURES["separation_distribution"].draw(sweep)
+    assert axes.lines[0].get_label() == r"$\sigma_V$ to 0.05: 9 of 10 realizations"
+    (band,) = axes.patches  # of contact times, which differ
+    assert (band.get_x(), band.get_x() + band.get_width()) == pytest.approx((1e-5, 1e-3))
+    assert len(axes.lines) == 4
 
 
 def test_a_dataset_that_is_no_decay_is_refused():

@@ -18,10 +18,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.records import completed, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.status import Status
 from vibrosweep.store.rows import flat
 
 __all__ = ["order_against_chance", "separations_against_chance"]
@@ -91,7 +92,8 @@ def order_against_chance(
         uniform phases ``phase_factor``, ``dt_min_over_chance``, ``dt_min_chance``,
         ``dt_min_surrogate_share``, ``order_over_chance``, ``order_chance`` and ``gap_chance``.
         Variables that assume independent landings are NaN where a particle rests, lands more than
-        1.2 times per period, or keeps to few phases, as a locked one does.
+        1.2 times per period, keeps to few phases, as a locked one does, or was not followed to the
+        end.
 
     Raises
     ------
@@ -138,7 +140,7 @@ def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
     xarray.Dataset
         Dim ``realization``: ``dt_min`` (s), ``coincidence_rate`` (s-1), ``dt_min_over_chance`` and
         ``dt_min_chance``; NaN where a particle rests in the window, lands more than 1.2 times per
-        period, or is locked (as far as the sweep has regimes).
+        period, is locked (as far as the sweep has regimes), or was not followed to the end.
 
     Raises
     ------
@@ -163,7 +165,7 @@ def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
     most = OFTEN * (per_realization(sweep, "frequency") * window)
     rate = (count.sum(axis=1) ** 2 - (count**2).sum(axis=1)) / window
     known = (sweep["rest_count"].values == 0) & (sweep["at_rest_count"].values == 0)
-    known &= (count <= most[:, np.newaxis]).all(axis=1)
+    known &= (count <= most[:, np.newaxis]).all(axis=1) & completed(sweep)
     if "locked_count" in sweep:
         known &= sweep["locked_count"].values == 0
     z = np.where(known, rate * dt, np.nan)
@@ -200,7 +202,9 @@ def _against_chance(
     shares = _surrogates(window, smallest, seeds, surrogates)
     rests = bool((record["rested"].values[realization][inside] == 1).any())
     rate, uniform = _rates(window)
-    z = np.nan if rests or not rate > 0.0 else rate * smallest
+    status = record["status"].isel(realization=realization) if "status" in record else 0
+    lost = np.any(status != Status.COMPLETED)
+    z = np.nan if rests or lost or not rate > 0.0 else rate * smallest
     return {
         "coincidence_rate": rate * frequency,
         "dt_min": smallest / frequency,

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from vibrosweep import theory
 from vibrosweep.analysis.base_motion import moves, require_scene
-from vibrosweep.analysis.records import equal_parts, per_realization, table, variable
+from vibrosweep.analysis.records import completed, equal_parts, per_realization, table, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.model.status import Status
 from vibrosweep.store.rows import flat
 
 __all__ = ["heights_against_restitution"]
@@ -70,9 +69,7 @@ def heights_against_restitution(
     sweep = flat(sweep)
     require_scene(sweep, "heights_against_restitution")
     require(sweep, "heights_against_restitution", *names)
-    known = np.isfinite(sweep["rebound_height_max"].values)
-    if "status" in sweep.variables:
-        known &= sweep["status"].values == Status.COMPLETED
+    known = np.isfinite(sweep["rebound_height_max"].values) & completed(sweep)
     highest, mean = (np.where(known, sweep[name].values, np.nan) for name in names[3:])
     mode, distance = _nearest_plateau(sweep, np.where(known, highest, 0.0))
     on = known & (mode > 0.0) & (distance <= tolerance)

@@ -13,6 +13,7 @@ from vibrosweep.analysis.record_flights import base_motion, course
 from vibrosweep.analysis.requirements import differing, require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
+from vibrosweep.model.status import Status
 
 FLIGHTS = (
     "landing_time",
@@ -50,6 +51,13 @@ def per_realization(dataset: xr.Dataset, name: str) -> Array:
         )
     values = np.asarray(one.values, dtype=np.float64)
     return np.broadcast_to(values, (dataset.sizes["realization"],))
+
+
+def completed(sweep: xr.Dataset) -> NDArray[np.bool_]:
+    """Return for each realization whether all its particles were followed to the end."""
+    if "status" not in sweep.variables:
+        return np.ones(sweep.sizes["realization"], np.bool_)
+    return np.asarray(per_realization(sweep, "status") == Status.COMPLETED)
 
 
 def variable(

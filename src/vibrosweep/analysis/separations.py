@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.basin_shape import share_interval
-from vibrosweep.analysis.records import equal_parts, table, variable
+from vibrosweep.analysis.records import completed, equal_parts, table, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError, require_one_of
@@ -44,6 +44,8 @@ def separation_distribution(
         ``cumulative_fraction`` (rank), the fraction of realizations with at most that separation.
         Scalars: ``zero_fraction``, ``collision_free_fraction`` with the ends of its Wilson 95 %
         interval, and the number ``known`` of realizations in which the separation is defined.
+        Separations of realizations that did not complete are left out: later landings might have
+        been closer.
 
     Raises
     ------
@@ -189,7 +191,8 @@ def _checked(
             f"quantiles = {quantiles!r}: must be a list of numbers, at least 0 and at most 1"
         )
     require(sweep, analysis, measure, "collision_free", "duration")
-    return sweep
+    known = np.where(completed(sweep), sweep[measure].values, np.nan)
+    return sweep.assign({measure: (("realization",), known, sweep[measure].attrs)})
 
 
 def _statistics(dt: Array, free: NDArray[np.int8], quantiles: Sequence[float]) -> Array:

@@ -12,6 +12,8 @@ from vibrosweep.analysis.basins import UNSETTLED, name_of
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
+from vibrosweep.figures.cells import between
+from vibrosweep.figures.paint import paint_grid
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,7 +32,7 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     basins
-        Result of `vibrosweep.basins` with at least two launch times and two launch speeds.
+        Result of `vibrosweep.basins`.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 
@@ -63,15 +65,10 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     names, shares = _named(basins)
     reached = basins["basin"].values
     unsettled = float((reached == UNSETTLED).mean())
-    axes.pcolormesh(
-        basins["launch_time"].values,
-        basins["launch_velocity"].values,
-        np.minimum(reached, NAMED - 1),
-        cmap=ListedColormap(["white", *COLOURS]),
-        vmin=UNSETTLED - 0.5,
-        vmax=NAMED - 0.5,
-        rasterized=True,
-    )
+    drawn = basins["basin"].clip(max=NAMED - 1)
+    colours = ListedColormap(["white", *COLOURS])
+    scale = {"vmin": UNSETTLED - 0.5, "vmax": NAMED - 0.5}
+    paint_grid(axes, drawn, "launch_time", "launch_velocity", cmap=colours, **scale)
     for name, share, colour in zip(names, shares, COLOURS, strict=False):
         label = f"{name}, {100.0 * float(share):.3g} %"
         axes.plot([], [], "s", color=colour, label=label, markersize=5.0)
@@ -122,8 +119,11 @@ def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
         )
     along = str(basins.attrs["along"])
     axes = style.axes_on(ax, style.PAGE, 3.6)
+    basins = basins.sortby(along)
     names, shares = _named(basins)
     values = basins[along].values
+    if values.size == 1:
+        values, shares = between(values), np.repeat(shares, 2, axis=1)
     axes.stackplot(values, shares, colors=COLOURS[: len(names)], labels=names, linewidth=0.0)
     if (basins["basin"].values == UNSETTLED).any():
         axes.plot([], [], "s", color="white", markeredgecolor="0.5", label="unsettled")

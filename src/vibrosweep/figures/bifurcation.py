@@ -76,7 +76,8 @@ def bifurcation_diagram(
     if upper.get_position().x0 != lower.get_position().x0:  # a user has put them side by side
         upper.set_xlabel(data.label(diagram, along))
     lower.set_ylabel("largest Lyapunov\nexponent per impact")
-    head = data.conditions(diagram.drop_vars({along, "amplitude", "base_acceleration"}))
+    drawn = {along, "amplitude", "base_acceleration"}
+    head = data.conditions(diagram.drop_vars(drawn, errors="ignore"))
     unsettled = np.mean(diagram["regime"].values == Regime.UNSETTLED)
     style.head(upper, f"{head}, {unsettled:.2g} of the orbits unsettled" if unsettled else head)
     return panels

@@ -12,7 +12,7 @@ from vibrosweep.arrays import Array
 
 PER_CELL: Final = 20
 MOST_CELLS: Final = 200
-ALONE: Final = 0.01  # half the width of the cell of a single value
+ALONE: Final = 0.01  # half the width of the cell of a single value, relative to it unless it is 0
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,8 @@ def commonest(cells: Cells, values: Array, codes: Array) -> Array:
 def between(values: Array) -> Array:
     """Edges half-way between sorted values; the outer cells are symmetric about their values."""
     if values.size == 1:
-        return np.array([values[0] - ALONE, values[0] + ALONE])
+        half = ALONE * (abs(float(values[0])) or 1.0)
+        return np.array([values[0] - half, values[0] + half])
     middle = (values[1:] + values[:-1]) / 2.0
     first, last = values[0] - (middle[0] - values[0]), values[-1] + (values[-1] - middle[-1])
     return np.concatenate([[first], middle, [last]])

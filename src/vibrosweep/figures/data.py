@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import re
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from vibrosweep.analysis.base_motion import moves, recoils
-from vibrosweep.analysis.records import per_realization
+from vibrosweep.analysis.records import completed, per_realization
 from vibrosweep.analysis.requirements import differing, refused_ragged, remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import known
-from vibrosweep.model.parameters import MOUNT, NOISE, OF_RESTITUTION
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
+from vibrosweep.model.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,6 +30,16 @@ KICK: Final = "kick"
 MINUS_INFINITY: Final = r"$-\infty$ (rests)"  # of an exponent
 # Characters that fit beside the shortest colour bar, with room for symbol and units
 LABEL_WIDTH: Final = 32
+# Largest relative difference of equal values that were computed in two ways: a dimensionless kick
+# takes three operations from an amplitude, which itself takes some from an acceleration
+ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
+# Attributes of the scene of a dataset, with the values that a dataset without them has
+SCENE: Final = {
+    "base": HIGH_BOUNCE,
+    "rebound": "rest",
+    "waveform": SINE_NAME,
+    "restitution_law": CONSTANT,
+}
 SYMBOLS: Final = {
     "restitution": "e",
     "amplitude": "A",
@@ -74,7 +86,7 @@ class Needs:
         if self.one_of and not any(name in dataset.variables for name in self.one_of):
             return f"the variable {' or '.join(self.one_of)}: {remedy(self.one_of[0])}"
         for name in self.known:
-            if np.isnan(dataset[name].values).all():
+            if np.isnan(measured(dataset, name)).all():
                 return f"a value of {name}, which is undefined in every realization"
         for name in self.varied:
             if not (np.ptp(kick(dataset)) > 0 if name == KICK else varies(dataset, name)):
@@ -117,12 +129,77 @@ def quantity(dataset: xr.Dataset, name: str) -> Array:
     return np.where(known(name, dataset), values, np.nan)
 
 
+def measured(sweep: xr.Dataset, name: str) -> Array:
+    """Values of a variable, one per realization, NaN also where a realization did not complete.
+
+    Coordinates, which were given, and the status itself are known there.
+    """
+    values = quantity(sweep, name)
+    given = name in sweep.coords or name == "status"
+    return values if given else np.where(completed(sweep), values, np.nan)
+
+
+def incomplete(dataset: xr.Dataset, what: str) -> str:
+    """Words on how many realizations or particles did not complete; empty if all did."""
+    if "status" not in dataset.variables:
+        return ""
+    status = dataset["status"].values
+    lost = np.count_nonzero(status != Status.COMPLETED)
+    return f"{lost} of {status.size} {what} did not complete" if lost else ""
+
+
+def joined(*parts: str) -> str:
+    """Join the parts of a remark, without those that are empty."""
+    return ", ".join(part for part in parts if part)
+
+
 def kick(dataset: xr.Dataset) -> Array:
-    """Dimensionless kick 2 f A / g, one per realization."""
+    """Dimensionless kick 2 f A / g, one per realization; equal ones are equal bit for bit."""
     amplitude, frequency, gravity = (
         quantity(dataset, name) for name in ("amplitude", "frequency", "gravity")
     )
-    return 2.0 * frequency * amplitude / gravity
+    return merged(2.0 * frequency * amplitude / gravity)
+
+
+def merged(values: Array) -> Array:
+    """Return values of which those that differ only by rounding are made equal."""
+    sorts, place = np.unique(values, return_inverse=True)
+    apart = ~(np.diff(sorts, prepend=-np.inf) <= ROUNDING * np.abs(sorts))  # so is NaN, the last
+    first = np.maximum.accumulate(np.where(apart, np.arange(sorts.size), 0))
+    return np.asarray(sorts[first][place], dtype=np.float64)
+
+
+def require_same_scene(
+    figure: str, over: xr.Dataset, under: xr.Dataset, parameters: Sequence[str]
+) -> None:
+    """Raise a DataError if what is drawn over a picture contradicts the picture.
+
+    Their scenes must be the same, and the values of those of the `parameters` that both have.
+    """
+    for name, usual in SCENE.items():
+        texts = [str(one.attrs.get(name, usual)) for one in (over, under)]
+        if texts[0] != texts[1]:
+            raise DataError(_contradiction(figure, name, *texts))
+    for name in parameters:
+        if name not in over.variables or name not in under.variables:
+            continue
+        ends = [_ends(one, name) for one in (over, under)]
+        low, high = min(e[0] for e in ends), max(e[1] for e in ends)
+        if not high - low <= ROUNDING * abs(high):
+            raise DataError(_contradiction(figure, name, *(_range(name, *e) for e in ends)))
+
+
+def _contradiction(figure: str, name: str, over: str, under: str) -> str:
+    return (
+        f"figure {figure} cannot draw {name} = {over} over a picture of {name} = {under}: compute "
+        f"both with the same, or draw them apart"
+    )
+
+
+def _range(name: str, low: float, high: float) -> str:
+    """Write a parameter with its units, as a range if it varies."""
+    values = f"{low:.9g}" if high - low <= ROUNDING * abs(high) else f"{low:.9g} to {high:.9g}"
+    return values if _units(name) == "1" else f"{values} {_units(name)}"
 
 
 def drawn_forcing(dataset: xr.Dataset) -> str | None:

@@ -125,7 +125,9 @@ def height_time(
     if 1 < len(shown) <= len(style.OKABE_ITO):
         for i, colour in zip(shown, colours, strict=True):
             axes.plot([], [], color=colour, label=f"particle {i}")
-    style.head(axes, data.conditions(one), columns=5)
+    style.head(
+        axes, data.joined(data.conditions(one), data.incomplete(one, "particles")), columns=5
+    )
     return axes
 
 

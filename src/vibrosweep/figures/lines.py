@@ -11,6 +11,7 @@ from matplotlib.patheffects import withStroke
 from vibrosweep.analysis.closed_orbits import cycle_name
 from vibrosweep.figures import data, style
 from vibrosweep.figures.plane import parameter_plane
+from vibrosweep.model.parameters import OF_RESTITUTION
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["NEEDS", "orbit_boundaries", "orbit_branches"]
 
 NEEDS: Final = data.Needs(("bifurcation", "cycle_impacts", "cycle_periods", "admissible"))
+# Parameters apart from the plane of restitution and forcing that set the boundaries
+SHARED: Final = ("frequency", "gravity", "contact_time", *OF_RESTITUTION)
 GRAZE, REST = 2, 3  # codes of `bifurcation`
 THIN, THICK = 0.6, 1.8  # lines of unstable and of stable orbits
 AT_BORDER: Final = 1e-9  # by which a modulus may exceed 1 where a stable part of a branch ends
@@ -135,8 +138,8 @@ def orbit_boundaries(
     boundaries
         Result of `vibrosweep.boundaries`.
     sweep
-        Result of a sweep over restitution and amplitude, or acceleration; the curves are drawn
-        over its plane.
+        Result of a sweep over restitution and amplitude, or acceleration, in the same scene with
+        the same frequency, gravity and contact time; the curves are drawn over its plane.
     variable
         Variable of that sweep, as `vibrosweep.figures.parameter_plane` takes it.
     ax
@@ -150,7 +153,7 @@ def orbit_boundaries(
     Raises
     ------
     DataError
-        The dataset lacks a variable.
+        The dataset lacks a variable, or contradicts the sweep.
 
     Examples
     --------
@@ -166,6 +169,7 @@ def orbit_boundaries(
         axes = style.axes_on(ax, style.PAGE, 3.6)
         data.name_axes(axes, boundaries, "restitution", forcing)
     else:
+        data.require_same_scene("orbit_boundaries", boundaries, sweep, SHARED)
         forcing = data.drawn_forcing(sweep) or forcing
         data.Needs((forcing,)).check("orbit_boundaries", boundaries)
         axes = parameter_plane(sweep, variable, ax=ax)

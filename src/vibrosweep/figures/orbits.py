@@ -12,6 +12,9 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
 from vibrosweep.figures.basins import basins_of_attraction
+from vibrosweep.figures.cells import between
+from vibrosweep.figures.paint import paint_grid
+from vibrosweep.model.parameters import OF_RESTITUTION
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,6 +23,15 @@ __all__ = ["NEEDS", "periodic_orbits"]
 
 NEEDS: Final = data.Needs(
     ("cycle_impacts", "cycle_periods", "stable", "admissible", "impact_phase", "rebound_velocity")
+)
+# Parameters that set the orbits and the basins alike
+SHARED: Final = (
+    "restitution",
+    "amplitude",
+    "frequency",
+    "gravity",
+    "contact_time",
+    *OF_RESTITUTION,
 )
 ORBIT_DIMS: Final = frozenset(("orbit", "impact", "impacts", "periods", "multiplier"))
 
@@ -39,8 +51,9 @@ def periodic_orbits(
     orbits
         Result of `vibrosweep.orbits`.
     basins
-        Result of `vibrosweep.basins` at the same parameters; the impacts are drawn over it, each at
-        the time of launch that has its phase.
+        Result of `vibrosweep.basins` in the same scene with the same parameters, apart from the
+        phase of the base; the impacts are drawn over it, each at the time of launch that has its
+        phase.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 
@@ -52,7 +65,8 @@ def periodic_orbits(
     Raises
     ------
     DataError
-        The dataset lacks a variable, or has other dims, or several points while basins are given.
+        The dataset lacks a variable, has other dims, or several points while basins are given, or
+        contradicts the basins.
 
     Examples
     --------
@@ -70,6 +84,7 @@ def periodic_orbits(
             f"basins only one realization: choose with .isel() along {', '.join(varied)}"
         )
     if basins is not None:
+        data.require_same_scene("periodic_orbits", orbits, basins, SHARED)
         axes = basins_of_attraction(basins, ax=ax)
         _draw_over(axes, orbits, _launch_times(orbits, basins))
         style.beside(axes, data.conditions(basins))
@@ -92,9 +107,9 @@ def _aligned(orbits: xr.Dataset, along: str) -> tuple[Array, tuple[int, ...]]:
 
 
 def _launch_times(orbits: xr.Dataset, basins: xr.Dataset) -> Array:
-    """Times, within the period of the basins, at which the base has the phases of the impacts."""
-    first, frequency = float(basins["launch_time"][0]), float(orbits["frequency"])
-    turns = orbits["impact_phase"].values - float(orbits["phase"]) / (2.0 * np.pi)
+    """Times at which the base has the phases of the impacts, in the period from the first cell."""
+    first, frequency = between(np.sort(basins["launch_time"].values))[0], float(basins["frequency"])
+    turns = orbits["impact_phase"].values - float(basins["phase"]) / (2.0 * np.pi)
     return np.asarray(first + np.mod(turns - frequency * first, 1.0) / frequency)
 
 
@@ -153,16 +168,9 @@ def _draw_numbers(axes: Axes, orbits: xr.Dataset, plane: list[str]) -> None:
     """Draw the number of stable admissible orbits at each point of a plane."""
     across, up = plane
     attracting = (orbits["stable"] == 1) & (orbits["admissible"] == 1)
-    number = attracting.sum("orbit").transpose(up, across)
+    number = attracting.sum("orbit")
     most = max(1, int(number.max()))
-    drawn = axes.pcolormesh(
-        orbits[across].values,
-        orbits[up].values,
-        number.values,
-        cmap=style.SEQUENTIAL_MAP,
-        vmin=-0.5,
-        vmax=most + 0.5,
-        rasterized=True,
-    )
+    scale = {"vmin": -0.5, "vmax": most + 0.5}
+    drawn = paint_grid(axes, number, across, up, cmap=style.SEQUENTIAL_MAP, **scale)
     data.name_axes(axes, orbits, across, up)
     axes.figure.colorbar(drawn, ax=axes, label="stable orbits")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import QuadMesh
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize, TwoSlopeNorm, to_rgba
 from matplotlib.ticker import MaxNLocator
@@ -19,6 +20,9 @@ from vibrosweep.arrays import Array
 from vibrosweep.figures import cells as gathering
 from vibrosweep.figures import style
 from vibrosweep.figures.cells import Cells
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 APART: Final = ("0.72", "0.35")  # colours of values apart from the scale
 
@@ -62,8 +66,7 @@ def paint_numbers(
     drawn = values if points.cells is None else gathering.median(points.cells, values)
     for (value, name), colour in zip(apart.items(), APART, strict=False):
         _paint_one_colour(axes, points, drawn == value, colour, name, marker="x")
-    nothing = "white" if points.cells is not None else "0.8"
-    _paint_one_colour(axes, points, np.isnan(drawn), nothing, "no value", marker="+")
+    _paint_nothing(axes, points, drawn)
     drawn = np.where(np.isin(drawn, list(apart)), np.nan, drawn)
     known = drawn[np.isfinite(drawn)]
     if not known.size:
@@ -98,6 +101,20 @@ def paint_codes(
         position = gathering.commonest(points.cells, values, codes)
     for i, meaning in enumerate(meanings):
         _paint_one_colour(axes, points, position == i, colours[i], meaning.replace("_", " "))
+    _paint_nothing(axes, points, position)
+
+
+def paint_grid(axes: Axes, values: xr.DataArray, across: str, up: str, **look: Any) -> QuadMesh:
+    """Paint the values at the points of two axes as cells around them; axes may be unsorted."""
+    cells = values.sortby([across, up]).transpose(up, across)
+    edges = (gathering.between(cells[name].values) for name in (across, up))
+    return axes.pcolormesh(*edges, cells.values, rasterized=True, **look)
+
+
+def _paint_nothing(axes: Axes, points: Points, drawn: Array) -> None:
+    """Paint the places without a value."""
+    nothing = "white" if points.cells is not None else "0.8"
+    _paint_one_colour(axes, points, np.isnan(drawn), nothing, "no value", marker="+")
 
 
 def _around_zero(known: Array) -> Normalize:
@@ -155,7 +172,7 @@ def _paint(
         cmap=cmap,
         norm=norm,
         marker=marker,
-        linewidths=1.0 if marker == "x" else 0.0,
+        linewidths=0.0 if marker == "o" else 1.0,  # crosses consist of lines alone
         rasterized=points.x.size > 5000,
     )
 

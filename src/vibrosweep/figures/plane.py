@@ -34,7 +34,8 @@ def parameter_plane(
     g if the forcing was given in that form; otherwise the amplitude, or, if frequency or gravity
     differ between realizations, the dimensionless kick 2 f A / g, in which the curves depend on
     neither.  A grid is drawn as cells, a random design as dots; very many realizations are drawn
-    as small cells with their median (for codes: the commonest).
+    as small cells with their median (for codes: the commonest).  Realizations that did not complete
+    have no value, unless the variable is ``status``; the head of the figure says how many they are.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def parameter_plane(
         NEEDS.check("parameter_plane", sweep)
         variable = next(name for name in CHOICES if name in sweep.variables)
     data.Needs((*AXES, variable), varied=NEEDS.varied).check("parameter_plane", sweep)
-    values = data.quantity(sweep, variable)
+    values = data.measured(sweep, variable)
     axes = style.axes_on(ax, style.MEDIUM, 3.6)
     forcing, vertical, label = _vertical(sweep)
     points = paint.scatter_points(data.quantity(sweep, "restitution"), vertical)
@@ -83,7 +84,8 @@ def parameter_plane(
     # a colour bar names its variable, but a legend does not
     coded = "flag_values" in sweep[variable].attrs
     named = data.label(sweep, variable).replace("\n", " ") if coded else ""
-    style.head(axes, ", ".join(part for part in (named, data.conditions(sweep)) if part))
+    lost = data.incomplete(sweep, "realizations")
+    style.head(axes, data.joined(named, data.conditions(sweep), lost))
     return axes
 
 

@@ -68,11 +68,23 @@ def _separation_distribution(sweep: xr.Dataset) -> Axes:
     from vibrosweep.analysis.separations import separation_distribution
 
     sweep = flat(sweep)
-    contact = float(data.quantity(sweep, "contact_time").min())
-    many = sweep.sizes["realization"]
-    parts = _by_noise(sweep) or {f"{many} realization{'s' if many > 1 else ''}": sweep}
+    parts = _by_noise(sweep) or {"": sweep}
     found = [separation_distribution(part) for part in parts.values()]
-    return separations.separation_distributions(found, list(parts), contact)
+    names = [
+        _counted(name, int(one["known"]), part.sizes["realization"])
+        for (name, part), one in zip(parts.items(), found, strict=True)
+    ]
+    return separations.separation_distributions(found, names, sweep["contact_time"].values)
+
+
+def _counted(name: str, known: int, many: int) -> str:
+    """Name of a curve with the number of its realizations, if it is the only one or lacks some."""
+    number = f"{many} realization{'s' if many > 1 else ''}"
+    if known < many:
+        number = f"{known} of {number}"
+    elif name:
+        return name
+    return f"{name}: {number}" if name else number
 
 
 def _by_noise(sweep: xr.Dataset) -> dict[str, xr.Dataset]:

@@ -11,6 +11,7 @@ from matplotlib.colors import LogNorm
 
 from vibrosweep import theory
 from vibrosweep.analysis.base_motion import has_closed_forms, moves, recoils
+from vibrosweep.analysis.records import completed
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.store.rows import flat
@@ -46,7 +47,9 @@ def height_against_restitution(sweep: xr.Dataset, *, ax: Axes | None = None) -> 
     the heights of the locked orbits of mode k.  Over a moving base the apexes of stable locked
     orbits lie in the shaded band from H_k to H_k + (2 s_m / pi^2) H_1 (`vibrosweep.theory`); over a
     base of finite mass neither is drawn.  If frequency or gravity differ between realizations,
-    heights have the unit H_1, and the plateaus lie at k^2.
+    heights have the unit H_1, and the plateaus lie at k^2.  More than 20,000 realizations are
+    counted in cells, without circles.  Realizations that did not complete are left out, and the
+    head of the figure says how many.
 
     Parameters
     ----------
@@ -78,8 +81,8 @@ def height_against_restitution(sweep: xr.Dataset, *, ax: Axes | None = None) -> 
     NEEDS.check("height_against_restitution", sweep)
     unit, one_height = _height_unit(sweep)
     restitution = data.quantity(sweep, "restitution")
-    rebound = data.quantity(sweep, "rebound_height_max") / unit
-    flight = data.quantity(sweep, "flight_height_max") / unit
+    rebound = data.measured(sweep, "rebound_height_max") / unit
+    flight = data.measured(sweep, "flight_height_max") / unit
     axes = style.axes_on(ax, style.MEDIUM, 3.3)
     heights = np.concatenate([rebound, flight])
     top = 1.06 * float(np.max(heights, where=np.isfinite(heights), initial=0.0)) or one_height
@@ -167,7 +170,7 @@ def _draw_density(axes: Axes, restitution: Array, height: Array) -> None:
         restitution[known],
         height[known],
         bins=CELLS,
-        range=(axes.get_xlim(), (0.0, axes.get_ylim()[1])),
+        range=(axes.get_xlim(), axes.get_ylim()),
     )
     mesh = axes.pcolormesh(
         x_edges,
@@ -198,7 +201,7 @@ def _draw_launches(axes: Axes, restitution: Array, rebound: Array, flight: Array
 
 def _draw_launch_height(axes: Axes, sweep: xr.Dataset, unit: Array) -> None:
     velocity, gravity = data.quantity(sweep, "launch_velocity"), data.quantity(sweep, "gravity")
-    heights = np.unique(velocity**2 / (2.0 * gravity * unit))
+    heights = np.unique(data.merged(velocity**2 / (2.0 * gravity * unit)))
     if heights.size == 1:
         axes.axhline(
             float(heights[0]),
@@ -230,6 +233,6 @@ def _draw_bands(axes: Axes, one_height: float, top: float) -> None:
 
 
 def _remark(sweep: xr.Dataset, height: Array) -> str:
-    unknown = int(np.count_nonzero(~np.isfinite(height)))
+    unknown = int(np.count_nonzero(completed(sweep) & ~np.isfinite(height)))
     absent = f"no rebound in {unknown} of {height.size} realizations" if unknown else ""
-    return ", ".join(part for part in (data.conditions(sweep), absent) if part)
+    return data.joined(data.conditions(sweep), absent, data.incomplete(sweep, "realizations"))

@@ -93,7 +93,9 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     view = (1.06 * lowest - 0.03 * top, top)
     axes.set(xlim=view, ylim=view, aspect="equal", xlabel="arrival velocity $v_n$ (m s$^{-1}$)")
     axes.set_ylabel("next arrival velocity $v_{n+1}$ (m s$^{-1}$)")
-    style.head(axes, data.conditions(one), columns=2)
+    style.head(
+        axes, data.joined(data.conditions(one), data.incomplete(one, "particles")), columns=2
+    )
     return axes
 
 

@@ -62,17 +62,10 @@ def sobol_bars(indices: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None
             ("first_order", -0.2, style.OKABE_ITO[0], "alone"),
             ("total_order", 0.2, style.OKABE_ITO[5], "with interactions"),
         ):
-            value = one[name].values
-            ends = np.stack([value - one[f"{name}_low"].values, one[f"{name}_high"].values - value])
-            axes.barh(
-                at + shift,
-                value,
-                height=0.36,
-                color=colour,
-                xerr=np.maximum(ends, 0.0),
-                error_kw={"elinewidth": 0.7},
-                label=label,
-            )
+            axes.barh(at + shift, one[name].values, height=0.36, color=colour, label=label)
+            # an interval need not hold the index, and so cannot be drawn as its error
+            low, high = one[f"{name}_low"].values, one[f"{name}_high"].values
+            axes.hlines(at + shift, low, high, color="black", linewidth=0.7)
         words = VARIABLES[output].long_name if output in VARIABLES else output
         axes.set_title(textwrap.fill(words, 18))
         axes.axvline(0.0, color="black", linewidth=0.6)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
 
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
@@ -63,7 +64,7 @@ NEEDS_FOR_CHANCE: Final = _NeedsForChance(
 def separation_distributions(
     found: Sequence[xr.Dataset],
     names: Sequence[str],
-    contact_time: float,
+    contact_time: ArrayLike,
     *,
     ax: Axes | None = None,
 ) -> Axes:
@@ -76,7 +77,8 @@ def separation_distributions(
     names
         Names of the curves.
     contact_time
-        Contact time in s, marked by a line.
+        Contact time in s, marked by a line; several are marked by a band from the least to the
+        greatest.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 
@@ -103,11 +105,16 @@ def separation_distributions(
         needed = ("separation", "cumulative_fraction")
         require(one, "separation_distributions", *needed, source="separation_distribution")
     curves = [(one["separation"].values, one["cumulative_fraction"].values) for one in found]
-    axes = _distributions(ax, curves, names, (EDGE, 1.0), linewidth=1.2)
-    axes.axvline(contact_time, color="black", linestyle=style.DASHED, linewidth=0.8)
+    ends = (EDGE, max(1.0, *(float(values.max(initial=0.0)) for values, _ in curves)))
+    axes = _distributions(ax, curves, names, ends, linewidth=1.2)
+    least, greatest = float(np.min(contact_time)), float(np.max(contact_time))
+    if least < greatest:
+        axes.axvspan(least, greatest, color="0.9", zorder=0.5)
+    else:
+        axes.axvline(least, color="black", linestyle=style.DASHED, linewidth=0.8)
     axes.annotate(
         r"$\tau_c$",
-        (contact_time, 0.03),
+        (least, 0.03),
         xytext=(3, 0),
         textcoords="offset points",
         path_effects=style.halo(),
@@ -224,7 +231,10 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None 
     Raises
     ------
     DataError
-        The dataset is not a result of `slot_decay`.
+        The dataset is not a result of `slot_decay`, or the realization has no separations above
+        zero.
+    ParameterError
+        There is no such realization.
 
     Examples
     --------
@@ -237,11 +247,17 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None 
     """
     needed = ("separation", "modulus_predicted", "modulus_fitted")
     require(found, "decay_in_a_slot", *needed, source="slot_decay")
-    one = found.isel(realization=realization)
+    one = data.one_realization(found, realization)
     separation = np.abs(one["separation"].values)
+    separation = separation[np.isfinite(separation)]  # others may have more cycles
+    positive = separation > 0.0
+    if not positive.any():
+        raise DataError(
+            f"figure decay_in_a_slot needs separations above zero, and realization {realization} "
+            f"has none: its two particles have no landings in common, or land together"
+        )
     number = np.arange(separation.size)
     axes = style.axes_on(ax, style.MEDIUM, 2.9)
-    positive = separation > 0.0
     axes.plot(
         number[positive],
         separation[positive],
