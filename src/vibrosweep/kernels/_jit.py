@@ -26,6 +26,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._numba import HAS_CACHE, HAS_PIECES, make_overload_template
+from vibrosweep.kernels._python import as_python
 from vibrosweep.kernels.vectors import vector_bits
 
 if HAS_CACHE:
@@ -100,31 +101,6 @@ def _caching_in(directory: Path) -> Iterator[None]:
         numba.config.CACHE_DIR = before
 
 
-def _as_python(function: F) -> F:
-    """Make plain Python divide by zero as machine code does, silently to an infinity or NaN.
-
-    Numpy's floats do so, whereas Python's raise an exception; floats in arguments and results are
-    therefore turned into numpy's.
-    """
-
-    @functools.wraps(function)
-    def plain(*arguments: Any) -> Any:
-        with np.errstate(all="ignore"):
-            return _of_numpy(function(*map(_of_numpy, arguments)))
-
-    return plain  # type: ignore[return-value]
-
-
-def _of_numpy(value: Any) -> Any:
-    """Turn a float, or the floats in a tuple, into numpy's."""
-    if isinstance(value, float):
-        return np.float64(value)
-    if isinstance(value, tuple):
-        items = map(_of_numpy, value)
-        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
-    return value
-
-
 def jit(function: F) -> F:
     """Compile a piece that kernels inline; it needs no cache of its own.
 
@@ -192,7 +168,7 @@ class Piece:
 
 def _piece(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
-        return _as_python(function)
+        return as_python(function)
     return Piece(function, Deferred(function), lambda *_: function, options)  # type: ignore[return-value]
 
 
@@ -215,7 +191,7 @@ def uncounted(function: F) -> F:
 
 def _cached(function: F, options: dict[str, Any], directory: Path | None = None) -> F:
     if numba.config.DISABLE_JIT:
-        return _as_python(function)
+        return as_python(function)
 
     def compiler(function: F) -> Any:
         dispatcher = njit(**options)(function)
