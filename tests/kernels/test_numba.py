@@ -20,7 +20,7 @@ NAMES = sorted(from_numba(HOME))
 PUBLIC = {"njit", "types", "intrinsic"}  # documented for those who extend numba
 IN_PIECES = {
     *("CompilerBase", "DefaultPassBuilder", "JITCodeLibrary", "LoweringPass", "NativeLowering"),
-    *("_dynfunc", "register_pass"),
+    *("make_function", "register_pass"),
 }
 IN_CACHE = {"FunctionCache", "IndexDataCacheFile"}
 compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")

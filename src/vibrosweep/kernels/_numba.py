@@ -24,8 +24,8 @@ __all__ = [
     "Listener",
     "LoweringPass",
     "NativeLowering",
-    "_dynfunc",
     "lost",
+    "make_function",
     "make_overload_template",
     "register",
     "register_pass",
@@ -60,7 +60,7 @@ except ImportError as error:
     raise VibrosweepError(f"no kernel can be compiled: {_absent(error)}; {remedy()}") from error
 
 try:
-    from numba import _dynfunc
+    from numba._dynfunc import make_function
     from numba.core.codegen import JITCodeLibrary
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_machinery import LoweringPass, register_pass

@@ -16,7 +16,7 @@ from vibrosweep.kernels._numba import (
     JITCodeLibrary,
     LoweringPass,
     NativeLowering,
-    _dynfunc,
+    make_function,
     register_pass,
 )
 
@@ -66,7 +66,7 @@ class DeclarePiece(LoweringPass):  # type: ignore[misc]
         """Declare the piece by a function object without code, which nobody calls."""
         lowered, nowhere = state["cr"], 0
         module, name = lowered.fndesc.lookup_module(), lowered.fndesc.qualname
-        key = _dynfunc.make_function(module, name, "", nowhere, lowered.env, ())
+        key = make_function(module, name, "", nowhere, lowered.env, ())
         state.targetctx.insert_user_function(key, lowered.fndesc, [state.library])
         state["cr"] = lowered._replace(cfunc=key)
         return True
