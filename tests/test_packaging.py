@@ -9,10 +9,16 @@ from email.parser import BytesParser
 from pathlib import Path
 
 import pytest
+import yaml
+from packaging.requirements import Requirement
+
+from vibrosweep import __version__
 
 ROOT = Path(__file__).parents[1]
 GIVEN = tomllib.loads((ROOT / "MAINTAINERS.toml").read_text(encoding="utf-8"))
 ADDRESSES = GIVEN["addresses"]
+STATED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT, BUILD = STATED["project"], STATED["build-system"]
 
 
 @pytest.fixture(scope="module")
@@ -122,3 +128,57 @@ def test_everything_that_the_paper_cites_is_in_its_bibliography():
     )
     cited = set(re.findall(r"@(\w+)", paper))
     assert cited == set(re.findall(r"^@\w+\{(\w+),", library, re.MULTILINE))
+
+
+SYSTEMS = {"linux": "linux", "darwin": "osx", "win32": "win"}  # as Python and as conda call them
+OF_CONDA = {"matplotlib": "matplotlib-base"}
+
+
+def chosen(entries, system):
+    """Requirements of a recipe on one system, without those that only name the system."""
+    for entry in entries:
+        if isinstance(entry, str):
+            entries_of_it = [] if entry.startswith("__") else [entry]
+        else:
+            wanted = entry["if"] == SYSTEMS[system]
+            found = entry.get("then" if wanted else "else", [])
+            entries_of_it = chosen([found] if isinstance(found, str) else found, system)
+        yield from entries_of_it
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_the_recipe_asks_for_what_the_package_asks_for(system):
+    recipe = yaml.safe_load((ROOT / "packaging" / "recipe.yaml").read_text("utf-8"))
+    least = PROJECT["requires-python"]
+    needed = {"python": ">=${{ python_min }}"}
+    for one in map(Requirement, PROJECT["dependencies"]):
+        if one.marker is None or one.marker.evaluate({"sys_platform": system}):
+            needed[OF_CONDA.get(one.name, one.name)] = str(one.specifier)  # the later is stricter
+    stated = [r.split(maxsplit=1) for r in chosen(recipe["requirements"]["run"], system)]
+    assert dict(stated) == needed
+    assert recipe["context"] == {"version": __version__, "python_min": least.removeprefix(">=")}
+    built_with = {"python ${{ python_min }}.*", "pip", *BUILD["requires"]}
+    assert {r.replace(" >=", ">=") for r in recipe["requirements"]["host"]} == built_with
+    (script,) = PROJECT["scripts"].items()
+    assert recipe["build"]["python"]["entry_points"] == [" = ".join(script)]
+    assert recipe["about"]["summary"] == PROJECT["description"]
+    assert recipe["about"]["license"] == PROJECT["license"]
+
+
+def test_the_image_has_a_python_that_was_tried_and_all_that_the_package_is_built_from():
+    text = (ROOT / "packaging" / "Dockerfile").read_text("utf-8")
+    tried = [c.rpartition(" ")[2] for c in PROJECT["classifiers"] if re.search(r"3\.\d+$", c)]
+    assert re.search(r"^FROM python:(\S+)-slim$", text, re.MULTILINE)[1] in tried
+    copied = re.findall(r"^COPY (.+) \S+$", text, re.MULTILINE)
+    names = {name for line in copied for name in line.split()}
+    read = set(re.findall(r'"([\w.]+\.(?:md|toml))"', (ROOT / "hatch_build.py").read_text("utf-8")))
+    assert names >= read | {"pyproject.toml", "hatch_build.py", "src", "sweeps"}
+    assert names >= set(PROJECT["license-files"])
+
+
+def test_continuous_integration_tries_every_python_that_is_named():
+    text = (ROOT / ".github" / "workflows" / "checks.yml").read_text("utf-8")
+    matrix = yaml.safe_load(text)["jobs"]["checks"]["strategy"]["matrix"]
+    tried = {c.rpartition(" ")[2] for c in PROJECT["classifiers"] if re.search(r"3\.\d+$", c)}
+    assert tried <= set(matrix["python"])
+    assert min(matrix["python"]) == PROJECT["requires-python"].removeprefix(">=")

@@ -11,7 +11,8 @@ import pytest
 from llvmlite import binding
 
 from vibrosweep.cli import main
-from vibrosweep.doctor import Finding, compiled, libraries, machine
+from vibrosweep.doctor import Finding, compiled, libraries, machine, warmup
+from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.runs.driver import available_threads
 
@@ -22,6 +23,7 @@ SUBJECTS = {
     "optional libraries",
     "HDF5",
     "processors",
+    "compiler",
     "vector registers",
     "kernel cache",
     "memory",
@@ -161,11 +163,7 @@ def test_a_damaged_cache(tmp_path):
     ],
 )
 def test_vector_registers_of_processors(monkeypatch, features, bits):
-    monkeypatch.setattr(
-        type(compiled.cpu_target.target_context.codegen()),
-        "magic_tuple",
-        lambda self: ("triple", "processor", features),
-    )
+    monkeypatch.setattr(compiled, "target", lambda: ("triple", "processor", features))
     found = compiled.vector_registers()
     assert found.state.startswith(f"{bits} bits")
     assert ("this processor has no fused multiply-add" in found.trouble) == (bits == 64)
@@ -175,3 +173,29 @@ def test_a_finding_as_text():
     assert list(Finding("disk", "full").lines()) == ["disk                full"]
     wrong = list(Finding("disk", "full", "free some space").lines())
     assert wrong[1] == f"{'':20}WRONG: free some space"
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+def test_the_compiler_is_tried(monkeypatch, tmp_path):
+    found = compiled.compiler(tmp_path)
+    assert (found.trouble, list(tmp_path.iterdir())) == ("", [])
+    assert found.state.endswith("compiled a kernel, kept it, and loaded it again")
+    genuine = compiled.kernel
+    for kernel, words in (
+        (lambda function, place: _jit.Deferred(function), "machine code that was kept is not"),
+        (lambda function, place: genuine(lambda x: x, place), "a quarter of 1 is computed as"),
+        (lambda function, place: _jit.Deferred(None), "a kernel cannot be compiled: "),
+    ):
+        monkeypatch.setattr(compiled, "kernel", kernel)
+        assert compiled.compiler(tmp_path).trouble.startswith(words)
+        assert "were tried" in compiled.compiler(tmp_path).trouble
+
+
+def test_machine_code_that_this_numba_cannot_keep(monkeypatch):
+    monkeypatch.setattr(compiled, "HAS_CACHE", False)
+    assert compiled.kernel_cache(None) == Finding(
+        "kernel cache", "none, as the compiler lacks a part"
+    )
+    monkeypatch.setattr(warmup, "HAS_CACHE", False)
+    with pytest.raises(OutputError, match="vibrosweep doctor says why"):
+        warmup.warm_up()

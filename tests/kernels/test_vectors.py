@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import numba
 import pytest
@@ -28,9 +27,7 @@ compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is
     ],
 )
 def test_the_width_by_processor(monkeypatch, processor, features, bits):
-    codegen = SimpleNamespace(magic_tuple=lambda: ("system", processor, features))
-    context = SimpleNamespace(codegen=lambda: codegen)
-    monkeypatch.setattr(vectors, "cpu_target", SimpleNamespace(target_context=context))
+    monkeypatch.setattr(vectors, "target", lambda: ("system", processor, features))
     monkeypatch.setattr(vectors, "SET_BITS", None)
     assert vectors.vector_bits() == bits
     monkeypatch.setattr(vectors, "SET_BITS", 256)

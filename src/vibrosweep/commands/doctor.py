@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibrosweep.commands.arguments import some
+from vibrosweep.errors import VibrosweepError
 
 if TYPE_CHECKING:
     from vibrosweep.doctor import Finding
@@ -28,13 +29,20 @@ def perform(options: argparse.Namespace) -> int:
 
 
 def _findings(directory: Path) -> Iterator[Finding]:
-    """Check everything that a run in `directory` depends on, in about two seconds."""
-    from vibrosweep.doctor import compiled, libraries, machine
+    """Check everything that a run in `directory` depends on, in a few seconds."""
+    from vibrosweep.doctor import Finding, libraries
 
     yield from libraries.versions()
+    try:
+        from vibrosweep.doctor import compiled, machine
+    except VibrosweepError as error:  # a numba with which nothing runs
+        yield Finding("compiler", "none", str(error))
+        return
     space = machine.disk(directory)
-    yield libraries.hdf5_libraries(None if space.trouble else directory)
+    place = None if space.trouble else directory
+    yield libraries.hdf5_libraries(place)
     yield machine.processors()
+    yield compiled.compiler(place)
     yield compiled.vector_registers()
     yield compiled.kernel_cache()
     yield machine.memory()

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from pathlib import Path
 from typing import Final
 
 import numba
-from numba.core.registry import cpu_target
 
 from vibrosweep.doctor import Finding
-from vibrosweep.kernels._cache import variants
-from vibrosweep.kernels._jit import cache_directory
+from vibrosweep.kernels._jit import cache_directory, jit, kernel
+from vibrosweep.kernels._numba import HAS_CACHE, lost, remedy, target
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
 # Processor features by LLVM's names: the bits of their vectors; those with fused multiply-add.
@@ -19,12 +19,49 @@ WIDTHS: Final = {"avx": 256, "avx2": 256, "avx512f": 512, "neon": 128}
 FUSED: Final = ("fma", "neon")
 
 
+@jit
+def half(x: float) -> float:
+    """A piece."""
+    return x / 2.0
+
+
+def quarter(x: float) -> float:
+    """A kernel."""
+    return half(half(x))
+
+
+def compiler(directory: Path | None) -> Finding:
+    """Compile a kernel and its piece, keep the machine code, and load it again.
+
+    It is kept in `directory`, or in the system's temporary directory where that is None.
+    """
+    subject, state = "compiler", f"numba {numba.__version__}"
+    if numba.config.DISABLE_JIT:
+        return Finding(subject, f"{state}, not used: nothing is compiled")
+    with tempfile.TemporaryDirectory(dir=directory, prefix=".vibrosweep-doctor-") as place:
+        made, loaded = (kernel(quarter, Path(place)) for _ in range(2))
+        try:
+            values = made(1.0), loaded(1.0)
+            hits = sum(loaded.dispatcher.stats.cache_hits.values())  # type: ignore[attr-defined]
+        except Exception as error:  # a version with other private parts may fail in any way
+            reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+            return Finding(subject, state, f"a kernel cannot be compiled: {reason}; {remedy()}")
+    if values != (0.25, 0.25):
+        return Finding(subject, state, f"a quarter of 1 is computed as {values}; {remedy()}")
+    if lost:
+        costs = "; ".join(f"{cost} ({name})" for name, cost in lost.items())
+        return Finding(subject, state, f"results are correct, but {costs}; {remedy()}")
+    if not hits:
+        return Finding(subject, state, f"machine code that was kept is not loaded; {remedy()}")
+    return Finding(subject, f"{state} compiled a kernel, kept it, and loaded it again")
+
+
 def vector_registers() -> Finding:
     """Check the instruction set that numba compiles for, which the environment can change."""
     subject = "vector registers"
     if numba.config.DISABLE_JIT:
         return Finding(subject, "none: nothing is compiled", _unset("NUMBA_DISABLE_JIT"))
-    _, processor, stated = cpu_target.target_context.codegen().magic_tuple()
+    _, processor, stated = target()
     features = re.findall(r"\+([\w.-]+)", stated)
     fused = any(name in features for name in FUSED)
     # without the instruction each fused multiply-add is a function call, which is never vectorised
@@ -58,9 +95,13 @@ def kernel_cache(directory: Path | None = cache_directory) -> Finding:
     subject = "kernel cache"
     if numba.config.DISABLE_JIT:
         return Finding(subject, "not used: nothing is compiled")
+    if not HAS_CACHE:
+        return Finding(subject, "none, as the compiler lacks a part")
     if directory is None:
         advice = "set NUMBA_CACHE_DIR to a directory that can be written"
         return Finding(subject, "none", f"each run compiles the kernels again: {advice}")
+    from vibrosweep.kernels._cache import variants  # needs what HAS_CACHE says
+
     found = variants(directory)
     size = sum(file.stat().st_size for file in directory.rglob("*") if file.is_file())
     state = f"{found.usable} compiled variants of these sources for this processor"

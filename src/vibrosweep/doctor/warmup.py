@@ -23,6 +23,7 @@ from vibrosweep.engine.trajectories import PERIODS_TO_RECUR
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
+from vibrosweep.kernels._numba import HAS_CACHE
 from vibrosweep.kernels.extended import FIX_E
 from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.model.forcing import AMPLITUDE
@@ -45,6 +46,8 @@ def warm_up() -> Compiled:
 
     Raises an OutputError if machine code cannot be kept on this disk.
     """
+    if not HAS_CACHE:
+        raise OutputError("machine code cannot be kept: vibrosweep doctor says why")
     if _jit.cache_directory is None:
         raise OutputError(
             "machine code cannot be kept beside the package nor in the home directory; set "

@@ -6,10 +6,9 @@ During compilation Python's garbage collector runs less often; it took a tenth o
 from __future__ import annotations
 
 import gc
-from typing import Final
+from typing import Any, Final
 
-from numba.core.event import Event, Listener, register
-
+from vibrosweep.kernels._numba import Listener, register
 from vibrosweep.waiting import SECONDS, Line
 
 PACKAGE: Final = "vibrosweep."
@@ -25,7 +24,7 @@ class Notice(Listener):  # type: ignore[misc]
         self._line: Line | None = None
         self._collecting = gc.get_threshold()
 
-    def on_start(self, event: Event) -> None:
+    def on_start(self, event: Any) -> None:
         """Show a line when the compilation of a kernel of this package begins."""
         function = event.data["dispatcher"].py_func
         if not self._depth and not str(function.__module__).startswith(PACKAGE):
@@ -39,7 +38,7 @@ class Notice(Listener):  # type: ignore[misc]
             f"compiling {function.__name__} (first use only; up to 30 s each)", self._every
         )
 
-    def on_end(self, event: Event) -> None:
+    def on_end(self, event: Any) -> None:
         """Erase the line when the compilation of the kernel has ended."""
         if not self._depth:
             return

@@ -19,10 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.registry import cpu_target
-from numba.core.runtime import rtsys
-
+from vibrosweep.kernels._numba import FunctionCache, IndexDataCacheFile, start_runtime, target
 from vibrosweep.kernels.vectors import vector_bits
 from vibrosweep.system import locked
 
@@ -108,7 +105,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         """
         # a file of another version of a library may fail in any way
         with contextlib.suppress(Exception):
-            rtsys.initialize(target_context)
+            start_runtime(target_context)
             return self._load_overload(sig, target_context)
         return None
 
@@ -143,8 +140,7 @@ def variants(directory: Path) -> Variants:
     Variants are told apart by (signature, (system, processor, its features), digest, width of
     vectors).
     """
-    cpu_target.target_context.refresh()
-    here = cpu_target.target_context.codegen().magic_tuple()
+    here = target()
     usable = foreign = damaged = 0
     for index in directory.rglob("*.nbi"):
         try:

@@ -22,13 +22,17 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
-from numba.core.typing.templates import make_overload_template
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._cache import KernelCache
-from vibrosweep.kernels._pieces import PieceCompiler
+from vibrosweep.kernels._numba import HAS_CACHE, HAS_PIECES, make_overload_template
+from vibrosweep.kernels._python import as_python
 from vibrosweep.kernels.vectors import vector_bits
+
+if HAS_CACHE:
+    from vibrosweep.kernels._cache import KernelCache
+if HAS_PIECES:
+    from vibrosweep.kernels._pieces import PieceCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 Floats = NDArray[np.float64]
@@ -40,7 +44,9 @@ Flags = NDArray[np.int8]
 # Nobody calls compiled code through a C pointer.
 OPTIONS = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 # Python never calls a piece of a kernel either: wrappers for that would be a quarter of all code.
-OF_A_PART = OPTIONS | {"no_cpython_wrapper": True, "pipeline_class": PieceCompiler}
+OF_A_PART = OPTIONS | {"no_cpython_wrapper": True}
+if HAS_PIECES:
+    OF_A_PART["pipeline_class"] = PieceCompiler
 OF_A_PIECE = OF_A_PART | {"forceinline": True}
 # Pieces inherit this from the kernel that they are compiled for.
 UNCOUNTED = OPTIONS | {"_nrt": False}
@@ -79,7 +85,9 @@ def _make_cache_directory() -> Path | None:
     return None
 
 
-cache_directory: Path | None = None if numba.config.DISABLE_JIT else _make_cache_directory()
+cache_directory: Path | None = (
+    _make_cache_directory() if HAS_CACHE and not numba.config.DISABLE_JIT else None
+)
 
 
 @contextlib.contextmanager
@@ -91,31 +99,6 @@ def _caching_in(directory: Path) -> Iterator[None]:
         yield
     finally:
         numba.config.CACHE_DIR = before
-
-
-def _as_python(function: F) -> F:
-    """Make plain Python divide by zero as machine code does, silently to an infinity or NaN.
-
-    Numpy's floats do so, whereas Python's raise an exception; floats in arguments and results are
-    therefore turned into numpy's.
-    """
-
-    @functools.wraps(function)
-    def plain(*arguments: Any) -> Any:
-        with np.errstate(all="ignore"):
-            return _of_numpy(function(*map(_of_numpy, arguments)))
-
-    return plain  # type: ignore[return-value]
-
-
-def _of_numpy(value: Any) -> Any:
-    """Turn a float, or the floats in a tuple, into numpy's."""
-    if isinstance(value, float):
-        return np.float64(value)
-    if isinstance(value, tuple):
-        items = map(_of_numpy, value)
-        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
-    return value
 
 
 def jit(function: F) -> F:
@@ -185,13 +168,16 @@ class Piece:
 
 def _piece(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
-        return _as_python(function)
+        return as_python(function)
     return Piece(function, Deferred(function), lambda *_: function, options)  # type: ignore[return-value]
 
 
-def kernel(function: F) -> F:
-    """Compile an entry point; its machine code is kept on disk, one set for each set of sources."""
-    return _cached(function, OPTIONS)
+def kernel(function: F, directory: Path | None = None) -> F:
+    """Compile an entry point; its machine code is kept on disk, one set for each set of sources.
+
+    Another `directory` can be given for it.
+    """
+    return _cached(function, OPTIONS, directory)
 
 
 def uncounted(function: F) -> F:
@@ -203,14 +189,15 @@ def uncounted(function: F) -> F:
     return _cached(function, UNCOUNTED)
 
 
-def _cached(function: F, options: dict[str, Any]) -> F:
+def _cached(function: F, options: dict[str, Any], directory: Path | None = None) -> F:
     if numba.config.DISABLE_JIT:
-        return _as_python(function)
+        return as_python(function)
 
     def compiler(function: F) -> Any:
         dispatcher = njit(**options)(function)
-        if cache_directory is not None:
-            with _caching_in(cache_directory):
+        kept_in = directory or cache_directory
+        if HAS_CACHE and kept_in is not None:
+            with _caching_in(kept_in):
                 dispatcher._cache = KernelCache(function)  # as njit(cache=True) sets numba's own
         return dispatcher
 
@@ -309,9 +296,7 @@ def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
     """Begin to load the cache line of array[i] for writing; a contiguous array of one dimension."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        from numba.np.arrayobj import make_array  # slow to import, and only compiling needs it
-
-        data = make_array(signature.args[0])(context, builder, args[0]).data
+        data = context.make_array(signature.args[0])(context, builder, args[0]).data
         byte, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
         place = builder.bitcast(builder.gep(data, [args[1]]), byte)
         kind = ir.FunctionType(ir.VoidType(), [byte, flag, flag, flag])

@@ -10,17 +10,26 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import _dynfunc
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_machinery import LoweringPass, register_pass
-from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
-from numba.core.untyped_passes import InlineClosureLikes, IRProcessing, WithLifting
+from vibrosweep.kernels._numba import (
+    CompilerBase,
+    DefaultPassBuilder,
+    JITCodeLibrary,
+    LoweringPass,
+    NativeLowering,
+    make_function,
+    register_pass,
+)
 
 PACKAGE = __name__.partition(".")[0]
 # Kernels have no comprehensions, functions within functions or `with`, compute with numbers instead
 # of whole arrays, and leave inlining to LLVM.  Functions from outside the package may differ.
-NEEDLESS = {IRProcessing, WithLifting, InlineClosureLikes, InlineOverloads, NopythonRewrites}
+NEEDLESS = {
+    "IRProcessing",
+    "WithLifting",
+    "InlineClosureLikes",
+    "InlineOverloads",
+    "NopythonRewrites",
+}
 
 
 class PieceLibrary(JITCodeLibrary):  # type: ignore[misc]
@@ -57,7 +66,7 @@ class DeclarePiece(LoweringPass):  # type: ignore[misc]
         """Declare the piece by a function object without code, which nobody calls."""
         lowered, nowhere = state["cr"], 0
         module, name = lowered.fndesc.lookup_module(), lowered.fndesc.qualname
-        key = _dynfunc.make_function(module, name, "", nowhere, lowered.env, ())
+        key = make_function(module, name, "", nowhere, lowered.env, ())
         state.targetctx.insert_user_function(key, lowered.fndesc, [state.library])
         state["cr"] = lowered._replace(cfunc=key)
         return True
@@ -73,7 +82,8 @@ class PieceCompiler(CompilerBase):  # type: ignore[misc]
         state.library = PieceLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
         if state.func_id.modname.partition(".")[0] == PACKAGE:
-            passes.passes = [step for step in passes.passes if step[0] not in NEEDLESS]
+            needed = [step for step in passes.passes if step[0].__name__ not in NEEDLESS]
+            passes.passes = needed
         passes.add_pass_after(DeclarePiece, NativeLowering)
         passes.finalize()
         return [passes]

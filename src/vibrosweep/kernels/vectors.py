@@ -11,9 +11,8 @@ from __future__ import annotations
 import os
 from typing import Final
 
-from numba.core.registry import cpu_target
-
 from vibrosweep.errors import VibrosweepError
+from vibrosweep.kernels._numba import target
 
 VARIABLE: Final = "VIBROSWEEP_VECTOR_BITS"
 WIDTHS: Final = ("128", "256", "512")
@@ -39,6 +38,6 @@ def vector_bits() -> int | None:
     """Return the width that is requested from the compiler; None leaves the choice to it."""
     if SET_BITS is not None:
         return SET_BITS
-    _, processor, features = cpu_target.target_context.codegen().magic_tuple()
+    _, processor, features = target()
     has_512 = "+avx512f" in features.split(",")
     return 512 if has_512 and processor not in SLOWER_WITH_512 else None

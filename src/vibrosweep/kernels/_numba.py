@@ -1,0 +1,114 @@
+"""The names of numba that no version promises to keep: they are imported here, and nowhere else.
+
+Where numba lacks one that only saves time, the package does without it, and `vibrosweep doctor`
+says what that costs.  Without one that kernels need, a message names the versions that were tried.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numba
+from llvmlite import binding
+
+from vibrosweep.errors import VibrosweepError
+
+__all__ = [
+    "HAS_CACHE",
+    "HAS_PIECES",
+    "CompilerBase",
+    "DefaultPassBuilder",
+    "FunctionCache",
+    "IndexDataCacheFile",
+    "JITCodeLibrary",
+    "Listener",
+    "LoweringPass",
+    "NativeLowering",
+    "lost",
+    "make_function",
+    "make_overload_template",
+    "register",
+    "register_pass",
+    "remedy",
+    "start_runtime",
+    "target",
+]
+
+OLDEST, NEWEST = "0.62.0", "0.68.1"  # with which the package was tried
+lost: Final[dict[str, str]] = {}  # names that this numba lacks, and what it costs to do without
+
+
+def remedy() -> str:
+    """Return what to do about names that this numba lacks."""
+    return (
+        f"versions {OLDEST} to {NEWEST} were tried, this is {numba.__version__}: "
+        f"python -m pip install 'numba>={OLDEST},<={NEWEST}'"
+    )
+
+
+def _absent(error: ImportError) -> str:
+    return str(error).partition(" (")[0]  # without the path of a file
+
+
+def _do_without(error: ImportError, cost: str) -> None:
+    lost[_absent(error)] = cost
+
+
+try:
+    from numba.core.typing.templates import make_overload_template
+except ImportError as error:
+    raise VibrosweepError(f"no kernel can be compiled: {_absent(error)}; {remedy()}") from error
+
+try:
+    from numba._dynfunc import make_function
+    from numba.core.codegen import JITCodeLibrary
+    from numba.core.compiler import CompilerBase, DefaultPassBuilder
+    from numba.core.compiler_machinery import LoweringPass, register_pass
+    from numba.core.typed_passes import NativeLowering
+except ImportError as error:
+    _do_without(error, "kernels take longer to compile")
+    HAS_PIECES = False
+else:
+    HAS_PIECES = True
+
+try:
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
+except ImportError as error:
+    _do_without(error, "machine code is not kept, every process compiles its kernels again")
+    HAS_CACHE = False
+else:
+    HAS_CACHE = True
+
+try:
+    from numba.core.runtime import rtsys
+except ImportError as error:
+    _do_without(error, "kept machine code takes longer to load")
+
+    def start_runtime(context: Any) -> None:
+        """Load all that numba can compile, and with it what counts references."""
+        context.refresh()
+else:
+    start_runtime = rtsys.initialize
+
+try:
+    from numba.core.event import Listener, register
+except ImportError as error:
+    _do_without(error, "no line says that a kernel is being compiled, and that takes longer")
+
+    Listener = object
+
+    def register(kind: str, listener: Any) -> None:
+        """Call no listener."""
+
+
+def target() -> tuple[str, str, str]:
+    """Return the system, the processor and its features for which numba compiles.
+
+    This is what numba itself takes from LLVM, and writes into the keys of machine code.
+    """
+    config, features = numba.config, binding.get_host_cpu_features()
+    if not config.ENABLE_AVX:
+        features.update({name: False for name in features if name.startswith("avx")})
+    stated = features.flatten() if config.CPU_FEATURES is None else config.CPU_FEATURES
+    processor = binding.get_host_cpu_name() if config.CPU_NAME is None else config.CPU_NAME
+    return binding.get_process_triple(), processor, stated
