@@ -99,5 +99,6 @@ const table = () => {
 if (cb_obj.event_name === "tap") click(cb_obj.x, cb_obj.y)
 else if (cb_obj.event_name === "button_click") table()
 else if (cb_obj === picture) show(shown.data.index[0])
+else if (cb_obj === pickers[2]) repaint()
 else if (pickers.includes(cb_obj)) move()
 else choose()
