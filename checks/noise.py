@@ -2,7 +2,8 @@
 
     python checks/noise.py [--impacts 1000000] [--seed 1] [--write]
 
-With --write the tables go into docs/noise.md, and the pictures into docs/images.
+With --write the tables go into docs/noise.md.  Pictures go into docs/images, or where --pictures
+says.
 """
 
 from __future__ import annotations
@@ -191,14 +192,15 @@ def apart(noise, seed, replicas=400, duration=500.0):
     return found.collision_free.values.reshape(-1, replicas).mean(axis=1)
 
 
-def save(name, figure):
-    path = DOCS / "images" / f"{name}.png"
+def save(name, figure, folder):
+    path = folder / f"{name}.png"
     figure.savefig(path, dpi=150)
     Image.open(path).convert("RGB").quantize(64).save(path, optimize=True)
 
 
 def main() -> None:
-    options = options_of(__doc__, impacts=1_000_000, seed=1)
+    folder = (DOCS / "images", "where pictures go")
+    options = options_of(__doc__, impacts=1_000_000, seed=1, pictures=folder)
     began, seed = time.time(), options.seed
     every = [
         one
@@ -234,11 +236,11 @@ def main() -> None:
     origin = provenance(time.time() - began, seed)
     show(options, "closed forms", f"{text}\n\n{origin}", PAGE)
     show(options, "lifetimes", f"{table(head, rows)}\n\n{origin}", PAGE)
-    if options.write:
-        save("noise_lifetime", lifetimes(lives))
-        save("noise_windows", windows(amplitude, strengths, kept, (0.4905, 3.00677)))
-        save("noise_energy", energy(a, 0.9, squares))
-        save("noise_staggering", staggering(free))
+    save("noise_lifetime", lifetimes(lives), options.pictures)
+    ends = (0.4905, 3.00677)
+    save("noise_windows", windows(amplitude, strengths, kept, ends), options.pictures)
+    save("noise_energy", energy(a, 0.9, squares), options.pictures)
+    save("noise_staggering", staggering(free), options.pictures)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
 """Shared by the tests of the page: small results of every base and kind, and their points."""
 
+import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 import vibrosweep as vs
+from tests.explore.browsing import FLAGS, NAMES, READY
 from vibrosweep.explore.points import of_result
 
 SWEEPS = {
@@ -59,3 +62,36 @@ def results():
 def points(results):
     """Points of the sweep over the high-bounce base."""
     return of_result(results["high-bounce"], Path("out.h5"), "sweep")
+
+
+@pytest.fixture(scope="session")
+def browser():
+    driver = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    if found is None:
+        pytest.skip(f"no browser is found: none of {', '.join(NAMES)}")
+    with driver.sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=found, args=[*FLAGS])
+
+
+@pytest.fixture
+def opened(browser):
+    """Open an address in a window; fail on a console message or a request to another host."""
+    said, asked, pages = [], [], []
+
+    def show(address, width=1280, **options):
+        context = browser.new_context(viewport={"width": width, "height": 900}, **options)
+        page = context.new_page()
+        page.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else 0)
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        pages.append(context)
+        page.goto(address)
+        page.wait_for_function(READY, timeout=120_000)
+        return page
+
+    yield show
+    for context in pages:
+        context.close()
+    assert not said
+    assert all(re.match(r"(data|blob|file):|(http|ws)://localhost:", url) for url in asked)

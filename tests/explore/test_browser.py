@@ -8,13 +8,12 @@ import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
 import urllib.request
 
 import pytest
 
 import vibrosweep as vs
+from tests.explore.browsing import VIEW, address_of, served
 from vibrosweep.explore.pictures import heights
 
 SPEC = {
@@ -24,27 +23,6 @@ SPEC = {
     "seed": 1,
     "particles": 4,
 }
-NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-# true once the first pictures are drawn, which may have to wait for a compilation
-READY = """() => window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle
-  && Bokeh.documents[0].get_model_by_name("heading first").text !== "" """
-# left, top, width, height of the view of the plane in the window
-VIEW = """() => {
-  const plot = Bokeh.documents[0].get_model_by_name("plane")
-  const view = Bokeh.index.find_one_by_id(plot.id)
-  const {left, top} = view.canvas_view.el.getBoundingClientRect()
-  const box = view.frame.bbox
-  return [left + box.left, top + box.top, box.width, box.height]
-}"""
 # the flights that are drawn, and the parameters that they are drawn for
 DRAWN = """() => {
   const model = (name) => Bokeh.documents[0].get_model_by_name(name)
@@ -67,57 +45,18 @@ def result(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def process(result):
-    """The command as a user starts it."""
-    command = [sys.executable, "-m", "vibrosweep", "explore", str(result)]
-    group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if os.name == "nt" else {}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **group
-    ) as started:
+    with served(result) as started:
         yield started
-        started.kill()
 
 
 @pytest.fixture(scope="module")
 def address(process):
-    return re.search(r"http://localhost:\d+/", process.stdout.readline())[0]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    driver = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    found = next(filter(None, map(shutil.which, NAMES)), None)
-    if found is None:
-        pytest.skip(f"no browser is found: none of {', '.join(NAMES)}")
-    with driver.sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=found, args=[*FLAGS])
-
-
-@pytest.fixture
-def opened(browser):
-    """Open an address in a window; fail on a console message or a request to another host."""
-    said, asked, pages = [], [], []
-
-    def show(address, width=1280, **options):
-        context = browser.new_context(viewport={"width": width, "height": 900}, **options)
-        page = context.new_page()
-        page.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else 0)
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.on("request", lambda request: asked.append(request.url))
-        pages.append(context)
-        page.goto(address)
-        page.wait_for_function(READY, timeout=120_000)
-        return page
-
-    yield show
-    for context in pages:
-        context.close()
-    assert not said
-    assert all(re.match(r"(data|blob|file):|(http|ws)://localhost:", url) for url in asked)
+    return address_of(process)
 
 
 def changed(page, before):
     """Wait until the picture has changed, and return it."""
-    for _ in range(200):
+    for _ in range(2400):  # kernels may have to be compiled
         drawn = page.evaluate(DRAWN)
         if all(drawn[name] != before[name] for name in ("start", "code")):
             return drawn

@@ -110,6 +110,33 @@ def test_a_slider_changes_the_pictures_once_for_all_its_movements(page):
     assert choice.scene.particles == 3
 
 
+def ring(page):
+    return [page.plane.chosen.data[name] for name in "xy"]
+
+
+def test_the_ring_is_where_the_motion_is_or_nowhere(page, points):
+    x, y = (points.columns[name].values for name in points.axes)
+    page.select_point(4)
+    assert ring(page) == [[x[4]], [y[4]]]
+    page.controls.sliders["amplitude"].value = 2.5
+    page._follow()
+    assert ring(page) == [[x[4]], [2.5]]
+    page.pickers["x"].value = "dt_min"  # not known for a motion that is no point of the result
+    assert ring(page) == [[], []]
+    page.controls.sliders["amplitude"].value = float(y[4])
+    page._follow()
+    assert ring(page) == [[points.columns["dt_min"].values[4]], [y[4]]]
+
+
+def test_colours_keep_the_mapper_that_the_browser_has_copied(page):
+    """Its browser would go on to paint with a mapper that is replaced."""
+    mapper = page.plane.mapper
+    for name in page.points.columns:
+        page.pickers["colour"].value = name
+        assert page.plane.dots.glyph.fill_color.transform is mapper
+        assert page.plane.painted.glyph.color_mapper is mapper
+
+
 def test_both_bases_are_shown_side_by_side(page):
     assert not page.motions[1].heading.visible
     page.controls.both.active = [0]

@@ -4,6 +4,7 @@ import asyncio
 import http.client
 import re
 import threading
+from contextlib import contextmanager
 
 import pytest
 from bokeh.client import pull_session
@@ -31,6 +32,7 @@ FOREIGN = (
     "127.0.0.1.example.org:{}",
     "0.0.0.0:{}",
 )
+HUB = "https://hub.example.org"
 UPGRADE = {
     "Connection": "Upgrade",
     "Upgrade": "websocket",
@@ -39,15 +41,15 @@ UPGRADE = {
 }
 
 
-@pytest.fixture(scope="module")
-def port(points):
-    """Port of a server that runs in a thread."""
+@contextmanager
+def serving(points, framing=()):
+    """Yield the port of a server that runs in a thread."""
     made, found = threading.Event(), []
 
     def serve():
         asyncio.set_event_loop(asyncio.new_event_loop())
         loop = IOLoop.current()
-        server, address = opened(points, 0, lambda background: None)
+        server, address = opened(points, 0, lambda background: None, framing)
         server.start()
         found.extend([loop, int(address.strip("/").rpartition(":")[2])])
         made.set()
@@ -64,10 +66,19 @@ def port(points):
     thread.join(60.0)
 
 
+@pytest.fixture(scope="module")
+def port(points):
+    with serving(points) as found:
+        yield found
+
+
 @pytest.fixture
 def ask(port):
     """Send a request as a browser does that knows the server by a host name."""
+    return asking(port)
 
+
+def asking(port):
     def answer(path, method="GET", host="localhost:{}", **headers):
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
         headers = {name: value.format(port) for name, value in headers.items()}
@@ -119,6 +130,46 @@ def test_no_answer_lets_pages_of_other_origins_read_it(ask, path, method):
     for headers in ({}, {"Origin": "http://localhost:{}"}, {"Cookie": "a=b"}):
         found = ask(path, method, **headers)
         assert not [name for name, _ in found.getheaders() if "access-control" in name.lower()]
+
+
+def fetched(site, mode, dest):
+    return {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": mode, "Sec-Fetch-Dest": dest}
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("site", ["cross-site", "same-site", "anything"])
+@pytest.mark.parametrize(
+    ("mode", "dest"),
+    [
+        ("no-cors", "image"),
+        ("no-cors", "script"),
+        ("cors", "empty"),
+        ("websocket", "websocket"),
+        ("navigate", "embed"),
+        ("navigate", "object"),
+    ],
+)
+def test_what_pages_of_other_sites_load_makes_no_session(ask, path, site, mode, dest):
+    """Such requests need not carry the header ``Origin``."""
+    assert_refused(ask(path, **fetched(site, mode, dest), **(UPGRADE if path == "/ws" else {})))
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site", "same-origin", "none"])
+def test_a_link_that_is_followed_opens_the_page(ask, site):
+    found = ask("/", **fetched(site, "navigate", "document"))
+    assert found.status == 200
+    assert "docs_json" in found.text
+
+
+@pytest.mark.parametrize("framing", [(), (HUB,), (HUB, "http://localhost:8888")])
+def test_only_named_origins_may_show_the_page_in_a_frame(points, framing):
+    with serving(points, framing) as port:
+        ask = asking(port)
+        found = ask("/", **fetched("cross-site", "navigate", "iframe"))
+        assert found.status == (200 if framing else 403)
+        policy = " ".join(["frame-ancestors 'self'", *framing])
+        for answer in (found, ask("/"), ask("/static/js/bokeh.min.js")):
+            assert answer.getheader("Content-Security-Policy") == policy
 
 
 def test_only_what_the_page_asks_for_is_served(ask):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import Final
 
@@ -10,6 +11,7 @@ from vibrosweep.commands.arguments import whole
 from vibrosweep.errors import VibrosweepError
 
 LAST_PORT: Final = 65535
+ORIGIN: Final = re.compile(r"https?://[\w.-]+(:\d+)?|https?://\[[\da-fA-F:]+\](:\d+)?")
 
 
 class MissingBokehError(VibrosweepError, ImportError):
@@ -35,10 +37,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port", metavar="N", type=_port, default=0, help="of this machine; default: a free one"
     )
+    parser.add_argument(
+        "--frame-in",
+        metavar="ORIGIN",
+        type=_origin,
+        action="append",
+        default=[],
+        help="site that may show the page in a frame, such as https://hub.example.org; repeatable",
+    )
 
 
 def _port(text: str) -> int:
     return whole(text, 0, LAST_PORT)
+
+
+def _origin(text: str) -> str:
+    if not ORIGIN.fullmatch(text):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no origin: give a scheme and a host, such as https://hub.example.org, "
+            f"without a path"
+        )
+    return text
 
 
 def perform(options: argparse.Namespace) -> None:
@@ -72,4 +91,4 @@ def _explore(options: argparse.Namespace) -> None:
     def started(address: str) -> None:
         print(f"{points.title}: {address} (Ctrl-C ends it)", flush=True)
 
-    serve(points, options.port, started)
+    serve(points, options.port, started, options.frame_in)

@@ -7,13 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from bokeh.models import (
-    BasicTicker,
-    ColorMapper,
-    FixedTicker,
-    LinearColorMapper,
-    LogColorMapper,
-)
+from bokeh.models import FixedTicker, LinearColorMapper, LogColorMapper
 from bokeh.palettes import Viridis256
 
 from vibrosweep.arrays import Array
@@ -31,19 +25,38 @@ class Colouring:
 
     # Values to be coloured, shape (point,): numbers, or for codes their position in `names`
     values: Array
-    mapper: ColorMapper  # from values to colours
     title: str  # label of the column, meaning of grey, and full range if the scale is narrower
+    # low, high: ends of the scale, which `palette` divides evenly
+    low: float
+    high: float
+    palette: Sequence[str] = Viridis256
+    below: str = Viridis256[0]  # colour of values below the scale
+    log: bool = False  # True for a logarithmic scale
     # Meanings of the codes that occur; the last one stands for all codes without a colour
     names: Sequence[str] = ()
 
+    def scaled(self, values: Array) -> Array:
+        """Numbers whose colours are linear between the ends of `mapping`: values or logarithms."""
+        if not self.log:
+            return values
+        with np.errstate(divide="ignore"):  # zeros are below the scale
+            return np.log(values)
+
     @property
-    def scale(self) -> dict[str, Any]:
+    def mapping(self) -> dict[str, Any]:
+        """Properties of the linear mapper with which all pictures of `scaled` are coloured."""
+        low, high = self.scaled(np.array([self.low, self.high])).tolist()
+        return {"palette": self.palette, "low": low, "high": high, "low_color": self.below}
+
+    @property
+    def bar(self) -> dict[str, Any]:
         """Properties of the colour bar."""
-        names = self.names
+        kind = LogColorMapper if self.log else LinearColorMapper
         return {
-            "color_mapper": self.mapper,
-            "ticker": FixedTicker(ticks=list(range(len(names)))) if names else BasicTicker(),
-            "major_label_overrides": dict(enumerate(names)),
+            "ticker": FixedTicker(ticks=list(range(len(self.names)))) if self.names else "auto",
+            "major_label_overrides": dict(enumerate(self.names)),
+            # the last one, since it makes the browser build the bar anew, with the other two
+            "color_mapper": kind(palette=self.palette, low=self.low, high=self.high),
         }
 
 
@@ -59,7 +72,7 @@ def colouring(column: Column) -> Colouring:
         # a few almost coincident landings would stretch the scale to the limits of precision
         least = max(float(np.quantile(positive, 0.01)), 1e-6 * high)
         title = f"{column.label}, grey: 0" if low == 0.0 else column.label
-        return Colouring(values, _scale(LogColorMapper, least, max(high, 1.01 * least)), title)
+        return Colouring(values, title, least, max(high, 1.01 * least), below=GREY, log=True)
     infinite = bool(np.any(values == -np.inf))
     title = f"{column.label}, grey: -∞" if infinite else column.label
     least, most = scale_ends(known) if known.size else (low, high)
@@ -69,12 +82,7 @@ def colouring(column: Column) -> Colouring:
         low, high = low if infinite else least, most
     elif low == high:
         low, high = low - 0.5, high + 0.5
-    below = GREY if infinite else Viridis256[0]
-    return Colouring(values, _scale(LinearColorMapper, low, high, below), title)
-
-
-def _scale(kind: type[ColorMapper], low: float, high: float, below: str = GREY) -> ColorMapper:
-    return kind(palette=Viridis256, low=low, high=high, low_color=below, nan_color=UNKNOWN)
+    return Colouring(values, title, low, high, below=GREY if infinite else Viridis256[0])
 
 
 def _of_codes(column: Column) -> Colouring:
@@ -86,13 +94,9 @@ def _of_codes(column: Column) -> Colouring:
     position = np.full(column.values.shape, np.nan)
     for i, code in enumerate(present):
         position[column.values == code] = min(i, len(names) - 1)
-    mapper = LinearColorMapper(
-        palette=NAMED[: len(names)] if len(names) < len(NAMED) else NAMED,
-        low=-0.5,
-        high=max(len(names), 1) - 0.5,
-        nan_color=UNKNOWN,
-    )
-    return Colouring(position, mapper, column.label, names)
+    palette = NAMED[: max(len(names), 1)]
+    high = len(palette) - 0.5
+    return Colouring(position, column.label, -0.5, high, palette, palette[0], names=names)
 
 
 def particle_colours(count: int) -> list[str]:

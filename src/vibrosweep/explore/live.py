@@ -33,7 +33,7 @@ from vibrosweep.explore.layout import (
 )
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import PlaneView
-from vibrosweep.explore.points import Points
+from vibrosweep.explore.points import LAUNCHED, Points
 from vibrosweep.explore.sources import are_numbers
 from vibrosweep.explore.table import TABLE, enclosed, table
 from vibrosweep.model.forcing import INPUTS
@@ -87,7 +87,7 @@ class Page:
         self.document = document
         self.background = background
         self.plane = PlaneView(points)
-        self.index = points.count // 2
+        self.index = points.count // 2  # of the point that was chosen last
         self.controls = Controls(points, points.choice(self.index).shortened(), self._moved)
         self.motions = (MotionView("first"), MotionView("second"))
         second = self.motions[1].heading
@@ -170,15 +170,13 @@ class Page:
             name: self.controls.clamped(name, value)
             for name, value in zip(axes, (x, y), strict=True)
         }
-        self.plane.mark(*inputs.values())
         self.controls.set(self.controls.choice.with_inputs(**inputs))
         self._show("a place between the points")
 
     def select_point(self, index: int) -> None:
         """Show the realization of a point."""
-        self.index = index
-        self.plane.mark_point(index)
         self.controls.set(self.points.choice(index).shortened())
+        self.index, self._of_point = index, self.controls.choice
         self._show(f"point {index} of {self.points.count}")
 
     def _moved(self) -> None:
@@ -199,8 +197,21 @@ class Page:
         finally:
             self.document.unhold()
 
+    def _mark(self) -> None:
+        """Put the ring where the shown motion is in the plane, if that is known."""
+        self.plane.mark(self._place(self.plane.x), self._place(self.plane.y))
+
+    def _place(self, name: str) -> float | None:
+        choice = self.controls.choice
+        if choice.lasting(1.0) == self._of_point.lasting(1.0):
+            return float(self.plane.values(name)[self.index])
+        if name == LAUNCHED and choice.scene.particles == 1:
+            return choice.launch_time[0]
+        return choice.scene.inputs.get(name)  # not known: a measure, which the result may not hold
+
     def _show(self, what: str) -> None:
         """Show the choice of the controls, once it is computed."""
+        self._mark()
         choice = self.controls.choice
         second = bool(self.controls.both.active)
         if second and choice.scene.base == SPRUNG:
@@ -284,12 +295,13 @@ class Page:
                 self.pickers[name].value = getattr(self.plane, name)
                 return
             setattr(self.plane, name, new)
-            if name in ("x", "y"):
-                self.plane.show()
-                self.plane.mark_point(self.index)
-            else:
-                self.plane.recolour()
-            self._show_code()
+            with self._one_message():
+                if name in ("x", "y"):
+                    self.plane.show()
+                    self._mark()
+                else:
+                    self.plane.recolour()
+                self._show_code()
 
         return picked
 

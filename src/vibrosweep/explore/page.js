@@ -20,17 +20,54 @@ const click = (x, y) => {
   })
   show(best)
 }
+const bare = (from) => (from instanceof Map ? Object.fromEntries(from) : from)
+// Values of the cells of a grid, as `raster` in Python: means of numbers, or commonest codes
+const gathered = (grid, values, codes) => {
+  const index = get(grid, "index"), [rows, across] = get(grid, "shape")
+  const found = new Array(rows * across).fill(NaN)
+  const total = found.map(() => 0), known = found.map(() => 0)
+  const counts = found.map(() => new Array(codes).fill(0))
+  values.forEach((v, i) => {
+    const at = index[i]
+    if (codes) {
+      if (isNaN(v)) return
+      counts[at][v] += 1
+      found[at] = counts[at].indexOf(Math.max(...counts[at]))
+    } else if (isFinite(v)) {
+      total[at] += v
+      known[at] += 1
+      found[at] = total[at] / known[at]
+    } else if (v === -Infinity && !known[at]) found[at] = v
+  })
+  return found
+}
+const said = (v, words) => (
+  isNaN(v) ? "not known" : get(words, `${v}`) ?? `${Number(v.toPrecision(6))}`
+)
 const repaint = () => {
-  const colouring = get(colourings, pickers[2].value)
-  const values = get(colouring, "values"), names = get(colouring, "names")
-  const scale = get(colouring, "scale")
-  const bare = scale instanceof Map ? Object.fromEntries(scale) : scale
-  const [x, y] = pickers.slice(0, 2).map((picker) => columns.data[picker.value])
-  const said = Array.from(values, (v) => (names.length ? names[v] ?? "not known" : `${v}`))
-  dots.data = {...dots.data, x: x, y: y, value: values, said: said}
-  renderer.glyph.fill_color = {field: "value", transform: bare.color_mapper}
+  const names = pickers.map((picker) => picker.value)
+  const [x, y, quantity] = names.map((name) => columns.data[name])
+  const [across, up, label] = names.map((name) => get(views, name)[2])
+  const colouring = get(colourings, names[2]), grid = get(get(grids, names[0]), names[1])
+  const values = get(colouring, "values"), words = get(colouring, "words")
+  const scaled = (all) => Array.from(all, get(colouring, "log") ? Math.log : Number)
+  mapper.setv(bare(get(colouring, "mapping")))
+  bar.setv(bare(get(colouring, "bar")))
   plane.title.text = get(colouring, "title")
-  bar.setv(bare)
+  dots.data = {
+    ...dots.data, x: x, y: y, value: scaled(values),
+    said: Array.from(quantity, (v) => said(v, words)),
+    alpha: Array.from(values, () => (grid ? 0 : 1)),
+  }
+  if (grid) {
+    const found = scaled(gathered(grid, values, get(colouring, "names").length))
+    const cells = new columns.data[names[0]].constructor(found, get(grid, "shape"))
+    image.data = {image: [cells], ...bare(get(grid, "place"))}
+  } else image.data = {image: [], x: [], y: [], dw: [], dh: []}
+  const tips = (x, y, value) => [[across, `${x}{%.6g}`], [up, `${y}{%.6g}`], [label, value]]
+  over_cells.tooltips = tips("$x", "$y", "@image{%.6g}")
+  over_dots.tooltips = tips("@x", "@y", "@said")
+  over_dots.renderers = grid ? [] : [renderer]
   marks.data = {x: Array.from(kept, (at) => x[at]), y: Array.from(kept, (at) => y[at])}
 }
 const move = () => {
@@ -62,5 +99,6 @@ const table = () => {
 if (cb_obj.event_name === "tap") click(cb_obj.x, cb_obj.y)
 else if (cb_obj.event_name === "button_click") table()
 else if (cb_obj === picture) show(shown.data.index[0])
+else if (cb_obj === pickers[2]) repaint()
 else if (pickers.includes(cb_obj)) move()
 else choose()

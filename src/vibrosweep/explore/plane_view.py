@@ -8,14 +8,16 @@ import numpy as np
 from bokeh.models import (
     BoxSelectTool,
     ColorBar,
+    CustomJSHover,
     HoverTool,
     LassoSelectTool,
+    LinearColorMapper,
     Range1d,
 )
 from bokeh.plotting import figure
 
 from vibrosweep.arrays import Array
-from vibrosweep.explore.colours import colouring
+from vibrosweep.explore.colours import UNKNOWN, colouring
 from vibrosweep.explore.curves import WindowEnd, window_ends
 from vibrosweep.explore.labels import SYMBOLS
 from vibrosweep.explore.points import Points
@@ -33,6 +35,23 @@ HEIGHT: Final = 430
 GUESS: Final = (HEIGHT, HEIGHT)  # pixels until the browser has sent the true number
 SMALL: Final = {"text_font_size": "11px", "text_baseline": "middle"}
 SUBSCRIPTS: Final = {False: "min", True: "max"}
+DIGITS: Final = "{%.6g}"  # of the numbers beside the pointer
+# The middle of the cell below the pointer, along one axis
+MIDDLE: Final = """
+const start = source.data[low][0], size = source.data[width][0]
+const count = source.data.image[0].shape[axis]
+const cell = Math.floor((value - start) / size * count)
+return Number((start + (cell + 0.5) * size / count).toPrecision(6))
+"""
+# What the colour of a cell means, as the colour bar says it
+MEANING: Final = """
+const names = bar.major_label_overrides
+const list = names instanceof Map ? [...names.values()] : Object.values(names)
+if (isNaN(value)) return "not known"
+if (list.length) return list[value]
+const number = bar.color_mapper.type === "LogColorMapper" ? Math.exp(value) : value
+return Number(number.toPrecision(6))
+"""
 
 
 class PlaneView:
@@ -49,7 +68,7 @@ class PlaneView:
         self.x, self.y = points.axes
         self.colour, self.marker = points.colour, NO_MARKER
         self.pixels = points.count > MANY
-        self.source = empty_source("x", "y", "value", "marker", "said")
+        self.source = empty_source("x", "y", "value", "alpha", "marker", "said")
         self.image = empty_source("image", "x", "y", "dw", "dh")
         self.solid = empty_source("xs", "ys")
         self.dashed = empty_source("xs", "ys")
@@ -77,9 +96,24 @@ class PlaneView:
         plot.add_tools(LassoSelectTool(continuous=False), BoxSelectTool())
         self.scale = ColorBar(width=12, padding=6, major_label_text_font_size="11px")
         plot.add_layout(self.scale, "right")
-        self.painted = plot.image("image", "x", "y", "dw", "dh", source=self.image)
-        self.dots = plot.scatter("x", "y", source=self.source, marker="marker", line_color=None)
-        self.dots.nonselection_glyph.fill_alpha = 0.15
+        # One mapper for good, whose properties change: a browser copies the glyphs, for points that
+        # are chosen for example, and the copies would keep a mapper that is replaced
+        self.mapper = LinearColorMapper(nan_color=UNKNOWN)
+        self.painted = plot.image(
+            "image", "x", "y", "dw", "dh", source=self.image, color_mapper=self.mapper
+        )
+        self.dots = plot.scatter(
+            "x",
+            "y",
+            source=self.source,
+            marker="marker",
+            size=float(np.clip(160.0 / np.sqrt(self.points.count), 3.0, 9.0)),
+            fill_color={"field": "value", "transform": self.mapper},
+            fill_alpha={"field": "alpha"},
+            line_color=None,
+            selection_line_color="black",
+            nonselection_fill_alpha=0.15,
+        )
         for source, dash in ((self.solid, "solid"), (self.dashed, "dashed")):
             plot.multi_line("xs", "ys", source=source, line_color="black", line_dash=dash)
         lines = {"line_dash": "dash", "line_width": 2.0, "line_color": "#c2006f"}
@@ -89,9 +123,21 @@ class PlaneView:
         words.glyph.update(background_fill_color="white", background_fill_alpha=0.85, padding=2)
         ring = {"size": 15, "fill_color": None, "line_color": "#d00000", "line_width": 2.5}
         plot.scatter("x", "y", source=self.chosen, **ring)
-        self.hover = HoverTool(renderers=[self.painted if self.pixels else self.dots])
-        plot.add_tools(self.hover)
+        self.over_cells = HoverTool(
+            renderers=[self.painted],
+            formatters={
+                "$x": self._middle("x", "dw", axis=1),
+                "$y": self._middle("y", "dh", axis=0),
+                "@image": CustomJSHover(args={"bar": self.scale}, code=MEANING),
+            },
+        )
+        self.over_dots = HoverTool(formatters={"@x": "printf", "@y": "printf"})
+        plot.add_tools(self.over_cells, self.over_dots)
         return plot
+
+    def _middle(self, low: str, width: str, axis: int) -> CustomJSHover:
+        names = {"low": low, "width": width, "axis": axis}
+        return CustomJSHover(args={"source": self.image, **names}, code=MIDDLE)
 
     def values(self, name: str) -> Array:
         """Values of a column, shape (point,)."""
@@ -114,18 +160,15 @@ class PlaneView:
         """Show the chosen colours and markers, in the present view."""
         column = self.points.columns[self.colour]
         self._coloured = colouring(column)
-        mapper = self._coloured.mapper
-        self.dots.glyph.fill_color = {"field": "value", "transform": mapper}
-        self.painted.glyph.color_mapper = mapper
+        self.mapper.update(**self._coloured.mapping)
         self.figure.title.text = f"colour: {self._coloured.title}"
-        self.scale.update(**self._coloured.scale)
-        x, y, value = ("$x", "$y", "@image") if self.pixels else ("@x", "@y", "@said")
-        labels = [self.points.columns[name].label for name in (self.x, self.y)]
-        self.hover.tooltips = [
-            (labels[0], x + "{0.0000}"),
-            (labels[1], y + "{0.0000}"),
-            (column.label, value),
-        ]
+        self.scale.update(**self._coloured.bar)
+        across, up = (self.points.columns[name].label for name in (self.x, self.y))
+        for hover, x, y, value in (
+            (self.over_cells, "$x", "$y", f"@image{DIGITS}"),
+            (self.over_dots, "@x", "@y", "@said"),
+        ):
+            hover.tooltips = [(across, x + DIGITS), (up, y + DIGITS), (column.label, value)]
         if self.pixels:
             self.paint()
         else:
@@ -135,11 +178,11 @@ class PlaneView:
         """Gather the points in the pixels of the present view."""
         left, right, bottom, top = self._window()
         view = View((left, right), (bottom, top), *inner_pixels(self.figure, GUESS))
-        names = self._coloured.names
+        coloured, names = self._coloured, self._coloured.names
         codes = np.arange(len(names), dtype=np.float64) if names else None
-        found = raster(self.values(self.x), self.values(self.y), self._coloured.values, view, codes)
+        found = raster(self.values(self.x), self.values(self.y), coloured.values, view, codes)
         self.image.data = {
-            "image": [found.values],
+            "image": [coloured.scaled(found.values)],
             "x": [found.x[0]],
             "y": [found.y[0]],
             "dw": [found.x[1] - found.x[0]],
@@ -165,13 +208,10 @@ class PlaneView:
             return ends
         return (*limits(self.values(self.x)), *limits(self.values(self.y)))
 
-    def mark(self, x: float, y: float) -> None:
-        """Put the ring of the chosen realization at a place."""
-        self.chosen.data = {"x": [x], "y": [y]}
-
-    def mark_point(self, index: int) -> None:
-        """Put the ring around a point."""
-        self.mark(float(self.values(self.x)[index]), float(self.values(self.y)[index]))
+    def mark(self, *place: float | None) -> None:
+        """Put the ring of the shown motion at a place; remove it if a coordinate is None."""
+        known = [[] if None in place else [value] for value in place]
+        self.chosen.data = dict(zip("xy", known, strict=True))
 
     def _show_points(self) -> None:
         column, coloured = self.points.columns[self.colour], self._coloured
@@ -179,22 +219,21 @@ class PlaneView:
         if self.marker != NO_MARKER:
             kinds = colouring(self.points.columns[self.marker]).values
             marks = [MARKERS[int(np.nan_to_num(kind)) % len(MARKERS)] for kind in kinds]
-        size = float(np.clip(160.0 / np.sqrt(self.points.count), 3.0, 9.0))
         cells = even_cells(self.values(self.x), self.values(self.y))
-        if cells is not None:  # a grid is drawn as cells; invisible dots react to the pointer
+        if cells is not None:  # a grid is drawn as cells; a lasso chooses from invisible dots
             self.paint()
-            size = HEIGHT / max(cells.shape)
         else:
             self.image.data = {name: [] for name in self.image.data}
+        self.over_dots.renderers = [self.dots] if cells is None else []
         alpha = 1.0 if cells is None or self.marker != NO_MARKER else 0.0
-        self.dots.glyph.update(size=size if cells is None else max(size, 3.0), fill_alpha=alpha)
         said = [
             column.codes.get(int(v), f"{v:.6g}") if v == v else "not known" for v in column.values
         ]
         self.source.data = {
             "x": self.values(self.x),
             "y": self.values(self.y),
-            "value": coloured.values,
+            "value": coloured.scaled(coloured.values),
+            "alpha": np.full(self.points.count, alpha),
             "marker": marks,
             "said": said,
         }

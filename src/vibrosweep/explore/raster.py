@@ -30,8 +30,8 @@ class Raster:
     # x, y: outer edges
     x: tuple[float, float]
     y: tuple[float, float]
-    # Shape (row, column), the lowest y first.  Numbers: the mean of the finite ones, -inf where no
-    # number is finite.  Codes: the commonest.  NaN in pixels without a point
+    # Shape (row, column), the lowest y first.  Numbers: the mean of the finite ones; -inf where
+    # there is none, but a -inf.  Codes: the commonest.  NaN where nothing is known
     values: Array
 
 
@@ -69,11 +69,11 @@ def even_cells(x: Array, y: Array) -> Cells | None:
 def _mean(cells: Cells, values: Array) -> Array:
     size = int(np.prod(cells.shape))
     known = np.isfinite(values)
-    points = np.bincount(cells.index, minlength=size)
+    infinite = np.bincount(cells.index[values == -np.inf], minlength=size)
     finite = np.bincount(cells.index[known], minlength=size)
     total = np.bincount(cells.index[known], values[known], minlength=size)
     found = np.divide(total, finite, out=np.full(size, np.nan), where=finite > 0)
-    found[(points > 0) & (finite == 0)] = -np.inf
+    found[(infinite > 0) & (finite == 0)] = -np.inf
     return np.asarray(found.reshape(cells.shape))
 
 

@@ -7,7 +7,7 @@ import re
 import signal
 import socket
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 from weakref import WeakSet
 
@@ -18,10 +18,10 @@ from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from bokeh.server.util import bind_sockets
 from tornado.httpserver import HTTPServer
-from tornado.httputil import HTTPMessageDelegate, HTTPServerRequest
+from tornado.httputil import HTTPHeaders, HTTPMessageDelegate, HTTPServerRequest
 from tornado.ioloop import IOLoop
 from tornado.routing import Router
-from tornado.web import RequestHandler
+from tornado.web import OutputTransform, RequestHandler
 
 from vibrosweep.errors import RunError
 from vibrosweep.explore.background import Background
@@ -34,20 +34,23 @@ NAMES: Final = (HOST, "127.0.0.1", "[::1]")  # names by which this machine calls
 # Paths that a page requests; Bokeh serves more, for documents embedded in other sites
 SERVED: Final = re.compile(r"/|/ws|/favicon\.ico|/static/.*")
 HTTP_PORT: Final = 80  # the port that browsers leave out of an address
+OWN: Final = (None, "same-origin", "none")  # who asks: this page, the visitor, or an old browser
 
 
-def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
+def serve(
+    points: Points, port: int, started: Callable[[str], None], framing: Sequence[str] = ()
+) -> None:
     """Serve the page until a signal ends it; port 0 means any free one.
 
-    `started` is called with the address once the page can be opened.  Raises a RunError if the port
-    is not free.
+    `started` is called with the address once the page can be opened.  Pages of the origins
+    `framing` may show it in a frame.  Raises a RunError if the port is not free.
     """
     backgrounds = WeakSet[Background]()
     first = Background()
     backgrounds.add(first)
     # kernels are loaded or compiled while the browser loads the page
     first.call(points.choice(points.count // 2).shortened().simulate)
-    server, address = opened(points, port, backgrounds.add)
+    server, address = opened(points, port, backgrounds.add, framing)
     loop = server.io_loop
     for number in ENDINGS:
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -64,12 +67,15 @@ def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
 
 
 def opened(
-    points: Points, port: int, watch: Callable[[Background], object]
+    points: Points,
+    port: int,
+    watch: Callable[[Background], object],
+    framing: Sequence[str] = (),
 ) -> tuple[BaseServer, str]:
     """Return a server of the page in the present loop, and its address.
 
-    `watch` is called with the `Background` of each visitor.  Raises a RunError if the port is not
-    free.
+    `watch` is called with the `Background` of each visitor.  Pages of the origins `framing` may
+    show the page in a frame.  Raises a RunError if the port is not free.
     """
 
     def show(document: Document) -> None:
@@ -91,8 +97,9 @@ def opened(
     application = BokehTornado(
         {"/": Application(FunctionHandler(show))}, extra_websocket_origins=hosts
     )
+    application.add_transform(_framed(framing))
     address = f"http://{HOST}:{port}/"
-    http = HTTPServer(_LocalRouter(application, hosts, address))
+    http = HTTPServer(_LocalRouter(application, hosts, address, framing))
     http.add_sockets(sockets)
     return BaseServer(IOLoop.current(), application, http), address
 
@@ -103,18 +110,26 @@ class _LocalRouter(Router):
     The name server of another site may resolve its name to this machine (DNS rebinding).  A browser
     then takes this page for one of that site, whose scripts may read it; but the request still
     carries the other name in its header ``Host``.
+
+    A page of another site may load this one as a picture, a script or a frame; it cannot read the
+    answer, but each such load would make a session here.  Browsers say in ``Sec-Fetch-Site`` that
+    the request comes from elsewhere; only that of a link that a visitor follows is answered.
     """
 
-    def __init__(self, application: BokehTornado, hosts: list[str], address: str) -> None:
+    def __init__(
+        self, application: BokehTornado, hosts: list[str], address: str, framing: Sequence[str]
+    ) -> None:
         self.application = application
         self.hosts = hosts
+        # what a browser may do with a page that it was led to from another site
+        self.destinations = ("document", "iframe") if framing else ("document",)
         self.origins = (None, *(f"http://{host}" for host in hosts))
         self.address = address
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> HTTPMessageDelegate | None:
         """Return the handler of a request; None, which is a 404, for an unknown path."""
         known = request.host.lower() in self.hosts
-        if not known or request.headers.get("Origin") not in self.origins:
+        if not (known and self._invited(request)):
             answer = self.application.get_handler_delegate(
                 request, _Refusal, {"address": self.address}
             )
@@ -123,6 +138,30 @@ class _LocalRouter(Router):
         else:
             answer = None
         return answer  # type: ignore[no-any-return]
+
+    def _invited(self, request: HTTPServerRequest) -> bool:
+        """Return whether this page, its visitor, or a link that was followed makes the request."""
+        headers = request.headers
+        if headers.get("Origin") not in self.origins:
+            return False
+        if headers.get("Sec-Fetch-Site") in OWN:
+            return True
+        leads = request.path == "/" and headers.get("Sec-Fetch-Mode") == "navigate"
+        return leads and headers.get("Sec-Fetch-Dest") in self.destinations
+
+
+def _framed(framing: Sequence[str]) -> type[OutputTransform]:
+    """Make every answer say which origins may show it in a frame."""
+    policy = " ".join(["frame-ancestors 'self'", *framing])
+
+    class Framed(OutputTransform):
+        def transform_first_chunk(
+            self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
+        ) -> tuple[int, HTTPHeaders, bytes]:
+            headers["Content-Security-Policy"] = policy
+            return status_code, headers, chunk
+
+    return Framed
 
 
 class _Refusal(RequestHandler):

@@ -7,6 +7,7 @@ import pickle
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
 from bokeh.document import Document
 from bokeh.embed import file_html
 from bokeh.events import Tap
@@ -31,6 +32,7 @@ from vibrosweep.explore.layout import (
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import PlaneView, limits
 from vibrosweep.explore.points import Points
+from vibrosweep.explore.raster import even_cells
 from vibrosweep.explore.sample import evenly, spread_out
 from vibrosweep.explore.table import TABLE, table_columns
 from vibrosweep.store.disk import check_output, replacing
@@ -106,7 +108,7 @@ class _Page:
             self.motions.append({**found, **texts})
         first = self.points.choice(self.kept[0]).shortened(PERIODS)
         self.motion.show(first.simulate(), parameters_line(first))
-        self.plane.mark_point(self.kept[0])
+        self.plane.mark(*(float(self.plane.values(n)[self.kept[0]]) for n in self.points.axes))
         self.facts = paragraph("facts", self.motions[0]["facts"])
         self.code = code_block(lines.motion_lines(first, "height"))
 
@@ -152,6 +154,10 @@ class _Page:
             "plane": plane.figure,
             "dots": plane.source,
             "renderer": plane.dots,
+            "image": plane.image,
+            "mapper": plane.mapper,
+            "over_cells": plane.over_cells,
+            "over_dots": plane.over_dots,
             "bar": plane.scale,
             "ring": plane.chosen,
             "marks": marks,
@@ -161,6 +167,7 @@ class _Page:
             "columns": ColumnDataSource({n: c.values for n, c in points.columns.items()}),
             "views": {n: [*limits(c.values), c.label] for n, c in points.columns.items()},
             "colourings": {name: self._colouring(name) for name in points.columns},
+            "grids": {x: self._grids(x) for x in points.columns},
             "selection": self.selection,
             "save": self.save,
             "varied": table_columns(points),
@@ -169,13 +176,31 @@ class _Page:
         }
 
     def _colouring(self, name: str) -> dict[str, Any]:
-        found = colouring(self.points.columns[name])
+        column = self.points.columns[name]
+        found = colouring(column)
         return {
             "values": found.values,
-            "names": list(found.names),
+            "log": found.log,
             "title": f"colour: {found.title}",
-            "scale": found.scale,
+            "mapping": found.mapping,
+            "bar": found.bar,
+            "words": {str(code): word for code, word in column.codes.items()},
+            "names": list(found.names),
         }
+
+    def _grids(self, x: str) -> dict[str, Any]:
+        """Cells of the planes with this horizontal axis whose points form a grid."""
+        found = {}
+        for y in self.points.columns:
+            cells = even_cells(self.plane.values(x), self.plane.values(y))
+            if cells is not None:
+                (left, *_, right), (low, *_, high) = cells.x_edges, cells.y_edges
+                found[y] = {
+                    "index": cells.index.astype(np.int32),
+                    "shape": cells.shape,
+                    "place": {"x": [left], "y": [low], "dw": [right - left], "dh": [high - low]},
+                }
+        return found
 
     def _listen(self, arguments: dict[str, Any], pickers: list[Select]) -> None:
         # a single callback, because each one would hold its own copy of the motions

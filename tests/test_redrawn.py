@@ -1,0 +1,38 @@
+"""The pictures of the pages have recipes, and an old one is told from a new one."""
+
+from pathlib import Path
+
+import pytest
+from PIL import Image, ImageDraw
+
+import redrawn
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_every_picture_has_a_recipe():
+    assert sorted(redrawn.RECIPES) == sorted(path.stem for path in redrawn.IMAGES.glob("*.png"))
+
+
+def test_recipes_name_files_that_exist():
+    for recipe in redrawn.RECIPES.values():
+        for word in recipe.lines.split():
+            if word.startswith("{ROOT}"):
+                assert Path(word.replace("{ROOT}", str(ROOT))).exists(), word
+
+
+@pytest.mark.parametrize("picture", ["cost", "peers", "work_precision"])
+def test_times_are_drawn_from_their_stored_tables(picture, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    redrawn.draw_stored(picture)
+    assert redrawn.changed(redrawn.IMAGES / f"{picture}.png", Path(f"{picture}.png")) < 0.004
+
+
+def test_a_legend_that_has_moved_is_noticed_and_fewer_colours_are_not(tmp_path):
+    old = redrawn.IMAGES / "parameter_plane.png"
+    image = Image.open(old).convert("RGB")
+    image.quantize(32).save(tmp_path / "fewer.png")
+    assert redrawn.changed(old, tmp_path / "fewer.png") < redrawn.TOLERANCE / 2
+    ImageDraw.Draw(image).rectangle((300, 300, 420, 340), fill="black")
+    image.save(tmp_path / "legend.png")
+    assert redrawn.changed(old, tmp_path / "legend.png") > redrawn.TOLERANCE
