@@ -26,9 +26,11 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 IMAGES = DOCS / "images"
 COMMAND = f"{shlex.quote(sys.executable)} -m vibrosweep"
-WIDTH = 350  # pixels to which pictures are reduced, so that neither dots nor letters count alone
+WIDTH = 200  # pixels to which pictures are reduced, so that neither dots nor the few colours count
 STEP = 40  # of 255: a pixel that differs by less in each colour is the same
-TOLERANCE = 0.004  # share of changed pixels above which a picture is stale
+# Share of changed pixels above which a picture is stale: two words of a legend are 0.003 of them,
+# and fewer colours change less than 0.0001
+TOLERANCE = 0.001
 DPI = 200
 
 

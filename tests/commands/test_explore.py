@@ -64,3 +64,26 @@ def with_title(source, target, title):
     shutil.copy(source, target)
     with h5py.File(target, "r+") as file:
         file.attrs.create("title", np.bytes_(title), dtype=h5py.string_dtype())
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "hub",
+        "hub.example.org",
+        "https://",
+        "https://a.org/b",
+        "https://a.org; x",
+        "*",
+        "http://a b",
+        "",
+    ],
+)
+def test_an_origin_that_is_none_is_refused_in_words(origin, swept, capsys):
+    """It would end up in a header of every answer."""
+    with pytest.raises(SystemExit) as ended:
+        main(["explore", str(swept), "--frame-in", origin])
+    assert ended.value.code == 2
+    message = capsys.readouterr().err
+    assert "--frame-in" in message
+    assert "such as https://hub.example.org" in message
