@@ -153,6 +153,22 @@ def test_orbits_do_not_depend_on_how_a_waveform_is_scaled():
     )
 
 
+def test_a_stable_orbit_under_steep_harmonics_is_found():
+    """Newton's method leads to it from a small region only; trajectories settle on it."""
+    tones = (
+        (2, -0.5632604946323857, -0.41719416078983107),
+        (5, -0.055606027087918695, 1.3496419404578157),
+        (6, 0.24382204464520169, 1.7694305540175774),
+    )
+    a = 4.266485748572371 * 2.0 / GRAVITY
+    found = search("moving", 0.6166970876905427, a, 2, 2, Waveform(HARMONICS_NAME, tones))
+    stable = np.abs(found.trace[0]) < 1.0 + found.determinant[0]
+    (k,) = np.flatnonzero(stable & (found.admissible[0] == ADMISSIBLE))
+    assert (found.impacts[0, k], found.periods[0, k]) == (2, 2)
+    phases = found.times[0, k] - np.rint(found.times[0, k])
+    assert np.sort(phases) == pytest.approx([-0.124988, -0.096335], abs=1e-6)
+
+
 def test_many_seeds_find_nothing_more():
     """At e = 0.6 over the moving base sixteen times as many seeds find the same orbits."""
     given_, base = problem(0.6, 1.1), base_of("moving", "rest")
