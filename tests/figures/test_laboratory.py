@@ -76,3 +76,6 @@ def test_errors_stand_beside_the_range_of_the_study():
     assert (box.y0, box.y1) == pytest.approx((3.8, 7.1))
     own = errors_by_case(comparison().drop_attrs())  # not an experiment of the study
     assert not own[0].patches
+    unknown = comparison().drop_attrs()
+    unknown["error"][:, 0] = np.nan
+    assert errors_by_case(unknown)[0].get_ylim() == (0.0, 1.15)

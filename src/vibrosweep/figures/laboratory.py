@@ -144,7 +144,7 @@ def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = No
     for axes, q in zip(panels, table["quantity"].values, strict=True):
         error = table["error"].sel(quantity=q)
         cases = np.arange(table.sizes["case"])
-        most = float(np.nanmax(error.values))
+        most = float(np.max(error.values, initial=0.0, where=np.isfinite(error.values)))
         if f"study_{q}" in table.attrs:
             low, high = table.attrs[f"study_{q}"]
             axes.axhspan(low, high, color="0.9", label=f"study: {low:g} to {high:g} %")
@@ -162,6 +162,6 @@ def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = No
             )
         axes.set_xticks(cases, [str(case) for case in table["case"].values])
         axes.set(xlim=(-0.6, cases.size - 0.4), ylabel=f"error of {q} (%)")
-        axes.set_ylim(0.0, 1.15 * most)
+        axes.set_ylim(0.0, 1.15 * (most or 1.0))
         style.head(axes, "", columns=2)
     return panels
