@@ -103,8 +103,9 @@ def branches(
 
     All orbits at the values of the axis are followed in both directions, each once, until they
     leave the range of the axis, touch the base, or begin to rest.  Saddle-nodes, period doublings,
-    grazings and rests are solutions of equations for the orbit, the parameter and the multiplier
-    together.
+    grazings (in flight, or at a landing of speed 0) and rests are solutions of equations for the
+    orbit, the parameter and the multiplier together.  A branch that no step continues is listed,
+    and its end is ``lost``.
 
     Parameters
     ----------
