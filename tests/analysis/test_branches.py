@@ -1,6 +1,7 @@
 """Orbits along a parameter and curves of their bifurcations, against closed forms."""
 
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -8,12 +9,15 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
+from orbit_branches import judge
 from vibrosweep.analysis.branches import summary
+from vibrosweep.analysis.continuation import LOST
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.figures import orbit_boundaries, orbit_branches, parameter_plane
 from vibrosweep.figures.style import for_file
 
-SADDLE_NODE, DOUBLING, GRAZING, YIELDING = 0, 1, 2, 6
+SADDLE_NODE, DOUBLING, GRAZING, YIELDING, AT_LANDING = 0, 1, 2, 6, 7
+TOUCHES = 3  # of ends
 GRAVITY, FREQUENCY = 9.81, 1.0
 BASES = ("high-bounce", "moving")
 
@@ -178,6 +182,85 @@ def test_boundaries_are_the_closed_forms_at_every_point(base):
         assert e.min() == pytest.approx(0.4)
         assert e.max() == pytest.approx(0.9)
         assert (one.admissible == 1).all()
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_events_do_not_depend_on_the_range_and_each_orbit_is_on_one_branch(base):
+    """And each doubling has its child, each event is inside, no branch is lost."""
+    failures, total = [], Counter()
+    for i in range(8):
+        total += judge({"base": base}, np.random.default_rng([3, i]), lambda *w: failures.append(w))
+    assert failures == []
+    assert min(total[name] for name in ("events", "doublings", "orbits")) > 20
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("e", [0.5, 0.9])
+def test_a_range_that_ends_exactly_at_a_doubling_lists_it_once_and_the_orbit_born_there(base, e):
+    _, last = ends_of_mode(1, e, base)
+    for values in ([last, 1.1 * last], [0.9 * last, last]):
+        found = vs.branches(restitution=e, amplitude=values, base=base, doublings=1)
+        doubling = [a for i in range(found.sizes["branch"]) for a in met(found, i, DOUBLING)]
+        assert [a for a in doubling if abs(a - last) < 1e-9] == pytest.approx([last], abs=1e-11)
+        (child,) = np.flatnonzero(found.parent.values >= 0)
+        assert found.cycle_impacts[child] == 2
+
+
+@pytest.mark.parametrize(
+    ("e", "doublings"),
+    [(0.745, [0.67907361, 0.69245687]), (0.75, [0.677630766, 0.687127381])],
+)
+def test_neighbouring_doublings_are_found_once_each(e, doublings):
+    """Two within one step are no change of sign, and each is a root inside its own bracket."""
+    kicks = np.array([0.4, 0.7])
+    found = vs.branches(
+        restitution=e, amplitude=kicks * GRAVITY / 2.0, impacts=2, waveform=TWO_TONES
+    )
+    at = [a for i in np.flatnonzero(found.cycle_impacts == 2) for a in met(found, i, DOUBLING)]
+    assert sorted(at) == pytest.approx(np.array(doublings) * GRAVITY / 2.0, abs=5e-8)
+
+
+@pytest.mark.parametrize(
+    "scene", [{"base": "moving", "restitution": 0.5}, {"waveform": TWO_TONES, "restitution": 0.75}]
+)
+def test_a_branch_stays_on_its_line_however_long_the_first_steps_are(scene, monkeypatch):
+    """A step that would lead to another orbit, or over two events, is made shorter."""
+    given_ = {**scene, "amplitude": [1.0, 3.0, 4.2], "impacts": 2}
+    expected = vs.branches(**given_)
+    monkeypatch.setattr("vibrosweep.analysis.continuation.FIRST_STEP", 0.3)
+    monkeypatch.setattr("vibrosweep.analysis.continuation.LONGEST_STEP", 0.5)
+    found = vs.branches(**given_)
+    assert found.sizes["point"] < expected.sizes["point"]
+    for name in ("ends", "bifurcation", "bifurcation_amplitude", "bifurcation_phase"):
+        np.testing.assert_allclose(found[name], expected[name], atol=1e-9)
+
+
+def test_a_landing_that_just_grazes_ends_its_branch_where_the_longer_flight_ends():
+    """The orbit (2, 1) meets (1, 1) there, whose flight touches the base; both are events."""
+    kicks = np.array([0.6, 0.85, 1.12]) * GRAVITY / 2.0
+    restitutions = [0.29, 0.31094152683871745, 0.33]
+    for e in restitutions:
+        found = vs.branches(restitution=e, amplitude=kicks, base="moving", impacts=2)
+        assert LOST not in found.ends.values
+        long, short = (int(np.flatnonzero(found.cycle_impacts == p)[-1]) for p in (1, 2))
+        assert TOUCHES in found.ends.values[short]
+        (at,) = met(found, short, AT_LANDING)
+        assert met(found, long, GRAZING) == pytest.approx([at], abs=1e-9)
+        if e == restitutions[1]:
+            assert at * 2.0 / GRAVITY == pytest.approx(1.07065069, abs=1e-8)
+    curves = vs.boundaries(restitution=restitutions, amplitude=kicks, base="moving", impacts=2)
+    one = curves.isel(curve=int(np.flatnonzero(curves.bifurcation == AT_LANDING)[0]))
+    k = int(np.nanargmin(np.abs(one.restitution.values - restitutions[1])))
+    assert float(one.amplitude[k]) * 2.0 / GRAVITY == pytest.approx(1.07065069, abs=1e-8)
+
+
+def test_an_orbit_that_cannot_be_followed_is_listed(monkeypatch):
+    """No branch is dropped: one from which no step leads on has one point, and is lost."""
+    monkeypatch.setattr("vibrosweep.analysis.continuation.STRAIGHT_AT_KINK", 2.0)
+    found = vs.branches(restitution=0.5, amplitude=[3.3, 3.6])
+    assert found.sizes["branch"] > 0
+    assert (found.ends == LOST).all()
+    assert "lost" in "".join(summary(found))
 
 
 def test_a_branch_that_spends_its_points_is_reported():

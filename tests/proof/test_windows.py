@@ -8,11 +8,12 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.analysis.conditions import Condition
+from vibrosweep.analysis.line_equations import FIX_E
 from vibrosweep.analysis.orbit_lines import Plane, branches_along
 from vibrosweep.analysis.window_codes import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.api.result_kinds import WINDOWS
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.extended import DOUBLING, FIX_E, SADDLE_NODE
+from vibrosweep.kernels.bifurcations import DOUBLING, SADDLE_NODE
 from vibrosweep.proof.reference._flint import arb, ctx, exact
 from vibrosweep.proof.reference.closed import (
     NOT_ATTRACTING,

@@ -19,13 +19,14 @@ from vibrosweep.analysis.common import (
     require_ability,
     shared,
 )
-from vibrosweep.analysis.orbit_lines import ENDS, EVENTS, Line, Plane, branches_along, curves_of
+from vibrosweep.analysis.continuation import Line
+from vibrosweep.analysis.line_equations import FIX_DRIVE, FIX_E
+from vibrosweep.analysis.orbit_lines import ENDS, EVENTS, Plane, branches_along, curves_of
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.bifurcations import BORN
 from vibrosweep.kernels.closed import MEETS_BASE, RESTS
-from vibrosweep.kernels.continuation import BORN
-from vibrosweep.kernels.extended import FIX_DRIVE, FIX_E
 from vibrosweep.model.forcing import FORCINGS, INPUTS, forcing_of
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.runs.result import coordinate_attributes
@@ -101,7 +102,7 @@ def boundaries(
             )
         ]
     plane = Plane(spec.scene, forcing, e, drive, points)
-    curves = curves_of(plane, lines, e)
+    curves = curves_of(plane, lines)
     data = _lines(curves, plane, "curve", ["restitution", forcing], spec)
     kinds = [curve.kind for curve in curves]
     data["bifurcation"] = coded(["curve"], kinds, "kind of bifurcation", OF_CURVES)
@@ -149,7 +150,8 @@ def _lines(
     trace = _padded([line.trace for line in lines], points)
     determinant = _padded([line.determinant for line in lines], points)
     real, imaginary = multipliers(trace, determinant)
-    stable = np.where(np.isfinite(trace), np.hypot(real, imaginary)[..., 0] < 1.0, -1)
+    # the trace is infinite where a landing grazes
+    stable = np.where(np.isnan(trace), -1, np.hypot(real, imaginary)[..., 0] < 1.0)
     speed = _padded([line.speed for line in lines], points, impacts)
     phase = _padded([_phases(line.z, line.p) for line in lines], points, impacts)
     unit = spec.scene.inputs["gravity"] / (2.0 * spec.scene.inputs["frequency"])

@@ -15,6 +15,7 @@ from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.closed_orbits import orbits
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
+from vibrosweep.analysis.line_equations import FIX_E
 from vibrosweep.analysis.orbit_lines import Plane, branches_along
 from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
@@ -24,7 +25,6 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels._numba import HAS_CACHE
-from vibrosweep.kernels.extended import FIX_E
 from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.model.forcing import AMPLITUDE
 from vibrosweep.model.parameters import LAWS, SPRUNG

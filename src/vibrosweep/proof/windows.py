@@ -9,17 +9,19 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.analysis.conditions import Locked, named
-from vibrosweep.analysis.orbit_lines import AT_CORNER, AT_YIELDING, Line, Plane
+from vibrosweep.analysis.continuation import AT_CORNER, AT_YIELDING, Line
+from vibrosweep.analysis.line_equations import FIX_E
+from vibrosweep.analysis.orbit_lines import Plane
 from vibrosweep.analysis.window_codes import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.continuation import BORN
-from vibrosweep.kernels.extended import (
+from vibrosweep.kernels.bifurcations import (
+    BORN,
     CORNER,
     DOUBLING,
-    FIX_E,
     GRAZE,
+    LANDING,
     REST,
     SADDLE_NODE,
     YIELD,
@@ -66,7 +68,7 @@ OF_ANY_SHAPE: Final = (AMPLITUDE, "base_velocity")
 POINTS: Final = 10_000  # of a branch in each direction
 MULTIPLIER: Final = {SADDLE_NODE: 1, DOUBLING: -1}
 # Codes of the other events that end a branch
-LEAVES: Final = {GRAZE: TOUCHES, REST: TOUCHES, CORNER: SWITCH, YIELD: SWITCH}
+LEAVES: Final = {GRAZE: TOUCHES, LANDING: TOUCHES, REST: TOUCHES, CORNER: SWITCH, YIELD: SWITCH}
 
 
 class _Proof(NamedTuple):
@@ -174,7 +176,7 @@ def _branch(plane: Plane, drive: Array, k: int, workers: Workers) -> tuple[Line 
     """Branch of the orbit that attracts in the middle of a window, and its point there."""
     for p, q, z in plane.orbits(plane.restitution, drive, (1, k), workers)[0]:
         if (p, q) == (1, k):
-            line = plane.follow(z, plane.span(1, k, FIX_E))
+            line = plane.follow(z, 1, k, FIX_E)
             row = int(np.argmin(np.abs(line.z - z).max(axis=1)))
             if abs(line.trace[row]) < 1.0 + line.determinant[row] < 2.0:
                 return line, row

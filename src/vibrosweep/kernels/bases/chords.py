@@ -1,15 +1,18 @@
-"""Flights between two given instants: speeds at both ends, and least clearance above the base."""
+"""Flights between two given instants: speeds at both ends, derivatives, and least clearance."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from vibrosweep.kernels._jit import generic, implements
 from vibrosweep.kernels.bases import Constants as AnyConstants
-from vibrosweep.kernels.bases import Flight, landing_search, shaped_search
+from vibrosweep.kernels.bases import Flight, jacobian, landing_search, shaped_search
 from vibrosweep.kernels.bases.high_bounce import Constants
 from vibrosweep.kernels.bases.landing_search import begin_at
 from vibrosweep.kernels.bases.moving import ANY, MovingConstants, ShapedConstants
+from vibrosweep.kernels.bases.moving_jacobian import along
+from vibrosweep.kernels.restitution import slope
 
 PIECES = 32  # of a period, in each of which one minimum of the height is searched for
 HALVINGS = 40  # the error of a minimum is of the order of the square of the last interval
@@ -51,6 +54,42 @@ def chord_moving(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]
     f, f1 = height(fixed, x, 0.0, s)
     y = -2.0 * f / s
     return y, -2.0 * f1 - y
+
+
+class Slopes(NamedTuple):
+    """Jacobian of an impact and its determinant, times a scale that makes all of them finite.
+
+    Over a base that moves the Jacobian is infinite where the speed of arrival is 0.
+    """
+
+    scale: float  # 1, or the speed of arrival
+    # xx, xu, ux, uu: of phase and speed after the impact, by those before its flight
+    xx: float
+    xu: float
+    ux: float
+    uu: float
+    determinant: float
+
+
+@generic
+def slopes(fixed: AnyConstants, arc: Flight) -> Slopes:
+    """Jacobian of the impact that ends a flight, also where the speed of arrival is 0."""
+
+
+@implements(slopes, Constants)
+def slopes_high_bounce(fixed: Constants, arc: Flight) -> Slopes:
+    xx, xu, ux, uu, _ = jacobian(fixed, arc)
+    return Slopes(1.0, xx, xu, ux, uu, uu - ux)
+
+
+@implements(slopes, *ANY)
+def slopes_moving(fixed: AnyConstants, arc: Flight) -> Slopes:
+    # as in `moving_jacobian`, without its divisions by the speed of arrival
+    s, z = arc.time, arc.v
+    q, at = slope(fixed.base.restitution, fixed.e, fixed.scale, z), along(fixed, arc.x, arc.u, s)
+    pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
+    ux, uu = q * (pull * at.by_x - lost * z), q * (pull * s - z)
+    return Slopes(z, z + at.by_x, s, ux, uu, q * arc.u)
 
 
 @generic

@@ -1,0 +1,337 @@
+"""Continuation of orbits along one parameter, and of their bifurcations along two.
+
+The method is pseudo-arclength continuation, which passes folds, of the equations of
+`vibrosweep.kernels.bifurcations`.  Three tests keep a step on its line: Newton's method must end
+near the predicted point, the direction must change little, and the sign of the determinant must
+stay, which differs on the other sheet of a fold.  If one fails, the step is halved.
+
+Along a step each condition of an event is a function of the position, known with its slope at both
+ends.  A change of sign encloses an event, which is accepted only inside its bracket.  Where the
+slopes let a function come near 0 between two values of one sign, the step is divided there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.line_equations import Held
+from vibrosweep.analysis.line_nodes import (
+    NEAR,
+    NEAR_PREDICTED,
+    ROUNDING,
+    SHORTEST_STEP,
+    Node,
+    Nodes,
+    tangent,
+)
+from vibrosweep.arrays import Array
+from vibrosweep.kernels.bifurcations import (
+    BORN,
+    CONDITIONS,
+    CORNER,
+    DOUBLING,
+    FOLLOWED,
+    GRAZE,
+    LANDING,
+    REST,
+    SADDLE_NODE,
+    YIELD,
+)
+
+# Ends of a line: border of the range, its own beginning, a period doubling from which it branches,
+# a graze or a rest, no next point found, too many points; a line may begin at a doubling, and end
+# at a corner of the waveform or at the kink of a law, where its direction jumps
+LEFT, RETURNED, DOUBLED, TOUCHED, LOST, SPENT, BEGUN, AT_CORNER, AT_YIELDING = range(9)
+PASSED: Final = (SADDLE_NODE, DOUBLING, CORNER, YIELD)
+LONGEST_STEP: Final = 0.02  # in phases (turns) and parameters, times the root of the impacts
+FIRST_STEP: Final = 1e-3
+SHORT_STEP: Final = 1e-5  # on which the sign of the determinant may change: two lines cross
+# Cosine of the angle between directions at neighbouring points, and distance of a point from its
+# prediction relative to the step, where a landing passes a corner or kink
+STRAIGHT: Final = 0.97
+STRAIGHT_AT_KINK, NEAR_AT_KINK = 0.9, 0.4
+TURNS: Final = 0.12  # angle to which steps are adapted
+UNRESOLVED: Final = 0.4  # difference from its slopes, relative to its size, of a known condition
+BEFORE: Final = 0.9  # share of the way to a birth, up to which other events are searched for
+AT_END: Final = 1e-7  # an event as near as this to the end of a line is tried there
+NEAR_SWITCH: Final = 1e-4  # largest distance of a corner or kink from the line that it ends
+
+
+class Event(NamedTuple):
+    """A bifurcation: its kind and its point."""
+
+    kind: int
+    z: Array
+
+
+@dataclass
+class Line:
+    """A line of orbits or bifurcations; arrays of shape (point, ...), in order along the line."""
+
+    p: int
+    q: int
+    z: Array
+    trace: Array
+    determinant: Array
+    admissible: NDArray[np.int8]
+    speed: Array
+    events: list[Event]
+    marks: list[tuple[int, Array]]  # values of the axis that it passes: index and point
+    ends: tuple[int, int]  # reasons why the line ends, at its first and last point
+    parent: int = -1  # index of the line from which it was born at a doubling
+    kind: int = -1  # bifurcation whose points form the line; -1 for a line of orbits
+
+
+def follow(nodes: Nodes, z: Array, along: Array, most: int, *, born: bool = False) -> Line:
+    """Follow a line in both directions; or only ahead, if it is born at a doubling there.
+
+    `most` is the largest number of points in each direction.  A line of orbits ends where no
+    particle can follow its orbit.
+    """
+    ahead = _Side(nodes, z, along, most, born=born, first=True)
+    if born or ahead.end == RETURNED:
+        return _line(nodes, ahead, [], BEGUN if born else RETURNED)
+    back = _Side(nodes, z, -along, most)
+    return _line(nodes, ahead, [back], back.end)
+
+
+def _line(nodes: Nodes, ahead: _Side, back: Sequence[_Side], end: int) -> Line:
+    points, events, marks = ahead.points, ahead.events, ahead.marks
+    for side in back:
+        points = side.points[:0:-1] + points
+        events, marks = side.events[::-1] + events, side.marks[::-1] + marks
+    of_points = zip(*(nodes.equations.described(z) for z in points), strict=True)
+    trace, determinant, admissible, speed = (np.array(values) for values in of_points)
+    p, q = nodes.equations.cycle.p, nodes.equations.cycle.q
+    return Line(
+        p,
+        q,
+        np.array(points),
+        trace,
+        determinant,
+        admissible.astype(np.int8),
+        speed,
+        events,
+        marks,
+        (end, ahead.end),
+        kind=-1 if nodes.of_orbits else nodes.equations.condition,
+    )
+
+
+def same_orbit(one: Array, other: Array, p: int, q: int) -> bool:
+    """Return whether two points belong to one orbit, possibly beginning with different impacts."""
+    times = other[:p]
+    for k in range(p):
+        turned = np.concatenate([times[k:], times[:k] + q])
+        off = turned - one[:p]
+        if np.abs(off - np.rint(off[0])).max() < NEAR:
+            return bool(np.abs(one[p:] - other[p:]).max() < NEAR)
+    return False
+
+
+class _Side:
+    """One side of a line, from a point in one direction.
+
+    `born` says whether the line is born there, at the doubling of an orbit of half its length, and
+    `first` whether events at the point itself belong to this side.
+    """
+
+    def __init__(
+        self,
+        nodes: Nodes,
+        z: Array,
+        along: Array,
+        most: int,
+        *,
+        born: bool = False,
+        first: bool = False,
+    ) -> None:
+        self._nodes, self._most, cycle = nodes, most, nodes.equations.cycle
+        self.points, self.end = [z], SPENT
+        self.events: list[Event] = []
+        self.marks: list[tuple[int, Array]] = []
+        self._may_be_born = cycle.p % 2 == 0 and cycle.q % 2 == 0
+        self._longest = LONGEST_STEP * float(np.sqrt(cycle.p))
+        self._orientation = 0.0
+        self._apart: Array | None = None
+        with np.errstate(invalid="ignore"):  # conditions may be infinite or NaN
+            node = nodes.node(z, along)
+            near = np.abs(node.values) <= AT_END * np.abs(node.slopes)
+            near[CONDITIONS:] = np.abs(node.values[CONDITIONS:]) < ROUNDING
+            if first and not born:
+                self._meet_at(node)
+            node.values[near] = 0.0  # the slopes decide
+            if born:  # at the doubling of one orbit, a multiplier of the other is 1
+                node.values[SADDLE_NODE] = np.nan
+            self._begin = node
+            self._follow(node, born=born)
+
+    def _follow(self, node: Node, *, born: bool) -> None:
+        """Add points until the line ends."""
+        step = FIRST_STEP
+        self._measure(node, may_be_born=not born)
+        while len(self.points) < self._most:
+            advanced = self._advance(node, step)
+            met = None if advanced is None else self._events(node, advanced[0])
+            if advanced is None or met is None:
+                step *= 0.5
+                if step >= SHORTEST_STEP:
+                    continue
+                self._lose(node)
+                return
+            high, self._orientation = advanced
+            if any(self._meet(k, z, high) for k, z in met):
+                return
+            angle = float(np.arccos(np.minimum(1.0, node.along @ high.along)))
+            step = min(step * min(1.5, max(0.5, TURNS / max(angle, 1e-9))), self._longest)
+            node = high
+            self.points.append(node.z)
+            self._measure(node)
+
+    def _lose(self, node: Node) -> None:
+        """End the line at a node with no next one: at a corner or kink next to it, if any."""
+        self.end = LOST
+        for kind, end in ((CORNER, AT_CORNER), (YIELD, AT_YIELDING)):
+            at = self._nodes.polished(kind, node.z) if self._nodes.of_orbits else None
+            if at is not None and np.abs(at - node.z).max() < NEAR_SWITCH:
+                self.events.append(Event(kind, at))
+                self.end = end
+                return
+
+    def _measure(self, node: Node, *, may_be_born: bool = True) -> None:
+        """Prepare to notice where the orbit becomes one of half the length."""
+        self._apart = None
+        if self._may_be_born and may_be_born:
+            apart = self._nodes.apart(node.z)
+            self._apart = apart / np.linalg.norm(apart)
+            measured = self._nodes.node(node.z, node.along, self._apart)
+            node.values[BORN], node.slopes[BORN] = measured.values[BORN], measured.slopes[BORN]
+
+    def _advance(self, node: Node, step: float) -> tuple[Node, float] | None:
+        """Return the next point of the line, about one step away, and the sign of the determinant.
+
+        None if the step is too long.
+        """
+        nodes = self._nodes
+        guess = node.z + step * node.along
+        done = nodes.equations.correct(guess, Held(node.along, guess))
+        along = None if done is None else tangent(done[1])
+        if done is None or along is None:
+            return None
+        cosine, off = node.along @ along, np.linalg.norm(done[0] - guess) / step
+        if not (cosine > STRAIGHT_AT_KINK and off < NEAR_AT_KINK):
+            return None
+        high = nodes.node(done[0], along, self._apart)
+        crossed = nodes.crossed(node, high)
+        smooth = cosine > STRAIGHT and off < NEAR_PREDICTED
+        if not (smooth or crossed[CORNER] or crossed[YIELD]):
+            return None
+        sign = float(np.linalg.slogdet(done[1])[0])
+        if sign * self._orientation < 0.0 and not crossed[BORN] and step > SHORT_STEP:
+            return None
+        known = [SADDLE_NODE, DOUBLING]
+        low, new = node.values[known], high.values[known]
+        slopes = 0.5 * (node.slopes[known] + high.slopes[known])
+        missed = np.abs(new - low - np.linalg.norm(high.z - node.z) * slopes)
+        if step > SHORT_STEP and (missed > UNRESOLVED * np.maximum(abs(low), abs(new))).any():
+            return None
+        return high, sign
+
+    def _events(self, low: Node, high: Node) -> list[tuple[int, Array]] | None:
+        """Return the events of a step in their order, until one ends the line.
+
+        None if the step is too long to tell.
+        """
+        nodes, born, found = self._nodes, None, []
+        whole = high
+        if nodes.crossed(low, high)[BORN]:
+            born = nodes.locate(low, high, BORN, self._apart)
+            if born is None or np.linalg.norm(nodes.apart(born)) > NEAR:
+                return None
+            share = float(np.linalg.norm(born - low.z) / np.linalg.norm(high.z - low.z))
+            before = nodes.between(low, high, BEFORE * min(1.0, share), self._apart)
+            if before is None:
+                return None
+            high = before
+        parts = nodes.divided(low, high, self._apart)
+        if parts is None:
+            return None
+        for one, other in pairwise(parts):
+            crossed = nodes.crossed(one, other)
+            crossed[[BORN, FOLLOWED]] = False
+            for k in np.flatnonzero(crossed):
+                at = nodes.locate(one, other, int(k), self._apart)
+                if at is None:
+                    return None
+                found.append((int(k), at))
+        if born is not None:
+            found.append((BORN, born))
+        found.sort(key=lambda event: (whole.z - low.z) @ event[1])
+        ending = [i for i, (k, _) in enumerate(found) if nodes.ends[k]]
+        if ending:
+            return found[: ending[0] + 1]
+        return found if not high.values[FOLLOWED] < 0.0 else self._unnoticed(low, high, found)
+
+    def _unnoticed(
+        self, low: Node, high: Node, found: list[tuple[int, Array]]
+    ) -> list[tuple[int, Array]] | None:
+        """Add where the orbit ceases to be one that a particle follows, if no condition says it."""
+        at = self._nodes.locate(low, high, FOLLOWED, self._apart)
+        if at is None:
+            return None
+        for kind in (LANDING, GRAZE, REST):
+            near = self._nodes.polished(kind, at)
+            if near is not None and np.abs(near - at).max() < NEAR:
+                return [*found, (kind, near)]
+        return [*found, (FOLLOWED, at)]
+
+    def _meet(self, k: int, z: Array, high: Node) -> bool:
+        """Note an event; return whether the line ends there."""
+        self._add(z)
+        if k < CONDITIONS:
+            if k != FOLLOWED:
+                self.events.append(Event(k, z))
+            ends = {BORN: DOUBLED, FOLLOWED: LOST, GRAZE: TOUCHED, REST: TOUCHED, LANDING: TOUCHED}
+            self.end = ends.get(k, SPENT)
+            return k in ends
+        mark = self._nodes.marks[k - CONDITIONS]
+        for one in self._nodes.marks:  # a line may end at a border and at a value of the axis
+            if one.of_axis >= 0 and abs(z[one.column] - one.value) < AT_END:
+                self.marks.append((one.of_axis, z))
+        if mark.ends:
+            self.end = LEFT
+            if np.abs(z - self._begin.z).max() > AT_END:
+                self._meet_at(self._nodes.node(z, self._nodes.equations.direction(z)))
+            return True
+        begin, cycle = self._begin, self._nodes.equations.cycle
+        if (
+            begin.values[k] == 0.0
+            and begin.slopes[k] * high.values[k] > 0.0
+            and same_orbit(begin.z, z, cycle.p, cycle.q)
+        ):
+            self.end = RETURNED
+        return self.end == RETURNED
+
+    def _add(self, z: Array) -> None:
+        if np.abs(z - self.points[-1]).max() > ROUNDING:
+            self.points.append(z)
+
+    def _meet_at(self, node: Node) -> None:
+        """Note the events at the end of a line, where a change of sign would be rounding."""
+        near = np.abs(node.values) <= AT_END * np.abs(node.slopes)
+        for kind in PASSED:
+            if not near[kind]:
+                continue
+            at = self._nodes.polished(kind, node.z)
+            if at is None or np.abs(at - node.z).max() > NEAR or not self._nodes.holds(at):
+                continue
+            known = [event.z for event in self.events if event.kind == kind]
+            if not any(np.abs(z - at).max() < AT_END for z in known):
+                self.events.append(Event(kind, at))
+                self._add(at)
