@@ -113,6 +113,8 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
     end = np.minimum(np.where(np.isnan(end), unrecorded, end), until)
     # no flight: the particle rests permanently, or lands at once
     flies = (start < until) & ((end > start) if moves(one) else (velocity > 0.0))
+    if "status" in one.variables:  # nothing is known of a realization behind a mask
+        flies = flies & (one["status"].values != Status.REFUSED)[:, np.newaxis]
     return Course(start, end, velocity, base.height(start), flies)
 
 

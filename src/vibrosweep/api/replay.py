@@ -125,8 +125,8 @@ def require_same_counts(result: xr.Dataset, record: Mapping[str, NDArray[Any]]) 
     times = record["landing_time"].ravel()
     times = times[~np.isnan(times)]
     owner = np.repeat(np.arange(count.size) // count.shape[1], count.ravel())
-    begin = result["transient"] if "transient" in result else xr.DataArray(-np.inf)
-    begin = np.broadcast_to(begin.values, size)
+    windows = result["transient"].values if "transient" in result else -np.inf
+    begin = np.broadcast_to(windows, size)
     blur = SAME_TIME / np.broadcast_to(result["frequency"].values, size)
     fewest, most = (
         np.bincount(owner[times >= (begin + apart)[owner]], minlength=size)

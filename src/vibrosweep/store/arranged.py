@@ -8,6 +8,7 @@ the first dataset.  Every analysis and figure reads its datasets through `arrang
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -29,17 +30,20 @@ TIMES: Final = ("duration", "transient")
 PARAMETERS: Final = (*INPUTS, *TIMES, STREAM)
 # All dimensions of results, in their order; the axes of a grid have the order of the inputs
 ORDER: Final = (
+    *("condition", "direction", REALIZATION, *INPUTS, "launch_time", "attractor"),
     *(
-        "condition",
-        "direction",
-        REALIZATION,
-        *INPUTS,
-        "launch_time",
-        "attractor",
         "branch",
         "curve",
+        "orbit",
+        "point",
+        "end",
+        "event",
+        "particle",
+        "window",
+        "scan",
+        "sample",
+        "multiplier",
     ),
-    *("orbit", "point", "end", "event", "particle", "window", "scan", "sample", "multiplier"),
     *("impact", "impacts", "periods", "output", "parameter", "part", "quantile", "cycle"),
 )
 PLACE: Final = {dim: place for place, dim in enumerate(ORDER)}
@@ -71,10 +75,10 @@ def arranged(dataset: xr.Dataset) -> xr.Dataset:
         found = _unmasked(found)
         _refuse_contradictions(found)
     dims = [d for d in ORDER if d in found.dims]
-    ordered = {
-        one.dims: tuple(d for d in dims if d in one.dims) for one in found.variables.values()
-    }
-    if all(tuple(d for d in given if d in PLACE) == kept for given, kept in ordered.items()):
+    given = (
+        [PLACE.get(str(dim), len(ORDER)) for dim in one.dims] for one in found.variables.values()
+    )
+    if all(places == sorted(places) for places in given):
         return found
     return found.transpose(*dims, ...)
 
@@ -109,10 +113,15 @@ def _with_realizations(dataset: xr.Dataset) -> xr.Dataset:
         needed = declared.dims if record and declared else (REALIZATION,)
         dims = [d for d in needed if d not in given and d not in held]
         if dims:
-            lacking[name] = one.set_dims((*dims, *given))
+            lacking[name] = _spread(one, (*dims, *given))
     if record and "launch_time" in dataset.coords and not dataset["launch_time"].dims:
-        lacking["launch_time"] = dataset["launch_time"].variable.set_dims(("particle",))
+        lacking["launch_time"] = _spread(dataset["launch_time"].variable, ("particle",))
     return dataset.assign(lacking) if lacking else dataset
+
+
+def _spread(one: xr.Variable, dims: Sequence[Hashable]) -> Any:
+    """Return a variable with further dims of length 1."""
+    return one.set_dims(dims)  # type: ignore[no-untyped-call]
 
 
 def _refuse_gaps(dataset: xr.Dataset) -> None:
@@ -125,8 +134,8 @@ def _refuse_gaps(dataset: xr.Dataset) -> None:
     gaps = [n for n in names if bool((dataset[n].isnull() & computed).any())]
     if gaps:
         raise DataError(
-            f"{', '.join(gaps)}: missing in realizations that have results; datasets that differ in "
-            f"their parameters cannot be combined: give each of them alone"
+            f"{', '.join(gaps)}: missing in realizations that have results; datasets that "
+            f"differ in their parameters cannot be combined: give each of them alone"
         )
 
 
@@ -141,10 +150,9 @@ def _unmasked(dataset: xr.Dataset) -> xr.Dataset:
             if one.dims and "point" not in one.dims and (shared := _shared(one)) is not None:
                 found[name] = ((), shared, one.attrs)
             continue
-        if spread := [d for d in LAUNCHES if "attractor" in dataset.dims and d in one.dims]:
-            if name not in ("basin", "slot"):
-                one = one.max(spread, skipna=True, keep_attrs=True)
-                found[name] = one
+        spread = [d for d in LAUNCHES if "attractor" in dataset.dims and d in one.dims]
+        if spread and name not in ("basin", "slot"):  # a mask of launches
+            found[name] = one = one.max(spread, skipna=True, keep_attrs=True)
         declared = _declared(name, dataset)
         blank, kind = _integer(declared, one)
         if kind is None or (blank is None and bool(one.isnull().any())):
