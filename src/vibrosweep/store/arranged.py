@@ -47,7 +47,8 @@ ORDER: Final = (
     *("impact", "impacts", "periods", "output", "parameter", "part", "quantile", "cycle"),
 )
 PLACE: Final = {dim: place for place, dim in enumerate(ORDER)}
-LAUNCHES: Final = ("launch_velocity", "launch_time")
+LAUNCHES: Final = frozenset({"launch_velocity", "launch_time"})
+OF_ATTRACTORS: Final = ("regime", "cycle_periods", "cycle_rests")
 ACCELERATING: Final = ("restitution", AMPLITUDE, ACCELERATION, "frequency", "gravity")
 EXACT: Final = 1e-9  # relative; derived quantities agree to some units of rounding
 
@@ -150,8 +151,10 @@ def _unmasked(dataset: xr.Dataset) -> xr.Dataset:
             if one.dims and "point" not in one.dims and (shared := _shared(one)) is not None:
                 found[name] = ((), shared, one.attrs)
             continue
-        spread = [d for d in LAUNCHES if "attractor" in dataset.dims and d in one.dims]
-        if spread and name not in ("basin", "slot"):  # a mask of launches
+        if "attractor" in dataset.dims and name not in ("basin", "slot"):
+            # what an attractor has is the same for all launches and, in part, all parameters
+            apart = LAUNCHES | INPUTS.keys() if name in OF_ATTRACTORS else LAUNCHES
+            spread = [dim for dim in one.dims if dim in apart]
             found[name] = one = one.max(spread, skipna=True, keep_attrs=True)
         declared = _declared(name, dataset)
         blank, kind = _integer(declared, one)
