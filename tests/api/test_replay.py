@@ -7,6 +7,8 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.errors import DataError, OtherKernelsWarning, ParameterError
+from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.mount import OF_MOUNT
 
 MOUNT = {"base": "sprung", "mass_ratio": (0.01, 0.1), "mount_frequency": 7.0}
 SCENES = {
@@ -20,6 +22,13 @@ SCENES = {
     },
     "sprung": {**MOUNT, "amplitude": (0.5, 2.0)},
     "two masses": {**MOUNT, "mass_ratio": None, "particle_mass": 0.01, "base_mass": (0.2, 1.0)},
+    "law": {"restitution_law": "plastic", "restitution_speed": (0.05, 0.5)},
+    "law on a mount": {
+        **MOUNT,
+        "amplitude": (0.5, 2.0),
+        "restitution_law": "plastic",
+        "restitution_speed": (0.05, 0.5),
+    },
     "listed": {"launch": [0.0, 0.1, 0.37], "phase": (0.0, 6.0)},
 }
 
@@ -41,6 +50,46 @@ def test_realizations_of_a_sweep_are_followed_exactly(scene):
         alone, together = one[name].values[0], again[name].values[4, :, :length]
         assert np.array_equal(alone, together, equal_nan=True)
     assert one.restitution.item() == found.restitution[4].item()
+
+
+RANGES = {
+    "restitution": (0.7, 0.9),
+    "amplitude": (0.5, 2.0),
+    "base_velocity": (0.3, 1.0),
+    "base_displacement": (0.05, 0.15),
+    "base_acceleration": (0.5, 2.0),
+    "frequency": (0.8, 1.2),
+    "phase": (-9.0, 9.0),
+    "gravity": (8.0, 11.0),
+    "launch_velocity": (2.0, 6.0),
+    "contact_time": (1e-4, 2e-2),
+    "restitution_speed": (0.5, 2.0),
+    "mass_ratio": (0.01, 0.1),
+    "particle_mass": (0.01, 0.02),
+    "base_mass": (0.2, 1.0),
+    "mount_frequency": (2.0, 3.0),
+    "mount_damping": (0.01, 0.1),
+    "restitution_noise": (0.0, 0.1),
+    "kick_noise": (0.0, 0.1),
+    "drive_noise": (0.0, 0.3),
+}
+MASS = {"particle_mass": 0.01, "base_mass": 0.2}
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_every_input_is_read_back(name):
+    """The counts are those of the sweep whichever input varies, and its loss is an error."""
+    scene = {"restitution_law": "plastic", "restitution_speed": 1.0, "kick_noise": 0.05}
+    if name in OF_MOUNT:
+        scene |= {"base": "sprung", "mount_frequency": 2.3}
+        scene |= MASS if name in MASS else {"mass_ratio": 0.05}
+    scene |= {name: RANGES[name], "noise_seed": 3, "duration": 12.0, "particles": 2}
+    found = vs.sweep(**scene, realizations=5, seed=4, per_particle=True)
+    assert np.array_equal(vs.simulate(found).impact_count, found.particle_impact_count)
+    one = vs.simulate(found.isel(realization=3))
+    assert np.array_equal(one.impact_count[0], found.particle_impact_count[3])
+    with pytest.raises(DataError, match=f"{name}|restitution_law"):
+        vs.simulate(found.drop_vars(name))
 
 
 def test_launches_are_the_phases_of_the_sweep_and_not_its_seconds():

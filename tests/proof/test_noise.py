@@ -18,10 +18,11 @@ TONES = {"harmonics": [[1, 0.3, 2.0], [3, 0.5, 0.7], [4, -0.6, 1.9]]}
     [
         DRIVE,
         {**DRIVE, "waveform": TONES, "trust": True},
+        {**DRIVE, "phase": 8.0, "trust": True},
         {"base": "moving"},
         {"base": "sprung", "mass_ratio": 0.05, "mount_frequency": 2.3},
     ],
-    ids=["high-bounce", "harmonics", "moving", "sprung"],
+    ids=["high-bounce", "harmonics", "turned", "moving", "sprung"],
 )
 def test_the_stored_stream_is_proved(scene, tmp_path):
     path = tmp_path / "noisy.h5"

@@ -50,6 +50,18 @@ def test_a_synthetic_trace_gives_its_waveform_back(tmp_path, column, noise):
     assert waveform.trace.held == pytest.approx(1.0 / (1.0 + noise**2), abs=1e-3)
 
 
+@pytest.mark.parametrize("strongest", range(1, 17, 3))
+def test_any_harmonic_may_be_the_strongest(tmp_path, strongest):
+    tones = {1: 0.1, 2: 0.04, 5: 0.07, 11: 0.03, strongest: 1.0}
+    shape = Waveform("harmonics", tuple((k, c, 0.3 * k) for k, c in sorted(tones.items())))
+    time = np.arange(0.0, 0.6, 4e-3)
+    written(tmp_path / "shaker.csv", time, 1e-3 * shape.height(7.3 * time))
+    waveform, frequency, _ = measured(Traced("shaker.csv", "height", 16), tmp_path)
+    assert frequency == pytest.approx(7.3, rel=1e-6)
+    weights = [weight for _, weight, _ in waveform.tones]
+    assert int(np.argmax(weights)) + 1 == strongest
+
+
 def test_a_result_no_longer_needs_its_trace(tmp_path):
     time = np.arange(0.0, 1.0, 5e-4)
     trace = written(tmp_path / "shaker.csv", time, motion(time, "height"))

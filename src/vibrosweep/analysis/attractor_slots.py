@@ -9,6 +9,7 @@ from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError
 from vibrosweep.model.status import Regime
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["capacity"]
 
@@ -46,6 +47,7 @@ def capacity(basins: xr.Dataset) -> xr.Dataset:
     >>> int(capacity(plane).capacity)
     2
     """
+    basins = arranged(basins)
     needed = ("regime", "cycle_periods", "cycle_rests", "fraction", "unsettled_fraction")
     require(basins, "capacity", *needed, source="basins")
     if basins["fraction"].dims != ("attractor",):

@@ -14,7 +14,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import SINE, SINE_NAME, Waveform, name_in
-from vibrosweep.store.rows import require_dataset
+from vibrosweep.store.arranged import require_dataset
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.records import completed, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.measures import UNDETERMINED
 from vibrosweep.model.status import Status
+from vibrosweep.store.arranged import arranged
 from vibrosweep.store.rows import flat
 
 __all__ = ["order_against_chance", "separations_against_chance"]
@@ -112,6 +114,7 @@ def order_against_chance(
     >>> bool(0.0 < found.dt_min_chance < 1.0)
     True
     """
+    record = arranged(record)
     needed = ("landing_time", "rested", "frequency", "phase", "duration")
     require(record, "order_against_chance", *needed)
     if surrogates < 1:
@@ -159,8 +162,10 @@ def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
     sweep = flat(sweep)
     needed = ("dt_min", "particle_impact_count", "rest_count", "frequency", "duration", "transient")
     require(sweep, "separations_against_chance", *needed)
-    dt = sweep["dt_min"].values
-    count = sweep["particle_impact_count"].values.astype(np.float64)
+    if "particle" not in sweep["particle_impact_count"].dims:
+        raise DataError("separations_against_chance needs the results of all particles")
+    dt, count = sweep["dt_min"].values, sweep["particle_impact_count"].values
+    count = np.where(count == UNDETERMINED, np.nan, count)
     window = per_realization(sweep, "duration") - per_realization(sweep, "transient")
     most = OFTEN * (per_realization(sweep, "frequency") * window)
     rate = (count.sum(axis=1) ** 2 - (count**2).sum(axis=1)) / window
@@ -186,6 +191,8 @@ def _against_chance(
         float(per_realization(record, name)[realization])
         for name in ("frequency", "phase", "duration")
     )
+    if not np.isfinite(duration):  # a realization without results
+        return dict.fromkeys(_NAMES, np.nan)
     periods = int((duration - since) * frequency * (1.0 + ROUNDING))
     if periods < 1:
         raise ParameterError(

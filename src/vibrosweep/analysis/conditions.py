@@ -15,6 +15,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.functions import digest_of, is_function, plain, source_of
 from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, known
 from vibrosweep.model.status import Regime, Status
+from vibrosweep.store.arranged import arranged
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -105,6 +106,7 @@ class Condition:
         ParameterError
             The function does not give one boolean per realization.
         """
+        dataset = arranged(dataset)
         require(dataset, f"condition {self.name}", *self.variables)
         size, held = dataset.sizes["realization"], np.asarray(self.holds(dataset))
         coded = held.dtype.kind == "i" and np.isin(held, (FAILS, HOLDS, UNDETERMINED)).all()

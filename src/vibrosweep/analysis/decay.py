@@ -14,6 +14,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.scene.waveform import stored
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["slot_decay"]
 
@@ -82,6 +83,7 @@ def slot_decay(
     >>> found.modulus_predicted.values.round(3), found.modulus_fitted.values.round(3)
     (array([0.949]), array([0.949]))
     """
+    record = arranged(record)
     require_scene(record, "slot_decay")
     require(record, "slot_decay", *NEEDS)
     particles = record.sizes["particle"]

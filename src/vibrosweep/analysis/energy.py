@@ -13,6 +13,7 @@ from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.scene.waveform import stored
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["energy_balance"]
 
@@ -82,6 +83,7 @@ def energy_balance(
     >>> bool((abs(energy_balance(record, since=400.0).balance) < 1e-9).all())
     True
     """
+    record = arranged(record)
     require_scene(record, "energy_balance")
     require(record, "energy_balance", *NEEDS)
     balances = [_balances(record, i, since, impacts) for i in range(record.sizes["realization"])]

@@ -7,6 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.records import Flights, flights, per_realization, table, variable
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["crossings"]
 
@@ -50,6 +51,7 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     >>> found.time.dims, int(found.pairs)
     (('crossing',), 1)
     """
+    record = arranged(record)
     flown = flights(record, realization, "crossings")
     gravity = float(per_realization(record, "gravity")[realization])
     i, j = _overlapping(flown)

@@ -7,6 +7,7 @@ import xarray as xr
 
 from vibrosweep.analysis.records import table
 from vibrosweep.analysis.requirements import require
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["landing_phases", "landing_separations"]
 
@@ -39,6 +40,7 @@ def landing_phases(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     >>> bool(((phases >= 0.0) & (phases < 1.0)).all())
     True
     """
+    record = arranged(record)
     require(record, "landing_phases", "landing_time", "frequency", "phase")
     one = record.isel(realization=realization)
     time = one["landing_time"].values
@@ -82,6 +84,7 @@ def landing_separations(record: xr.Dataset, *, realization: int = 0) -> xr.Datas
     >>> bool((found.particle != found.previous_particle).all())
     True
     """
+    record = arranged(record)
     require(record, "landing_separations", "landing_time")
     time = record["landing_time"].isel(realization=realization).values
     landed = np.isfinite(time)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.records import per_realization, table
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["first_shared_base"]
 
@@ -45,6 +46,7 @@ def first_shared_base(record: xr.Dataset) -> xr.Dataset:
     >>> found.first_shared_time.item() == 0.3 + 2 * 5.0 / 9.81
     True
     """
+    record = arranged(record)
     require(record, "first_shared_base", "landing_time", "liftoff_time", "contact_time")
     contact = per_realization(record, "contact_time")
     landing, liftoff = record["landing_time"].values, record["liftoff_time"].values

@@ -8,6 +8,7 @@ import xarray as xr
 from vibrosweep.analysis.records import table
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["order_of_landings"]
 
@@ -49,6 +50,7 @@ def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
     >>> found.sequence_changes.values, found.sequence_pairs.values
     (array([8]), array([18]))
     """
+    record = arranged(record)
     require(record, "order_of_landings", "landing_time")
     times = record["landing_time"].values
     times = np.where(times >= since, times, np.nan)

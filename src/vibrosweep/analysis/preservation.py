@@ -8,6 +8,7 @@ import xarray as xr
 from vibrosweep.analysis.records import per_realization, table
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["separation_changes"]
 
@@ -50,6 +51,7 @@ def separation_changes(
     >>> found.change_max.dims, found.preserved_fraction.values
     (('realization',), array([1.]))
     """
+    record = arranged(record)
     require(record, "separation_changes", "landing_time", "contact_time")
     times = record["landing_time"].values[..., landed_before:]
     times = np.where(times >= since, times, np.nan)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import numpy as np
 import xarray as xr
 
 from vibrosweep.analysis.requirements import require
@@ -17,6 +18,7 @@ from vibrosweep.model.ragged_arrays import (
     counts_agree,
     padded,
 )
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["rectangle"]
 
@@ -50,12 +52,21 @@ def rectangle(record: xr.Dataset) -> xr.Dataset:
     >>> vs.rectangle(vs.simulate(**scene, ragged=True)).equals(vs.simulate(**scene))
     True
     """
+    record = arranged(record)
     require(record, "rectangle", *RECORD, *OF_TRAJECTORIES, source=SOURCES)
     count = record["impact_count"].values
     if not counts_agree(count, record["landing_time"].values):
         landings = f"{record.sizes.get(LANDING)} landings where impact_count has {count.sum()}"
         raise DataError(f"rectangle takes whole records, and the dataset has {landings}")
     shape = tuple(int(record[name].max()) + 1 for name in OF_TRAJECTORIES)
+    places = np.indices(shape).reshape(2, -1)
+    held = [record[name].values for name in OF_TRAJECTORIES]
+    sizes = (record.sizes.get("realization", 1), record.sizes.get("particle", shape[1]))
+    if not np.array_equal(held, places) or sizes != shape:
+        raise DataError(
+            "rectangle takes whole records, with all realizations and particles in their order: "
+            "select from the rectangle instead"
+        )
     rectangles: dict[str, Any] = {}
     for dims, ragged in RAGGED_DIMS.items():
         names = [str(n) for n, one in record.data_vars.items() if one.dims == ragged]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.base_motion import BaseMotion, moves, recoils
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.errors import DataError
 from vibrosweep.model.restitution_laws import CONSTANT, law_in, restitution_at
 from vibrosweep.model.status import Status
 from vibrosweep.scene.waveform import stored
@@ -17,6 +18,8 @@ from vibrosweep.scene.waveform import stored
 if TYPE_CHECKING:
     import xarray as xr
 
+# Largest distance from the base at which a flight may end, relative to the lengths that it sums
+FLIGHT: Final = 1e-6
 NEEDS: Final = ("restitution", "amplitude", "frequency", "phase")
 
 
@@ -40,16 +43,57 @@ def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
     Messages name the `analysis` that the user asked for.  Raises a DataError if the record lacks a
     parameter of the motion, or, over the base of finite mass, a particle.
     """
-    if not moves(one):
-        return BaseMotion(0.0, 1.0, 0.0)
-    require(one, analysis, *NEEDS)
-    e, amplitude, frequency, phase = (float(one[name]) for name in NEEDS)
-    motion = BaseMotion(amplitude / (1.0 + e), frequency, phase, waveform=stored(one.attrs))
+    _require_all_landings(one, analysis)
+    motion = _alone(one, analysis)
     if not recoils(one):
+        _require_flights(one, motion, analysis)
         return motion
     from vibrosweep.analysis.recoil import recoiling  # loads numba, which other bases do not need
 
     return recoiling(one, motion, analysis)
+
+
+def _alone(one: xr.Dataset, analysis: str) -> BaseMotion:
+    """Motion of the base without particles."""
+    if not moves(one):
+        return BaseMotion(0.0, 1.0, 0.0)
+    require(one, analysis, *NEEDS)
+    e, amplitude, frequency, phase = (float(one[name]) for name in NEEDS)
+    return BaseMotion(amplitude / (1.0 + e), frequency, phase, waveform=stored(one.attrs))
+
+
+def _require_all_landings(one: xr.Dataset, analysis: str) -> None:
+    """Raise a DataError unless a record holds every landing that it counts."""
+    if "impact_count" not in one.variables or "landing_time" not in one.variables:
+        return
+    count = one["impact_count"].values
+    held = np.count_nonzero(np.isfinite(one["landing_time"].values), axis=1)
+    if np.any((count >= 0) & (held != count)):
+        raise DataError(
+            f"{analysis} needs every landing of a particle, and the record lacks some: select "
+            f"realizations and particles only"
+        )
+
+
+def _require_flights(one: xr.Dataset, base: BaseMotion, analysis: str) -> None:
+    """Raise a DataError unless each flight of a record ends on the base where it is then.
+
+    The flights show whether the attributes of the base are those of the record.
+    """
+    needed = ("landing_time", "liftoff_time", "rebound_velocity", "launch_time", "launch_velocity")
+    if not all(name in one.variables for name in (*needed, "gravity")):
+        return
+    start = _begun(one, "launch_time", "liftoff_time")[:, :-1]
+    velocity = _begun(one, "launch_velocity", "rebound_velocity")[:, :-1]
+    end, gravity = one["landing_time"].values, float(one["gravity"])
+    since = end - start
+    miss = base.height(start) + since * (velocity - 0.5 * gravity * since) - base.height(end)
+    size = np.abs(since * velocity) + gravity * since * since + base.reach
+    if np.any(np.abs(miss) > FLIGHT * size):
+        raise DataError(
+            f"{analysis}: flights of the record do not end on the base that its attributes "
+            f"describe; records of different bases cannot be combined, nor landings left out"
+        )
 
 
 def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
@@ -69,6 +113,8 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
     end = np.minimum(np.where(np.isnan(end), unrecorded, end), until)
     # no flight: the particle rests permanently, or lands at once
     flies = (start < until) & ((end > start) if moves(one) else (velocity > 0.0))
+    if "status" in one.variables:  # nothing is known of a realization behind a mask
+        flies = flies & (one["status"].values != Status.REFUSED)[:, np.newaxis]
     return Course(start, end, velocity, base.height(start), flies)
 
 
@@ -87,6 +133,9 @@ def arrival_speeds(one: xr.Dataset, analysis: str) -> Array:
     a DataError that names the `analysis` if the record lacks a variable.
     """
     require(one, analysis, "landing_time", "rebound_velocity", "launch_velocity")
+    _require_all_landings(one, analysis)
+    if not recoils(one):
+        _require_flights(one, _alone(one, analysis), analysis)
     begun = _begun(one, "launch_velocity", "rebound_velocity")[:, :-1]
     if not moves(one):
         return begun

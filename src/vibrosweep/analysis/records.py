@@ -78,10 +78,15 @@ def equal_parts(
     """Bins of a parameter that hold equally many realizations: the members of each, and its ends.
 
     The ends are coordinates along the dim ``part``.  Raises a DataError that names the `analysis`
-    if the parameter takes too few values for the `fewest` bins.
+    if the parameter takes too few values for the `fewest` bins.  Realizations without results, as
+    behind a mask, belong to no bin.
     """
     values = per_realization(sweep, parameter)
-    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, bins + 1)))
+    held = np.isfinite(values)
+    if "status" in sweep.variables:
+        held &= sweep["status"].values != Status.REFUSED
+    levels = np.linspace(0.0, 1.0, bins + 1)
+    edges = np.unique(np.quantile(values[held], levels)) if held.any() else np.empty(0)
     if edges.size <= fewest:
         raise DataError(f"{analysis} needs {differing(parameter)}")
     part = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
@@ -90,7 +95,7 @@ def equal_parts(
         f"{parameter}_low": variable("part", edges[:-1], f"lower end, {parameter}", units),
         f"{parameter}_high": variable("part", edges[1:], f"upper end, {parameter}", units),
     }
-    return [part == i for i in range(edges.size - 1)], ends
+    return [held & (part == i) for i in range(edges.size - 1)], ends
 
 
 def flights(record: xr.Dataset, realization: int, analysis: str) -> Flights:

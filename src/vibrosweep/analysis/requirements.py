@@ -8,7 +8,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.mistakes import nearest
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, RESERVED, VARIABLES
-from vibrosweep.store.rows import require_dataset
+from vibrosweep.store.arranged import require_dataset
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,6 +11,7 @@ from vibrosweep.analysis.record_flights import arrival_speeds, restitutions
 from vibrosweep.analysis.records import table, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["return_map", "return_points"]
 
@@ -49,6 +50,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     >>> bool((abs(points.kick.where(points.rested == 0).dropna("point")) <= 1.2).all())
     True
     """
+    record = arranged(record)
     needed = ("landing_time", "rebound_velocity", "launch_velocity", "restitution", "rested")
     require(record, "return_map", *needed)
     one = record.isel(realization=realization)

@@ -15,6 +15,7 @@ from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.status import Status
+from vibrosweep.store.arranged import arranged
 
 __all__ = ["positions"]
 
@@ -58,6 +59,7 @@ def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
     instants = np.asarray(times, dtype=np.float64)
     if instants.ndim != 1 or not np.all(np.isfinite(instants)):
         raise ParameterError("times: a list of finite times in s is expected")
+    record = arranged(record)
     require(record, "positions", *FLIGHTS, "rested", "status")
     end = float(record["duration"].min())
     if np.any(instants > end):

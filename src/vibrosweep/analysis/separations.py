@@ -175,6 +175,7 @@ def compare_separations(
 
 def _duration(sweep: xr.Dataset) -> float:
     values = np.unique(sweep["duration"].values)
+    values = values[~np.isnan(values)]
     return float(values[0]) if values.size == 1 else np.nan
 
 

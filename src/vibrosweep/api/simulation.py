@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.api.keyword_types import BatchKeywords, completed
-from vibrosweep.api.replay import replayed
+from vibrosweep.api.replay import replayed, require_same_counts
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import (
     BYTES_IN_MEMORY,
@@ -143,6 +143,8 @@ def simulate(
     parameters = only_parameters(quantities)
     with Workers(thread_count(threads)) as workers:
         found = record_landings(parameters, scene, workers, Form(ragged, BYTES_IN_MEMORY))
+        if result is not None:
+            require_same_counts(result, found)
         found |= impacts(found, parameters, scene)
         if any(chosen.values()):
             found = measure_all(parameters, measured, workers) | found

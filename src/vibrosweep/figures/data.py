@@ -115,7 +115,8 @@ def fixed(dataset: xr.Dataset, name: str) -> float | None:
 
 def _ends(dataset: xr.Dataset, name: str) -> tuple[float, float]:
     values = dataset[name].values
-    return float(values.min()), float(values.max())
+    known = values[~np.isnan(values)]
+    return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
 
 
 def quantity(dataset: xr.Dataset, name: str) -> Array:
@@ -221,7 +222,10 @@ def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
         raise ParameterError(
             f"realization = {realization} is not in the record: give 0 to {count - 1}"
         )
-    return record.isel(realization=realization)
+    one = record.isel(realization=realization)
+    if "status" in one.variables and bool((one["status"] == Status.REFUSED).all()):
+        raise DataError(f"realization {realization} of the record has no results")
+    return one
 
 
 def format_units(units: str) -> str:

@@ -22,6 +22,7 @@ from vibrosweep.figures.canvas import (
     make_room,
     panels_on,
 )
+from vibrosweep.store.arranged import arranged
 
 __all__ = [
     "COLUMN",
@@ -139,12 +140,20 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
         if kwargs.get("ax") is None:
             load_backend()
         with mpl.rc_context(RC):
-            drawn = draw(*args, **kwargs)
+            named: Any = {name: _read(value) for name, value in kwargs.items()}
+            drawn = draw(*map(_read, args), **named)
             if kwargs.get("ax") is not None:
                 make_room(np.ravel(np.asarray(kwargs["ax"], dtype=object))[0])
             return drawn
 
     return wrapper
+
+
+def _read(given: Any) -> Any:
+    """Return an argument of a figure; a dataset, or each of several, as `arranged` returns it."""
+    if isinstance(given, list | tuple):
+        return [_read(one) for one in given]
+    return arranged(given) if hasattr(given, "data_vars") else given
 
 
 def colours(count: int) -> list[ColorType]:

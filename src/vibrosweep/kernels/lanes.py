@@ -41,7 +41,7 @@ class LaneRows(NamedTuple):
     DONE: int  # reason why the trajectory leaves its lane
     LANE: int  # index of the trajectory
     AGE: int  # impacts so far
-    STREAM: int  # of noise: stream, particle, and whole periods at which counts begin
+    STREAM: int  # of noise: stream, particle, and number of the period at which counts begin
     PARTICLE: int
     ORIGIN: int
     SLIP_SIZE: int  # standard deviations

@@ -41,6 +41,7 @@ class Source(NamedTuple):
     drive: float
     stream: float
     end: float  # whole periods at the end of the observation, from which n may count
+    turns: float  # whole turns in the phase of the forcing at t = 0, which n leaves out
 
 
 class Draw(NamedTuple):
@@ -51,7 +52,7 @@ class Draw(NamedTuple):
     drive: float  # relative change of the amplitude
 
 
-SILENT: Final = Source(0.0, 0.0, 0.0, 0.0, 0.0)
+SILENT: Final = Source(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 STILL: Final = Draw(0.0, 0.0, 0.0)
 
 
@@ -74,6 +75,7 @@ def source_of(strengths: Strengths | None, end_count: Floats, i: int) -> Source:
         _entry(strengths.drive, i),
         strengths.stream[i],
         end_count[i],
+        strengths.turns[i],
     )
 
 

@@ -39,7 +39,7 @@ def load_noise(
     """Put the noise of a realization into lane j, for a particle whose counts begin at n_end."""
     if noise is not None:
         s[ROW.STREAM + j], s[ROW.PARTICLE + j] = source.stream, particle
-        s[ROW.ORIGIN + j], s[ROW.ASLEEP + j] = n_end, 0.0
+        s[ROW.ORIGIN + j], s[ROW.ASLEEP + j] = n_end + source.turns, 0.0
         s[ROW.SLIP_SIZE + j], s[ROW.PUSH_SIZE + j] = source.restitution, source.kick
         s[ROW.DRIVE_SIZE + j] = source.drive
 

@@ -78,7 +78,7 @@ def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> Non
         n, x = s[ROW.N + j], s[ROW.X + j]
         # under noise of the drive, a resting particle is lifted later
         if base.noise is not None and s[NOTED.RESTS + j] > 0.0 and n + x < np.inf:
-            n, x = wake(constants(base, problem, i), n, x, s[ROW.ORIGIN + j])
+            n, x = wake(constants(base, problem, i), n, x, problem.end_count[i])
         leaves = n + x < np.inf  # NaN after a rest for good
         out.liftoff_time[k] = seconds(scale, n, x) if leaves else np.nan
         out.rebound_velocity[k] = s[NOTED.SPEED + j] * velocity if leaves else np.nan

@@ -140,6 +140,7 @@ class Strengths(NamedTuple):
     kick: Array | None
     drive: Array | None  # relative standard deviation of a in each forcing period
     stream: Array  # indices of random streams, whole numbers
+    turns: Array  # whole turns in the phase of the forcing at t = 0, which its reduction leaves out
 
 
 class Dimensionless(NamedTuple):
@@ -221,12 +222,14 @@ def dimensionless(
         begin_phase=begin_phase,
         end_count=end_count,
         end_phase=end_phase,
-        noise=_strengths(parameters, per_velocity),
+        noise=_strengths(parameters, per_velocity, turns),
     )
 
 
-def _strengths(parameters: Mapping[str, Array], per_velocity: Array) -> Strengths | None:
-    """Return the noise of realizations, with their random streams."""
+def _strengths(
+    parameters: Mapping[str, Array], per_velocity: Array, turns: Array
+) -> Strengths | None:
+    """Return the noise of realizations, with their random streams; `turns` is the reduced phase."""
     if NOISE.keys().isdisjoint(parameters):
         return None
     kick = parameters.get("kick_noise")
@@ -235,7 +238,8 @@ def _strengths(parameters: Mapping[str, Array], per_velocity: Array) -> Strength
     # copies, as for the restitution
     sizes = (parameters.get(name) for name in ("restitution_noise", "drive_noise"))
     restitution, drive = (None if values is None else np.array(values) for values in sizes)
-    return Strengths(restitution, kick, drive, np.array(parameters[STREAM], np.float64))
+    whole = np.rint(parameters["phase"] / math.tau - turns)
+    return Strengths(restitution, kick, drive, np.array(parameters[STREAM], np.float64), whole)
 
 
 def taken(problem: Dimensionless, which: Any) -> Dimensionless:

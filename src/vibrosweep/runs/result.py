@@ -28,11 +28,11 @@ from vibrosweep.runs.summary import Summary
 from vibrosweep.scene.realizations import Realizations
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
+from vibrosweep.store.arranged import REALIZATION
 from vibrosweep.store.dataset import Group, creating
 from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
-from vibrosweep.store.rows import REALIZATION
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.writer import Writer
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from vibrosweep.errors import TableError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.parameters import refuse_masked
-from vibrosweep.store.rows import REALIZATION, flat
+from vibrosweep.store.arranged import REALIZATION
+from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -4,8 +4,9 @@ The model of the trace is a mean, a trend and harmonics of one frequency f,
 
     y(t) = m + n t + sum A_h cos(2 pi h f t) + B_h sin(2 pi h f t).
 
-f minimizes the sum of squared residuals.  The search starts at the highest peak of the spectrum and
-at simple fractions of it, and refines f by successive parabolic interpolation.  Differentiating a
+f minimizes the sum of squared residuals.  The highest peak of the spectrum
+may be any of the harmonics: the search starts at the peak divided by 1, 2, ... up to their number,
+and refines f by successive parabolic interpolation.  Differentiating a
 height, or integrating an acceleration, term by term gives the harmonics of the velocity.
 """
 
@@ -27,7 +28,6 @@ from vibrosweep.scene.waveform import Traced
 FEWEST_PERIODS: Final = 2.0
 LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain
 DRIFT: Final = 0.05  # largest drift in one period, relative to the range
-FRACTIONS: Final = 6  # the frequency is that of the highest peak, divided by one of 1, ..., 6
 AS_GOOD: Final = 1.05  # residual, relative to the least one, up to which a fit is as good as any
 
 
@@ -98,7 +98,7 @@ def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, f
     if not total > 1e-24 * float(np.sum(values * values)):
         raise ValueError("the trace shows no motion")
     peak = _peak(time, values)
-    trials = [peak / k for k in range(1, FRACTIONS + 1) if peak * span / k >= 0.75]
+    trials = [peak / k for k in range(1, harmonics + 1) if peak * span / k >= 0.75]
     trials = [_refined(time, values, f, harmonics, span) for f in trials or [1.0 / span]]
     residuals = [_least_squares(time, values, f, harmonics)[0] for f in trials]
     least = min(residuals) + 1e-20 * total

@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.errors import DataError
 from vibrosweep.model.forcing import INPUTS
+from vibrosweep.store.arranged import REALIZATION, arranged
 
 if TYPE_CHECKING:
     import xarray as xr
 
-REALIZATION: Final = "realization"
 # Characters that no text in a file can contain: a zero byte, and lone surrogates
 UNSTORABLE: Final = re.compile("[\0\ud800-\udfff]")
 # Rows of a grid that are read at once: one row takes as long as thousands
@@ -53,7 +52,7 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
     Raises
     ------
     DataError
-        It is not a dataset.
+        It is not a dataset, or its attributes contradict its variables.
 
     Examples
     --------
@@ -62,22 +61,13 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
     >>> vs.analysis.flat(grid).sizes["realization"]
     6
     """
-    require_dataset(sweep)
+    sweep = arranged(sweep)
     axes_of = ([d for d in v.dims if d in INPUTS] for v in sweep.variables.values())
     longest = max(axes_of, key=len, default=[])
     axes = list(dict.fromkeys([*longest, *(d for d in sweep.sizes if d in INPUTS)]))
     if not axes:
         return sweep
     return sweep.stack({REALIZATION: axes}, create_index=False).transpose(REALIZATION, ...)
-
-
-def require_dataset(given: object) -> None:
-    """Raise a DataError for anything but a dataset, such as the path of a result."""
-    if not hasattr(given, "variables"):
-        raise DataError(
-            f"{type(given).__name__}: is not a dataset; give the result itself, opened as "
-            f"vibrosweep.open_sweep(path) if it is a file"
-        )
 
 
 def row_dims(file: Any) -> tuple[str, ...]:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import RunError
 from vibrosweep.model.measures import Variable
+from vibrosweep.store.arranged import REALIZATION
 from vibrosweep.store.disk import undisturbed
-from vibrosweep.store.rows import REALIZATION, along, boxes
+from vibrosweep.store.rows import along, boxes
 
 Attributes = Mapping[str, Any]
 

@@ -27,7 +27,8 @@ LONGEST: Final = 2**24  # forcing periods after which the search for a lift-off 
 def random_high_bounce(
     fixed: Constants, particle: float, number: float, n: float, x: float
 ) -> Constants:
-    draw = draw_of(fixed.base.noise, fixed.source, particle, number, period_of(n, x))
+    period = period_of(n + fixed.source.turns, x)
+    draw = draw_of(fixed.base.noise, fixed.source, particle, number, period)
     e, a, r, scale = fixed.e, driven(fixed.base.noise, fixed.a, draw.drive), fixed.r, fixed.scale
     x_lift, wait, u_lift, source = fixed.x_lift, fixed.wait, fixed.u_lift, fixed.source
     return Constants(fixed.base, e, a, r, scale, x_lift, wait, u_lift, source, draw)
@@ -45,7 +46,8 @@ def random_drive(noise: Noise | None) -> int | None:
 def _first_lift(fixed: Constants, n: float, x: float) -> tuple[float, float]:
     """Whole periods and phase at which the kick first exceeds r from (n, x) on.
 
-    After `LONGEST` periods the search ends: the count is NaN then.
+    The counts include the whole turns in the phase at t = 0.  After `LONGEST` periods the search
+    ends: the count is NaN then.
     """
     noise, period, size = fixed.base.noise, period_of(n, x), fixed.source.drive
     key, stream = noise.key, fixed.source.stream  # type: ignore[union-attr]
@@ -67,9 +69,9 @@ def first_lift_error(fixed: Constants, n: float, x: float, error: float) -> Stat
     The bound of the phase is infinite where it is in doubt which forcing period lifts the particle.
     """
     shape, a, r = fixed.base.waveform, fixed.a, fixed.r
-    period, size = period_of(n, x), fixed.source.drive
+    period, size = period_of(n + fixed.source.turns, x), fixed.source.drive
     key, stream = fixed.base.noise.key, fixed.source.stream  # type: ignore[union-attr]
-    after = x + (n - period)
+    after = x + (n + fixed.source.turns - period)
     for _ in range(LONGEST):
         drive = size * deviate(key, stream, 0.0, period, OF_DRIVE)
         lifts, off = lift_in_error(shape, a, drive, r, after, error)
@@ -90,6 +92,7 @@ def _wake(
 ) -> tuple[float, float]:
     if on is None or n == np.inf:
         return n, x
+    origin += fixed.source.turns
     whole, phase = _first_lift(fixed, n + origin, x)
     return whole - origin, phase
 
