@@ -62,4 +62,4 @@ def _loaded(
         try:
             return part(dataset).load()
         except (OSError, RuntimeError) as error:
-            raise DataError(f"{path}: is damaged; compute it again with vibrosweep run") from error
+            raise DataError(f"{path}: is damaged; compute it again") from error

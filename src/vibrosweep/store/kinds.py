@@ -145,9 +145,10 @@ def load_dataset(path: Path) -> xr.Dataset:
     """Read a result other than a sweep into memory; raises a DataError as `read_kind` does."""
     import xarray as xr
 
+    from vibrosweep.store.disk import undisturbed
     from vibrosweep.store.reading import reading
 
-    with reading(path), warnings.catch_warnings():
+    with reading(path), undisturbed(), warnings.catch_warnings():
         # h5netcdf warns of unexpected attributes, which another program may have written
         warnings.simplefilter("ignore", xr.SerializationWarning)
         return xr.load_dataset(path, engine="h5netcdf")
