@@ -49,6 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # objects took a tenth of their time, and the collection at exit 0.1 s
         gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
         atexit.register(gc.freeze)
+        # commands draw into files only, and a notebook's backend may not be installed
+        os.environ["MPLBACKEND"] = "agg"
         code = _perform(sys.argv[1:])
     except KeyboardInterrupt:  # before or after the command itself
         code = INTERRUPTED

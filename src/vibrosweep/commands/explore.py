@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from vibrosweep.commands.arguments import whole
+from vibrosweep.commands.arguments import output_file, whole
 from vibrosweep.errors import VibrosweepError
 
 LAST_PORT: Final = 65535
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         metavar="PAGE.html",
-        type=Path,
+        type=output_file,
         help="write one file that works without this program, instead of serving the page",
     )
     parser.add_argument(

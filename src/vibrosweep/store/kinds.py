@@ -99,13 +99,21 @@ def register_kind(kind: ResultKind) -> ResultKind:
     Raises
     ------
     ParameterError
-        Another kind has this name.
+        Another kind has this name, or a field is of another type.
 
     Examples
     --------
     >>> import vibrosweep as vs
     >>> echo = vs.register_kind(vs.ResultKind("echo", "the echo package"))
     """
+    if not isinstance(kind, ResultKind):
+        raise ParameterError(f"kind = {kind!r}: must be a vibrosweep.ResultKind")
+    for field, value in kind._asdict().items():
+        wanted = kind._field_defaults.get(field, "")
+        if isinstance(wanted, str) and not isinstance(value, str):
+            raise ParameterError(f"kind {kind.name!r}: {field} = {value!r} must be a text")
+        if not isinstance(wanted, str) and value is not None and not callable(value):
+            raise ParameterError(f"kind {kind.name!r}: {field} = {value!r} must be a function")
     if KINDS.setdefault(kind.name, kind) != kind:
         raise ParameterError(
             f"kind {kind.name!r}: {KINDS[kind.name].command} has registered another kind of this "
