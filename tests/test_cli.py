@@ -516,3 +516,58 @@ def test_any_title_can_be_printed(start, spec, tmp_path):
 
 def test_exit_codes():
     assert (cli.DONE, cli.MISTAKE, cli.INTERRUPTED) == (0, 2, 130)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["bifurcation", str(SINGLE), "-o", ""], "'' is not the name of a file"),
+        (["run", str(SINGLE), "-o", "/"], "'/' is not the name of a file"),
+        (["windows", str(SINGLE), "-o", ".."], "'..' is not the name of a file"),
+        (["figures", "any.h5", "-o", ""], "'' is not the name of a directory"),
+        (["run", str(SINGLE), "--threads", "9" * 20], "at least 1 and at most 4096"),
+        (["run", str(SINGLE), "--workers", "9" * 5000], "at least 1 and at most 4096"),
+        (["verify", "any.h5", "--sample", "9" * 20], "at most 9007199254740992"),
+    ],
+)
+def test_absurd_values_of_options(words, message, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert message in said
+    assert len(said) < 2000
+
+
+def test_a_notebooks_backend_does_not_stop_a_command(result):
+    environment = {**os.environ, "MPLBACKEND": "module://matplotlib_inline.backend_inline"}
+    done = subprocess.run(
+        [*COMMAND, "figures", result, "-o", result.parent / "drawn"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("place", ["parse", "import", "draw"])
+def test_a_signal_anywhere_is_one_message(place, tmp_path):
+    """The command is interrupted while it parses its words, imports a library, or draws."""
+    programs = {
+        "parse": "import argparse; argparse.ArgumentParser.parse_args = interrupted",
+        "import": "import importlib; vibrosweep.cli.import_module = interrupted",
+        "draw": "import vibrosweep.commands.info as info; info.perform = interrupted",
+    }
+    program = (
+        "import signal, sys, vibrosweep.cli\n"
+        "def interrupted(*a, **k): signal.raise_signal(signal.SIGTERM)\n"
+        f"{programs[place]}\n"
+        "sys.argv = ['vibrosweep', 'info', 'any.h5']\n"
+        "sys.exit(vibrosweep.cli.main())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "vibrosweep: interrupted; an unfinished result is not kept\n"

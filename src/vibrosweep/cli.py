@@ -17,15 +17,16 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
-from typing import Final
+from typing import Any, Final, NoReturn
 
 from vibrosweep._version import __version__
 from vibrosweep.commands import COMMANDS
 from vibrosweep.errors import Interruption, VibrosweepError
 from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text
+from vibrosweep.system import ENDINGS
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
 OBJECTS_BETWEEN_COLLECTIONS: Final = 50_000  # new objects between garbage collections
@@ -39,23 +40,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is not None:
         return _perform(arguments)
-    _prepare_output()
-    # a file object that could not be opened reports its error again when it is deleted
-    sys.unraisablehook = lambda unraisable: None
-    # imports and compilation create many objects and little garbage: collections every 700 objects
-    # took a tenth of their time, and the collection at exit 0.1 s
-    gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
-    atexit.register(gc.freeze)
-    with _interruptible():
+    try:
+        _catch_signals()
+        _prepare_output()
+        # a file object that could not be opened reports its error again when it is deleted
+        sys.unraisablehook = lambda unraisable: None
+        # imports and compilation create many objects and little garbage: collections every 700
+        # objects took a tenth of their time, and the collection at exit 0.1 s
+        gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
+        atexit.register(gc.freeze)
+        # commands draw into files only, and a notebook's backend may not be installed
+        os.environ["MPLBACKEND"] = "agg"
         code = _perform(sys.argv[1:])
+    except KeyboardInterrupt:  # before or after the command itself
+        code = INTERRUPTED
+    finally:
+        _ignore_signals()
     if code == INTERRUPTED:
-        _leave_kernels()
+        _leave()
     return code
 
 
 def _perform(arguments: Sequence[str]) -> int:
-    options = _parser().parse_args(arguments)
+    options = argparse.Namespace()
     try:
+        _parser().parse_args(arguments, options)
         code: int | None = options.perform(options)
         sys.stdout.flush()
     except VibrosweepError as error:
@@ -99,8 +108,7 @@ def _prepare_output() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-@contextmanager
-def _interruptible() -> Iterator[None]:
+def _catch_signals() -> None:
     """Turn every signal that ends a program into one KeyboardInterrupt, even if it is repeated."""
     interrupted = -math.inf
 
@@ -111,29 +119,36 @@ def _interruptible() -> Iterator[None]:
             interrupted = now
             raise KeyboardInterrupt
 
-    handlers = {}
+    _handle_signals(interrupt)
+
+
+def _ignore_signals() -> None:
+    """Let nothing disturb the exit: the command has ended, and all its files are complete."""
+    _handle_signals(signal.SIG_IGN)
+
+
+def _handle_signals(handler: Any) -> None:
     if threading.current_thread() is threading.main_thread():
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            ending = getattr(signal, name, None)
+        for number in ENDINGS:
             # ignored signals stay ignored, as under nohup
-            if ending is not None and signal.getsignal(ending) is not signal.SIG_IGN:
-                handlers[ending] = signal.signal(ending, interrupt)
-    yield
-    for ending, handler in handlers.items():  # after an interruption nothing may disturb the exit
-        signal.signal(ending, handler if interrupted == -math.inf else signal.SIG_IGN)
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, handler)
 
 
-def _leave_kernels() -> None:
-    """End the process even if a kernel is still running, since a kernel cannot be interrupted."""
+def _leave() -> NoReturn:
+    """End the process after an interruption, even if a kernel, which has no interrupt, is running.
+
+    Python itself may abort where an interruption came in the middle of an import.
+    """
     for thread in threading.enumerate():
-        if thread is not threading.current_thread() and not thread.daemon:
-            started = thread.ident is not None  # False if the interruption came before its start
-            if started:
-                thread.join(timeout=0.2)
-            if not started or thread.is_alive():
-                with suppress(OSError):
-                    sys.stdout.flush()
-                os._exit(INTERRUPTED)
+        if thread is not threading.current_thread() and not thread.daemon and thread.ident:
+            thread.join(timeout=0.2)
+    with suppress(BaseException):
+        atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(INTERRUPTED)
 
 
 def _parser() -> argparse.ArgumentParser:

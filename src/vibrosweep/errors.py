@@ -7,7 +7,7 @@ traceback.  Mistakes in a description are held as data too (`VibrosweepError.mis
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from vibrosweep.mistakes import FORCE, OUTPUT, PYTHON, Dialect, Mistake, Mistakes, Text
@@ -35,6 +35,11 @@ class _InDialect(BaseException):
     def __init__(self, *parts: Text, dialect: Dialect = PYTHON) -> None:
         super().__init__(dialect.write(parts))
         self.parts = parts
+
+    def write_again(self, parts: Iterable[Text]) -> None:
+        """Replace the message."""
+        self.parts = (*parts,)
+        self.args = (PYTHON.write(self.parts),)
 
 
 class VibrosweepError(_InDialect, Exception):

@@ -79,7 +79,10 @@ class Dialect(NamedTuple):
     word: Callable[[Word], str]
 
     def write(self, text: Text) -> str:
-        """Return a text in this style."""
+        """Return a text in this style, without characters that a terminal takes as commands."""
+        return visible(self._written(text))
+
+    def _written(self, text: Text) -> str:
         if isinstance(text, str):
             return text
         if isinstance(text, Key):
@@ -90,10 +93,10 @@ class Dialect(NamedTuple):
             return self.word(text)
         if isinstance(text, Mistake):
             return self._mistake(text)
-        return "".join(map(self.write, text))
+        return "".join(map(self._written, text))
 
     def _mistake(self, mistake: Mistake) -> str:
-        rest = "; ".join(filter(None, map(self.write, (mistake.rule, mistake.remedy))))
+        rest = "; ".join(filter(None, map(self._written, (mistake.rule, mistake.remedy))))
         if isinstance(mistake.key, Cell):
             return f"{_place(mistake)} {rest}".lstrip()
         head = self.key(mistake.key)
@@ -108,6 +111,20 @@ def _place(mistake: Mistake) -> str:
         return str(mistake.key)
     text = str(mistake.value) or "nothing"
     return f"{mistake.key}: {cut(text) if text.isprintable() else repr(text)}"
+
+
+def visible(text: str) -> str:
+    """Write characters that cannot be printed, apart from ends of lines, as Python does."""
+    if text.replace("\n", "").isprintable():
+        return text
+    return "".join(c if c == "\n" or c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def escaped(path: object) -> str:
+    """Return a hint if a path holds a character that a backslash in double quotes has made."""
+    if str(path).isprintable():
+        return ""
+    return "; write a path with backslashes in single quotes, as in 'C:\\temp\\a.csv'"
 
 
 def cut(text: str) -> str:
@@ -198,11 +215,14 @@ class Mistakes:
         return key in self.broken or key.partition(".")[0] in self.broken
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word that ``word`` was probably meant to be, or None."""
+def nearest(word: str, known: Iterable[str], least: float = 0.6) -> str | None:
+    """Return the known word that ``word`` was probably meant to be, or None.
+
+    At least a share `least` of their letters is equal.
+    """
     import difflib  # only a mistake needs it
 
-    found = difflib.get_close_matches(word.lower(), list(known), n=1)
+    found = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=least)
     return found[0] if found else None
 
 

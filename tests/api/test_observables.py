@@ -126,3 +126,33 @@ def test_a_description_lists_an_observable_and_verification_does_not_compare_it(
     assert ["landings_at_phase", "landings by phase (realization, landing_phase)"] in told
     assert ["ball", "(realization)"] in told
     assert "landings_at_phase" in read_sample(path, 2, 0)[0].others
+
+
+ABSURD = [1, None, "x", 3.5, [], {}, 1j, b"x", float("nan"), 10**400]
+
+
+@pytest.mark.parametrize("value", ABSURD)
+def test_what_is_registered_has_its_type(value):
+    for register in (
+        lambda: vs.register_law(value),
+        lambda: vs.register_kind(value),
+        lambda: vs.register_kind(vs.ResultKind("absurd", "x", draw=value or 1)),
+        lambda: vs.register_design(value, value),
+        lambda: vs.register_design("absurd", value),
+        lambda: vs.Observable(value, value, value),
+        lambda: vs.Law(value, value, value, value),
+    ):
+        with pytest.raises(ParameterError):
+            register()
+
+
+@pytest.mark.parametrize("threads", [10**400, 10**20, 0, -1, 1.5, "2", True])
+def test_a_number_of_threads_that_no_machine_has(threads):
+    with pytest.raises(ParameterError, match=r"threads = .*at least 1 and at most 4096"):
+        vs.sweep(amplitude=1.0, duration=5.0, threads=threads)
+
+
+def test_an_observable_that_is_not_real():
+    imaginary = vs.Observable("absurd", lambda landing: 1j * landing.arrival, "x", landings="sum")
+    with pytest.raises(ParameterError, match="complex128; it must be a real number"):
+        vs.sweep(amplitude=1.0, duration=5.0, observables=[imaginary])

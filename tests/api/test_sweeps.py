@@ -228,30 +228,31 @@ def test_more_labels_than_a_file_can_hold(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("setting", "words", "command", "module"),
+    ("setting", "words", "module"),
     [
-        ("NUMBA_NUM_THREADS=0", "takes no number below 1", "doctor", "kernels.fixed"),
-        ("MPLBACKEND=nope", "is not a backend", "figures any.h5", "figures"),
+        ("NUMBA_NUM_THREADS=0", "takes no number below 1", "kernels.fixed"),
+        ("MPLBACKEND=nope", "is not a backend", "figures"),
     ],
 )
-def test_an_environment_that_stops_a_library_is_named(tmp_path, setting, words, command, module):
-    """The command prints one message, and Python raises one error."""
+def test_an_environment_that_stops_a_library_is_named(tmp_path, setting, words, module):
+    """The command prints one message, and Python raises one error; commands draw into files."""
     variable, _, value = setting.partition("=")
     source = str(Path(vs.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": source, variable: value}
-    done = subprocess.run(
-        [sys.executable, "-m", "vibrosweep", *command.split()],
-        env=environment,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"vibrosweep: {setting}: ")
-    assert words in done.stderr
-    assert "unset it" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    if variable != "MPLBACKEND":
+        done = subprocess.run(
+            [sys.executable, "-m", "vibrosweep", "doctor"],
+            env=environment,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.startswith(f"vibrosweep: {setting}: ")
+        assert words in done.stderr
+        assert "unset it" in done.stderr
+        assert len(done.stderr.splitlines()) == 1
     script = f"""
 import pytest
 from vibrosweep.errors import VibrosweepError

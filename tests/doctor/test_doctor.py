@@ -14,6 +14,7 @@ from vibrosweep.cli import main
 from vibrosweep.doctor import Finding, compiled, libraries, machine, warmup
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
+from vibrosweep.kernels._cache import Variants
 from vibrosweep.runs.driver import available_threads
 
 SUBJECTS = {
@@ -141,8 +142,19 @@ def test_a_full_or_unwritable_disk_is_reported(monkeypatch, tmp_path):
         assert "nothing can be written here" in machine.disk(Path("/proc/self")).trouble
 
 
-def test_kernels_without_a_place_for_machine_code():
+def test_kernels_without_a_place_for_machine_code(tmp_path):
     assert "set NUMBA_CACHE_DIR" in compiled.kernel_cache(None).trouble
+    assert "set NUMBA_CACHE_DIR" in compiled.kernel_cache(None, (tmp_path,)).trouble
+
+
+def test_kernels_that_can_only_be_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiled, "variants", lambda directory: Variants(3, 0, 0))
+    found = compiled.kernel_cache(None, (tmp_path,))
+    assert (
+        f"3 compiled variants of these sources for this processor, 0.0 MiB in {tmp_path}, "
+        "which can only be read; a run compiles" in found.state
+    )
+    assert found.trouble == ""
 
 
 def test_a_damaged_cache(tmp_path):

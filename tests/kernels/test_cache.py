@@ -2,7 +2,9 @@
 
 import fcntl
 import struct
+import tempfile
 import threading
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -29,6 +31,7 @@ def scaled(x):
 def kernel(tmp_path, monkeypatch):
     """Make kernels of one function, each as a fresh process would have it."""
     monkeypatch.setattr(_jit, "cache_directory", tmp_path)
+    monkeypatch.setattr(_jit, "read_only_caches", ())
     return lambda function=law: _jit.kernel(function)
 
 
@@ -141,3 +144,55 @@ def test_a_kernel_computes_although_the_disk_is_full(kernel, tmp_path, monkeypat
     monkeypatch.setattr(CheckedFiles, "_open_for_write", full)
     assert kernel()(2.0, 1) == -2.0
     assert variants(tmp_path) == Variants(0, 0, 0)
+
+
+def test_machine_code_that_can_only_be_read_is_read(kernel, tmp_path, monkeypatch):
+    """An administrator compiled it; what is missing there is kept in the user's own directory."""
+    kernel()(2.0, 1)
+    own, write = tmp_path / "own", CheckedFiles._open_for_write
+
+    def only_own(files, path):
+        if not Path(path).is_relative_to(own):
+            raise OSError(30, "Read-only file system")
+        return write(files, path)
+
+    monkeypatch.setattr(CheckedFiles, "_open_for_write", only_own)
+    monkeypatch.setattr(_jit, "read_only_caches", (tmp_path,))
+    for directory, found in ((None, 1), (own, 1), (own, 2)):
+        monkeypatch.setattr(_jit, "cache_directory", directory)
+        again = kernel()
+        assert (again(2.0, 1), again(2.0, None), hits(again)) == (-2.0, 2.0, found)
+    assert variants(own) == Variants(1, 0, 0)
+
+
+def test_where_machine_code_is_kept_and_where_it_is_read(tmp_path, monkeypatch):
+    """A directory that cannot be written is read; a user without a home has no other."""
+    compiled = tmp_path / "compiled" / "vibrosweep-kernels" / _jit.sources_digest()
+    compiled.mkdir(parents=True)
+    monkeypatch.setattr(_jit, "__file__", str(tmp_path / "package" / "_jit.py"))
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "__pycache__").symlink_to(tmp_path / "compiled")
+    monkeypatch.setattr(_jit, "sources_digest", lambda: compiled.name)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    beside = tmp_path / "package" / "__pycache__" / "vibrosweep-kernels" / compiled.name
+    assert _jit._find_caches() == (beside, ())
+
+    real = tempfile.TemporaryFile
+
+    def read_only(**place):
+        if place["dir"] == beside:
+            raise OSError(30, "Read-only file system")
+        return real(**place)
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", read_only)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    own = tmp_path / "home" / ".cache" / "vibrosweep-kernels" / compiled.name
+    assert _jit._find_caches() == (own, (beside,))
+
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", homeless)
+    assert _jit._find_caches() == (None, (beside,))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "compiled"))
+    assert _jit._find_caches() == (compiled, ())

@@ -1,6 +1,8 @@
 """Keywords of Python mean the same as keys of a sweep file; mistakes are named by keyword."""
 
 import re
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pandas as pd
@@ -12,7 +14,7 @@ from hypothesis import strategies as st
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.design import Axis, Range
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.keywords import batch, keyword_spec
 from vibrosweep.scene.sweep import parse_spec
 
 DRAWN = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "realizations": 20}
@@ -155,3 +157,32 @@ def test_masked_values_are_no_data():
 
 def test_a_keyword_that_is_none_counts_as_not_given():
     assert same(keyword_spec({**DRAWN, "duration": None}), keyword_spec(DRAWN))
+
+
+def test_fractions_and_decimals_are_numbers():
+    half, one = Fraction(1, 2), Decimal(1)
+    exact = {"amplitude": half, "restitution": Decimal("0.75"), "duration": Fraction(5)}
+    plain = {"amplitude": 0.5, "restitution": 0.75, "duration": 5.0}
+    assert same(keyword_spec(exact), keyword_spec(plain))
+    for kind in (list, tuple):
+        drawn = {"realizations": 2} if kind is tuple else {}
+        varied = keyword_spec({"amplitude": kind([half, one]), **drawn})
+        assert same(varied, keyword_spec({"amplitude": kind([0.5, 1.0]), **drawn}))
+    _, arrays = batch({"amplitude": [half, one]})
+    assert arrays["amplitude"].tolist() == [0.5, 1.0]
+    with pytest.raises(SpecError, match="amplitude = "):
+        keyword_spec({"amplitude": Fraction(10**400)})
+
+
+@pytest.mark.parametrize("value", [1, "x", [], 1j])
+@pytest.mark.parametrize("table", ["scene", "sample", "measure", "record"])
+def test_a_table_that_is_no_mapping(table, value):
+    with pytest.raises(SpecError, match=rf"{table} = .*must be a mapping"):
+        keyword_spec({"amplitude": 1.0, table: value})
+
+
+def test_control_characters_of_an_unknown_keyword_are_escaped():
+    with pytest.raises(SpecError) as caught:
+        keyword_spec({"\x1b[31mred": 1})
+    assert r"\x1b[31mred" in str(caught.value)
+    assert "\x1b" not in str(caught.value)

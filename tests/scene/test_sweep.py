@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import SpecError
-from vibrosweep.mistakes import ABSENT
+from vibrosweep.mistakes import ABSENT, visible
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.design import Axis, Range
@@ -473,7 +473,7 @@ def test_unreadable_files(tmp_path):
     for path, part in cases.items():
         with pytest.raises(SpecError) as caught:
             read_spec(path)
-        assert str(path) in str(caught.value)
+        assert visible(str(path)) in str(caught.value)
         assert part in str(caught.value)
 
 
@@ -527,3 +527,11 @@ def test_import_is_light():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("path", [r"C:\Users\me\shaker.csv", r"D:\x\a.csv", r"C:\data\new.csv"])
+def test_backslashes_in_double_quotes_get_a_hint(path):
+    text = f'title = "x"\n[scene]\nwaveform = {{ trace = "{path}", column = "height" }}\n'
+    with pytest.raises(SpecError) as caught:
+        parse_spec(text)
+    assert f"in single quotes, '{path}'" in str(caught.value)

@@ -323,3 +323,28 @@ def test_a_table_gives_the_forcing_in_any_way(csv, way):
 def test_a_table_gives_the_forcing_once(csv, header, extra):
     with pytest.raises(TableError, match="amplitude and base_velocity"):
         opened(csv(f"{header}\n0.5,1.0,1.0\n"), extra)
+
+
+@pytest.mark.parametrize("name", ["case", "sample", "plate", "speed", "time", "run", "day"])
+def test_a_word_that_only_resembles_a_parameter_is_a_label(csv, name):
+    design = opened(csv(f"{name},restitution,amplitude\n1,0.85,1.1\nB,0.9,1.3\n"))
+    assert list(design.labels[name].values) == ["1", "B"]
+
+
+@pytest.mark.parametrize("name", ["restituton", "Amplitudes", "e", "gravty"])
+def test_a_misspelled_parameter_is_no_label(csv, name):
+    with pytest.raises(TableError, match="did you mean"):
+        opened(csv(f"{name},restitution,amplitude\n1,0.85,1.1\n"))
+
+
+def test_no_column_name_reaches_a_terminal_raw(csv):
+    with pytest.raises(TableError) as caught:
+        opened(csv("a\x1b[31mb,\u202ec,restitution,amplitude\n1,2,0.85,1.1\n"))
+    assert r"a\x1b[31mb" in str(caught.value)
+    assert str(caught.value).replace("\n", "").isprintable()
+
+
+def test_a_path_whose_backslash_became_a_tab(tmp_path):
+    text = 'title = "x"\n[sample]\ndesign = "C:\\temp.csv"\n'
+    with pytest.raises(TableError, match="backslashes in single quotes"):
+        open_design(parse_spec(text, tmp_path / "sweep.toml"))

@@ -76,7 +76,7 @@ def test_the_old_file_survives_a_failure(tmp_path):
 def test_a_full_disk_is_named_and_leaves_nothing(tmp_path, room, limited):
     path = tmp_path / "out.h5"
     path.write_bytes(b"old")
-    with limited(room), pytest.raises(OutputError, match=r"out\.h5.*[Ff]ile too large.*space"):
+    with limited(room), pytest.raises(OutputError, match=r"out\.h5.*[Ff]ile too large.*ulimit -f"):
         fill(path, np.random.default_rng(1).random(10_000))
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]

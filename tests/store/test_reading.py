@@ -1,8 +1,11 @@
 """Links to other files are never opened; files of other programs fail with one message."""
 
+import fcntl
 import os
 import shutil
 import signal
+import subprocess
+import sys
 from contextlib import contextmanager
 
 import h5py
@@ -17,9 +20,12 @@ from vibrosweep.explore.points import open_points
 from vibrosweep.proof import verify
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.scene.sweep import parse_spec
+from vibrosweep.store import reading
 from vibrosweep.store.kinds import load_dataset, read_kind
 from vibrosweep.store.reading import using
-from vibrosweep.store.seal import append_seal
+from vibrosweep.store.seal import LENGTH, append_seal
+from vibrosweep.store.trial import open_for_writing
+from vibrosweep.system import ENDINGS
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
 
@@ -207,3 +213,74 @@ def test_a_replaced_variable_never_causes_a_traceback(sound, tmp_path, capsys, n
         code = main([words[0], str(path), *map(str, words[1:])])
         said = capsys.readouterr().err
         assert code == 0 or (code == 2 and str(path) in said), (words[0], code, said)
+
+
+def readers(path):
+    yield lambda: vs.open_sweep(path).close()
+    yield lambda: read_kind(path)
+    yield lambda: load_dataset(path)
+
+
+@pytest.mark.parametrize(
+    "opening", ["'r+'", "'w', libver='latest'"], ids=["a result", "a newer format"]
+)
+def test_a_file_that_is_open_elsewhere_is_not_called_damaged(sound, tmp_path, opening):
+    """HDF5 marks a file that is open for writing, which breaks the seal."""
+    path = tmp_path / "open.h5"
+    shutil.copy(sound, path)
+    # ended before it closes the file, as if killed, so that the mark stays
+    program = f"import h5py, os, sys; f = h5py.File(sys.argv[1], {opening}); os._exit(0)"
+    subprocess.run([sys.executable, "-c", program, path], check=True)
+    assert open_for_writing(path)
+    for read in readers(path):
+        with pytest.raises(DataError, match=r"open\.h5: another program has it open.*h5clear"):
+            read()
+
+
+def test_a_file_is_read_again_without_the_mark(sound, tmp_path):
+    path = tmp_path / "closed.h5"
+    data = bytearray(sound.read_bytes())
+    data[20] = 1
+    path.write_bytes(data)
+    with pytest.raises(DataError, match="another program has it open"):
+        vs.open_sweep(path)
+    data[20] = 0  # as h5clear does
+    path.write_bytes(data)
+    vs.open_sweep(path).close()
+
+
+def test_a_locked_file_is_not_called_damaged(sound, tmp_path):
+    path = tmp_path / "locked.h5"
+    shutil.copy(sound, path)
+    with path.open("r+b") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        for read in readers(path):
+            with pytest.raises(DataError, match="another program has it open"):
+                read()
+
+
+def test_a_signal_inside_the_reader_is_an_interruption(sound, tmp_path, monkeypatch):
+    """HDF5 turns the exception of a handler into an error of its own."""
+
+    def walk(file):
+        file.visititems(lambda name, item: signal.raise_signal(signal.SIGINT))
+
+    monkeypatch.setattr(reading, "require_whole", walk)
+    path = shutil.copy(sound, tmp_path)  # one that this process did not write
+    for read in readers(path):
+        with pytest.raises(KeyboardInterrupt):
+            read()
+
+
+@pytest.mark.parametrize("number", ENDINGS)
+def test_a_signal_to_the_trial_of_a_file_is_an_interruption(sound, tmp_path, monkeypatch, number):
+    path = tmp_path / f"{number}.h5"
+    path.write_bytes(sound.read_bytes()[:-LENGTH])
+
+    def ended(command, **options):
+        return subprocess.CompletedProcess(command, -number, "", "")
+
+    monkeypatch.setattr(subprocess, "run", ended)
+    for read in readers(path):
+        with pytest.raises(KeyboardInterrupt):
+            read()

@@ -10,7 +10,7 @@ import xarray as xr
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.ragged_arrays import IN_FILE, SAMPLES
-from vibrosweep.store.disk import path_of
+from vibrosweep.store.disk import path_of, undisturbed
 from vibrosweep.store.fresh import opened
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading, result_file
@@ -102,7 +102,7 @@ def has_record(path: str | os.PathLike[str]) -> bool:
 
 
 def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
-    with reading(path), warnings.catch_warnings():
+    with reading(path), undisturbed(), warnings.catch_warnings():
         # h5netcdf warns of unexpected attributes, which another program may have written
         warnings.simplefilter("ignore", xr.SerializationWarning)
         # without phony_dims a foreign file makes h5netcdf warn

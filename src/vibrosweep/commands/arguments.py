@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+from vibrosweep.mistakes import cut
+from vibrosweep.system import MOST_THREADS
+
+MOST: Final = 2**53  # the largest count that a double still holds
 
 
 def positive(text: str) -> int:
@@ -12,20 +17,46 @@ def positive(text: str) -> int:
     return whole(text, 1)
 
 
-def whole(text: str, low: int = 0, high: int | None = None) -> int:
+def threads(text: str) -> int:
+    """Read a number of threads or processes."""
+    return whole(text, 1, MOST_THREADS)
+
+
+def whole(text: str, low: int = 0, high: int = MOST) -> int:
     """Read a whole number of at least `low`, and at most `high`."""
-    value = int(text) if text.isdecimal() else -1
-    if value < low or (high is not None and value > high):
-        upper = "" if high is None else f" and at most {high}"
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least {low}{upper}")
+    # Python refuses to read thousands of digits
+    value = int(text) if text.isdecimal() and len(text) < 1000 else -1
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(
+            f"{cut(text)!r} is not a whole number of at least {low} and at most {high}"
+        )
     return value
+
+
+def output_file(text: str) -> Path:
+    """Read the path of a file to write."""
+    path = Path(text)
+    if not text or path.name in ("", ".."):
+        raise argparse.ArgumentTypeError(f"{text!r} is not the name of a file")
+    return path
+
+
+def directory(text: str) -> Path:
+    """Read the path of a directory."""
+    if not text:
+        raise argparse.ArgumentTypeError("'' is not the name of a directory")
+    return Path(text)
 
 
 def add_sweep(parser: argparse.ArgumentParser) -> None:
     """Add the sweep file and the result that is computed from it."""
     parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
     parser.add_argument(
-        "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
+        "-o",
+        "--output",
+        metavar="OUT.h5",
+        type=output_file,
+        help="default: the name of the sweep file",
     )
 
 

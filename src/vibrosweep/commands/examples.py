@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from vibrosweep.commands.arguments import directory
+
 # In an installed package, and in its source tree
 PLACES: Final = (Path(__file__).parents[1] / "sweeps", Path(__file__).parents[3] / "sweeps")
 
@@ -15,7 +17,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", metavar="NAME", nargs="*", help="example to copy, as listed")
     parser.add_argument("--all", action="store_true", help="copy all")
     parser.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, default=Path(), help="copy there; default: here"
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=directory,
+        default=Path(),
+        help="copy there; default: here",
     )
     parser.add_argument("--force", action="store_true", help="replace existing files")
 

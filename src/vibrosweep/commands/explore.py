@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-from vibrosweep.commands.arguments import whole
+from vibrosweep.commands.arguments import output_file, whole
 from vibrosweep.errors import VibrosweepError
 
 LAST_PORT: Final = 65535
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         metavar="PAGE.html",
-        type=Path,
+        type=output_file,
         help="write one file that works without this program, instead of serving the page",
     )
     parser.add_argument(

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vibrosweep.commands.arguments import directory
 from vibrosweep.errors import DataError
 
 if TYPE_CHECKING:
@@ -16,7 +17,12 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("result", metavar="OUT.h5", type=Path)
     parser.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, default=Path("figures"), help="default: figures"
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=directory,
+        default=Path("figures"),
+        help="default: figures",
     )
 
 
@@ -62,4 +68,4 @@ def _loaded(
         try:
             return part(dataset).load()
         except (OSError, RuntimeError) as error:
-            raise DataError(f"{path}: is damaged; compute it again with vibrosweep run") from error
+            raise DataError(f"{path}: is damaged; compute it again") from error

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.commands.arguments import positive, some, whole
+from vibrosweep.commands.arguments import directory, output_file, positive, some, whole
 from vibrosweep.commands.picture import drawing
 from vibrosweep.errors import ParameterError, TrackError
 
@@ -34,7 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     synthesize = parts.add_parser("synthesize", help="film a virtual experiment")
     synthesize.add_argument("spec", metavar="SPEC.toml", type=Path)
     synthesize.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, default=Path("tracks"), help="default: tracks"
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=directory,
+        default=Path("tracks"),
+        help="default: tracks",
     )
     synthesize.add_argument("--force", action="store_true", help="replace existing files")
     synthesize.set_defaults(part=_synthesize)
@@ -91,8 +96,10 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
         default="fit",
         help="parabolas, or the frame at which the velocity changes sign; default: fit",
     )
-    parser.add_argument("-o", "--output", metavar="OUT.h5", type=Path, help="write the result")
-    parser.add_argument("--figures", metavar="DIR", type=Path, help="draw figures there")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT.h5", type=output_file, help="write the result"
+    )
+    parser.add_argument("--figures", metavar="DIR", type=directory, help="draw figures there")
     parser.add_argument("--force", action="store_true", help="replace an existing output")
 
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vibrosweep.commands.arguments import positive, some
+from vibrosweep.commands.arguments import output_file, some, threads
 from vibrosweep.errors import ExistingOutputError, Interruption, OutputError, VibrosweepError
 from vibrosweep.mistakes import OUTPUT
 
@@ -27,10 +27,10 @@ def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
         "-o",
         "--output",
         metavar="OUT.h5",
-        type=Path,
+        type=output_file,
         help="default: the names of the sweep file and the command",
     )
-    parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
+    parser.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
     parser.add_argument("--force", action="store_true", help="replace existing outputs")
 
 
@@ -53,17 +53,17 @@ def produce(
     from vibrosweep.store.provenance import provenance
     from vibrosweep.store.saving import save_result
 
-    threads = options.threads or available_threads()
+    count = options.threads or available_threads()
     print(spec.title)
     began = time.perf_counter()
-    found = compute(spec, threads)
-    print(f"{time.perf_counter() - began:.3g} s on {some(threads, 'thread')}")
+    found = compute(spec, count)
+    print(f"{time.perf_counter() - began:.3g} s on {some(count, 'thread')}")
     print("\n".join(kind.lines(found)))
     if found.attrs["notes"]:
         print(f"observation: {found.attrs['notes']}")
     if limited := found.attrs.get("restitution_law_range"):
         print(f"restitution_law: {limited}")
-    save_result(found.assign_attrs(provenance(threads)), output, kind, force=options.force)
+    save_result(found.assign_attrs(provenance(count)), output, kind, force=options.force)
     with drawing(output):
         save(for_file(kind.axes, found), picture, force=options.force)
     print(f"written to {output} and {picture}")

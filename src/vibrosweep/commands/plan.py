@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.commands.arguments import add_sweep, output_of, positive, some
+from vibrosweep.commands.arguments import add_sweep, output_of, positive, some, threads
 
 if TYPE_CHECKING:
     from vibrosweep.runs.forecast import Needs
@@ -19,7 +19,7 @@ SECONDS: Final = 2.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_sweep(parser)
-    parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
+    parser.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
     parser.add_argument("--chunk", metavar="N", type=positive, help="realizations in a chunk")
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vibrosweep.commands.arguments import add_sweep, output_of, positive, some
+from vibrosweep.commands.arguments import add_sweep, output_of, positive, some, threads
 
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_sweep(parser)
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
+    where.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
     where.add_argument(
         "--workers",
         metavar="N",
-        type=positive,
+        type=threads,
         help="compute in N processes of a thread each (Dask)",
     )
     where.add_argument(
@@ -105,8 +105,8 @@ def _opened_place(options: argparse.Namespace) -> Iterator[tuple[str, dict[str, 
     if options.workers is None and options.scheduler is None:
         from vibrosweep.runs.driver import available_threads
 
-        threads = options.threads or available_threads()
-        yield some(threads, "thread"), {"threads": threads}
+        count = options.threads or available_threads()
+        yield some(count, "thread"), {"threads": count}
         return
     from vibrosweep.runs import cluster
 
@@ -117,10 +117,10 @@ def _opened_place(options: argparse.Namespace) -> Iterator[tuple[str, dict[str, 
         opened, absence = cluster.connected(options.scheduler), cluster.ABSENCE
         place = f"the workers of {options.scheduler}"
     with opened as client:
-        threads = sum(client.nthreads().values())
-        if not threads:
+        count = sum(client.nthreads().values())
+        if not count:
             print("the cluster has no workers yet: waiting for them", file=sys.stderr, flush=True)
-        chunks = max(1, cluster.CHUNKS_PER_THREAD * threads)
+        chunks = max(1, cluster.CHUNKS_PER_THREAD * count)
         runner = cluster.on_dask(client, absence)
         yield place, {"threads": 1, "runner": runner, "at_least": chunks}
 

@@ -10,7 +10,7 @@ from typing import Final
 import numba
 
 from vibrosweep.doctor import Finding
-from vibrosweep.kernels._jit import cache_directory, jit, kernel
+from vibrosweep.kernels._jit import cache_directory, jit, kernel, read_only_caches
 from vibrosweep.kernels._numba import HAS_CACHE, lost, remedy, target
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
@@ -90,30 +90,40 @@ def _unset(variable: str) -> str:
     return f"the environment switches the compiler's optimisation off: unset {variable}"
 
 
-def kernel_cache(directory: Path | None = cache_directory) -> Finding:
+def kernel_cache(
+    directory: Path | None = cache_directory, read_only: tuple[Path, ...] = read_only_caches
+) -> Finding:
     """Check the machine code of exactly these sources that is cached on disk."""
     subject = "kernel cache"
     if numba.config.DISABLE_JIT:
         return Finding(subject, "not used: nothing is compiled")
     if not HAS_CACHE:
         return Finding(subject, "none, as the compiler lacks a part")
-    if directory is None:
-        advice = "set NUMBA_CACHE_DIR to a directory that can be written"
-        return Finding(subject, "none", f"each run compiles the kernels again: {advice}")
-    from vibrosweep.kernels._cache import variants  # needs what HAS_CACHE says
+    from vibrosweep.kernels._cache import Variants, variants  # needs what HAS_CACHE says
 
-    found = variants(directory)
-    size = sum(file.stat().st_size for file in directory.rglob("*") if file.is_file())
-    state = f"{found.usable} compiled variants of these sources for this processor"
-    if found.foreign:
-        state += f", {found.foreign} for others"
-    state += f", {size / 2**20:.1f} MiB in {directory}, which can be written"
-    if found.usable == 0:
+    advice = "set NUMBA_CACHE_DIR to a directory that can be written"
+    uses = dict.fromkeys(read_only, "can only be read")
+    if directory is not None:
+        uses[directory] = "can be written"
+    counts = [Variants(0, 0, 0), *map(variants, uses)]
+    usable, foreign, damaged = (sum(column) for column in zip(*counts, strict=True))
+    if not usable and directory is None:
+        return Finding(subject, "none", f"each run compiles the kernels again: {advice}")
+    files = (file for place in uses for file in place.rglob("*"))
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    state = f"{usable} compiled variants of these sources for this processor"
+    if foreign:
+        state += f", {foreign} for others"
+    places = ", and ".join(f"{place}, which {use}" for place, use in uses.items())
+    state += f", {size / 2**20:.1f} MiB in {places}"
+    if directory is None:
+        state += f"; a run compiles the variants that are missing there each time, or {advice}"
+    elif usable == 0:
         state += "; a run compiles the variants that it needs, vibrosweep warmup all of them"
-    if found.damaged:
+    if damaged:
         trouble = (
-            f"damaged or missing files: {found.damaged}; they are not used, vibrosweep warmup "
-            f"writes them again, or delete {directory}"
+            f"damaged or missing files: {damaged}; they are not used, vibrosweep warmup "
+            f"writes them again, or delete {' and '.join(map(str, uses))}"
         )
         return Finding(subject, state, trouble)
     return Finding(subject, state)

@@ -15,11 +15,18 @@ import contextlib
 import hashlib
 import itertools
 import pickle
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
-from vibrosweep.kernels._numba import FunctionCache, IndexDataCacheFile, start_runtime, target
+from vibrosweep.kernels._numba import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    UserProvidedCacheLocator,
+    start_runtime,
+    target,
+)
 from vibrosweep.kernels.vectors import vector_bits
 from vibrosweep.system import locked
 
@@ -88,13 +95,34 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]
         return entries if stamp == self._source_stamp else {}
 
 
-class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The cache of one kernel; a damaged file counts as missing, and is written again."""
+class _Locator(UserProvidedCacheLocator):  # type: ignore[misc]
+    """Numba's place for a cache; one that cannot be written is still read."""
 
-    def __init__(self, function: Any) -> None:
+    def ensure_cache_path(self) -> None:
+        with contextlib.suppress(OSError):
+            super().ensure_cache_path()
+
+
+class _Results(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes: ClassVar = [_Locator]
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc]
+    """The cache of one kernel; a damaged file counts as missing, and is written again.
+
+    Machine code that it lacks is also looked for in the directories `read_only`.
+    """
+
+    _impl_class = _Results
+
+    def __init__(self, function: Any, read_only: Iterable[Path] = ()) -> None:
         super().__init__(function)
         stamp = self._impl.locator.get_source_stamp()
-        self._cache_file = CheckedFiles(self._cache_path, self._impl.filename_base, stamp)
+        folder = Path(self._cache_path)
+        self._cache_file, *self._read_only = (
+            CheckedFiles(str(place), self._impl.filename_base, stamp)
+            for place in (folder, *(directory / folder.name for directory in read_only))
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code of a variant, or None.
@@ -106,7 +134,10 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         # a file of another version of a library may fail in any way
         with contextlib.suppress(Exception):
             start_runtime(target_context)
-            return self._load_overload(sig, target_context)
+            key = self._index_key(sig, target_context.codegen())
+            for files in (self._cache_file, *self._read_only):
+                if (data := files.load(key)) is not None:
+                    return self._impl.rebuild(target_context, data)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -12,6 +12,7 @@ import functools
 import hashlib
 import inspect
 import shutil
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -66,28 +67,36 @@ def sources_digest() -> str:
     return digest.hexdigest()[:16]
 
 
-def _make_cache_directory() -> Path | None:
-    """Return the directory of the machine code of these sources; None if none is writable."""
-    home = Path(numba.config.CACHE_DIR) if numba.config.CACHE_DIR else None
+def _find_caches() -> tuple[Path | None, tuple[Path, ...]]:
+    """Return where machine code of these sources is kept, or None, and where it is only read.
+
+    An administrator may have compiled kernels beside a package that its users cannot change.
+    """
     beside = Path(__file__).parent / "__pycache__"
-    for base in [home] if home else [beside, Path.home() / ".cache"]:
+    bases = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else [beside]
+    if not numba.config.CACHE_DIR:
+        with contextlib.suppress(RuntimeError):  # a user without a home directory
+            bases.append(Path.home() / ".cache")
+    read_only: list[Path] = []
+    for base in bases:
         directory = base / "vibrosweep-kernels" / sources_digest()
         try:
             if not directory.is_dir():
                 if base == beside:  # machine code of other sources can never be loaded again
                     shutil.rmtree(directory.parent, ignore_errors=True)
                 directory.mkdir(parents=True, exist_ok=True)
-            probe = directory / ".writable"
-            probe.touch()
+            with tempfile.TemporaryFile(dir=directory):
+                return directory, (*read_only,)
         except OSError:
-            continue
-        return directory
-    return None
+            with contextlib.suppress(OSError):
+                read_only += [directory] if directory.is_dir() else []
+    return None, (*read_only,)
 
 
-cache_directory: Path | None = (
-    _make_cache_directory() if HAS_CACHE and not numba.config.DISABLE_JIT else None
-)
+cache_directory: Path | None = None
+read_only_caches: tuple[Path, ...] = ()
+if HAS_CACHE and not numba.config.DISABLE_JIT:
+    cache_directory, read_only_caches = _find_caches()
 
 
 @contextlib.contextmanager
@@ -195,10 +204,12 @@ def _cached(function: F, options: dict[str, Any], directory: Path | None = None)
 
     def compiler(function: F) -> Any:
         dispatcher = njit(**options)(function)
-        kept_in = directory or cache_directory
-        if HAS_CACHE and kept_in is not None:
-            with _caching_in(kept_in):
-                dispatcher._cache = KernelCache(function)  # as njit(cache=True) sets numba's own
+        written = directory or cache_directory
+        kept = () if written is None else (written,)
+        if HAS_CACHE and (directories := (*kept, *read_only_caches)):
+            with _caching_in(directories[0]):
+                # as njit(cache=True) sets numba's own
+                dispatcher._cache = KernelCache(function, directories[1:])
         return dispatcher
 
     return Deferred(function, compiler)  # type: ignore[return-value]

@@ -16,6 +16,7 @@ from vibrosweep.errors import VibrosweepError
 __all__ = [
     "HAS_CACHE",
     "HAS_PIECES",
+    "CompileResultCacheImpl",
     "CompilerBase",
     "DefaultPassBuilder",
     "FunctionCache",
@@ -24,6 +25,7 @@ __all__ = [
     "Listener",
     "LoweringPass",
     "NativeLowering",
+    "UserProvidedCacheLocator",
     "lost",
     "make_function",
     "make_overload_template",
@@ -72,7 +74,12 @@ else:
     HAS_PIECES = True
 
 try:
-    from numba.core.caching import FunctionCache, IndexDataCacheFile
+    from numba.core.caching import (
+        CompileResultCacheImpl,
+        FunctionCache,
+        IndexDataCacheFile,
+        UserProvidedCacheLocator,
+    )
 except ImportError as error:
     _do_without(error, "machine code is not kept, every process compiles its kernels again")
     HAS_CACHE = False

@@ -128,7 +128,10 @@ def _require_compilable(observable: Observable) -> None:
             f"call it as plain Python with a vibrosweep.Landing to find the mistake"
         ) from error
     returned = function.nopython_signatures[0].return_type
-    if observable.landings and not isinstance(returned, types.Number | types.Boolean):
+    if observable.landings and not isinstance(
+        returned, types.Integer | types.Float | types.Boolean
+    ):
         raise ParameterError(
-            f"observable {observable.name!r}: its function returns {returned}; it must be a number"
+            f"observable {observable.name!r}: its function returns {returned}; it must be a real "
+            "number"
         )

@@ -5,7 +5,7 @@ The page docs/limits.md answers at length.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Final
 
 from vibrosweep.mistakes import nearest
@@ -13,6 +13,8 @@ from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG, Parameter
 
+# Share of equal letters from which the name of a column is that of a parameter, misspelled
+ALMOST: Final = 0.8
 _PAGE: Final = "; the page of limits says what to use then"
 _RANDOM: Final = (
     "noise is given by restitution_noise, kick_noise or drive_noise, each a standard deviation"
@@ -68,14 +70,29 @@ def answer_to(word: str, known: Collection[str]) -> str:
 def another_name(word: str, base: str = HIGH_BOUNCE) -> str | None:
     """Return the parameter that a word abbreviates: by its symbol, or by a part of its name."""
     short, known = word.lower(), _known(base)
-    for name, parameter in known.items():
-        if word == parameter.symbol:  # v0 is not V0
-            return name
-    for name, parameter in known.items():
-        if short and (short == parameter.symbol.lower() or name.startswith(short)):
+    if meant := _of_symbol(word, known):
+        return meant
+    for name in known:
+        if short and name.startswith(short):
             return name
     parts = [name for name in known if short in name.split("_")]
     return parts[0] if len(parts) == 1 else None
+
+
+def _of_symbol(word: str, known: Mapping[str, Parameter]) -> str | None:
+    exact = (name for name, parameter in known.items() if word == parameter.symbol)
+    alike = (n for n, parameter in known.items() if word.lower() == parameter.symbol.lower())
+    return next(exact, None) or next(alike, None)  # v0 is not V0
+
+
+def misspelled(word: str, base: str = HIGH_BOUNCE) -> str | None:
+    """Return the parameter that a column means by its symbol, its beginning or almost its name.
+
+    Any other column is a label: `time` and `case` look like parts of names only.
+    """
+    short, known = word.lower(), _known(base)
+    begun = (name for name in known if len(short) > 2 and name.startswith(short))
+    return _of_symbol(word, known) or next(begun, None) or nearest(word, known, ALMOST)
 
 
 def likely_parameter(word: str, base: str = HIGH_BOUNCE) -> str | None:

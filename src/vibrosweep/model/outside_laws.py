@@ -128,6 +128,8 @@ def register_law(law: Law) -> Law:
     >>> int(found.status.max())
     0
     """
+    if not isinstance(law, Law):
+        raise ParameterError(f"law = {law!r}: must be a vibrosweep.Law")
     if law.name in RESTITUTION_LAWS and law.name not in OUTSIDE:
         raise ParameterError(f"law {law.name!r}: is a law of this package; choose another name")
     if law.name not in OUTSIDE:

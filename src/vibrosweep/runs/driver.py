@@ -11,6 +11,7 @@ import numpy as np
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, RunError, VibrosweepError
+from vibrosweep.mistakes import Value
 from vibrosweep.runs.chunks import Job, Runner, bytes_per_realization, compute_rows, no_rows
 from vibrosweep.runs.forecast import estimate, free_bytes, record_bytes, require_disk
 from vibrosweep.runs.identity import identity
@@ -24,6 +25,7 @@ from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.parts import Columns, Manifest, Parts, kinds, write_manifest
 from vibrosweep.store.rundir import holding
+from vibrosweep.system import MOST_THREADS
 
 
 def available_threads() -> int:
@@ -33,16 +35,27 @@ def available_threads() -> int:
 
 def thread_count(threads: int | None) -> int:
     """Return the number of threads; None means all processors."""
-    return available_threads() if threads is None else count("threads", threads)
+    if threads is None:
+        return available_threads()
+    return count("threads", threads, most=MOST_THREADS)
 
 
-def count(name: str, value: object, least: int = 1) -> int:
+def count(name: str, value: object, least: int = 1, most: int | None = None) -> int:
     """Return a whole number as a Python int, because numpy integers can overflow.
 
-    Raises a ParameterError unless it is an int or a numpy integer, at least `least`.
+    Raises a ParameterError unless it is an int or a numpy integer, from `least` to `most`.
     """
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
-        raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {least}")
+    if (
+        not isinstance(value, Integral)
+        or isinstance(value, bool)
+        or int(value) < least
+        or (most is not None and int(value) > most)
+    ):
+        upper = "" if most is None else f" and at most {most}"
+        given = Value(value)
+        raise ParameterError(
+            f"{name} = ", given, f": must be a whole number, at least {least}{upper}"
+        )
     return int(value)
 
 

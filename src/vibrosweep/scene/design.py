@@ -189,7 +189,7 @@ def register_design(name: str, place: Place, points: str | Points = "uniform") -
     Raises
     ------
     ParameterError
-        The name is taken, or `points` is not the name of a design.
+        The name is taken, `points` is not the name of a design, or an argument has another type.
 
     Examples
     --------
@@ -201,6 +201,14 @@ def register_design(name: str, place: Place, points: str | Points = "uniform") -
     >>> bool(0.05 < found.amplitude.median() < 0.2)
     True
     """
+    if not isinstance(name, str) or not name:
+        raise ParameterError(f"name = {name!r}: must be the name of a design")
+    if not callable(place):
+        raise ParameterError(f"design {name!r}: place = {place!r} must be a function")
+    if not isinstance(points, str) and not callable(points):
+        raise ParameterError(
+            f"design {name!r}: points = {points!r} must be the name of a design or a function"
+        )
     functions = [place] if isinstance(points, str) else [place, points]
     code = "\n".join(text for one in functions for text in parts(one, f"design {name!r}"))  # type: ignore[arg-type]
     if name in (GRID, TABLE) or (name in DESIGNS and not DESIGNS[name].source):

@@ -7,6 +7,7 @@ is a fixed value.  Keywords become the tables of a sweep file, which are then ch
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
 
@@ -126,6 +127,8 @@ def _numbers(name: str, value: object, mistakes: Mistakes) -> Array:
         return np.zeros(1)
     try:
         array = np.atleast_1d(np.asarray(value))
+        if array.dtype == object:
+            array = np.array([_as_float(one) for one in array])
     except ValueError:
         array = np.empty(0)
     numeric = array.dtype.kind in "iuf" and array.ndim == 1 and array.size > 0
@@ -142,6 +145,8 @@ def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes
         for name, value in given.items()
         if name == "title" or name in SECTIONS
     }
+    for name in [n for n in data if n in SECTIONS and not isinstance(data[n], Mapping)]:
+        mistakes.add_broken(name, "must be a mapping of keys to values", data.pop(name))
     for name, value in given.items():
         if name in data:
             continue
@@ -227,7 +232,15 @@ def _plain(name: str, value: Any) -> Any:
         return {str(key): _plain(str(key), member) for key, member in value.items()}
     if isinstance(value, list | tuple | range):
         return [_plain(name, member) for member in value]
-    return np.asarray(value).tolist() if hasattr(value, "__array__") else value
+    return np.asarray(value).tolist() if hasattr(value, "__array__") else _as_float(value)
+
+
+def _as_float(value: Any) -> Any:
+    """Turn a Fraction or Decimal into a float, unless it is too large for one."""
+    if hasattr(value, "as_integer_ratio") and not isinstance(value, int):
+        with suppress(OverflowError):
+            return float(value)
+    return value
 
 
 def short_axis(values: Any) -> Any:

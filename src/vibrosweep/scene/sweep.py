@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -27,6 +28,10 @@ SHARED: Final = (
     *("base", "waveform", "noise_seed"),
 )
 HDF5: Final = b"\x89HDF"  # the first bytes of a result
+# A text in double quotes with a backslash that begins none of TOML's escapes
+BACKSLASH: Final = re.compile(
+    r'"((?:[^"\\\n]|\\.)*?\\(?![btnfr"\\]|u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8})[^"\n]*)"'
+)
 # Line before the original text of a sweep file whose trace was replaced by harmonics
 WRITTEN_FOR: Final = "# written for\n"
 
@@ -129,7 +134,9 @@ def parse_spec(
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # too many digits, too deeply nested
-        raise SpecError(f"{mistakes.where}: is not valid TOML: {error}") from error
+        path = BACKSLASH.search(text)
+        hint = f"; write a path with backslashes in single quotes, '{path[1]}'" if path else ""
+        raise SpecError(f"{mistakes.where}: is not valid TOML: {error}{hint}") from error
     return checked(data, text, source, mistakes, kept)
 
 

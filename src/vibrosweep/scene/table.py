@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,9 +16,18 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TableError, refuse
-from vibrosweep.mistakes import PYTHON, TOML, Key, Mistakes, Text, separator_mistake, table
+from vibrosweep.mistakes import (
+    PYTHON,
+    TOML,
+    Key,
+    Mistakes,
+    Text,
+    escaped,
+    separator_mistake,
+    table,
+)
 from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.limits import likely_parameter
+from vibrosweep.model.limits import misspelled
 from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.model.restitution_laws import range_mistake, speed_mistakes
@@ -61,7 +71,7 @@ def read_table(sweep: Sweep) -> tuple[dict[str, Array], dict[str, Label]]:
     elif not path.is_file():
         reason = "is not a file" if path.exists() else "there is no such table"
         key = f"sample.design in {sweep.source}" if sweep.source else "design"
-        raise TableError(f"{path}: {reason}; check {key}")
+        raise TableError(f"{path}: {reason}; check {key}{escaped(path)}")
     elif path.suffix.lower() == ".nc":
         columns = _read_netcdf(path)
     else:
@@ -156,7 +166,7 @@ def _chosen(columns: Mapping[str, Label], sweep: Sweep, mistakes: Mistakes) -> l
             if name in sweep.scene.given:
                 rule = f"is also fixed, {name} = {sweep.scene.inputs[name]:g} in {_source(sweep)}"
                 mistakes.add_cell(rule, name, remedy="keep one of the two")
-        meant = [likely_parameter(name, sweep.scene.base) for name in found if name not in INPUTS]
+        meant = [misspelled(name, sweep.scene.base) for name in found if name not in INPUTS]
         known = {*found, *sweep.scene.given, *meant}
         for name in _EXPECTED:
             same = FORCINGS if name in FORCINGS else (name,)
@@ -187,7 +197,7 @@ def _judge_name(name: str, sweep: Sweep, mistakes: Mistakes) -> None:
     if name in INPUTS:
         return
     elsewhere = ("rename it, or list the columns to use in ", COLUMNS)
-    guess = None if sweep.design.columns else likely_parameter(name, sweep.scene.base)
+    guess = None if sweep.design.columns else misspelled(name, sweep.scene.base)
     if guess:
         rule = f'is not a physical parameter; did you mean "{guess}"?'
         remedy = ("to keep it as a label rename it, to leave it out list the others in ", COLUMNS)
@@ -258,8 +268,11 @@ def _numbers(name: str, column: Label, mistakes: Mistakes) -> Array:
     return numbers
 
 
-def _number(value: object) -> float:
+def _number(value: Any) -> float:
     """Return the value as a float, or NaN, which no parameter accepts, if it is not a number."""
+    if hasattr(value, "as_integer_ratio") and not isinstance(value, bool | np.bool_):
+        with suppress(OverflowError):  # a fraction beyond the range of doubles
+            return float(value)
     text = str(value)
     # Python takes 1_2 for 12, and digits of any script
     if isinstance(value, bool | np.bool_) or "_" in text or not text.isascii():

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.mistakes import separator_mistake
+from vibrosweep.mistakes import escaped, separator_mistake
 from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, Trace, Waveform, zeros
 from vibrosweep.scene.waveform import Traced
 
@@ -40,7 +40,9 @@ def measured(traced: Traced, folder: Path) -> tuple[Waveform, float, float]:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise ValueError(f"the trace {path} cannot be read: {error.strerror}") from error
+        raise ValueError(
+            f"the trace {path} cannot be read: {error.strerror}{escaped(path)}"
+        ) from error
     time, values = _columns(content, traced.column)
     frequency, terms, share = _fitted(time, values, traced.harmonics)
     rates = TWO_PI * frequency * np.arange(1, traced.harmonics + 1)  # rad/s

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import h5py
 import numpy as np
@@ -19,6 +19,9 @@ from vibrosweep.store.rows import UNSTORABLE
 from vibrosweep.store.seal import append_seal
 from vibrosweep.store.writer import Attributes, Writer
 
+if TYPE_CHECKING:
+    import h5netcdf  # slow to import, and only other results than those of sweeps need it
+
 # Measured on 10^6 realizations: level 1 compresses counts and flags to a tenth and doubles the time
 # to write them; level 9 gains nothing more.  The digits of measured doubles are random: deflate
 # saves 14 % and takes 16 times as long, so doubles are stored uncompressed.
@@ -29,6 +32,9 @@ CHUNK_VALUES: Final = 1 << 13
 POINTERS: Final = "coordinates"  # attribute of a variable that lists its coordinates
 # Name that netCDF-4 gives to an axis without a variable; it ends with the length of the axis
 NO_VARIABLE: Final = "This is a netCDF dimension but not a netCDF variable.%10d"
+
+
+Handle = TypeVar("Handle", "h5py.File", "h5netcdf.File")
 
 
 class Contents(NamedTuple):
@@ -165,6 +171,25 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 @contextmanager
+def sealed(disk: Disk, opened: Callable[[Disk], Handle]) -> Iterator[Handle]:
+    """Open a new HDF5 file on a disk; close it after the block, and append its seal."""
+    with undisturbed():
+        file = opened(disk)
+    try:
+        yield file
+        with undisturbed():
+            file.close()
+            disk.check()
+            append_seal(disk)
+    except BaseException as error:
+        with undisturbed(), suppress(Exception):
+            file.close()
+        if isinstance(error, Exception):
+            disk.check()  # clearer than HDF5's own message about a full disk
+        raise
+
+
+@contextmanager
 def creating(path: Path, directory: Path | None = None, *, force: bool = True) -> Iterator[Group]:
     """Create a netCDF-4 file, with a seal, as `vibrosweep.store.disk.replacing` does.
 
@@ -172,22 +197,10 @@ def creating(path: Path, directory: Path | None = None, *, force: bool = True) -
     """
     global _last
     with replacing(path, directory, force=force) as disk:
-        with undisturbed():
-            file = h5py.File(disk, "w", track_order=True)
-        try:
+        with sealed(disk, lambda disk: h5py.File(disk, "w", track_order=True)) as file:
             root = Group(disk, file)
             yield root
             root.complete()
             contents = root.contents()
-            with undisturbed():
-                file.close()
-                disk.check()
-                append_seal(disk)
-            written = _identified(os.fstat(disk.fileno())), contents
-        except BaseException as error:
-            with undisturbed(), suppress(Exception):
-                file.close()
-            if isinstance(error, Exception):
-                disk.check()  # clearer than HDF5's own message about a full disk
-            raise
+        written = _identified(os.fstat(disk.fileno())), contents
     _last = written

@@ -23,7 +23,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from vibrosweep.errors import ExistingOutputError, OutputError, ParameterError, TakenOutputError
-from vibrosweep.mistakes import OUTPUT
+from vibrosweep.mistakes import OUTPUT, Word
 from vibrosweep.system import ENDINGS, locked
 
 if TYPE_CHECKING:
@@ -32,9 +32,10 @@ if TYPE_CHECKING:
 
 def path_of(name: str, value: object) -> Path:
     """Return the path that an argument gives; a ParameterError unless it is text or a path."""
-    if not isinstance(value, str | os.PathLike):
+    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text:
         raise ParameterError(f"{name} = {value!r}: must be the path of a file")
-    return Path(value)
+    return Path(text)
 
 
 def target_of(path: Path) -> Path:
@@ -229,9 +230,22 @@ def reporting(path: Path) -> Iterator[None]:
         raise unwritten(path, error) from error
 
 
+@contextmanager
+def naming(argument: Word) -> Iterator[None]:
+    """Let an OutputError name the argument that gives the output, where it is not `OUTPUT`."""
+    try:
+        yield
+    except OutputError as error:
+        error.write_again(argument if part == OUTPUT else part for part in error.parts)
+        raise
+
+
 def unwritten(path: Path, error: OSError) -> OutputError:
     """Return the OutputError for an error of writing."""
-    reason = f" ({error.strerror or error}); free some space or choose another place with "
+    remedy = "free some space"
+    if error.errno == errno.EFBIG:
+        remedy = "raise the limit on the size of a file (ulimit -f)"
+    reason = f" ({error.strerror or error}); {remedy} or choose another place with "
     if error.errno == errno.ENOENT:
         parent = target_of(path).parent
         reason = f": {parent} was removed; make the directory again, or choose another place with "

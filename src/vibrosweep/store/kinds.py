@@ -99,13 +99,21 @@ def register_kind(kind: ResultKind) -> ResultKind:
     Raises
     ------
     ParameterError
-        Another kind has this name.
+        Another kind has this name, or a field is of another type.
 
     Examples
     --------
     >>> import vibrosweep as vs
     >>> echo = vs.register_kind(vs.ResultKind("echo", "the echo package"))
     """
+    if not isinstance(kind, ResultKind):
+        raise ParameterError(f"kind = {kind!r}: must be a vibrosweep.ResultKind")
+    for field, value in kind._asdict().items():
+        wanted = kind._field_defaults.get(field, "")
+        if isinstance(wanted, str) and not isinstance(value, str):
+            raise ParameterError(f"kind {kind.name!r}: {field} = {value!r} must be a text")
+        if not isinstance(wanted, str) and value is not None and not callable(value):
+            raise ParameterError(f"kind {kind.name!r}: {field} = {value!r} must be a function")
     if KINDS.setdefault(kind.name, kind) != kind:
         raise ParameterError(
             f"kind {kind.name!r}: {KINDS[kind.name].command} has registered another kind of this "
@@ -145,9 +153,10 @@ def load_dataset(path: Path) -> xr.Dataset:
     """Read a result other than a sweep into memory; raises a DataError as `read_kind` does."""
     import xarray as xr
 
+    from vibrosweep.store.disk import undisturbed
     from vibrosweep.store.reading import reading
 
-    with reading(path), warnings.catch_warnings():
+    with reading(path), undisturbed(), warnings.catch_warnings():
         # h5netcdf warns of unexpected attributes, which another program may have written
         warnings.simplefilter("ignore", xr.SerializationWarning)
         return xr.load_dataset(path, engine="h5netcdf")

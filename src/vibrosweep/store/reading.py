@@ -12,9 +12,9 @@ import h5netcdf
 import h5py
 
 from vibrosweep.errors import DataError, VibrosweepError
-from vibrosweep.store.disk import path_of
+from vibrosweep.store.disk import path_of, undisturbed
 from vibrosweep.store.seal import State, state_of
-from vibrosweep.store.trial import require_readable, require_whole
+from vibrosweep.store.trial import open_for_writing, require_readable, require_whole
 
 
 @contextmanager
@@ -27,22 +27,25 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
     """
     file_path = path_of("path", path)
     try:
+        before = open_for_writing(file_path)
         seal = state_of(file_path)
         if seal is State.MISSING:
             require_readable(file_path)
         elif seal is State.INTACT:
-            with h5py.File(path, "r") as file:
+            with undisturbed(), h5py.File(path, "r") as file:
                 require_whole(file)
     except FileNotFoundError as error:
         raise no_result(path) from error
-    except ValueError as error:
-        raise _unreadable(path, f" ({error})") from error
-    except OSError as error:
-        raise _unreadable(path) from error
+    except (ValueError, OSError) as error:
+        if isinstance(error, BlockingIOError) or open_for_writing(file_path):
+            raise _in_use(path) from error
+        raise _unreadable(path, f" ({error})" if isinstance(error, ValueError) else "") from error
     if seal is State.BROKEN:
+        if before or open_for_writing(file_path):
+            raise _in_use(path)
         raise DataError(
             f"{path}: is damaged, or was changed by another program: its contents are not those "
-            f"that it was sealed with; compute it again with vibrosweep run"
+            f"that it was sealed with; compute it again with the command that made it"
         )
     try:
         yield
@@ -56,8 +59,11 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
 def result_file(path: str | os.PathLike[str]) -> Iterator[Any]:
     """Open a result file; any failure to read it becomes one clear DataError."""
     # without phony_dims a foreign file makes h5netcdf warn
-    with reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
-        yield file
+    with reading(path):
+        with undisturbed():
+            opened = h5netcdf.File(Path(path), "r", phony_dims="access")
+        with opened as file:
+            yield file
 
 
 @contextmanager
@@ -90,8 +96,15 @@ def no_result(path: str | os.PathLike[str]) -> DataError:
     return DataError(f"{path}: there is no such result file; check the path")
 
 
+def _in_use(path: str | os.PathLike[str]) -> DataError:
+    return DataError(
+        f"{path}: another program has it open for writing, or ended without closing it; close it "
+        f"there, or, where that program has ended, remove its mark with h5clear -s {path}"
+    )
+
+
 def _unreadable(path: str | os.PathLike[str], reason: str = "") -> DataError:
     return DataError(
         f"{path}: is not a result of vibrosweep, or is damaged{reason}; check the path, or compute "
-        f"it again with vibrosweep run"
+        f"it again with the command that made it"
     )

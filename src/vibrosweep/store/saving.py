@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Final
 
-from vibrosweep.store.disk import replacing
-from vibrosweep.store.kinds import KIND, ResultKind
-from vibrosweep.store.seal import append_seal
+import h5netcdf
+import xarray as xr
+from xarray.backends import H5NetCDFStore
 
-if TYPE_CHECKING:
-    import xarray as xr
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.mistakes import Word, cut
+from vibrosweep.store.dataset import sealed
+from vibrosweep.store.disk import check_output, naming, path_of, replacing, undisturbed
+from vibrosweep.store.kinds import KIND, KINDS, ResultKind
+
+PATH: Final = Word("path=", "path=", "-o")
 
 
 def save_result(
@@ -42,6 +46,10 @@ def save_result(
     ------
     OutputError
         The file cannot be written, or exists and `force` is not given.
+    ParameterError
+        An argument is of another type, or the kind is not registered.
+    DataError
+        The dataset holds something that netCDF cannot hold.
 
     Examples
     --------
@@ -51,10 +59,25 @@ def save_result(
     ...     vs.save_result(xr.Dataset({"gain": 0.5}), f"{folder}/echo.h5", echo).name
     'echo.h5'
     """
-    output = Path(path)
-    with tempfile.TemporaryDirectory() as directory, replacing(output, force=force) as disk:
-        draft = Path(directory) / "dataset.h5"
-        dataset.assign_attrs({KIND: kind.name}).to_netcdf(draft, engine="h5netcdf")
-        disk.write(draft.read_bytes())
-        append_seal(disk)
+    if not isinstance(dataset, xr.Dataset):
+        raise ParameterError(f"dataset = {type(dataset).__name__}: must be an xarray.Dataset")
+    if not isinstance(kind, ResultKind) or KINDS.get(kind.name) != kind:
+        raise ParameterError(
+            f"kind = {cut(repr(kind))}: must be a ResultKind that register_kind has registered"
+        )
+    output = path_of("path", path)
+    whole = dataset.assign_attrs({KIND: kind.name}).compute()
+    with naming(PATH):
+        check_output(output, force=force)
+        with (
+            replacing(output, force=force) as disk,
+            sealed(disk, lambda disk: h5netcdf.File(disk, "w")) as file,
+            undisturbed(),
+        ):
+            try:
+                whole.dump_to_store(H5NetCDFStore(file))
+            except Exception as error:  # xarray and its libraries raise exceptions of any kind
+                disk.check()
+                reason = " ".join(f"{type(error).__name__}: {error}".split())
+                raise DataError(f"{path}: netCDF cannot hold this dataset ({reason})") from error
     return output

@@ -28,6 +28,8 @@ def require_readable(path: Path) -> None:
 @lru_cache(maxsize=16)
 def _try(path: Path, inode: int, size: int, modified: int) -> None:
     """Try once for each version of a file."""
+    from vibrosweep.system import ENDINGS  # the trial itself does not import this package
+
     patience = PATIENCE + size / BYTES_PER_SECOND
     # -P: modules in this directory must not shadow others of the same name
     command = [sys.executable, "-P", "-W", "ignore", __file__, str(path)]
@@ -40,13 +42,31 @@ def _try(path: Path, inode: int, size: int, modified: int) -> None:
             errors="replace",
             check=False,
             timeout=patience,
+            start_new_session=True,  # the interruption of a terminal ends only this process
         )
     except subprocess.TimeoutExpired as error:
         raise ValueError(f"HDF5 does not finish reading it in {patience:.0f} s") from error
+    if -done.returncode in ENDINGS:  # a signal, which this process gets too, ended the trial
+        raise KeyboardInterrupt
     if done.returncode < 0:
         raise ValueError(f"HDF5 crashes on it (signal {-done.returncode})")
     if done.returncode:
         raise ValueError(done.stdout.strip() or "HDF5 cannot read it")
+
+
+def open_for_writing(path: Path) -> bool:
+    """Return whether HDF5 has marked a file as open for writing.
+
+    The mark is a bit of the superblock, and stays if the writing program does not close the file.
+    """
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        block = file.read(24).ljust(24, b"\0")
+    if not block.startswith(b"\x89HDF\r\n\x1a\n"):
+        return False
+    version = block[8]
+    return bool(block[20 if version < 2 else 11] & 1)
 
 
 def version_of(path: Path) -> tuple[Path, int, int, int]:
