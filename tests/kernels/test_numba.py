@@ -22,7 +22,10 @@ IN_PIECES = {
     *("CompilerBase", "DefaultPassBuilder", "JITCodeLibrary", "LoweringPass", "NativeLowering"),
     *("make_function", "register_pass"),
 }
-IN_CACHE = {"FunctionCache", "IndexDataCacheFile"}
+IN_CACHE = {
+    *("CompileResultCacheImpl", "FunctionCache", "IndexDataCacheFile"),
+    "UserProvidedCacheLocator",
+}
 compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
 

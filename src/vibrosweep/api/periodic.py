@@ -105,10 +105,10 @@ def branches(
     """Follow periodic orbits along a parameter, round folds, and find their bifurcations.
 
     The orbits found at the values of the axis are followed in both directions, each once, until
-    they leave the range of the axis, touch the base, or begin to rest.  Saddle-nodes, period doublings,
-    grazings (in flight, or at a landing of speed 0) and rests are solutions of equations for the
-    orbit, the parameter and the multiplier together.  A branch that no step continues is listed,
-    and its end is ``lost``.
+    they leave the range of the axis, touch the base, or begin to rest.  Saddle-nodes, period
+    doublings, grazings (in flight, or at a landing of speed 0) and rests are solutions of equations
+    for the orbit, the parameter and the multiplier together.  A branch that no step continues is
+    listed, and its end is ``lost``.
 
     Parameters
     ----------
