@@ -115,13 +115,6 @@ def all_steps() -> list[Step]:
     return sorted(dict.fromkeys(filled), key=lambda one: extras.index(one.extra))
 
 
-def packages(python: Path) -> set[str]:
-    """Return the names of the packages of an environment."""
-    listed = [python, "-m", "pip", "list", "--format=freeze", "--disable-pip-version-check"]
-    text = subprocess.run(listed, check=True, capture_output=True, text=True).stdout
-    return {line.partition("==")[0] for line in text.splitlines()}
-
-
 def tried(chosen: list[Step], place: Path) -> int:
     """Run commands in environments made in a directory; return how many failed."""
     home = place / "venv"
@@ -142,13 +135,29 @@ def tried(chosen: list[Step], place: Path) -> int:
             fixed = "" if "restitution" in sample else "restitution = 0.9\n"
             fixed += "" if "amplitude" in sample else "amplitude = 1.2\n"
             (tree / name).write_text(SCENE.format(name=name, fixed=fixed) + sample + "\n")
+
+    def pip(*arguments: str) -> str:
+        command = [python, "-m", "pip", *arguments, "--disable-pip-version-check"]
+        done = subprocess.run(
+            command,
+            cwd=place / "README",
+            env=environment,
+            check=True,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        return done.stdout
+
+    def packages() -> set[str]:
+        return {line.partition("==")[0] for line in pip("list", "--format=freeze").splitlines()}
+
     failed, plain = 0, set[str]()
     for extra in dict.fromkeys(["", *(one.extra for one in chosen)]):
-        if extra and (added := packages(python) - plain):
-            subprocess.run([python, "-m", "pip", "uninstall", "-qy", *added], check=True)
+        if extra and (added := packages() - plain):
+            pip("uninstall", "-qy", *added)
         target = f".[{extra}]" if extra else "."
-        subprocess.run([python, "-m", "pip", "install", "-q", target], cwd=tree, check=True)
-        plain = plain or packages(python)
+        pip("install", "-q", target)
+        plain = plain or packages()
         for page, _, command in (one for one in chosen if one.extra == extra):
             print(f"{target:12}{page}: {command.splitlines()[0]}", flush=True)
             done = subprocess.run(
