@@ -157,19 +157,19 @@ def draw_stored(picture: str) -> None:
         rows = list(csv.DictReader(file))
     path = Path(f"{picture}.png")
     if picture == "cost":
-        from cost import Point, draw
+        import cost
 
         numbers = ({k: v if k == "line" else float(v) for k, v in row.items()} for row in rows)
-        draw([Point(**row) for row in numbers], path)
+        cost.draw([cost.Point(**row) for row in numbers], path)
     elif picture == "peers":
-        from methods.peers_report import draw
+        from methods import peers_report
 
-        draw(rows, path)
+        peers_report.draw(rows, path)
     else:
-        from methods.figure import draw
-        from work_precision import SCENES
+        import methods.figure
+        import work_precision
 
-        draw(rows, SCENES, path)
+        methods.figure.draw(rows, work_precision.SCENES, path)
 
 
 @cache
