@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.collections import FillBetweenPolyCollection, LineCollection, PathCollection
 
 from vibrosweep.analysis.base_motion import BaseMotion
@@ -119,6 +120,9 @@ def test_launch_times_may_differ_between_realizations(make_record):
     shifted = record.assign_coords(
         launch_time=(("realization", "particle"), np.array([[0.0, 0.25], [-1.0, 0.0]]))
     )
+    moved = xr.DataArray([[0.0, 0.0], [-1.0, -0.25]], dims=("realization", "particle"))
+    for name in ("landing_time", "liftoff_time"):
+        shifted[name] = shifted[name] + moved
     figure = height_time(shifted, realization=1).figure
     assert figure.axes[0].get_xlim() == (-1.0, 12.0)
 

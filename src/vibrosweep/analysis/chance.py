@@ -191,7 +191,8 @@ def _against_chance(
         float(per_realization(record, name)[realization])
         for name in ("frequency", "phase", "duration")
     )
-    if not np.isfinite(duration):  # a realization without results
+    counts = record["impact_count"].values[realization] if "impact_count" in record else 0
+    if np.all(counts == UNDETERMINED) or not np.isfinite(duration):  # without results
         return dict.fromkeys(_NAMES, np.nan)
     periods = int((duration - since) * frequency * (1.0 + ROUNDING))
     if periods < 1:

@@ -93,7 +93,8 @@ def _heights(one: xr.Dataset, base: BaseMotion, levels: Array, times: Array) -> 
     flights, gravity = course(one, base, np.inf), float(one["gravity"])
     followed = one["status"].values == Status.COMPLETED
     heights = np.full((followed.size, times.size), np.nan)
-    for particle, height in enumerate(heights):
+    for particle in np.flatnonzero(one["status"].values != Status.REFUSED):
+        height = heights[particle]
         start = flights.start[particle]
         flight = np.searchsorted(start, times, side="right") - 1  # NaN come last
         last = np.count_nonzero(np.isfinite(start)) - 1
