@@ -79,8 +79,8 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
         batch *= threads
     computing = batch * memory_per_realization(spec, design, workers)
     computing += per_realization * (2 * plan.chunk if in_parts else waiting)
-    # parts are joined to a block, and the last one reaches into the next block
-    joined = 2 * min(batch_size(spec), design.realizations) + plan.chunk
+    # parts are joined to a block; the first and the last one, held whole, reach beyond it
+    joined = 2 * (min(batch_size(spec), design.realizations) + plan.chunk)
     writing = per_realization * joined if in_parts else 0
     return Needs(
         seconds=plan.opening + loading + cost.seconds * design.realizations + seconds,
