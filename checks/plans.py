@@ -24,7 +24,7 @@ from kills import REPORT
 from vibrosweep.engine.workers import Workers
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.forecast import estimate
-from vibrosweep.runs.plan import make_plan
+from vibrosweep.runs.plan import make_plan, refined
 from vibrosweep.scene.sweep import read_spec
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
@@ -107,7 +107,7 @@ def planned(spec: Path, output: Path) -> dict[str, float]:
     """Make a plan and return its estimates; called in a new process."""
     sweep = read_spec(spec)
     with Workers(THREADS) as workers:
-        plan = make_plan(sweep, workers, seconds=2.0, enough=0.0)
+        plan = refined(sweep, make_plan(sweep, workers), workers, 2.0)  # as the command does
         needs = estimate(sweep, plan, workers)
     return asdict(needs) | {"chunks": plan.chunks}
 

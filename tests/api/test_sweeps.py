@@ -15,7 +15,7 @@ from vibrosweep.api.given_sweep import as_sweep
 from vibrosweep.cli import main
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
 from vibrosweep.figures import parameter_plane
-from vibrosweep.runs import progress
+from vibrosweep.runs import chunks, progress
 from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.scene.keys import SECTIONS
 
@@ -49,15 +49,23 @@ def test_a_sweep_file_and_its_tables_give_the_same(tmp_path):
     xr.testing.assert_identical(by_path, without_circumstances(vs.sweep(**DRAWN)))
 
 
-def test_neither_threads_nor_pieces_change_a_sweep():
+def test_neither_threads_nor_pieces_change_a_sweep(monkeypatch):
     one, told = without_circumstances(vs.sweep(**DRAWN, threads=1)), []
+    monkeypatch.setattr(chunks, "LEAST_PER_PIECE", 15)  # trajectories, of 5 realizations
+    monkeypatch.setattr(chunks, "MOST_PER_PIECE", 15)
 
     def advance(done, total):
         told.append((done, total))
 
-    found = sweep_in_memory(as_sweep(None, DRAWN), threads=2, advance=advance, piece=5)
+    found = sweep_in_memory(as_sweep(None, DRAWN), threads=2, advance=advance)
     xr.testing.assert_identical(one, without_circumstances(found))
-    assert told == [(done, 40) for done in range(5, 41, 5)]
+    assert told == [(done, 40) for done in range(0, 41, 5)]
+
+
+def test_a_sweep_in_memory_leaves_signals_alone(monkeypatch):
+    """Only a file that is open must not be left half written."""
+    monkeypatch.setattr("signal.signal", None)
+    vs.sweep(**DRAWN)
 
 
 def test_a_finished_result_is_opened_and_another_kept(tmp_path):

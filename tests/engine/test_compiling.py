@@ -49,6 +49,20 @@ def test_a_long_compilation_is_announced_and_the_line_is_removed(told):
     assert len(lines[-2]) == len(lines[-3])
 
 
+def test_the_time_of_compiling_is_that_of_whole_kernels_of_this_package():
+    """Pieces within a kernel are not counted twice, nor what others compile."""
+    notice = Notice()
+    for module, taken in (("vibrosweep.kernels.advance", 0.1), ("scipy.stats", 0.0)):
+        before = notice.seconds
+        notice.on_start(event("advance", module))
+        notice.on_start(event("fly", module))
+        time.sleep(0.1)
+        notice.on_end(event("fly", module))
+        notice.on_end(event("advance", module))
+        assert (notice.seconds - before >= 0.1) == (taken > 0.0)
+        assert taken > 0.0 or notice.seconds == before
+
+
 def test_loading_is_announced_and_the_line_is_removed(monkeypatch):
     stream = Terminal()
     monkeypatch.delenv("TQDM_DISABLE", raising=False)

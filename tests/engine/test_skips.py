@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from vibrosweep.engine.landings import record_landings
-from vibrosweep.engine.measure import measure
+from vibrosweep.engine.measure import measure, measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.status import Regime
+from vibrosweep.model.status import Regime, Status
+from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene
 
 LAWS = ["rest", "reflect"]
@@ -191,3 +192,54 @@ def test_one_particle_has_no_separations():
     assert np.all(np.isnan(skipped["dt_min"]))
     assert np.all(skipped["base_shared"] == 0)
     assert np.all(skipped["collision_free"] == 1)
+
+
+@pytest.mark.parametrize(
+    ("base", "rebound"), [("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest")]
+)
+@pytest.mark.parametrize("late", [False, True], ids=["from the launch", "in a late window"])
+def test_every_landing_is_counted_once_in_any_number_of_periods(base, rebound, late):
+    """Orbits whose cycles divide a common period land as often in each; 2^53 cannot be counted."""
+    common, early = 5040, 2**14
+    parameters = drawn(3, 400)
+
+    def counts(periods, transient=0):
+        scene = observed(Periods(float(periods)), 1, [0.43], rebound, separation=False)
+        scene = dataclasses.replace(scene, base=base)
+        scene = scene.with_measures(transient=Periods(float(transient)))
+        with Workers(2) as workers:
+            return measure_all(parameters, scene, workers)
+
+    first, second = (counts(early + k * common) for k in range(2))
+    few, cycle = first["impact_count"], first["cycle_periods"].ravel()
+    each = second["impact_count"] - few
+    repeats = (cycle > 0) & (common % np.maximum(cycle, 1) == 0)
+    assert repeats.sum() > 100
+    for power in (40, 46, 49, 50):
+        times = 2**power // common
+        before = times // 2 if late else 0
+        found = counts(early + times * common, (early + before * common) if late else 0)
+        expected = (0 if late else few.astype(object)) + (times - before) * each.astype(object)
+        counted = expected < 2**53
+        right = np.where(counted, expected, -1)
+        assert (found["impact_count"] == right)[repeats].all()
+        assert ((found["status"] == Status.REFUSED) == ~counted)[repeats].all()
+        lost = repeats & ~counted
+        assert np.isnan(found["flight_time_mean"][lost]).all()
+        assert (found["rest_count"][lost] == -1).all()
+        assert late or power < 50 or lost.any()
+
+
+def test_a_sum_over_particles_that_is_too_large_is_refused():
+    """Each particle lands fewer than 2^53 times, all of them together more often."""
+    parameters = {name: values[:1] for name, values in drawn(3, 1, amplitude=0.6).items()}
+    with Workers(2) as workers:
+        one, many = (
+            measure_all(parameters, observed(Periods(2.0**46), n, separation=False), workers)
+            for n in (1, 1000)
+        )
+    assert one["status"] == Status.COMPLETED
+    assert 0 < one["impact_count"] < 2**53
+    assert (many["status"], many["impact_count"]) == (Status.REFUSED, -1)
+    assert (many["particle_status"] == Status.REFUSED).all()
+    assert (many["particle_impact_count"] == -1).all()

@@ -54,6 +54,42 @@ def test_few_long_trajectories_are_cut_into_more_ranges_than_many_short_ones():
     assert ranges(4000, 1000.0) >= 8
 
 
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_results_come_in_order_while_the_next_ones_are_computed(threads):
+    taken, released = [], threading.Event()
+
+    def items():
+        for k in range(20):
+            taken.append(k)
+            yield k
+
+    def compute(worker, k):
+        assert worker.threads == 1
+        if k == 0:
+            assert threads == 1 or released.wait(20.0)
+        elif k == 1:
+            released.set()
+        return k * k
+
+    with Workers(threads) as workers:
+        for k, found in enumerate(workers.in_order(compute, items())):
+            assert found == k * k
+            assert len(taken) <= k + 2 * threads  # memory is bounded
+    assert len(taken) == 20
+
+
+def test_work_on_one_thread_ends_with_its_workers():
+    """After an interruption no range is begun that nobody waits for."""
+    ranges, workers = [], Workers(2)
+
+    def task(first, last):
+        ranges.append(first)
+        workers.__exit__(KeyboardInterrupt, None, None)
+
+    Workers(1, workers).run(task, 10, 1)
+    assert ranges == [0]
+
+
 def test_threads_take_no_more_work_after_a_failure():
     begun, failed, taken = threading.Event(), threading.Event(), []
 

@@ -10,6 +10,7 @@ import xarray as xr
 
 from vibrosweep import open_record, open_sweep, simulate
 from vibrosweep.api.results import has_record
+from vibrosweep.cli import main
 from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures.registry import FIGURES, available
 from vibrosweep.figures.style import for_file
@@ -205,7 +206,9 @@ def test_every_sweep_of_the_repository(spec, tmp_path):
             figure.savefig(tmp_path / f"{name}.png", dpi=30)
 
 
-@pytest.mark.parametrize(("chunk", "steps"), [(None, [200]), (90, [0, 90, 180, 200]), (200, [200])])
+@pytest.mark.parametrize(
+    ("chunk", "steps"), [(None, [0, 200]), (90, [0, 90, 180, 200]), (200, [0, 200])]
+)
 def test_progress_ends_with_all(tmp_path, chunk, steps):
     seen = []
     spec = read_spec(next(p for p in SWEEPS if p.stem == "paper"))
@@ -223,6 +226,23 @@ def test_a_chunk_beyond_memory_is_refused(compute, tmp_path):
     assert [p.suffix for p in tmp_path.iterdir()] == [".toml", ".toml"]
 
 
+def test_a_resumed_run_says_what_it_has_not_computed(tmp_path, capsys):
+    """Its time is that of the others."""
+    path = tmp_path / "paper.toml"
+    path.write_text(next(p for p in SWEEPS if p.stem == "paper").read_text())
+
+    def first_chunk(job, indices, tick):
+        chunks.compute_chunk(job, indices[0], 1)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        module.run_sweep(
+            read_spec(path), tmp_path / "out.h5", threads=1, chunk=90, runner=first_chunk
+        )
+    assert main(["run", str(path), "-o", str(tmp_path / "out.h5"), "--threads", "1"]) == 0
+    assert "90 realizations of them kept from the run before" in capsys.readouterr().out
+
+
 def test_a_huge_sweep_does_not_fill_memory_before_it_starts(tmp_path):
     batches = []
 
@@ -235,7 +255,7 @@ def test_a_huge_sweep_does_not_fill_memory_before_it_starts(tmp_path):
     spec = parse_spec('title = "x"' + DRAWN.replace("= 40", "= 100_000_000"))
     with pytest.raises(KeyboardInterrupt):
         module.run_sweep(spec, tmp_path / "out.h5", threads=2, runner=first_chunk)
-    assert max(batches) == chunks.TRAJECTORIES_PER_BATCH // 5
+    assert max(batches) <= chunks.MOST_PER_PIECE // 5
 
 
 def test_per_particle_variables_come_only_when_asked_for(compute):

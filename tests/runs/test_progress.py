@@ -1,4 +1,5 @@
 import io
+import re
 from time import sleep
 
 import pytest
@@ -68,11 +69,28 @@ def test_a_short_run_says_nothing():
 def test_a_terminal_gets_a_bar():
     stream = Terminal()
     with reporting(stream, delay=1e-9) as advance:
+        advance(0, 4)
         sleep(0.2)  # the bar is drawn ten times a second
         advance(3, 4)
         advance(4, 4)
     assert "75%" in stream.getvalue()
     assert stream.getvalue().endswith("\r")  # wiped at the end
+
+
+def test_the_bar_of_a_continued_run_shows_its_own_speed(monkeypatch):
+    """What an earlier run has finished is no work of this one."""
+    stream, now = Terminal(), [1000.0]
+    for clock in ("time.time", "tqdm.std.time"):
+        monkeypatch.setattr(clock, lambda: now[0])
+    with reporting(stream, delay=1e-9) as advance:
+        now[0] += 50.0  # planning
+        advance(40_000, 50_000)
+        for done in range(40_100, 41_001, 100):
+            now[0] += 1.0
+            advance(done, 50_000)
+    speeds = [float(s) for s in re.findall(r"([0-9.]+) realizations/s", stream.getvalue())]
+    assert speeds
+    assert speeds == pytest.approx([100.0] * len(speeds), rel=0.01)
 
 
 @pytest.mark.parametrize("terminal", [True, False])

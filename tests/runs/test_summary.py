@@ -32,6 +32,14 @@ def lines(*cuts):
     return summary, list(summary.lines())
 
 
+def test_a_sum_of_landings_has_every_unit():
+    """Each count fits into a double, but their sum neither into a double nor into 64 bits."""
+    counts = np.full(3000, 2**53 - 1)
+    summary = Summary()
+    summary.add({"impact_count": counts, "status": np.zeros(3000, np.int8)})
+    assert summary.landings == 3000 * (2**53 - 1)
+
+
 def test_a_table_of_what_is_known():
     summary, text = lines(0, 3)
     assert (summary.realizations, summary.landings) == (3, 12)

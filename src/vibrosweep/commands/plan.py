@@ -31,27 +31,33 @@ def perform(options: argparse.Namespace) -> None:
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.runs.forecast import estimate, require_disk, require_memory
     from vibrosweep.runs.notes import notes
-    from vibrosweep.runs.plan import make_plan
+    from vibrosweep.runs.plan import make_plan, refined
 
     output = output_of(options)
     with Workers(options.threads or available_threads()) as workers:
-        plan = make_plan(spec, workers, options.chunk, seconds=SECONDS, enough=0.0)
+        plan = make_plan(spec, workers, options.chunk)  # as a run makes it
+        plan = refined(spec, plan, workers, SECONDS)
         needs = estimate(spec, plan, workers)
         print(spec.title)
-        print("\n".join(_lines(plan, needs, spec.scene.particles, workers.threads)))
+        print("\n".join(_lines(options, plan, needs, spec.scene.particles, workers.threads)))
         for subject, text in notes(spec, plan.design).items():
             print(f"{subject:16}{text}")
     require_memory(needs.memory)
     require_disk(output, needs.result + needs.parts)
 
 
-def _lines(plan: Plan, needs: Needs, particles: int, threads: int) -> Iterator[str]:
+def _lines(
+    options: argparse.Namespace, plan: Plan, needs: Needs, particles: int, threads: int
+) -> Iterator[str]:
     cost = plan.cost
     yield f"{'realizations':16}{plan.design.realizations} of {some(particles, 'particle')}"
-    cut = f"of {some(plan.chunk, 'realization')}, each kept as soon as it is finished"
-    yield f"{'chunks':16}{plan.chunks} {cut if plan.chunks > 1 else '(short: not cut)'}"
-    differ = "" if math.isnan(cost.error) else f" +- {100 * cost.error:.1f} %"
-    yield f"{'impacts':16}{needs.impacts:.3g}{differ}"
+    about = "" if options.chunk else "about "  # a run measures the speed of the machine anew
+    cut = f"of {about}{some(plan.chunk, 'realization')}, each kept as soon as it is finished"
+    chunks = f"{about}{plan.chunks} {cut}" if plan.chunks > 1 else "1 (short: not cut)"
+    yield f"{'chunks':16}{chunks}"
+    within = f" ({needs.fewest:.3g} to {needs.most:.3g} with 95 % confidence)"
+    exact = math.isnan(needs.fewest) or needs.fewest == needs.most
+    yield f"{'impacts':16}{needs.impacts:.3g}{'' if exact else within}"
     yield f"{'time':16}{needs.seconds:.2g} s on {some(threads, 'thread')}"
     kernels = "compiled just now; a run finds them" if cost.compiled else "ready"
     yield f"{'kernels':16}{kernels} ({cost.start:.2g} s)"

@@ -68,6 +68,7 @@ def perform(options: argparse.Namespace) -> None:
             f"beside it are removed"
         )
         return
+    from vibrosweep.engine.compiling import seconds
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.runs.progress import reporting
 
@@ -82,13 +83,20 @@ def perform(options: argparse.Namespace) -> None:
             summary, again = retry_failed(spec, output, impact_budget=budget, **settings)
         else:
             summary = run_sweep(spec, output, **settings)
-    seconds = time.perf_counter() - began
+    compiled = seconds()
+    taken = time.perf_counter() - began - compiled
     if options.retry_failed:
         print(f"{some(again, 'realization')} computed again")
     print(
         f"{some(summary.realizations, 'realization')} of {some(spec.scene.particles, 'particle')}, "
-        f"{some(summary.landings, 'landing')} in {seconds:.3g} s on {place}"
+        f"{some(summary.landings, 'landing')} in {taken:.3g} s on {place}"
+        + (f", after {compiled:.3g} s of compiling" if compiled else "")
     )
+    if summary.kept:
+        print(
+            f"{some(summary.kept, 'realization')} of them kept from the run before: the time is "
+            f"that of the others"
+        )
     if summary.repaired:
         print(f"{some(summary.repaired, 'damaged part')} found and computed again")
     print("\n".join(summary.lines()))

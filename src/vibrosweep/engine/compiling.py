@@ -1,4 +1,4 @@
-"""A line on the terminal while a kernel is compiled for its first use.
+"""A line on the terminal while a kernel is compiled for its first use, and how long this takes.
 
 During compilation Python's garbage collector runs less often; it took a tenth of the time.
 """
@@ -6,6 +6,7 @@ During compilation Python's garbage collector runs less often; it took a tenth o
 from __future__ import annotations
 
 import gc
+import time
 from typing import Any, Final
 
 from vibrosweep.kernels._numba import Listener, register
@@ -23,6 +24,8 @@ class Notice(Listener):  # type: ignore[misc]
         self._depth = 0  # nested compilations, from that of a kernel inwards
         self._line: Line | None = None
         self._collecting = gc.get_threshold()
+        self._began = 0.0
+        self.seconds = 0.0  # of compilation so far
 
     def on_start(self, event: Any) -> None:
         """Show a line when the compilation of a kernel of this package begins."""
@@ -32,6 +35,7 @@ class Notice(Listener):  # type: ignore[misc]
         self._depth += 1
         if self._depth > 1:
             return
+        self._began = time.perf_counter()
         self._collecting = youngest, *older = gc.get_threshold()
         gc.set_threshold(max(COLLECT_AFTER, youngest) if youngest else 0, *older)  # 0: off
         self._line = Line(
@@ -44,11 +48,20 @@ class Notice(Listener):  # type: ignore[misc]
             return
         self._depth -= 1
         if not self._depth:
+            self.seconds += time.perf_counter() - self._began
             gc.set_threshold(*self._collecting)
             if self._line:
                 self._line.end()
 
 
+_notice: Final = Notice()
+
+
 def listen() -> None:
-    """Register a `Notice` with numba."""
-    register("numba:compile", Notice())
+    """Let numba tell of compilations."""
+    register("numba:compile", _notice)
+
+
+def seconds() -> float:
+    """Return for how many seconds this process has compiled kernels until now."""
+    return _notice.seconds

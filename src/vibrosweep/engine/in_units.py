@@ -12,7 +12,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.kernels.record import Units
 from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.sequence import Orders
-from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.statistics import UNCOUNTED, Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
 from vibrosweep.model.status import Status
@@ -54,7 +54,8 @@ def statistics_in_units(
     square roots of the greatest heights.
     """
     measured = _physical(found, parameters, lifts, lowest)
-    measured |= {"at_rest_count": found.at_rest, "status": found.status}
+    status = np.where(found.counted, found.status, np.int8(Status.REFUSED))
+    measured |= {"at_rest_count": found.at_rest, "status": status}
     highest = measured["rebound_height_max"]
     reached = _highest_launches(scene, parameters["frequency"], launch_heights)
     measured["flight_height_max"] = np.fmax(highest, reached)
@@ -136,7 +137,8 @@ def _physical(
     lowest: Array | None,
 ) -> Measured:
     unit, frequency = height_unit(parameters), parameters["frequency"]
-    landings, rests = found.landings, found.total("rests").astype(np.int64)
+    landings = found.landings
+    rests = np.minimum(found.total("rests"), UNCOUNTED).astype(np.int64)
     # where the base lifts no resting particle, a rest is followed by no flight
     flights = found.total("flights") if lifts is None else landings - np.where(lifts, 0, rests)
     roots = lifts is not None and lowest is None

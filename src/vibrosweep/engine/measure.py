@@ -32,6 +32,7 @@ from vibrosweep.model.parameters import (
     representable,
 )
 from vibrosweep.model.shapes import Waveform
+from vibrosweep.model.status import Status
 from vibrosweep.model.times import in_seconds
 from vibrosweep.scene.scene import Scene
 
@@ -97,19 +98,23 @@ def measure_all(parameters: Mapping[str, Array], scene: Scene, workers: Workers)
     """
     launch = () if isinstance(scene.launch, str) else scene.launch
     usable = representable(parameters, (scene.duration, scene.measures.transient, *launch))
-    if usable.all():
-        return measure(parameters, scene, workers)
+    every = bool(usable.all())
+    kept = parameters if every else {name: values[usable] for name, values in parameters.items()}
+    found = measure(kept, scene, workers) if usable.any() else {}
+    known = usable.copy()
+    if found:  # landings are counted while they are found
+        known[usable] = found["status"] != Status.REFUSED
+    if known.all():
+        return found
     sizes = {"realization": usable.size, "particle": scene.particles}
     sizes |= {along: len(values) for along, values in scene.measures.observable_dims.items()}
-    found = {
+    all_found = {
         v.name: np.full([sizes[d] for d in v.dims], v.blank, v.dtype)
         for v in scene.measures.variables
     }
-    if usable.any():
-        kept = {name: values[usable] for name, values in parameters.items()}
-        for name, values in measure(kept, scene, workers).items():
-            found[name][usable] = values
-    return found
+    for name, values in found.items():
+        all_found[name][known] = values[known[usable]]
+    return all_found
 
 
 def _launch_heights(

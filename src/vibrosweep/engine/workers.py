@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Self
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, Self, TypeVar
 
 from vibrosweep.engine import compiling
 from vibrosweep.kernels.cycles import Cycles, empty_cycles
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statistics
 from vibrosweep.kernels.unwritten import FLAG, require_written
 
+T = TypeVar("T")
+R = TypeVar("R")
+
 TRAJECTORIES_PER_TASK = 1 << 16
 # Ranges of a stream: long against the cost of a call, some 15 us, but short enough for balance
 PIECES_PER_THREAD = 16
 SMALLEST_PIECE, SMALL_PIECE, LARGEST_PIECE = 1 << 8, 1 << 12, 1 << 14  # trajectories
 PERIODS_PER_PIECE = 3 << 16  # forcing periods of all trajectories of a small piece together
+
+# Results of `in_order` for each thread: one that is computed, and one that waits for its turn
+AHEAD = 2
 
 compiling.listen()
 
@@ -29,22 +37,26 @@ class Workers:
     ----------
     threads
         Number of threads, at least 1.
+    within
+        Workers in one of whose threads this one computes, without further threads.
     """
 
-    def __init__(self, threads: int) -> None:
+    def __init__(self, threads: int, within: Workers | None = None) -> None:
         self.threads = threads
-        self._pool = ThreadPoolExecutor(threads)
+        self._pool = None if within else ThreadPoolExecutor(threads)
         self._statistics = empty_statistics(0)
         self._cycles = empty_cycles(0)
-        self._interrupted = False
+        self._interrupted: threading.Event = within._interrupted if within else threading.Event()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
         # a running kernel cannot be stopped: after an interruption do not wait for it
-        self._interrupted = kind is not None
-        self._pool.shutdown(wait=kind is None, cancel_futures=True)
+        if kind is not None:
+            self._interrupted.set()
+        if self._pool is not None:
+            self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
     def statistics(self, trajectories: int, kinds: Kinds = KINDS) -> Statistics:
         """Return memory for statistics, the same at each call: new pages cost a third of a run."""
@@ -69,9 +81,7 @@ class Workers:
         Raises a RunError if an array of the `results`, named tuples, is not filled.
         """
         size = max(1, min(size, -(-total // self.threads)))
-        starts = range(0, total, size)
-        for _ in self._pool.map(lambda first: task(first, min(first + size, total)), starts):
-            pass
+        self._share(lambda first: task(first, min(first + size, total)), range(0, total, size))
         for result in results:
             require_written(result)
 
@@ -94,10 +104,43 @@ class Workers:
 
         def work(first: int, task: Callable[[int, int], object]) -> None:
             for start in itertools.chain((first,), others):
-                if self._interrupted:
+                if self._interrupted.is_set():
                     return
                 task(start, min(start + piece, total))
             task(total, total)
 
-        for _ in self._pool.map(work, first, [begin() for _ in first]):
-            pass
+        self._share(work, first, [begin() for _ in first])
+
+    def in_order(self, compute: Callable[[Workers, T], R], items: Iterable[T]) -> Iterator[R]:
+        """Yield ``compute(worker, item)`` for each item, each on a thread of its own.
+
+        Results come in the order of the items, of which no more than the next few are taken and
+        computed while the caller uses a result.
+        """
+        assert self._pool is not None
+        idle = [Workers(1, self) for _ in range(self.threads)]
+
+        def work(item: T) -> R:
+            worker = idle.pop()
+            try:
+                return compute(worker, item)
+            finally:
+                idle.append(worker)
+
+        begun: deque[Future[R]] = deque()
+        for item in items:
+            begun.append(self._pool.submit(work, item))
+            if len(begun) == AHEAD * self.threads:
+                yield begun.popleft().result()
+        while begun:
+            yield begun.popleft().result()
+
+    def _share(self, work: Callable[..., object], *arguments: Iterable[Any]) -> None:
+        """Call a function for all arguments, on all threads, until one raises an exception."""
+        if self._pool is not None:
+            deque(self._pool.map(work, *arguments), maxlen=0)
+            return
+        for one in zip(*arguments, strict=True):
+            if self._interrupted.is_set():
+                return
+            work(*one)

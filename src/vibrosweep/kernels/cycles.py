@@ -140,6 +140,15 @@ def _count_cycle(
 
 
 @jit
+def _whole_cycles(whole: float, phase: float, periods: float) -> float:
+    """Return how many cycles end `MARGIN` or more before whole periods and a phase have passed."""
+    times: float = max(0.0, np.floor((whole + phase - MARGIN) / periods))
+    # in a long time the sum is rounded by more than the margin; what the cycles leave is exact
+    left = (whole - times * periods) + phase
+    return max(0.0, times - 1.0) if left < MARGIN else times
+
+
+@jit
 def _jump(kinds: Kinds, s: Floats, j: int, periods: float, window: int | None) -> bool:
     """Skip whole cycles of lane j; return whether they were the last ones.
 
@@ -149,11 +158,11 @@ def _jump(kinds: Kinds, s: Floats, j: int, periods: float, window: int | None) -
     if window is not None:
         begin = s[ROW.N_BEGIN + j] - n + (s[ROW.X_BEGIN + j] - x)
         if begin > -MARGIN:
-            times = np.floor((begin - MARGIN) / periods)
-            s[ROW.N + j] = n + max(0.0, times) * periods
+            times = _whole_cycles(s[ROW.N_BEGIN + j] - n, s[ROW.X_BEGIN + j] - x, periods)
+            s[ROW.N + j] = n + times * periods
             s[ROW.N_ANCHOR + j] = s[ROW.N + j]  # it recurs here, and is checked again
             return False
-    times = max(0.0, np.floor(((s[ROW.X_END + j] - x) - n - MARGIN) / periods))
+    times = _whole_cycles(-n, s[ROW.X_END + j] - x, periods)
     s[ROW.N + j] = n + times * periods
     repeat(kinds, s, j, times)
     return True

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit
 from vibrosweep.kernels.bases import Counted
@@ -116,6 +117,7 @@ KINDS: Final[Kinds] = (
     declare("height_max", _height, MAX, of_flights=True),
 )
 LANDINGS, RESTS = 0, 1
+UNCOUNTED: Final = 2.0**53  # from here on, adding 1 to a double may not change it
 # Of the flights that end with a landing
 SHORTEST: Final = declare("flight_min", _ended, MIN)
 LONGEST: Final = declare("flight_max", _ended, MAX)
@@ -142,8 +144,13 @@ class Statistics(NamedTuple):
 
     @property
     def landings(self) -> Integers:
-        """Number of landings."""
-        return np.asarray(self.totals[LANDINGS].astype(np.int64))
+        """Number of landings; `UNCOUNTED` where there are as many or more."""
+        return np.asarray(np.minimum(self.totals[LANDINGS], UNCOUNTED).astype(np.int64))
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Return where no count has lost a landing: all others are at most as large."""
+        return np.asarray(self.totals[LANDINGS] < UNCOUNTED)
 
 
 def empty_statistics(size: int, kinds: Kinds = KINDS) -> Statistics:

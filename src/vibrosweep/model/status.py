@@ -59,9 +59,10 @@ class Status(_Code):
     )
     REFUSED = (
         3,
-        "A time is more than 2^51 forcing periods, which cannot be counted exactly, the amplitude "
-        "is above 1e30 m s-1, or the mass ratio is above 1000; nothing was measured, and counts "
-        "are -1: lower the frequency, the forcing or the mass ratio, or shorten scene.duration.",
+        "A time is more than 2^51 forcing periods, or the particles land 2^53 times or more, which "
+        "cannot be counted exactly; or the amplitude is above 1e30 m s-1, or the mass ratio above "
+        "1000; nothing is given, and counts are -1: lower the frequency, the forcing or the mass "
+        "ratio, take fewer particles, or shorten scene.duration.",
     )
 
 

@@ -10,9 +10,11 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
+from vibrosweep.model.times import in_periods
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
@@ -24,6 +26,11 @@ Tick = Callable[[int], object]
 TRAJECTORIES_PER_BATCH: Final = 1 << 19
 # This many totals of an observable take 64 MB
 TOTALS_PER_BATCH: Final = 1 << 23
+# A piece is what one thread computes at a time: trajectories whose forcing periods add up to some
+# 20 ms of work, but not so few that preparing them, a millisecond or two, takes longer
+PERIODS_PER_PIECE: Final = 1 << 21
+LEAST_PER_PIECE, MOST_PER_PIECE = 1 << 14, 1 << 17  # trajectories
+PIECES_PER_THREAD: Final = 4  # at least, or threads would end at different times
 
 
 @dataclass(frozen=True)
@@ -88,6 +95,11 @@ class Stream:
             return taken[0] if taken else {}
         return {name: np.concatenate([piece[name] for piece in taken]) for name in taken[0]}
 
+    def blocks(self, rows: int) -> Iterator[Columns]:
+        """Yield all rows, so many at a time."""
+        while columns := self.take(rows):
+            yield columns
+
 
 def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) -> int:
     """Compute a chunk and write its part; return the number of its realizations.
@@ -146,14 +158,11 @@ def bytes_per_realization(spec: Sweep, design: Realizations) -> int:
 
 
 def compute_rows(
-    spec: Sweep,
-    design: Realizations,
-    start: int,
-    stop: int,
-    workers: Workers,
-    most: int | None = None,
+    spec: Sweep, design: Realizations, start: int, stop: int, workers: Workers
 ) -> Iterator[Columns]:
-    """Compute the realizations start, ..., stop - 1 of a sweep in batches of at most `most`.
+    """Compute the realizations start, ..., stop - 1 of a sweep, on all threads.
+
+    While the caller uses the columns that it is given, the next ones are computed.
 
     Yields
     ------
@@ -161,17 +170,24 @@ def compute_rows(
         Columns as in `no_rows`: parameters that vary and measured variables, each of shape
         (realization, ...).
     """
-    size = min(most or stop, batch_size(spec))
-    for first in range(start, stop, size):
+    size, apart = rows_at_once(spec, design, stop - start, workers.threads)
+    starts = range(start, stop, size)
+    drawn = (design.take(first, min(first + size, stop)) for first in starts)
+    sizes = (min(size, stop - first) for first in starts)
+    if apart:
+        yield from workers.in_order(
+            lambda worker, one: compute_batch(spec, *one, worker), zip(drawn, sizes, strict=True)
+        )
+        return
+    for sampled, rows in zip(drawn, sizes, strict=True):
         # not bound to a name, so that its memory is free before the next batch is computed
-        yield compute_batch(spec, design, first, min(first + size, stop), workers)
+        yield compute_batch(spec, sampled, rows, workers)
 
 
 def compute_batch(
-    spec: Sweep, design: Realizations, start: int, stop: int, workers: Workers
+    spec: Sweep, sampled: Mapping[str, Array], size: int, workers: Workers
 ) -> Columns:
-    """Compute the realizations start, ..., stop - 1 of a sweep at once."""
-    sampled, size = design.take(start, stop), stop - start
+    """Compute realizations of a sweep, whose sampled parameters are given, at once."""
     parameters = spec.scene.parameters(sampled, size)
     try:
         measured = measure_all(parameters, spec.scene, workers)
@@ -182,7 +198,31 @@ def compute_batch(
     return {**spec.scene.varied(sampled, size), **measured}
 
 
+def rows_at_once(spec: Sweep, design: Realizations, rows: int, threads: int) -> tuple[int, bool]:
+    """Return how many of a number of realizations to compute at once, and whether on one thread.
+
+    Many realizations are cut into pieces, each of which one thread draws, computes and converts on
+    its own, so that no thread waits for another.  A few, or ones of very many particles, are
+    computed on all threads together.
+    """
+    particles, most = spec.scene.particles, batch_size(spec)
+    at_once = PERIODS_PER_PIECE / max(periods_of(spec, design), 1.0)
+    piece = min(MOST_PER_PIECE, max(LEAST_PER_PIECE, int(at_once))) // particles
+    piece = min(piece, most, rows // (PIECES_PER_THREAD * threads))
+    if piece >= max(1, min(LEAST_PER_PIECE // particles, most)):
+        return piece, True
+    batch = PIECES_PER_THREAD * threads * max(LEAST_PER_PIECE, int(at_once))
+    return max(1, min(batch // particles, most, rows)), False
+
+
+def periods_of(spec: Sweep, design: Realizations) -> float:
+    """Return the duration of the first realization in forcing periods."""
+    fixed = np.array([spec.scene.inputs.get("frequency", 1.0)])
+    frequency = design.take(0, 1).get("frequency", fixed)
+    return float(in_periods(spec.scene.duration, frequency)[0])
+
+
 def batch_size(spec: Sweep) -> int:
-    """Return the number of realizations that are computed together."""
+    """Return the largest number of realizations that are computed together."""
     widest = max((observable.width for observable in spec.scene.measures.observables), default=1)
     return max(1, min(TRAJECTORIES_PER_BATCH, TOTALS_PER_BATCH // widest) // spec.scene.particles)

@@ -147,6 +147,7 @@ def _pieces(
 ) -> Iterator[Columns]:
     """Compute a sweep of one chunk, which is written directly and cannot be resumed."""
     done = 0
+    advance(done, design.realizations)
     try:
         for columns in compute_rows(spec, design, 0, design.realizations, workers):
             yield columns

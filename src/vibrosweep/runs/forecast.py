@@ -14,12 +14,12 @@ import numpy as np
 
 from vibrosweep.engine import landings
 from vibrosweep.engine.landings import BYTES_PER_LANDING, Form
-from vibrosweep.engine.workers import Workers
+from vibrosweep.engine.workers import AHEAD, Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.mistakes import CHUNK, OUTPUT
 from vibrosweep.model.ragged_arrays import IN_FILE
-from vibrosweep.runs.chunks import batch_size, bytes_per_realization
-from vibrosweep.runs.pilot import memory_per_realization
+from vibrosweep.runs.chunks import batch_size, bytes_per_realization, rows_at_once
+from vibrosweep.runs.pilot import interval, memory_per_realization
 from vibrosweep.runs.plan import Plan
 from vibrosweep.runs.result import declare, write_record, write_rows
 from vibrosweep.scene.design import Axis
@@ -40,6 +40,9 @@ class Needs:
     # Wall time from reading the design to the end of writing, without compiling kernels
     seconds: float
     impacts: float  # number of impacts of all particles
+    # fewest, most: limits that hold it with a probability of 95 %; NaN if one realization is known
+    fewest: float
+    most: float
     memory: float  # peak memory of the whole process in bytes
     result: float  # bytes of the result file
     parts: float  # bytes of the parts next to it while it is written
@@ -57,6 +60,7 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
             "vibrosweep run computes those that can be computed and reports the others"
         )
     design, cost = plan.design, plan.cost
+    low, high = interval(cost.impacts, design.realizations)
     written, record = record_bytes(spec, workers)
     size, seconds = _written(spec, plan, workers.threads)
     if spec.record is not None:
@@ -65,15 +69,25 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
     per_realization = bytes_per_realization(spec, design)
     in_parts = plan.chunks > 1
     loading = 0.0 if cost.compiled else cost.start
-    batch = min(batch_size(spec), plan.chunk)
-    # results that wait to be written while the next batch is computed
+    rows, threads = min(plan.chunk, design.realizations), workers.threads
+    batch, apart = rows_at_once(spec, design, rows, threads)
+    # results that wait to be written while the next ones are computed
     waiting = 0 if batch == design.realizations else batch
-    held = per_realization * (2 * plan.chunk if in_parts else waiting)
+    if apart:
+        # of pieces, and of the block that is joined from them
+        waiting = AHEAD * threads * batch + 2 * min(batch_size(spec), rows)
+        batch *= threads
+    computing = batch * memory_per_realization(spec, design, workers)
+    computing += per_realization * (2 * plan.chunk if in_parts else waiting)
+    # parts are joined to a block; the first and the last one, held whole, reach beyond it
+    joined = 2 * (min(batch_size(spec), design.realizations) + plan.chunk)
+    writing = per_realization * joined if in_parts else 0
     return Needs(
         seconds=plan.opening + loading + cost.seconds * design.realizations + seconds,
-        impacts=cost.impacts * design.realizations,
-        memory=cost.loaded
-        + max(batch * memory_per_realization(spec, design, workers) + held, record),
+        impacts=float(cost.impacts.mean()) * design.realizations,
+        fewest=max(low - cost.drift, 0.0) * design.realizations,
+        most=(high + cost.drift) * design.realizations,
+        memory=cost.loaded + max(computing, writing, record),
         result=size,
         parts=per_realization * design.realizations if in_parts else 0,
     )
@@ -131,7 +145,7 @@ def _sample_file(spec: Sweep, plan: Plan, most: int, threads: int) -> tuple[int,
         with creating(path) as file:
             declare(file, spec, replace(plan.design, realizations=rows), threads)
             sample = {name: values[drawn] for name, values in columns.items()}
-            write_rows(file, kinds(columns), batch_size(spec), [sample])
+            write_rows(file, kinds(columns), [sample], batch_size(spec))
         return rows, path.stat().st_size, time.perf_counter() - began
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,6 @@ from vibrosweep.system import physical_memory
 
 if TYPE_CHECKING:
     import xarray as xr
-
-# Approximate number of progress reports; smaller pieces would cost time
-PIECES: Final = 100
-TRAJECTORIES_PER_PIECE: Final = 1 << 14
 
 
 class InMemory(Writer):
@@ -53,14 +49,12 @@ class InMemory(Writer):
         return xr.Dataset(others, coordinates, self._attributes)
 
 
-def sweep_in_memory(
-    spec: Sweep, *, threads: int, advance: Advance = silent, piece: int | None = None
-) -> xr.Dataset:
+def sweep_in_memory(spec: Sweep, *, threads: int, advance: Advance = silent) -> xr.Dataset:
     """Compute a sweep without its record; the result does not depend on the number of threads.
 
-    `advance` is called with the number of finished realizations and the total, after each `piece`
-    of realizations, by default a hundredth of all or more.  Raises a ParameterError if the result
-    does not fit into memory, and a TableError or SpecError if the design cannot be opened.
+    `advance` is called with the number of finished realizations and the total.  Raises a
+    ParameterError if the result does not fit into memory, and a TableError or SpecError if the
+    design cannot be opened.
     """
     design = open_design(spec)
     total = design.realizations
@@ -70,18 +64,17 @@ def sweep_in_memory(
             f"the results of {total} realizations take {needed / 2**30:.3g} GiB of this machine's "
             f"{available / 2**30:.3g} GiB: write them to a file with vibrosweep.run"
         )
-    if piece is None:
-        piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.scene.particles, 1)
     found = InMemory()
     declare(found, spec, design, threads)
     with Workers(threads) as workers:
 
         def pieces() -> Iterator[Columns]:
             done = 0
-            for columns in compute_rows(spec, design, 0, total, workers, piece):
+            advance(done, total)
+            for columns in compute_rows(spec, design, 0, total, workers):
                 yield columns
                 done += len(columns["status"])
                 advance(done, total)
 
-        write_rows(found, kinds(no_rows(spec, design)), piece, pieces())
+        write_rows(found, kinds(no_rows(spec, design)), pieces())
     return found.dataset()

@@ -58,6 +58,7 @@ class KeptRun:
     design: Realizations  # the realizations to compute
     job: Job  # data from which a process computes the chunks
     threads: int  # number of threads in this process
+    kept: int = 0  # realizations that an interrupted run has computed
     repaired: int = 0  # damaged parts that were computed again
 
     @property
@@ -76,7 +77,7 @@ class KeptRun:
                     self.output, self.job.spec, self.design, pieces, workers, force=force
                 )
         abandon(self.directory)
-        summary.repaired = self.repaired
+        summary.kept, summary.repaired = self.kept, self.repaired
         return summary
 
     def _compute(self, runner: Runner, advance: Advance) -> None:
@@ -84,7 +85,7 @@ class KeptRun:
         manifest, finished = self.job.parts.manifest, self.job.parts.finished()
         missing = [index for index in range(manifest.chunks) if index not in finished]
         sizes = (stop - start for start, stop in map(manifest.bounds, missing))
-        done = manifest.realizations - sum(sizes)
+        self.kept = done = manifest.realizations - sum(sizes)
         advance(done, manifest.realizations)
 
         def tick(realizations: int) -> None:

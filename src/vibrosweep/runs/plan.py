@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from vibrosweep.engine.workers import Workers
@@ -83,6 +83,14 @@ def make_plan(
         )
         size -= size % batch_size(spec) if size > batch_size(spec) else 0
     return Plan(design, max(1, min(size, design.realizations)), cost, opening)
+
+
+def refined(spec: Sweep, plan: Plan, workers: Workers, seconds: float) -> Plan:
+    """Estimate the cost of a plan again, in this time, and leave its chunks as they are."""
+    if not plan.cost.known:
+        return plan
+    cost = explore(spec, plan.design, workers, seconds)
+    return replace(plan, cost=replace(cost, start=plan.cost.start, loaded=plan.cost.loaded))
 
 
 def _require_memory(spec: Sweep, design: Realizations, chunk: int) -> None:

@@ -15,7 +15,10 @@ SECONDS_BEFORE_BAR: Final = 0.5
 
 
 class Advance(Protocol):
-    """Called with the number of finished realizations and the total."""
+    """Called with the number of finished realizations and the total.
+
+    The first call tells what was there before; speeds count what has been finished since.
+    """
 
     def __call__(self, done: int, total: int, /) -> object:
         """Report progress."""
@@ -63,10 +66,16 @@ def showing(wanted: bool | None) -> Iterator[Advance]:
 @contextmanager
 def _following(bar: Any) -> Iterator[Advance]:
     """Let a bar follow a run, and close it at the end."""
+    told = False
 
     def advance(done: int, total: int, /) -> None:
+        nonlocal told
         with suppress(OSError):  # a closed terminal must not end the run
             bar.total = total
+            if not told:  # the bar would count this as done since it was made
+                bar.initial = bar.n = bar.last_print_n = done
+                bar.start_t = bar.last_print_t = time.time()
+                told = True
             bar.update(done - bar.n)
 
     try:
@@ -86,7 +95,6 @@ class _Lines:
 
     def __call__(self, done: int, total: int, /) -> None:
         now = time.monotonic()
-        # chunks of an earlier run do not count towards the speed of this one
         before, since = self.began = self.began or (done, now)
         if now - self.last < SECONDS_BETWEEN_LINES or done == before or now == since:
             return

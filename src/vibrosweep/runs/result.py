@@ -60,16 +60,16 @@ def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
 
 
 def write_rows(
-    file: Writer, declared: Mapping[str, str], block: int, pieces: Iterable[Columns]
+    file: Writer, declared: Mapping[str, str], pieces: Iterable[Columns], block: int | None = None
 ) -> None:
-    """Write rows, which arrive in pieces of any length, in blocks of one length.
+    """Write rows, which arrive in pieces of any length, as they come or in blocks of one length.
 
     The layout of data in an HDF5 file depends on the sizes of the writes.  Blocks of one length
     make it independent of the division into chunks.  Raises a RunError unless each piece has the
     columns that were `declared`, as `vibrosweep.store.parts.kinds` gives them.
     """
-    rows, written = Stream(_checked(pieces, declared)), 0
-    while columns := rows.take(block):
+    checked, written = _checked(pieces, declared), 0
+    for columns in checked if block is None else Stream(checked).blocks(block):
         for name, values in columns.items():
             if file.awaits(name):  # axes of a grid are written when they are declared
                 file.write(name, written, values)
@@ -119,7 +119,7 @@ def write_result(
     with creating(output, run_directory(output), force=force) as file:
         declare(file, spec, design, workers.threads)
         file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
-        write_rows(file, kinds(no_rows(spec, design)), batch_size(spec), summarized())
+        write_rows(file, kinds(no_rows(spec, design)), summarized(), batch_size(spec))
         if spec.record is not None:
             note = write_record(file.group(IN_FILE), spec, workers)
             summary.notes = {**summary.notes, **({IN_FILE: note} if note else {})}

@@ -43,12 +43,13 @@ class _Spread:
 class Summary:
     """Ranges, means and counts over the realizations of a sweep; add chunks in their order.
 
-    `repaired` counts damaged parts that were computed again; `notes` are remarks on the settings of
-    the sweep, by subject.
+    `kept` counts realizations that an interrupted run had computed, `repaired` damaged parts that
+    were computed again; `notes` are remarks on the settings of the sweep, by subject.
     """
 
     realizations: int = 0
     landings: int = 0
+    kept: int = 0
     repaired: int = 0
     notes: Mapping[str, str] = field(default_factory=dict)
     spreads: dict[str, _Spread] = field(default_factory=dict)
@@ -57,8 +58,9 @@ class Summary:
     def add(self, measured: Mapping[str, NDArray[Any]]) -> None:
         """Add the measured variables of a chunk, each of shape (realization, ...)."""
         self.realizations += measured["impact_count"].size
-        counts = measured["impact_count"]
-        self.landings += int(counts[known("impact_count", measured)].sum())
+        counts = measured["impact_count"][known("impact_count", measured)]
+        # each is below 2^53, their sum may not fit into 64 bits
+        self.landings += (int((counts >> 32).sum()) << 32) + int((counts & 0xFFFFFFFF).sum())
         for name, variable in OF_REALIZATIONS.items():
             if name not in measured:
                 continue

@@ -75,6 +75,11 @@ class Group(Writer):
         self._groups: list[Group] = []
         self._attributes: dict[str, Any] = {}
 
+    coordinate = undisturbed()(Writer.coordinate)
+    fixed = undisturbed()(Writer.fixed)
+    array = undisturbed()(Writer.array)
+    variable = undisturbed()(Writer.variable)
+
     def has_outer(self, name: str) -> bool:
         """Return whether the file that holds this group has a dimension of that name."""
         return self._parent is not None and name in self._parent._sizes
@@ -100,6 +105,7 @@ class Group(Writer):
             dataset.attrs[key] = _storable(value)
         return dataset
 
+    @undisturbed()
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
         """Write a piece that begins at realization `start`."""
         super().write(name, start, values)

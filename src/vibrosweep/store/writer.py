@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from vibrosweep.errors import RunError
 from vibrosweep.model.measures import Variable
 from vibrosweep.store.arranged import REALIZATION
-from vibrosweep.store.disk import undisturbed
 from vibrosweep.store.rows import along, boxes
 
 Attributes = Mapping[str, Any]
@@ -46,7 +45,6 @@ class Writer(ABC):
         self._axes = axes
         self._sizes.update(sizes)
 
-    @undisturbed()
     def coordinate(
         self,
         name: str,
@@ -67,7 +65,6 @@ class Writer(ABC):
             array[...] = values
         self._coordinates.append(name)
 
-    @undisturbed()
     def fixed(self, name: str, attributes: Attributes, value: float) -> None:
         """Write a value that all realizations share as a variable without dimensions.
 
@@ -75,14 +72,12 @@ class Writer(ABC):
         """
         self._declare(name, (), "float64", attributes)[...] = value
 
-    @undisturbed()
     def array(
         self, name: str, dims: tuple[str, ...], attributes: Attributes, values: NDArray[Any]
     ) -> None:
         """Write a whole array that does not lie along realizations."""
         self._declare(name, dims, values.dtype, attributes)[...] = values
 
-    @undisturbed()
     def variable(self, variable: Variable) -> None:
         """Declare a variable of the registry."""
         dims, attributes = along(variable.dims, self._axes), self._described(variable)
@@ -105,7 +100,6 @@ class Writer(ABC):
         self._arrays[name] = dims, array, attributes
         return array
 
-    @undisturbed()
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
         """Write a piece that begins at realization `start`."""
         array, done = self._arrays[name][1], 0
