@@ -551,13 +551,13 @@ def test_a_notebooks_backend_does_not_stop_a_command(result):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("place", ["parse", "import", "draw"])
+@pytest.mark.parametrize("place", ["parse", "import", "command"])
 def test_a_signal_anywhere_is_one_message(place, tmp_path):
-    """The command is interrupted while it parses its words, imports a library, or draws."""
+    """The command is interrupted while it parses its words, imports, or computes."""
     programs = {
         "parse": "import argparse; argparse.ArgumentParser.parse_args = interrupted",
         "import": "import importlib; vibrosweep.cli.import_module = interrupted",
-        "draw": "import vibrosweep.commands.info as info; info.perform = interrupted",
+        "command": "import vibrosweep.commands.info as info; info.perform = interrupted",
     }
     program = (
         "import signal, sys, vibrosweep.cli\n"

@@ -169,13 +169,12 @@ def test_where_machine_code_is_kept_and_where_it_is_read(tmp_path, monkeypatch):
     """A directory that cannot be written is read; a user without a home has no other."""
     compiled = tmp_path / "compiled" / "vibrosweep-kernels" / _jit.sources_digest()
     compiled.mkdir(parents=True)
-    monkeypatch.setattr(_jit, "__file__", str(tmp_path / "package" / "_jit.py"))
+    monkeypatch.setattr(_cache, "__file__", str(tmp_path / "package" / "_cache.py"))
     (tmp_path / "package").mkdir()
     (tmp_path / "package" / "__pycache__").symlink_to(tmp_path / "compiled")
-    monkeypatch.setattr(_jit, "sources_digest", lambda: compiled.name)
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     beside = tmp_path / "package" / "__pycache__" / "vibrosweep-kernels" / compiled.name
-    assert _jit._find_caches() == (beside, ())
+    assert _cache.find_caches(compiled.name) == (beside, ())
 
     real = tempfile.TemporaryFile
 
@@ -187,12 +186,12 @@ def test_where_machine_code_is_kept_and_where_it_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "TemporaryFile", read_only)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     own = tmp_path / "home" / ".cache" / "vibrosweep-kernels" / compiled.name
-    assert _jit._find_caches() == (own, (beside,))
+    assert _cache.find_caches(compiled.name) == (own, (beside,))
 
     def homeless():
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.setattr(Path, "home", homeless)
-    assert _jit._find_caches() == (None, (beside,))
+    assert _cache.find_caches(compiled.name) == (None, (beside,))
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "compiled"))
-    assert _jit._find_caches() == (compiled, ())
+    assert _cache.find_caches(compiled.name) == (compiled, ())

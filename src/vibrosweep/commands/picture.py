@@ -108,7 +108,7 @@ def drawing(written: Path | None) -> Iterator[None]:
             f"interrupted; {written} is written and complete, but not its picture"
         ) from error
     except Exception as error:  # drawing may fail in any way
-        reason = str(error) if isinstance(error, VibrosweepError) else repr(error)
+        reason = error.parts if isinstance(error, VibrosweepError) else (repr(error),)
         raise OutputError(
-            f"{written}: is written and complete, but its picture failed: {reason}"
+            f"{written}: is written and complete, but its picture failed: ", *reason
         ) from error

@@ -15,9 +15,13 @@ import contextlib
 import hashlib
 import itertools
 import pickle
+import shutil
+import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar, Final, NamedTuple
+
+import numba
 
 from vibrosweep.kernels._numba import (
     CompileResultCacheImpl,
@@ -57,6 +61,32 @@ def _machine_code(directory: Path, entry: Entry) -> bytes | None:
     except OSError:
         return None
     return data if _checksum(data) == checksum else None
+
+
+def find_caches(digest: str) -> tuple[Path | None, tuple[Path, ...]]:
+    """Return where machine code of some sources is kept, or None, and where it is only read.
+
+    An administrator may have compiled kernels beside a package that its users cannot change.
+    """
+    beside = Path(__file__).parent / "__pycache__"
+    bases = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else [beside]
+    if not numba.config.CACHE_DIR:
+        with contextlib.suppress(RuntimeError):  # a user without a home directory
+            bases.append(Path.home() / ".cache")
+    read_only: list[Path] = []
+    for base in bases:
+        directory = base / "vibrosweep-kernels" / digest
+        try:
+            if not directory.is_dir():
+                if base == beside:  # machine code of other sources can never be loaded again
+                    shutil.rmtree(directory.parent, ignore_errors=True)
+                directory.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=directory):
+                return directory, (*read_only,)
+        except OSError:
+            with contextlib.suppress(OSError):
+                read_only += [directory] if directory.is_dir() else []
+    return None, (*read_only,)
 
 
 class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]

@@ -11,8 +11,6 @@ import contextlib
 import functools
 import hashlib
 import inspect
-import shutil
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -31,7 +29,7 @@ from vibrosweep.kernels._python import as_python
 from vibrosweep.kernels.vectors import vector_bits
 
 if HAS_CACHE:
-    from vibrosweep.kernels._cache import KernelCache
+    from vibrosweep.kernels._cache import KernelCache, find_caches
 if HAS_PIECES:
     from vibrosweep.kernels._pieces import PieceCompiler
 
@@ -67,36 +65,10 @@ def sources_digest() -> str:
     return digest.hexdigest()[:16]
 
 
-def _find_caches() -> tuple[Path | None, tuple[Path, ...]]:
-    """Return where machine code of these sources is kept, or None, and where it is only read.
-
-    An administrator may have compiled kernels beside a package that its users cannot change.
-    """
-    beside = Path(__file__).parent / "__pycache__"
-    bases = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else [beside]
-    if not numba.config.CACHE_DIR:
-        with contextlib.suppress(RuntimeError):  # a user without a home directory
-            bases.append(Path.home() / ".cache")
-    read_only: list[Path] = []
-    for base in bases:
-        directory = base / "vibrosweep-kernels" / sources_digest()
-        try:
-            if not directory.is_dir():
-                if base == beside:  # machine code of other sources can never be loaded again
-                    shutil.rmtree(directory.parent, ignore_errors=True)
-                directory.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=directory):
-                return directory, (*read_only,)
-        except OSError:
-            with contextlib.suppress(OSError):
-                read_only += [directory] if directory.is_dir() else []
-    return None, (*read_only,)
-
-
 cache_directory: Path | None = None
 read_only_caches: tuple[Path, ...] = ()
 if HAS_CACHE and not numba.config.DISABLE_JIT:
-    cache_directory, read_only_caches = _find_caches()
+    cache_directory, read_only_caches = find_caches(sources_digest())
 
 
 @contextlib.contextmanager
