@@ -108,6 +108,13 @@ def test_the_estimate_of_a_whole_sweep_is_exact_but_for_time(workers, tmp_path):
         assert needs.result == pytest.approx((tmp_path / f"{name}.h5").stat().st_size, rel=0.2)
 
 
+def test_no_room_for_a_sample_file_names_its_place(workers, limited):
+    spec = read_spec(SWEEPS / "paper.toml")
+    plan = make_plan(spec, workers, seconds=5.0)
+    with limited(1000), pytest.raises(OutputError, match=r"sample\.h5.*another place with TMPDIR="):
+        estimate(spec, plan, workers)
+
+
 def test_disk_is_foreseen_from_a_sample(workers, tmp_path):
     spec = parse_spec(WIDE.format(150_000) + "per_particle = true\nregimes = true\n")
     spec = replace(spec, scene=replace(spec.scene, particles=3, duration=3.0))

@@ -6,6 +6,8 @@ import math
 import shutil
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -16,7 +18,7 @@ from vibrosweep.engine import landings
 from vibrosweep.engine.landings import BYTES_PER_LANDING, Form
 from vibrosweep.engine.workers import AHEAD, Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
-from vibrosweep.mistakes import CHUNK, OUTPUT
+from vibrosweep.mistakes import CHUNK, OUTPUT, Word
 from vibrosweep.model.ragged_arrays import IN_FILE
 from vibrosweep.runs.chunks import batch_size, bytes_per_realization, rows_at_once
 from vibrosweep.runs.pilot import interval, memory_per_realization
@@ -25,7 +27,7 @@ from vibrosweep.runs.result import declare, write_record, write_rows
 from vibrosweep.scene.design import Axis
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.dataset import creating
-from vibrosweep.store.disk import target_of
+from vibrosweep.store.disk import naming, target_of
 from vibrosweep.store.parts import kinds
 from vibrosweep.system import physical_memory
 
@@ -134,13 +136,20 @@ def _written(spec: Sweep, plan: Plan, threads: int) -> tuple[float, float]:
     return size + steps * (size - half_size), seconds + steps * max(seconds - half_seconds, 0.0)
 
 
+@contextmanager
+def _scratch() -> Iterator[Path]:
+    """Make a directory for a sample file; an error of writing names what places it elsewhere."""
+    with naming(Word("TMPDIR=", "TMPDIR=")), tempfile.TemporaryDirectory() as directory:
+        yield Path(directory)
+
+
 def _sample_file(spec: Sweep, plan: Plan, most: int, threads: int) -> tuple[int, int, float]:
     """Write rows drawn from the computed sample into a file; return rows, bytes and seconds."""
     columns = plan.cost.columns
     spec, rows = _shortened(spec, most)
     drawn = np.random.default_rng(0).integers(columns["status"].size, size=rows)
-    with tempfile.TemporaryDirectory() as directory:
-        path = Path(directory) / "sample.h5"
+    with _scratch() as directory:
+        path = directory / "sample.h5"
         began = time.perf_counter()
         with creating(path) as file:
             declare(file, spec, replace(plan.design, realizations=rows), threads)
@@ -171,8 +180,8 @@ def _record_file(spec: Sweep, size: int, workers: Workers) -> tuple[float, float
     assert spec.record is not None
     most = 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * spec.record.particles)
     short = spec.with_measures(impact_budget=min(spec.record.measures.impact_budget, most))
-    with tempfile.TemporaryDirectory() as directory:
-        path = Path(directory) / "record.h5"
+    with _scratch() as directory:
+        path = directory / "record.h5"
         began = time.perf_counter()
         sample, _ = record_bytes(short, workers)  # as a run does
         with creating(path) as file:
