@@ -45,7 +45,7 @@ def observed(record, name):
     landing, left, speed = (
         one[key].values for key in ("landing_time", "liftoff_time", "rebound_velocity")
     )
-    base = base_motion(one, "test")
+    base = base_motion(record.isel(realization=0), "test")
     values = {
         "rebound_velocity": speed,
         "rebound_height": base.height(left) + np.maximum(speed, 0.0) ** 2 / (2.0 * 9.81),

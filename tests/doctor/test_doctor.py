@@ -148,7 +148,7 @@ def test_kernels_without_a_place_for_machine_code(tmp_path):
 
 
 def test_kernels_that_can_only_be_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(compiled, "variants", lambda directory: Variants(3, 0, 0))
+    monkeypatch.setattr("vibrosweep.kernels._cache.variants", lambda directory: Variants(3, 0, 0))
     found = compiled.kernel_cache(None, (tmp_path,))
     assert (
         f"3 compiled variants of these sources for this processor, 0.0 MiB in {tmp_path}, "

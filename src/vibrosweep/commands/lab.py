@@ -218,9 +218,9 @@ def _keep(
 ) -> None:
     """Write a result and draw its figure, if the options ask for them."""
     if options.output is not None:
-        from vibrosweep.store.saving import save_result
+        from vibrosweep.store.saving import write_dataset
 
-        save_result(result, options.output, kind, force=options.force)
+        write_dataset(result, options.output, kind, force=options.force)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.registry import save_formats

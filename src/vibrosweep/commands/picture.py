@@ -51,7 +51,7 @@ def produce(
     from vibrosweep.figures.style import for_file
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.store.provenance import provenance
-    from vibrosweep.store.saving import save_result
+    from vibrosweep.store.saving import write_dataset
 
     count = options.threads or available_threads()
     print(spec.title)
@@ -63,7 +63,7 @@ def produce(
         print(f"observation: {found.attrs['notes']}")
     if limited := found.attrs.get("restitution_law_range"):
         print(f"restitution_law: {limited}")
-    save_result(found.assign_attrs(provenance(count)), output, kind, force=options.force)
+    write_dataset(found.assign_attrs(provenance(count)), output, kind, force=options.force)
     with drawing(output):
         save(for_file(kind.axes, found), picture, force=options.force)
     print(f"written to {output} and {picture}")

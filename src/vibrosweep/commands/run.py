@@ -73,7 +73,7 @@ def perform(options: argparse.Namespace) -> None:
     from vibrosweep.runs.progress import reporting
 
     print(spec.title)
-    began = time.perf_counter()
+    began, before = time.perf_counter(), seconds()
     with _opened_place(options) as (place, settings), reporting(sys.stderr) as advance:
         settings |= {"chunk": options.chunk, "force": options.force, "advance": advance}
         if options.retry_failed:
@@ -83,7 +83,7 @@ def perform(options: argparse.Namespace) -> None:
             summary, again = retry_failed(spec, output, impact_budget=budget, **settings)
         else:
             summary = run_sweep(spec, output, **settings)
-    compiled = seconds()
+    compiled = seconds() - before
     taken = time.perf_counter() - began - compiled
     if options.retry_failed:
         print(f"{some(again, 'realization')} computed again")

@@ -16,7 +16,7 @@ from vibrosweep.store.dataset import sealed
 from vibrosweep.store.disk import check_output, naming, path_of, replacing, undisturbed
 from vibrosweep.store.kinds import KIND, KINDS, ResultKind
 
-PATH: Final = Word("path=", "path=", "-o")
+PATH: Final = Word("path=", "path=")
 
 
 def save_result(
@@ -66,18 +66,29 @@ def save_result(
             f"kind = {cut(repr(kind))}: must be a ResultKind that register_kind has registered"
         )
     output = path_of("path", path)
-    whole = dataset.assign_attrs({KIND: kind.name}).compute()
     with naming(PATH):
         check_output(output, force=force)
-        with (
-            replacing(output, force=force) as disk,
-            sealed(disk, lambda disk: h5netcdf.File(disk, "w")) as file,
-            undisturbed(),
-        ):
-            try:
-                whole.dump_to_store(H5NetCDFStore(file))
-            except Exception as error:  # xarray and its libraries raise exceptions of any kind
-                disk.check()
-                reason = " ".join(f"{type(error).__name__}: {error}".split())
-                raise DataError(f"{path}: netCDF cannot hold this dataset ({reason})") from error
+        write_dataset(dataset, output, kind, force=force)
     return output
+
+
+def write_dataset(
+    dataset: xr.Dataset, output: Path, kind: ResultKind, *, force: bool = False
+) -> None:
+    """Write a dataset that took long to compute, for whose output there was no file before.
+
+    If one has appeared meanwhile and `force` is not given, the new file gets another name, which
+    the OutputError tells.
+    """
+    whole = dataset.assign_attrs({KIND: kind.name}).compute()
+    with (
+        replacing(output, force=force) as disk,
+        sealed(disk, lambda disk: h5netcdf.File(disk, "w")) as file,
+        undisturbed(),
+    ):
+        try:
+            whole.dump_to_store(H5NetCDFStore(file))
+        except Exception as error:  # xarray and its libraries raise exceptions of any kind
+            disk.check()
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise DataError(f"{output}: netCDF cannot hold this dataset ({reason})") from error

@@ -59,10 +59,13 @@ def open_for_writing(path: Path) -> bool:
 
     The mark is a bit of the superblock, and stays if the writing program does not close the file.
     """
-    if not path.is_file():
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            block = file.read(24).ljust(24, b"\0")
+    except OSError:
         return False
-    with path.open("rb") as file:
-        block = file.read(24).ljust(24, b"\0")
     if not block.startswith(b"\x89HDF\r\n\x1a\n"):
         return False
     version = block[8]
