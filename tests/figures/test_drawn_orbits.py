@@ -26,7 +26,9 @@ from tests.figures.drawn import (
 from vibrosweep import figures
 from vibrosweep.analysis.basins import name_of
 from vibrosweep.analysis.closed_orbits import cycle_name
+from vibrosweep.analysis.orbit_lines import EVENTS
 from vibrosweep.errors import DataError
+from vibrosweep.figures.lines import KINDS, TIES
 
 PLAIN = {"phase": 0.0, "gravity": 9.81, "contact_time": 1e-4, "frequency": 1.0}
 BLACK, WHITE = to_rgba("black"), to_rgba("white")
@@ -504,3 +506,14 @@ def test_every_public_figure_is_compared_with_its_dataset():
     files = sorted(Path(__file__).parent.glob("test_drawn*.py"))
     here = "".join(path.read_text("utf-8") for path in files)
     assert {name for name in figures.__all__ if f"figures.{name}" not in here} == NOT_DRAWN
+
+
+def test_every_event_has_a_marker_dashes_and_a_name():
+    for code, name in EVENTS:
+        drawn = KINDS[code][2].replace("-", "_").replace(" a ", " ").replace(" ", "_")
+        assert drawn == ("period_doubling" if name == "born_at_doubling" else name)
+    assert {name for code, name in EVENTS if code in TIES} == {
+        "grazing",
+        "rest",
+        "grazing_at_landing",
+    }

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 BOUNDARIES: Final = "boundaries"
 DASHES: Final = {"saddle node": "solid", "period doubling": "dashed", "corner": "solid"}
 # Events at which rounding decides whether the orbit is admissible
-TIES: Final = ("grazing", "rest")
+TIES: Final = ("grazing", "rest", "grazing at landing")
 
 
 def with_borders(points: Points, path: Path) -> Points:

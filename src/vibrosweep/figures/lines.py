@@ -21,7 +21,7 @@ __all__ = ["NEEDS", "orbit_boundaries", "orbit_branches"]
 NEEDS: Final = data.Needs(("bifurcation", "cycle_impacts", "cycle_periods", "admissible"))
 # Parameters apart from the plane of restitution and forcing that set the boundaries
 SHARED: Final = ("frequency", "gravity", "contact_time", *OF_RESTITUTION)
-GRAZE, REST = 2, 3  # codes of `bifurcation`
+TIES: Final = (2, 3, 7)  # grazes and rest among the codes of `bifurcation`
 THIN, THICK = 0.6, 1.8  # lines of unstable and of stable orbits
 AT_BORDER: Final = 1e-9  # by which a modulus may exceed 1 where a stable part of a branch ends
 # By the codes of `bifurcation`: the marker of a point, the dashes of a curve, and the name
@@ -33,6 +33,7 @@ KINDS: Final = (
     ("o", "--", "period doubling"),
     ("D", "-", "corner"),
     ("P", ":", "yielding"),
+    ("<", "-.", "grazing at a landing"),
 )
 
 
@@ -184,7 +185,7 @@ def orbit_boundaries(
             code = int(one["bifurcation"])
             name = f"{cycle_name(*kind)}, {KINDS[code][2]}"
             # at a graze or rest, rounding decides whether the orbit is admissible
-            admissible = (one["admissible"].values == 1) | (code in (GRAZE, REST))
+            admissible = (one["admissible"].values == 1) | (code in TIES)
             for chosen, width in ((np.ones_like(admissible), 0.5), (admissible, 1.3)):
                 edge = [withStroke(linewidth=width + 1.0, foreground="black")]
                 axes.plot(
