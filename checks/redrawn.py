@@ -224,6 +224,8 @@ def main() -> None:
         if picture is not None:
             draw(picture)
             return
+    if unknown := sorted({*options.pictures} - RECIPES.keys()):
+        parser.error(f"{', '.join(unknown)}: no such picture; there are {', '.join(RECIPES)}")
     stale = []
     with tempfile.TemporaryDirectory() as folder:
         output = (options.output or Path(folder)).resolve()
