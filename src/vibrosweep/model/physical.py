@@ -55,10 +55,14 @@ def physical(function: Callable[P, R]) -> Callable[P, R]:
         for name, given in bound.arguments.items():
             if name in _ARGUMENTS:
                 allowed, values = _ARGUMENTS[name], as_numbers(name, given)
+                if values.ndim and names.parameters[name].annotation == "float":
+                    raise ParameterError(f"{name} = {cut(repr(given))}: must be one number")
                 refused = values[~allowed.accepts(values)]
                 if refused.size:
                     raise ParameterError(f"{name} = {refused[0]:g}: must be {allowed.allowed}")
-        return function(*args, **kwargs)
+                if np.asarray(given).dtype == object:  # of fractions and decimals
+                    bound.arguments[name] = values[()]
+        return function(*bound.args, **bound.kwargs)
 
     return refusing
 
