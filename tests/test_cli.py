@@ -1,6 +1,7 @@
 """The command line as a hostile user meets it: exit codes, one clear message, nothing left over."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -551,23 +552,78 @@ def test_a_notebooks_backend_does_not_stop_a_command(result):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("place", ["parse", "import", "command"])
-def test_a_signal_anywhere_is_one_message(place, tmp_path):
-    """The command is interrupted while it parses its words, imports, or computes."""
-    programs = {
-        "parse": "import argparse; argparse.ArgumentParser.parse_args = interrupted",
-        "import": "import importlib; vibrosweep.cli.import_module = interrupted",
-        "command": "import vibrosweep.commands.info as info; info.perform = interrupted",
-    }
-    program = (
-        "import signal, sys, vibrosweep.cli\n"
-        "def interrupted(*a, **k): signal.raise_signal(signal.SIGTERM)\n"
-        f"{programs[place]}\n"
-        "sys.argv = ['vibrosweep', 'info', 'any.h5']\n"
-        "sys.exit(vibrosweep.cli.main())"
-    )
+# What sends a signal, and where, as lines of Python before the command
+AT_IMPORT = """
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == {name!r}:
+            interrupted()
+sys.meta_path.insert(0, Finder())
+"""
+PLACES = {
+    **{
+        name: AT_IMPORT.format(name=name)
+        for name in (
+            *("vibrosweep.cli", "vibrosweep.errors", "vibrosweep.commands.figures"),
+            *("numpy.linalg", "h5py._hl", "matplotlib.figure", "xarray.core.dataset"),
+        )
+    },
+    "parse": "import argparse; argparse.ArgumentParser.parse_args = interrupted",
+    "command": "import vibrosweep.commands.figures as c; c.perform = interrupted",
+    "draw": "import matplotlib.axes as m; m.Axes.draw = interrupted",
+    "save": "import matplotlib.backends.backend_agg as m; m.FigureCanvasAgg.draw = interrupted",
+    "compile": "import numba.core.typeinfer as n; n.TypeInferer.propagate = interrupted",
+    "destructor": """
+class Closing:
+    __del__ = interrupted
+def perform(options):
+    Closing()
+    while True:
+        time.sleep(0.01)
+import vibrosweep.commands.figures as c
+c.perform = perform
+""",
+}
+
+
+@pytest.mark.parametrize("ending", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("place", PLACES)
+def test_a_signal_anywhere_is_one_message(place, ending, result, tmp_path):
+    """The command is interrupted while it imports, parses, compiles, draws, or tidies."""
+    words = ["figures", str(result), "-o", "drawn"]
+    if place == "compile":
+        words = ["run", str(SINGLE), "-o", "new.h5"]
+    program = f"""
+import signal, sys, time
+def interrupted(*a, **k): signal.raise_signal(signal.{ending})
+signal.signal(signal.SIGINT, signal.default_int_handler)
+{PLACES[place]}
+sys.argv = ["vibrosweep", *{words!r}]
+import vibrosweep.__main__
+sys.exit(vibrosweep.__main__.main())
+"""
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=False
+        [sys.executable, "-c", program],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)} if place == "compile" else None,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+        timeout=60,
     )
-    assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr == "vibrosweep: interrupted; an unfinished result is not kept\n"
+    assert done.returncode == 130
+    early = place in ("vibrosweep.cli", "vibrosweep.errors")
+    said = "before it began" if early else "an unfinished result is not kept"
+    assert re.fullmatch(f"vibrosweep: interrupted;? {said}\n", done.stderr)
+    assert not list(tmp_path.glob("drawn/*"))
+    assert not list(tmp_path.glob("new.h5*"))
+
+
+def test_the_package_begins_at_once():
+    """Signals cannot be handled before the package is imported: it loads nothing for that."""
+    code = (
+        "import sys\nbefore = set(sys.modules)\nimport vibrosweep\n"
+        "print(*sorted(set(sys.modules) - before))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["__future__", "vibrosweep", "vibrosweep._version"]

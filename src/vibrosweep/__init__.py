@@ -12,12 +12,10 @@ Importing this package loads neither numba nor xarray: they are loaded when firs
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
-
 from vibrosweep._version import __version__
-from vibrosweep.api import result_kinds as _result_kinds  # noqa: F401, registers them
-from vibrosweep.lazy import lazily
 
+# `typing` takes ten times as long as this file, during which a command cannot handle signals yet
+TYPE_CHECKING = False
 if TYPE_CHECKING:
     from vibrosweep import analysis, errors, figures, lab, theory
     from vibrosweep.analysis.ragged import rectangle
@@ -76,7 +74,7 @@ __all__ = [
     "windows",
 ]
 
-_HOMES: Final = {
+_HOMES = {
     **{name: f"vibrosweep.{name}" for name in ("analysis", "errors", "figures", "lab", "theory")},
     "Landing": "vibrosweep.model.landing",
     **dict.fromkeys(("Law", "register_law"), "vibrosweep.model.outside_laws"),
@@ -96,7 +94,12 @@ _HOMES: Final = {
     "verify": "vibrosweep.proof.verifying",
     **dict.fromkeys(("basins", "bifurcation", "sobol", "windows"), "vibrosweep.api.analyses"),
 }
-__getattr__ = lazily(__name__, _HOMES)
+
+
+def __getattr__(name: str) -> object:
+    from vibrosweep.lazy import lazily
+
+    return lazily(__name__, _HOMES)(name)
 
 
 def __dir__() -> list[str]:

@@ -7,6 +7,7 @@ answers at once.
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import atexit
 import gc
@@ -26,9 +27,10 @@ from vibrosweep._version import __version__
 from vibrosweep.commands import COMMANDS
 from vibrosweep.errors import Interruption, VibrosweepError
 from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text
-from vibrosweep.system import ENDINGS
+from vibrosweep.system import ENDINGS, POLL
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
+DISCARDED: Final = "interrupted; an unfinished result is not kept"
 OBJECTS_BETWEEN_COLLECTIONS: Final = 50_000  # new objects between garbage collections
 PATIENCE: Final = 2.0  # seconds in which repeated interruptions count as one
 
@@ -40,11 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is not None:
         return _perform(arguments)
+    came: list[float] = []
     try:
-        _catch_signals()
+        _catch_signals(came)
         _prepare_output()
-        # a file object that could not be opened reports its error again when it is deleted
-        sys.unraisablehook = lambda unraisable: None
         # imports and compilation create many objects and little garbage: collections every 700
         # objects took a tenth of their time, and the collection at exit 0.1 s
         gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
@@ -52,7 +53,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # commands draw into files only, and a notebook's backend may not be installed
         os.environ["MPLBACKEND"] = "agg"
         code = _perform(sys.argv[1:])
-    except KeyboardInterrupt:  # before or after the command itself
+    # before or after the command itself; libraries turn an interruption of their own start into
+    # other errors
+    except BaseException as error:
+        if not (came or isinstance(error, KeyboardInterrupt)):
+            raise
+        _complain(DISCARDED)
         code = INTERRUPTED
     finally:
         _ignore_signals()
@@ -75,8 +81,7 @@ def _perform(arguments: Sequence[str]) -> int:
         _complain((f"not enough memory: {error}; ", remedy, ", or close other programs"))
         return MISTAKE
     except KeyboardInterrupt as error:
-        discarded = "interrupted; an unfinished result is not kept"
-        _complain(error.parts if isinstance(error, Interruption) else discarded)
+        _complain(error.parts if isinstance(error, Interruption) else DISCARDED)
         return INTERRUPTED
     except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         _drop_output()
@@ -108,18 +113,32 @@ def _prepare_output() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def _catch_signals() -> None:
-    """Turn every signal that ends a program into one KeyboardInterrupt, even if it is repeated."""
-    interrupted = -math.inf
+def _catch_signals(came: list[float]) -> None:
+    """Turn every signal that ends a program into one KeyboardInterrupt, even if it is repeated.
+
+    `came` receives the times of those that did.
+    """
 
     def interrupt(number: int, frame: object) -> None:
-        nonlocal interrupted
         now = time.monotonic()
-        if now - interrupted > PATIENCE:
-            interrupted = now
+        if not came or now - came[-1] > PATIENCE:
+            came.append(now)
             raise KeyboardInterrupt
 
+    def unraisable(lost: sys.UnraisableHookArgs) -> None:
+        # destructors and callbacks drop exceptions, and so interruptions; a file object that could
+        # not be opened reports its error again when it is deleted
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            threading.Timer(POLL, _interrupt_again, [came]).start()
+
     _handle_signals(interrupt)
+    sys.unraisablehook = unraisable
+
+
+def _interrupt_again(came: list[float]) -> None:
+    came.append(-math.inf)
+    for number in ENDINGS:
+        _thread.interrupt_main(number)
 
 
 def _ignore_signals() -> None:

@@ -14,6 +14,7 @@ from vibrosweep.analysis.records import FLIGHTS, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.physical import as_numbers
 from vibrosweep.model.status import Status
 from vibrosweep.store.arranged import arranged
 
@@ -56,7 +57,7 @@ def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
     >>> film.height.dims, float(film.height.sel(time=0.5).isel(particle=0, realization=0))
     (('realization', 'particle', 'time'), 1.27375)
     """
-    instants = np.asarray(times, dtype=np.float64)
+    instants = as_numbers("times", times)
     if instants.ndim != 1 or not np.all(np.isfinite(instants)):
         raise ParameterError("times: a list of finite times in s is expected")
     record = arranged(record)

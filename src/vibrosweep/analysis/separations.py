@@ -15,6 +15,7 @@ from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError, require_one_of
 from vibrosweep.model.measures import UNDETERMINED, VARIABLES
+from vibrosweep.store.arranged import require_datasets
 from vibrosweep.store.rows import flat
 
 __all__ = ["QUANTILES", "compare_separations", "separation_against", "separation_distribution"]
@@ -156,6 +157,7 @@ def compare_separations(
     >>> found.particles.values.tolist()
     [2, 5]
     """
+    require_datasets(sweeps)
     sweeps = [_checked(sweep, "compare_separations", measure, quantiles) for sweep in sweeps]
     for sweep in sweeps:
         if "particles" not in sweep.attrs:

@@ -1,6 +1,7 @@
 """The kinds of results that this package writes.
 
-They are registered when the package is imported; the functions they call are imported when called.
+They are registered when this file is imported, as `vibrosweep.store.kinds` does before it looks for
+a kind; the functions they call are imported when called.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import re
 from collections.abc import Callable, Sequence
 from typing import Any, Final, ParamSpec, TypeVar
@@ -22,7 +23,7 @@ from vibrosweep.figures.canvas import (
     make_room,
     panels_on,
 )
-from vibrosweep.store.arranged import arranged
+from vibrosweep.store.arranged import arranged, require_dataset, require_datasets
 
 __all__ = [
     "COLUMN",
@@ -42,6 +43,11 @@ __all__ = [
 P = ParamSpec("P")
 R = TypeVar("R")
 
+# What an argument of a figure must be, by its annotation
+DOORS: Final[dict[object, Callable[[object], None]]] = {
+    "xr.Dataset": require_dataset,
+    "Sequence[xr.Dataset]": require_datasets,
+}
 # Widths in inches: one column, one and a half, and two columns of a journal page.
 COLUMN: Final = 3.5
 MEDIUM: Final = 5.0
@@ -134,9 +140,16 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     >>> float(empty().figure.get_figwidth())
     3.5
     """
+    signature = inspect.signature(draw)
+    doors = {
+        n: DOORS[p.annotation] for n, p in signature.parameters.items() if p.annotation in DOORS
+    }
 
     @functools.wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name, given in signature.bind(*args, **kwargs).arguments.items():
+            if name in doors:
+                doors[name](given)
         if kwargs.get("ax") is None:
             load_backend()
         with mpl.rc_context(RC):

@@ -23,7 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
+from vibrosweep.mistakes import cut
 from vibrosweep.model.coupled_theory import landing_phase, mount_propagator, recoil_deviation
+from vibrosweep.model.physical import as_numbers
 
 TWO_PI = 2.0 * np.pi
 RESIDUAL = 1e-11  # largest residual of a solution in units of k^2, the size of the terms
@@ -216,9 +218,17 @@ def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     >>> vs.theory.sprung.staggered(base, 1, [0]).time.round(6)
     array([0.455305])
     """
-    taken = np.sort(np.asarray(slots, dtype=np.int64))
-    if taken.size == 0 or taken[0] < 0 or taken[-1] >= k or (np.diff(taken) == 0).any():
-        raise ParameterError(f"slots = {slots!r}: must be different numbers from 0 to {k - 1}")
+    if not isinstance(base, CoupledBase):
+        raise ParameterError(f"base = {cut(repr(base))}: must be a CoupledBase")
+    mode, given = as_numbers("k", k), as_numbers("slots", slots)
+    if mode.ndim or not (mode >= 1.0 and mode == np.floor(mode)):
+        raise ParameterError(f"k = {cut(repr(k))}: must be a whole number, at least 1")
+    whole = given.ndim == 1 and given.size > 0 and (given == np.floor(given)).all()
+    if not whole or given.min() < 0 or given.max() >= k or np.unique(given).size < given.size:
+        raise ParameterError(
+            f"slots = {cut(repr(slots))}: must be different numbers from 0 to {k - 1}"
+        )
+    taken = np.sort(given.astype(np.int64))
     e, gamma, mu, natural, damping = base
     gaps = np.diff(taken, append=taken[0] + k)
     evenly = bool((gaps == gaps[0]).all())
@@ -297,5 +307,7 @@ def spectral_radius(cycle: Cycle) -> float:
     >>> round(vs.theory.sprung.spectral_radius(orbit), 6)
     0.899238
     """
+    if not isinstance(cycle, Cycle):
+        raise ParameterError(f"cycle = {cut(repr(cycle))}: must be a Cycle of staggered")
     largest = np.abs(np.linalg.eigvals(monodromy(cycle))).max()
     return float(largest ** (1.0 / cycle.periods))

@@ -10,7 +10,9 @@ from typing import Final, ParamSpec, TypeVar
 
 import numpy as np
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
+from vibrosweep.mistakes import cut
 from vibrosweep.model.parameters import (
     LARGEST,
     MOUNT,
@@ -52,10 +54,25 @@ def physical(function: Callable[P, R]) -> Callable[P, R]:
             raise TypeError(f"{function.__name__}() {error}") from None
         for name, given in bound.arguments.items():
             if name in _ARGUMENTS:
-                allowed, values = _ARGUMENTS[name], np.asarray(given, dtype=np.float64)
+                allowed, values = _ARGUMENTS[name], as_numbers(name, given)
+                if values.ndim and names.parameters[name].annotation == "float":
+                    raise ParameterError(f"{name} = {cut(repr(given))}: must be one number")
                 refused = values[~allowed.accepts(values)]
                 if refused.size:
                     raise ParameterError(f"{name} = {refused[0]:g}: must be {allowed.allowed}")
-        return function(*args, **kwargs)
+                if np.asarray(given).dtype == object:  # of fractions and decimals
+                    bound.arguments[name] = values[()]
+        return function(*bound.args, **bound.kwargs)
 
     return refusing
+
+
+def as_numbers(name: str, given: object) -> Array:
+    """Return an argument as an array of floats; a ParameterError unless it holds real numbers."""
+    try:
+        found = np.asarray(given)
+        if found.dtype.kind in "biufO":
+            return np.asarray(found, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ParameterError(f"{name} = {cut(repr(given))}: must be a number, or an array of numbers")

@@ -62,6 +62,14 @@ def require_dataset(given: object) -> None:
         )
 
 
+def require_datasets(given: object) -> None:
+    """Raise a DataError for anything but a list of datasets, of which there is at least one."""
+    if not isinstance(given, list | tuple) or not given:
+        raise DataError(f"{type(given).__name__}: is not a list of datasets, or holds none")
+    for one in given:
+        require_dataset(one)
+
+
 def arranged(dataset: xr.Dataset) -> xr.Dataset:
     """Return a dataset with the dims, the types and the missing values that this package writes.
 

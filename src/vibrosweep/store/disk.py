@@ -135,8 +135,8 @@ def undisturbed() -> Iterator[None]:
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-    for number, frame in late:
-        handlers[number](number, frame)
+        for number, frame in late:
+            handlers[number](number, frame)
 
 
 @contextmanager

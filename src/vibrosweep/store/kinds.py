@@ -1,7 +1,7 @@
 """The kinds of results: the command that makes each, its lines for ``info`` and its figure.
 
-An attribute of the file names its kind.  `vibrosweep.api.result_kinds` registers the kinds of this
-package.  Another package names its kinds in entry points of the group `GROUP`, which are searched
+An attribute of the file names its kind.  `OWN` registers the kinds of this package, when a kind is
+asked for.  Another package names its kinds in entry points of the group `GROUP`, which are searched
 when a file of an unregistered kind is read.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 KIND: Final = "result"  # attribute of a file that names its kind
 GROUP: Final = "vibrosweep.results"
+OWN: Final = "vibrosweep.api.result_kinds"  # module that registers the kinds of this package
 
 
 def _no_lines(result: xr.Dataset) -> Iterable[str]:
@@ -114,6 +116,7 @@ def register_kind(kind: ResultKind) -> ResultKind:
             raise ParameterError(f"kind {kind.name!r}: {field} = {value!r} must be a text")
         if not isinstance(wanted, str) and value is not None and not callable(value):
             raise ParameterError(f"kind {kind.name!r}: {field} = {value!r} must be a function")
+    import_module(OWN)
     if KINDS.setdefault(kind.name, kind) != kind:
         raise ParameterError(
             f"kind {kind.name!r}: {KINDS[kind.name].command} has registered another kind of this "
@@ -128,6 +131,7 @@ def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> Resu
     Raises a DataError if no installed package knows the kind.
     """
     name = str(attributes.get(KIND, SWEEP.name))
+    import_module(OWN)
     if name not in KINDS:
         from importlib.metadata import entry_points  # takes 30 ms
 
