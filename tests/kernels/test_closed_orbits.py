@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibrosweep.kernels.bases import constants, fly
-from vibrosweep.kernels.bases.chords import chord
+from vibrosweep.kernels.bases import Flight, after_rest, constants, fly
+from vibrosweep.kernels.bases.chords import chord, clearing, height
 from vibrosweep.kernels.closed import ADMISSIBLE, begin_shortest, primitive, same
 from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.orbit_search import Wanted, empty_closed, find_closed
@@ -209,3 +209,24 @@ def test_an_orbit_is_the_same_from_any_impact_and_period():
     scratch = np.empty(3)
     begin_shortest(other, 3, 4, scratch)
     assert other == pytest.approx([-0.2, 0.3, 3.1])
+
+
+@pytest.mark.parametrize("waveform", [SINE, TONES])
+def test_the_least_clearance_of_a_flight_is_found_however_short_its_rise_is(waveform):
+    """Also where a flight first rises and falls again within a few hundredths of a period."""
+    draw, early = np.random.default_rng(7), 0
+    given_ = problem(0.5, draw.uniform(1.0, 4.0, 400))
+    base = base_of("moving", "rest", waveform)
+    for i in range(400):
+        fixed = constants(base, given_, i)
+        x = after_rest(fixed)[0] - draw.uniform(0.0, 0.02)  # the base soon falls faster than g
+        s, u = draw.uniform(0.05, 1.0), draw.uniform(0.0, 0.01)
+        times = np.geomspace(1e-3, s, 500)
+        f = np.array([height(fixed, x, u, time)[0] for time in times])
+        low = 1 + np.flatnonzero((f[1:-1] < f[:-2]) & (f[1:-1] < f[2:]))
+        if f[-1] > f[-2] or not low.size:
+            continue
+        least = low[np.argmin(f[low])]
+        early += times[least] < 1.0 / 32.0
+        assert clearing(fixed, Flight(x, u, s, x, 1.0)) == pytest.approx(f[least], abs=2e-3)
+    assert early > 0

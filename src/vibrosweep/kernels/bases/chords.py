@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from vibrosweep.kernels._jit import generic, implements
+from vibrosweep.kernels._jit import generic, implements, jit
 from vibrosweep.kernels.bases import Constants as AnyConstants
 from vibrosweep.kernels.bases import Flight, jacobian, landing_search, shaped_search
 from vibrosweep.kernels.bases.high_bounce import Constants
 from vibrosweep.kernels.bases.landing_search import begin_at
-from vibrosweep.kernels.bases.moving import ANY, MovingConstants, ShapedConstants
+from vibrosweep.kernels.bases.moving import ANY, SINGLE, MovingConstants, ShapedConstants
 from vibrosweep.kernels.bases.moving_jacobian import along
+from vibrosweep.kernels.harmonics import next_phase
 from vibrosweep.kernels.restitution import slope
 
-PIECES = 32  # of a period, in each of which one minimum of the height is searched for
-HALVINGS = 40  # the error of a minimum is of the order of the square of the last interval
+HALVINGS = 30  # the error of a minimum is of the order of the square of the last interval
 
 
 @generic
@@ -102,21 +102,39 @@ def clearing_high_bounce(fixed: Constants, arc: Flight) -> float:
     return math.inf
 
 
-@implements(clearing, *ANY)
-def clearing_moving(fixed: AnyConstants, arc: Flight) -> float:
-    pieces = math.ceil(PIECES * arc.time)
-    least, before, falls = math.inf, 0.0, False
-    for k in range(1, pieces):
-        time = arc.time * k / pieces
-        rises = height(fixed, arc.x, arc.u, time)[1] > 0.0
-        if rises and falls:
-            low, high = before, time
+@jit
+def _least(fixed: AnyConstants, arc: Flight, fall: float, length: float) -> float:
+    """Least local minimum in the stretches of a flight in which the base falls faster than gravity.
+
+    They begin at phase `fall`, NaN if there are none.  The height is convex there and concave
+    elsewhere: each has one minimum or none, and so has no other time.  Where a flight begins or
+    ends in a stretch, it rises from the base or falls onto it, without a minimum.
+    """
+    least, low = math.inf, fall - arc.x
+    low -= math.floor(low)
+    while low + length < arc.time:
+        first, last = low, low + length
+        if height(fixed, arc.x, arc.u, first)[1] < 0.0 < height(fixed, arc.x, arc.u, last)[1]:
             for _ in range(HALVINGS):
-                middle = 0.5 * (low + high)
+                middle = 0.5 * (first + last)
                 if height(fixed, arc.x, arc.u, middle)[1] > 0.0:
-                    high = middle
+                    last = middle
                 else:
-                    low = middle
-            least = min(least, height(fixed, arc.x, arc.u, low)[0])
-        before, falls = time, not rises
+                    first = middle
+            least = min(least, height(fixed, arc.x, arc.u, first)[0])
+        low += 1.0
+    return least
+
+
+@implements(clearing, *SINGLE)
+def clearing_single(fixed: AnyConstants, arc: Flight) -> float:
+    return _least(fixed, arc, fixed.x_lift, 1.0 - 2.0 * fixed.x_lift)
+
+
+@implements(clearing, ShapedConstants)
+def clearing_shaped(fixed: ShapedConstants, arc: Flight) -> float:
+    least = math.inf
+    for k in range(len(fixed.falls)):
+        press, passed = next_phase(fixed.presses, fixed.falls[k])
+        least = min(least, _least(fixed, arc, fixed.falls[k], press - fixed.falls[k] + passed))
     return least
