@@ -24,6 +24,7 @@ import vibrosweep as vs
 
 UNIT = 9.81 / 2.0  # m/s, at 1 Hz
 DOUBLING, BORN = 1, 4
+KINKS = (5, 6)  # corner of the waveform, speed of yielding
 LOST = 4
 SAME = 1e-6
 LAWS: tuple[dict[str, Any], ...] = (
@@ -131,6 +132,9 @@ def judge(scene: dict[str, Any], random: np.random.Generator, say: Any) -> Count
             generation += 1
         if kind == DOUBLING and generation < 2:
             count["doublings"] += 1
+            if any(j == i and k in KINKS and alike(one, orbit) for j, k, one in events):
+                count["doublings at a kink"] += 1  # a multiplier jumps over -1: no child is smooth
+                continue
             p, q = orbit[:2]
             twice = (2 * p, 2 * q, orbit[2], np.tile(orbit[3], 2))
             children = np.flatnonzero(found.parent.values == i)

@@ -135,7 +135,8 @@ def variables(path):
 def test_the_whole_job(vibrosweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, text, messages = vibrosweep("run", SINGLE)
-    assert (code, messages) == (0, "")
+    assert code == 0
+    assert all("of 1 realization" in line for line in messages.splitlines())  # where it takes long
     assert text.startswith("Height of one particle at Table 1 against time\n1 realization of 1 ")
     assert "rebound_height_max (m)" in text
     assert text.endswith("written to single_ball.h5\n")
