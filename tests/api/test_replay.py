@@ -24,6 +24,12 @@ SCENES = {
     "sprung": {**MOUNT, "amplitude": (0.5, 2.0)},
     "two masses": {**MOUNT, "mass_ratio": None, "particle_mass": 0.01, "base_mass": (0.2, 1.0)},
     "law": {"restitution_law": "plastic", "restitution_speed": (0.05, 0.5)},
+    "law on a mount": {
+        **MOUNT,
+        "amplitude": (0.5, 2.0),
+        "restitution_law": "plastic",
+        "restitution_speed": (0.05, 0.5),
+    },
     "listed": {"launch": [0.0, 0.1, 0.37], "phase": (0.0, 6.0)},
 }
 
