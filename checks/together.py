@@ -3,7 +3,8 @@
     python checks/together.py
 
 For each base, law of rebound, law of restitution and waveform of the table of abilities, one small
-sweep measures all that the table allows there, and `vibrosweep verify` recomputes it where it can.
+sweep without noise and one with all noise that the base allows measure what the table allows there,
+and `vibrosweep verify` recomputes them where it can.
 Every combination is compiled, so this takes long.  Exit code 1 if anything is missing or fails.
 """
 
@@ -20,7 +21,7 @@ import vibrosweep as vs
 from accuracy import options_of
 from vibrosweep.abilities import refusal
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import BASES, LAWS, SPRUNG
+from vibrosweep.model.parameters import BASES, LAWS, NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
 from vibrosweep.model.shapes import HARMONICS_NAME, WAVEFORMS
 from vibrosweep.proof.verifying import verify
@@ -29,30 +30,34 @@ MOUNT = {"mass_ratio": 0.1, "mount_frequency": 2.0}
 TONES = {HARMONICS_NAME: [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
 
 
-def combinations() -> Iterator[dict[str, str]]:
-    """Yield the laws and waveforms of each base."""
+def combinations() -> Iterator[tuple[dict[str, str], bool]]:
+    """Yield the laws and waveforms of each base, and whether there is noise."""
     for base, law, kept, shape in product(BASES, LAWS, RESTITUTION_LAWS, WAVEFORMS):
         allowed = not (refusal(base, law=law) or refusal(base, restitution=kept))
         if allowed:
-            yield {"base": base, "rebound": law, "restitution_law": kept, "waveform": shape}
+            of = {"base": base, "rebound": law, "restitution_law": kept, "waveform": shape}
+            yield from ((of, False), (of, True))
 
 
-def together(path: Path, combination: dict[str, str]) -> tuple[list[str], bool]:
+def together(path: Path, combination: dict[str, str], *, noisy: bool) -> tuple[list[str], bool]:
     """Compute all measures of one combination into a file.
 
     Returns the names of variables that are missing, and whether the proof holds; True where the
     table says that there is none.
     """
     base, law, kept, shape = combination.values()
-    wanted = [key for key in MEASURES if not refusal(base, law=law, restitution=kept, measure=key)]
+    noise = [key for key in NOISE if noisy and not refusal(base, noise=[key])]
+    asked: dict[str, Any] = {"law": law, "restitution": kept, "noise": noise}
+    wanted = [key for key in MEASURES if not refusal(base, **asked, measure=key)]
     scene: dict[str, Any] = {**combination, "restitution": (0.5, 0.9), "amplitude": (0.3, 3.0)}
     scene |= {"realizations": 4, "particles": 3, "duration": 6.0, **dict.fromkeys(wanted, True)}
+    scene |= dict.fromkeys(noise, 0.1)
     scene |= MOUNT if base == SPRUNG else {}
     scene |= {} if kept == CONSTANT else {"restitution_speed": 1.0}
     scene |= {"waveform": TONES} if shape == HARMONICS_NAME else {}
     with vs.run(scene, path) as found:
         missing = [v.name for key in wanted for v in MEASURES[key].variables if v.name not in found]
-    proved = refusal(base, analysis="verify") or verify(path, sample=2).passed
+    proved = refusal(base, analysis="verify", noise=noise) or verify(path, sample=2).passed
     return missing, bool(proved)
 
 
@@ -61,11 +66,12 @@ def main() -> int:
     options_of(__doc__, write=False)
     failed = 0
     with TemporaryDirectory() as folder:
-        for number, combination in enumerate(combinations()):
-            missing, proved = together(Path(folder) / f"{number}.h5", combination)
+        for number, (combination, noisy) in enumerate(combinations()):
+            path = Path(folder) / f"{number}.h5"
+            missing, proved = together(path, combination, noisy=noisy)
             failed += bool(missing) or not proved
             found = ", ".join(missing) + " missing" if missing else "complete"
-            names = " ".join(combination.values())
+            names = " ".join([*combination.values(), *["noise"] * noisy])
             print(f"{names}: {found}, {'passed' if proved else 'NOT PROVED'}")
     return 1 if failed else 0
 

@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests.compilations import Compilations
 from vibrosweep.cli import OBJECTS_BETWEEN_COLLECTIONS
+from vibrosweep.kernels._numba import register
 
 # Compiling a kernel takes seconds, so no example has a deadline.  The examples are the same every
 # time, so that no change is judged by chance; `--hypothesis-profile=search` looks for new ones.
@@ -44,6 +46,16 @@ def pytest_xdist_make_scheduler(config, log):
             return "lines of orbits" if file in OF_LINES else file
 
     return ByKernels(config, log) if config.getoption("dist") == "loadfile" else None
+
+
+def pytest_addoption(parser):
+    parser.addoption("--compilations", action="store_true", help="list the compiled kernels")
+
+
+def pytest_configure(config):
+    compilations = Compilations()
+    config.pluginmanager.register(compilations)
+    register("numba:compile", compilations)
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ import vibrosweep as vs
 from vibrosweep import analysis, figures
 from vibrosweep.errors import DataError
 from vibrosweep.model.measures import UNDETERMINED
+from vibrosweep.model.parameters import NOISE
 from vibrosweep.store.arranged import arranged
 
 LAUNCHES = {"launch_time": [0.0, 0.125, 0.3]}
@@ -161,8 +162,12 @@ def test_every_public_function_is_tried():
 def test_transposed_and_saved_again(name, function, kind, tmp_path):
     plain = made(kind)
     known = function(plain)
-    same(function(plain.transpose(*reversed(list(plain.dims)))), known)
-    same(function(resaved(plain, tmp_path)), known)
+    turned = plain.transpose(*reversed(list(plain.dims)))
+    if name.startswith("figure"):  # drawing takes long
+        same(function(resaved(turned, tmp_path)), known)
+    else:
+        same(function(turned), known)
+        same(function(resaved(plain, tmp_path)), known)
     if kind not in ("branches", "boundaries", "indices"):
         # a mask that hides nothing turns integers into floats and scalars into arrays
         dim = next(iter(plain["restitution"].dims or plain.dims))
@@ -268,9 +273,10 @@ def test_sweeps_of_one_scene_are_combined():
         same(function(both), function(sweep))
 
 
+NOISY = dict.fromkeys(NOISE, 0.1)
 OTHERS = {
     "base": ({}, {"base": "moving"}),
-    "seed": ({"kick_noise": 0.1}, {"kick_noise": 0.1, "noise_seed": 4}),
+    "seed": (NOISY, {**NOISY, "noise_seed": 4}),
     "law": ({}, {"rebound": "reflect"}),
     "waveform": ({}, {"waveform": "parabolic"}),
 }

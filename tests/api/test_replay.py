@@ -9,6 +9,7 @@ import vibrosweep as vs
 from vibrosweep.errors import DataError, OtherKernelsWarning, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.mount import OF_MOUNT
+from vibrosweep.model.parameters import NOISE
 
 MOUNT = {"base": "sprung", "mass_ratio": (0.01, 0.1), "mount_frequency": 7.0}
 SCENES = {
@@ -79,11 +80,15 @@ MASS = {"particle_mass": 0.01, "base_mass": 0.2}
 @pytest.mark.parametrize("name", INPUTS)
 def test_every_input_is_read_back(name):
     """The counts are those of the sweep whichever input varies, and its loss is an error."""
-    scene = {"restitution_law": "plastic", "restitution_speed": 1.0, "kick_noise": 0.05}
-    if name in OF_MOUNT:
-        scene |= {"base": "sprung", "mount_frequency": 2.3}
+    scene = {}
+    if name == "restitution_speed":
+        scene = {"restitution_law": "plastic"}
+    elif name in NOISE:
+        scene = {**dict.fromkeys(NOISE, 0.05), "noise_seed": 3}
+    elif name in OF_MOUNT:
+        scene = {"base": "sprung", "mount_frequency": 2.3}
         scene |= MASS if name in MASS else {"mass_ratio": 0.05}
-    scene |= {name: RANGES[name], "noise_seed": 3, "duration": 12.0, "particles": 2}
+    scene |= {name: RANGES[name], "duration": 12.0, "particles": 2}
     found = vs.sweep(**scene, realizations=5, seed=4, per_particle=True)
     assert np.array_equal(vs.simulate(found).impact_count, found.particle_impact_count)
     one = vs.simulate(found.isel(realization=3))

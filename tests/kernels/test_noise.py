@@ -76,15 +76,19 @@ def test_known_answers_of_the_generator():
         (1, 2, 3, 4),
         (2**50 - 1, STREAMS - 1, STREAM_PARTICLES - 1, 2**63 - 1),
         (-(2**50), 2**33 + 5, 7, 2**40 + 1),
-        *((k, 11, 12, 13) for k in range(200)),
+        (range(200), 11, 12, 13),
     ],
 )
 def test_deviates_of_a_place_and_their_error(number, stream, particle, seed):
+    numbers = number if isinstance(number, range) else [number]
     with flint.ctx.workprec(120):
-        pair = exact(words_of(number, stream, particle, 1, seed))
-        for value, known in zip(drawn([number], stream, particle, seed)[:, 0], pair, strict=True):
-            error = abs(float(flint.arb(value) - known))
-            assert error <= DEVIATE_ERROR * abs(float(known))
+        for given, values in zip(
+            numbers, drawn(numbers, float(stream), float(particle), seed).T, strict=True
+        ):
+            pair = exact(words_of(given, stream, particle, 1, seed))
+            for value, known in zip(values, pair, strict=True):
+                error = abs(float(flint.arb(value) - known))
+                assert error <= DEVIATE_ERROR * abs(float(known))
 
 
 def test_no_deviate_exceeds_the_stated_largest():
