@@ -14,7 +14,7 @@ from vibrosweep.proof.sampling import read_sample
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 BINS = 8
 SWEEP = {

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from vibrosweep.errors import DataError, ParameterError, ShortObservationWarning
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.scene.keywords import keyword_spec
-from vibrosweep.scene.sweep import Sweep, read_spec
+from vibrosweep.scene.sweep import Sweep, keyword_spec, read_spec
 
 if TYPE_CHECKING:
     import xarray as xr

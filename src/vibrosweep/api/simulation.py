@@ -32,8 +32,8 @@ from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.notes import NEVER_REPEATS, short_observation, strong_forcing
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, attributes_of_scene
 from vibrosweep.scene.keys import SECTIONS
-from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import batch
 
 __all__ = ["simulate"]
 

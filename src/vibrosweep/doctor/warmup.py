@@ -29,8 +29,8 @@ from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.model.forcing import AMPLITUDE
 from vibrosweep.model.parameters import LAWS, SPRUNG
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.scene.keywords import batch, keyword_spec
 from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import batch, keyword_spec
 
 
 class Compiled(NamedTuple):

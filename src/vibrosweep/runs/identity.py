@@ -20,11 +20,9 @@ from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.model.times import Periods, unit_of
-from vibrosweep.scene.columns import GivenTable
-from vibrosweep.scene.design import Axis, Design, Range
-from vibrosweep.scene.keywords import short_axis
+from vibrosweep.scene.design import Axis, Design, GivenTable, Range
 from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.sweep import Sweep
+from vibrosweep.scene.sweep import Sweep, short_axis
 from vibrosweep.store.provenance import version
 
 # Fields that are not part of the identity, each with the reason
