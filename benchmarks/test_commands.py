@@ -15,7 +15,7 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.api.given_sweep import as_sweep
-from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.measure import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.runs.chunks import batch_size

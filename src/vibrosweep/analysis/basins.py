@@ -23,7 +23,7 @@ from vibrosweep.analysis.common import (
 from vibrosweep.analysis.evaluate import lift_off_speeds
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
-from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
+from vibrosweep.engine.measure import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits

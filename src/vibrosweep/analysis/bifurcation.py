@@ -24,7 +24,7 @@ from vibrosweep.analysis.common import (
 from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import recorded
-from vibrosweep.engine.orbits import orbit_variables
+from vibrosweep.engine.measure import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.record import Record, Units

@@ -68,12 +68,12 @@ def perform(options: argparse.Namespace) -> None:
             f"beside it are removed"
         )
         return
-    from vibrosweep.engine.compiling import seconds
+    from vibrosweep.engine.workers import seconds_of_compiling
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.runs.progress import reporting
 
     print(spec.title)
-    began, before = time.perf_counter(), seconds()
+    began, before = time.perf_counter(), seconds_of_compiling()
     with _opened_place(options) as (place, settings), reporting(sys.stderr) as advance:
         settings |= {"chunk": options.chunk, "force": options.force, "advance": advance}
         if options.retry_failed:
@@ -83,7 +83,7 @@ def perform(options: argparse.Namespace) -> None:
             summary, again = retry_failed(spec, output, impact_budget=budget, **settings)
         else:
             summary = run_sweep(spec, output, **settings)
-    compiled = seconds() - before
+    compiled = seconds_of_compiling() - before
     taken = time.perf_counter() - began - compiled
     if options.retry_failed:
         print(f"{some(again, 'realization')} computed again")

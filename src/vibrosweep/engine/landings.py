@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.in_units import units_of
-from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.measure import statistics, units_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
@@ -126,7 +125,7 @@ def recorded(
     """Record the first landings of each trajectory, as many as its capacity.
 
     `capacities` has shape (trajectory,); the arrays of the record have shape (sum of capacities,).
-    The statistics are those of `vibrosweep.engine.trajectories.statistics`.
+    The statistics are those of `vibrosweep.engine.measure.statistics`.
     """
     first = np.zeros(capacities.size + 1, np.int64)
     np.cumsum(capacities, out=first[1:])
