@@ -12,8 +12,7 @@ from vibrosweep.commands.describe import describe
 from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, TableError
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.runs.chunks import in_process
-from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.retry import retry_failed
+from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.scene.sweep import keyword_spec
 
 BINS = 8

@@ -6,7 +6,7 @@ import pytest
 import vibrosweep as vs
 from tests.extension.log_uniform import log_uniform
 from vibrosweep.proof.verifying import verify
-from vibrosweep.runs.identity import identity
+from vibrosweep.runs.chunks import identity
 from vibrosweep.scene.sweep import keyword_spec
 
 SWEEP = {

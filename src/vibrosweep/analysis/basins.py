@@ -34,8 +34,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
 from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
-from vibrosweep.runs.notes import short_observation
-from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -35,8 +35,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
 from vibrosweep.model.shapes import SINE, TWO_PI
 from vibrosweep.model.status import Regime
-from vibrosweep.runs.notes import short_observation
-from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:

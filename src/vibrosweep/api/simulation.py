@@ -29,8 +29,14 @@ from vibrosweep.model.ragged_arrays import ragged_columns, wasted
 from vibrosweep.model.restitution_laws import VISCOELASTIC
 from vibrosweep.model.status import Status
 from vibrosweep.runs.driver import thread_count
-from vibrosweep.runs.notes import NEVER_REPEATS, short_observation, strong_forcing
-from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, attributes_of_scene
+from vibrosweep.runs.result import (
+    LAUNCH_TIME,
+    NEVER_REPEATS,
+    attributes_of,
+    attributes_of_scene,
+    short_observation,
+    strong_forcing,
+)
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import batch

@@ -14,9 +14,17 @@ from vibrosweep.api.results import open_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
 from vibrosweep.kernels.observer import compiled
 from vibrosweep.model.observables import Observable
-from vibrosweep.runs.driver import count, require_switch, run_sweep, thread_count
-from vibrosweep.runs.finished import cleared, is_of, kept_text, origin
-from vibrosweep.runs.inmemory import sweep_in_memory
+from vibrosweep.runs.driver import (
+    cleared,
+    count,
+    is_of,
+    kept_text,
+    origin,
+    require_switch,
+    run_sweep,
+    sweep_in_memory,
+    thread_count,
+)
 from vibrosweep.runs.progress import showing
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import check_output, path_of
