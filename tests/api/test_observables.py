@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.api.given_sweep import as_sweep
+from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.commands.describe import describe
 from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, TableError
 from vibrosweep.proof.sampling import read_sample

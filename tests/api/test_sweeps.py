@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
-from vibrosweep.api.given_sweep import as_sweep
+from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.cli import main
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
 from vibrosweep.figures import parameter_plane
