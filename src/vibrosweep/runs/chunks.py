@@ -23,6 +23,7 @@ from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, TableError, VibrosweepError
 from vibrosweep.mistakes import toml
+from vibrosweep.model.forcing import only_parameters
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.scene_measures import Measures
@@ -203,14 +204,15 @@ def compute_batch(
     spec: Sweep, sampled: Mapping[str, Array], size: int, workers: Workers
 ) -> Columns:
     """Compute realizations of a sweep, whose sampled parameters are given, at once."""
-    parameters = spec.scene.parameters(sampled, size)
+    quantities = spec.scene.timed(sampled, size)
+    parameters = only_parameters(quantities)
     try:
         measured = measure_all(parameters, spec.scene, workers)
     except VibrosweepError:
         raise
     except Exception:  # try once more: the failure may have been temporary
         measured = measure_all(parameters, spec.scene, workers)
-    return {**spec.scene.varied(sampled, size), **measured}
+    return {**{n: quantities[n] for n in spec.scene.varying(sampled)}, **measured}
 
 
 def rows_at_once(spec: Sweep, design: Realizations, rows: int, threads: int) -> tuple[int, bool]:

@@ -25,6 +25,7 @@ from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import AHEAD, Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError, VibrosweepError
 from vibrosweep.mistakes import CHUNK, OUTPUT, Word
+from vibrosweep.model.forcing import only_parameters
 from vibrosweep.model.ragged_arrays import IN_FILE
 from vibrosweep.model.times import fraction_of
 from vibrosweep.runs.chunks import batch_size, bytes_per_realization, periods_of, rows_at_once
@@ -316,9 +317,10 @@ def _timed(
             impact_budget=max(1, int(scene.measures.impact_budget * share)),
         )
     began = time.perf_counter()
-    measured = measure_all(scene.parameters(sampled, size), scene, workers)
+    quantities = spec.scene.timed(sampled, size)
+    measured = measure_all(only_parameters(quantities), scene, workers)
     took = time.perf_counter() - began
-    return took, {**spec.scene.varied(sampled, size), **measured}
+    return took, {**{n: quantities[n] for n in spec.scene.varying(sampled)}, **measured}
 
 
 def _sampled(spec: Sweep, design: Realizations, size: int) -> dict[str, Array]:

@@ -111,7 +111,7 @@ def write_result(
     workers
         Threads that compute the record of every landing, if the sweep has one.
     """
-    summary = Summary(notes=notes(spec, design))
+    summary = Summary()
 
     def summarized() -> Iterator[Columns]:
         for columns in pieces:
@@ -119,7 +119,7 @@ def write_result(
             summary.add(columns)
 
     with creating(output, run_directory(output), force=force) as file:
-        declare(file, spec, design, workers.threads)
+        summary.notes = declare(file, spec, design, workers.threads)
         file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
         write_rows(file, kinds(no_rows(spec, design)), summarized(), batch_size(spec))
         if spec.record is not None:
@@ -128,8 +128,12 @@ def write_result(
     return summary
 
 
-def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> None:
-    """Declare dimensions, variables and attributes; the axes of a grid are its dimensions."""
+def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> dict[str, str]:
+    """Declare dimensions, variables and attributes; return the `notes` that are among these.
+
+    The axes of a grid are its dimensions.
+    """
+    remarks = notes(spec, design)
     axes = {name: np.array(values) for name, values in spec.design.axes.items()}
     sizes = {name: values.size for name, values in axes.items()}
     sizes = sizes or {REALIZATION: design.realizations}
@@ -156,7 +160,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             KIND: SWEEP.name,
             # parameters that the sweep does not state
             "defaults": " ".join(silent_defaults(spec, design)),
-            "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
+            "notes": "; ".join(f"{about}: {text}" for about, text in remarks.items()),
             **attributes_of_scene(spec.scene, design.sampled),
             "particles": spec.scene.particles,
             "design": spec.design.name,
@@ -169,6 +173,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             **provenance(threads),
         }
     )
+    return remarks
 
 
 def identity_in(file: Any) -> str:

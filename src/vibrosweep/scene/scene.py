@@ -162,11 +162,6 @@ class Scene:
         found = self.quantities(varied, size)
         return found | {n: in_seconds(t, found["frequency"]) for n, t in self.times.items()}
 
-    def varied(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """Return the quantities and times that `varying` names: those that differ."""
-        found = self.timed(varied, size)
-        return {name: found[name] for name in self.varying(varied)}
-
     def varying(self, varied: Collection[str]) -> tuple[str, ...]:
         """Return the names of quantities and times that differ if some inputs vary."""
         times = [name for name, time in self.times.items() if isinstance(time, Periods)]
