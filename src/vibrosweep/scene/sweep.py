@@ -59,6 +59,7 @@ class Sweep:
     windows: Mapping[str, Any] | None  # values of [windows] by their keys; None if it is missing
     # True to store recorded landings as one list without padding; None if there is no record
     ragged: bool | None = None
+    states_duration: bool = False  # True if the end of the observation was stated
 
     def with_measures(self, **changes: Any) -> Sweep:
         """Return the same sweep with other values of some keys of [measure]."""
@@ -84,12 +85,6 @@ class Sweep:
         if self.source is None:
             return SpecError(text)
         return SpecError(f"{self.source}: ", text, dialect=TOML)
-
-    @property
-    def states_duration(self) -> bool:
-        """True if the sweep file states the end of the observation."""
-        scene = tomllib.loads(self.text).get("scene", {})
-        return not scene.keys().isdisjoint({"duration", "duration_periods"})
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -292,6 +287,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
         record=None if recorded is None else Scene(**recorded, measures=measures).recorded(),
         windows=tables.get("windows"),
         ragged=None if recorded is None else tables["record"].get("ragged", False),
+        states_duration="duration" in scene,
     )
 
 
