@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.cli import main
+from vibrosweep.engine import landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.runs import chunks, plan
@@ -212,14 +213,30 @@ def test_the_disk_for_a_record_is_foreseen(workers, tmp_path, monkeypatch, scene
     assert needs.result == pytest.approx((tmp_path / "out.h5").stat().st_size, rel=0.2)
 
 
+@pytest.mark.parametrize("ragged", ["true", "false"])
+def test_a_run_counts_the_landings_of_its_record_once(tmp_path, monkeypatch, ragged):
+    """Then it writes them, in as many places."""
+    followed, recorded = [], landings._recorded
+
+    def counting(*arguments):
+        followed.append(arguments)
+        return recorded(*arguments)
+
+    monkeypatch.setattr(landings, "_recorded", counting)
+    spec = parse_spec(f'title = "x"\n[record]\nragged = {ragged}\n')
+    run_sweep(spec, tmp_path / "out.h5", threads=1)
+    assert len(followed) == 2
+
+
 def test_a_plan_cuts_a_sweep_as_a_run_does(monkeypatch, tmp_path, capsys):
     """It measures for longer than a run, which may find another cost, but not for its chunks."""
     spec = tmp_path / "wide.toml"
     spec.write_text(WIDE.format(1000))
+    explore = plan.explore
 
     def explored(spec, design, workers, seconds, enough=0.0):
         counts = np.full(10, 1000.0 * seconds)
-        found = plan.explore(spec, design, workers, 1e-9)
+        found = explore(spec, design, workers, 1e-9)
         return replace(found, seconds=0.4 * seconds, impacts=counts)
 
     monkeypatch.setattr(plan, "explore", explored)

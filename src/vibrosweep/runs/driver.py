@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.engine.landings import Counted
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import (
     DataError,
@@ -43,7 +44,15 @@ from vibrosweep.runs.chunks import (
     in_process,
     no_rows,
 )
-from vibrosweep.runs.plan import Plan, estimate, free_bytes, make_plan, record_bytes, require_disk
+from vibrosweep.runs.plan import (
+    Plan,
+    counted_record,
+    estimate,
+    free_bytes,
+    make_plan,
+    record_bytes,
+    require_disk,
+)
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import (
     SETTLING,
@@ -157,11 +166,13 @@ def run_sweep(
         check_output(output, force=replaces)
         if manifest is None:
             with Workers(threads) as workers:
-                plan = _planned(spec, output, workers, chunk, at_least)
+                plan, counted = _planned(spec, output, workers, chunk, at_least)
                 design = plan.design
                 if plan.chunks == 1 and runner is None:
                     pieces = _pieces(output, spec, design, workers, advance)
-                    return write_result(output, spec, design, pieces, workers, force=force)
+                    return write_result(
+                        output, spec, design, pieces, workers, force=force, counted=counted
+                    )
             columns = kinds(no_rows(spec, design))
             size = design.realizations, plan.chunk
             manifest = Manifest(identity(spec), *size, columns, force, spec.text)
@@ -172,16 +183,19 @@ def run_sweep(
         return run.complete(runner, advance, run.columns(), force=replaces)
 
 
-def _planned(spec: Sweep, output: Path, workers: Workers, chunk: int | None, at_least: int) -> Plan:
-    """Plan the chunks; raise an error if the files or the record would not fit."""
+def _planned(
+    spec: Sweep, output: Path, workers: Workers, chunk: int | None, at_least: int
+) -> tuple[Plan, Counted | None]:
+    """Plan the chunks and count the record; raise an error if they would not fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
-    record, _ = record_bytes(spec, workers)
+    counted = counted_record(spec, workers)
+    record, _ = record_bytes(spec, counted)
     # uncompressed, with all parts next to the result
     most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
     if most > free_bytes(output):
-        needs = estimate(spec, plan, workers)
+        needs = estimate(spec, plan, workers, counted)
         require_disk(output, needs.result + needs.parts)
-    return plan
+    return plan, counted
 
 
 def _pieces(

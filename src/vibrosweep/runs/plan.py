@@ -20,7 +20,7 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine import landings
-from vibrosweep.engine.landings import BYTES_PER_LANDING, Form
+from vibrosweep.engine.landings import BYTES_PER_LANDING, Counted, Form, count_landings
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import AHEAD, Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError, VibrosweepError
@@ -351,8 +351,8 @@ class Needs:
     parts: float  # bytes of the parts next to it while it is written
 
 
-def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
-    """Estimate what a planned sweep needs.
+def estimate(spec: Sweep, plan: Plan, workers: Workers, counted: Counted | None = None) -> Needs:
+    """Estimate what a planned sweep needs; `counted` is its `counted_record` where it is known.
 
     Raises a ParameterError if the record of landings does not fit into memory, and a RunError if
     the sample could not be computed.
@@ -364,7 +364,7 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
         )
     design, cost = plan.design, plan.cost
     low, high = interval(cost.impacts, design.realizations)
-    written, record = record_bytes(spec, workers)
+    written, record = record_bytes(spec, counted or counted_record(spec, workers))
     size, seconds = _written(spec, plan, workers.threads)
     if spec.record is not None:
         more, longer = _record_file(spec, written, workers)
@@ -396,15 +396,25 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
     )
 
 
-def record_bytes(spec: Sweep, workers: Workers) -> tuple[int, int]:
-    """Return the bytes of the record on disk, and of memory while it is made; 0 if there is none.
+def counted_record(spec: Sweep, workers: Workers) -> Counted | None:
+    """Count the landings of the record; None if there is none.
 
     Raises a ParameterError if it does not fit into memory.
     """
     if spec.record is None:
-        return 0, 0
+        return None
     form = Form(bool(spec.ragged))
-    return landings.record_bytes(spec.record.parameters({}), spec.record, workers, form)
+    return count_landings(spec.record.parameters({}), spec.record, workers, form)
+
+
+def record_bytes(spec: Sweep, counted: Counted | None) -> tuple[int, int]:
+    """Return the bytes of the record on disk, and of memory while it is made; 0 if there is none.
+
+    `counted` is its `counted_record`.
+    """
+    if spec.record is None or counted is None:
+        return 0, 0
+    return landings.record_bytes(counted, spec.record, Form(bool(spec.ragged)))
 
 
 def free_bytes(output: Path) -> int:
@@ -484,9 +494,10 @@ def _record_file(spec: Sweep, size: int, workers: Workers) -> tuple[float, float
     with _scratch() as directory:
         path = directory / "record.h5"
         began = time.perf_counter()
-        sample, _ = record_bytes(short, workers)  # as a run does
+        counted = counted_record(short, workers)  # as a run does
+        sample, _ = record_bytes(short, counted)
         with creating(path) as file:
-            write_record(file.group(IN_FILE), short, workers)
+            write_record(file.group(IN_FILE), short, workers, counted)
         took = time.perf_counter() - began
         growth = max(size / max(sample, 1), 1.0)
         return path.stat().st_size * growth, took * growth

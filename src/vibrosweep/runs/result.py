@@ -13,11 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.landings import Form, launch_times, record_landings
+from vibrosweep.engine.landings import Counted, Form, launch_times, record_landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.kernels._jit import sources_digest
-from vibrosweep.model.forcing import ACCELERATION, INPUTS, completed, inputs_of, sources
+from vibrosweep.model.forcing import (
+    ACCELERATION,
+    INPUTS,
+    completed,
+    inputs_of,
+    only_parameters,
+    sources,
+)
 from vibrosweep.model.measures import OF_REALIZATIONS, OPTIONS, RECORD, VARIABLES, Variable, known
 from vibrosweep.model.orbit_theory import FIXED, recognition_periods
 from vibrosweep.model.parameters import STREAM, Parameter
@@ -96,6 +103,7 @@ def write_result(
     workers: Workers,
     *,
     force: bool,
+    counted: Counted | None = None,
 ) -> Summary:
     """Write the file of a sweep, whose rows arrive in order and in pieces of any length.
 
@@ -110,6 +118,8 @@ def write_result(
         Its rows.
     workers
         Threads that compute the record of every landing, if the sweep has one.
+    counted
+        The landings of the record where they have been counted.
     """
     summary = Summary()
 
@@ -123,7 +133,7 @@ def write_result(
         file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
         write_rows(file, kinds(no_rows(spec, design)), summarized(), batch_size(spec))
         if spec.record is not None:
-            note = write_record(file.group(IN_FILE), spec, workers)
+            note = write_record(file.group(IN_FILE), spec, workers, counted)
             summary.notes = {**summary.notes, **({IN_FILE: note} if note else {})}
     return summary
 
@@ -241,11 +251,12 @@ def _declare_launches(
     file.attributes({"launch": launch if isinstance(launch, str) else "listed"})
 
 
-def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
+def write_record(file: Group, spec: Sweep, workers: Workers, counted: Counted | None = None) -> str:
     """Write every landing of the recorded scene; return a remark if much of it is padding."""
     record, form = spec.record, Form(bool(spec.ragged))
     assert record is not None
-    found = record_landings(record.parameters({}), record, workers, form)
+    quantities = record.timed({})
+    found = record_landings(only_parameters(quantities), record, workers, form, counted)
     variables: dict[str, Column] = {n: (v.dims, found[n], {}) for n, v in RECORD.items()}
     if form.ragged:
         variables = ragged_columns(found, RECORD, record.particles, f"{IN_FILE}_")
@@ -253,7 +264,6 @@ def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
     for dims, values, _ in variables.values():
         sizes |= zip(dims, values.shape, strict=True)
     file.dimensions(sizes)
-    quantities = record.timed({})
     # xarray would take a scalar of this name for the axis of the sweep
     axes = [name for name in quantities if name in INPUTS and file.has_outer(name)]
     for name in quantities:
