@@ -172,7 +172,8 @@ def checked(
         quoted = WRITTEN_FOR + _quoted(text or text_of(data))
         text = text_of({**data, "title": title or "", "scene": scene}) + quoted
     sweep = _assembled(tables, source, mistakes)
-    sweep = replace(sweep, title=title or "", text=text)
+    stated = "duration" in tables.get("scene", {})
+    sweep = replace(sweep, title=title or "", text=text, states_duration=stated)
     # a table is checked when it is read
     if sweep.design.name != TABLE:
         keys.check_extremes("scene", sweep.scene, sweep.design.sampled, mistakes)
@@ -287,7 +288,6 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
         record=None if recorded is None else Scene(**recorded, measures=measures).recorded(),
         windows=tables.get("windows"),
         ragged=None if recorded is None else tables["record"].get("ragged", False),
-        states_duration="duration" in scene,
     )
 
 
