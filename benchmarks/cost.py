@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 
 from conftest import processor_seconds
 from methods.figure import STYLE
-from vibrosweep.api.given_sweep import as_sweep
+from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.runs.cluster import local_workers, on_dask
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import Sweep

@@ -52,7 +52,7 @@ def jobs(workers):
     """All jobs by name, the sine first; their unit of work is an impact, or one sine."""
     from loops import LANES, bare_map, lanes, sine_only
     from test_kernels import scene
-    from vibrosweep.engine.trajectories import follow, statistics
+    from vibrosweep.engine.measure import follow, statistics
 
     sines, maps = lanes(), lanes()
     passes = REPETITIONS * LANES

@@ -14,8 +14,8 @@ import h5py
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.api.given_sweep import as_sweep
-from vibrosweep.engine.trajectories import statistics
+from vibrosweep.api.sweeps import as_sweep
+from vibrosweep.engine.measure import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.runs.chunks import batch_size

@@ -15,7 +15,7 @@ from numba import njit
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from methods.sweeps import paper_parameters
 from vibrosweep.engine.landings import all_parameters as complete
-from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.measure import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels._jit import uncached
 from vibrosweep.kernels.advance import Options, Share, _step, advance, memory_around

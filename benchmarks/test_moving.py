@@ -16,7 +16,7 @@ from methods.sweeps import paper_parameters
 from moving_loops import scalar_moving
 from test_kernels import THREADS
 from test_skips import measuring
-from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.measure import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import _step
 from vibrosweep.kernels.bases import constants, fitted, leave, put

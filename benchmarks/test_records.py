@@ -9,7 +9,7 @@ import pytest
 from numba import njit
 
 from test_commands import iterations
-from vibrosweep.api.given_sweep import as_sweep
+from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.engine.landings import Form, record_landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.lanes import LANES

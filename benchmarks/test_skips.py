@@ -10,7 +10,7 @@ import pytest
 
 from methods.sweeps import paper_parameters
 from test_kernels import THREADS
-from vibrosweep.engine import trajectories
+from vibrosweep.engine import measure as engine
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
@@ -96,7 +96,7 @@ def test_nothing_to_skip_over_a_short_horizon(race):
 @pytest.mark.parametrize("regimes", [False, True])
 def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
     """Cost of looking for recurrence, and with regimes of counting the few cycles found in time."""
-    monkeypatch.setattr(trajectories, "PERIODS_TO_RECUR", 0.0)
+    monkeypatch.setattr(engine, "PERIODS_TO_RECUR", 0.0)
     parameters = drawn(20_000)
     scene = observed(duration=12.0, regimes=regimes)
     problem = dimensionless(parameters, 12.0, 0.0)
@@ -104,8 +104,8 @@ def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
     with Workers(THREADS) as workers:
         cycles = workers.cycles(400_000)
         ratio = race(
-            lambda: trajectories.statistics(problem, launch, scene, workers, cycles),
-            lambda: trajectories.statistics(problem, launch, scene, workers),
+            lambda: engine.statistics(problem, launch, scene, workers, cycles),
+            lambda: engine.statistics(problem, launch, scene, workers),
         )
     assert ratio >= (0.8 if regimes else 0.85)
 

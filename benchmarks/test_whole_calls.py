@@ -9,7 +9,7 @@ import pytest
 
 import vibrosweep as vs
 from loops import scalar_trajectories
-from vibrosweep.api.given_sweep import as_sweep
+from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.scene.realizations import open_design
 

@@ -23,8 +23,7 @@ from accuracy import options_of, processor, show, table
 from kills import REPORT
 from vibrosweep.engine.workers import Workers
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.forecast import estimate
-from vibrosweep.runs.plan import make_plan, refined
+from vibrosweep.runs.plan import estimate, make_plan, refined
 from vibrosweep.scene.sweep import read_spec
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"

@@ -28,8 +28,7 @@ import numpy as np
 from accuracy import options_of, processor, show, table
 from vibrosweep.errors import RunError
 from vibrosweep.runs import result
-from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.retry import retry_failed
+from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.scene.sweep import Sweep, parse_spec
 from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory

@@ -27,7 +27,7 @@ from vibrosweep.model.parameters import NOISE as ALL_NOISE
 from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
 from vibrosweep.model.shapes import WAVEFORMS
 from vibrosweep.proof.verifying import verify
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 CELLS = list(product(BASES, choices()))
 MOUNT = {"mass_ratio": 0.1, "mount_frequency": 2.0}

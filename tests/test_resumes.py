@@ -15,7 +15,7 @@ def test_interrupted_and_changed_sweeps_are_refused_or_come_out_the_same(tmp_pat
 
 
 def test_the_campaign_notices_a_wrong_resume(tmp_path, monkeypatch):
-    monkeypatch.setattr("vibrosweep.runs.kept.differences", lambda before, now: [])
+    monkeypatch.setattr("vibrosweep.runs.driver.differences", lambda before, now: [])
     findings = resumes.campaign(tmp_path, 3, seed=3)
     assert findings.wrongly_taken + findings.harmed > 0
 

@@ -20,9 +20,16 @@ if TYPE_CHECKING:
     from vibrosweep import analysis, errors, figures, lab, theory
     from vibrosweep.analysis.ragged import rectangle
     from vibrosweep.analysis.sampled_positions import positions
-    from vibrosweep.api.analyses import basins, bifurcation, sobol, windows
-    from vibrosweep.api.closest import separations
-    from vibrosweep.api.periodic import boundaries, branches, orbits
+    from vibrosweep.api.analyses import (
+        basins,
+        bifurcation,
+        boundaries,
+        branches,
+        orbits,
+        separations,
+        sobol,
+        windows,
+    )
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
@@ -83,13 +90,13 @@ _HOMES = {
     **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.status"),
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
-    **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.periodic"),
+    **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.analyses"),
     "positions": "vibrosweep.analysis.sampled_positions",
     "rectangle": "vibrosweep.analysis.ragged",
     **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.kinds"),
     "save_result": "vibrosweep.store.saving",
     "register_design": "vibrosweep.scene.design",
-    "separations": "vibrosweep.api.closest",
+    "separations": "vibrosweep.api.analyses",
     "simulate": "vibrosweep.api.simulation",
     "verify": "vibrosweep.proof.verifying",
     **dict.fromkeys(("basins", "bifurcation", "sobol", "windows"), "vibrosweep.api.analyses"),

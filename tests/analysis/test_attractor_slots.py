@@ -7,7 +7,7 @@ import xarray as xr
 from tests.scans import basins
 from vibrosweep.analysis.attractor_slots import capacity
 from vibrosweep.errors import DataError
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 
 def test_table_1_has_three_slots_to_lock_in():

@@ -12,7 +12,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.figures import basin_shares, basins_of_attraction
 from vibrosweep.model.status import Regime
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 SCENE = keyword_spec(
     {"amplitude": 3.4, "restitution": 0.95, "phase": 0.7, "duration": 4000.0}

@@ -9,7 +9,7 @@ from vibrosweep import simulate, theory
 from vibrosweep.analysis.bifurcation import OBSERVABLES
 from vibrosweep.analysis.record_flights import base_motion
 from vibrosweep.errors import ParameterError, SpecError
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 # launched close to the locked orbit at the end of its window
 LOCKED = keyword_spec({"duration": 20_000.0, "launch": [0.47], "launch_velocity": 4.905}).scene

@@ -17,7 +17,7 @@ from vibrosweep.analysis.window_codes import (
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.status import Regime, Status
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 AT_REST, RESTING, LOCKED, UNSETTLED, APERIODIC = Regime
 SCAN = np.linspace(0.2, 3.4, 30)

@@ -9,7 +9,7 @@ from vibrosweep.analysis.attractor_slots import capacity
 from vibrosweep.analysis.evaluate import launch_states, reached, settle_from
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.status import Regime
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 MODES = (1, 2, 3)
 

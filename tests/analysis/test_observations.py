@@ -15,8 +15,8 @@ from vibrosweep.engine import measure as engine
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.lab.prediction import predict, scene_of
 from vibrosweep.model.shapes import SINE
-from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import keyword_spec
 
 SCAN = np.linspace(0.3, 3.5, 9)
 IMPACTS = xr.Dataset(

@@ -10,7 +10,7 @@ from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 RANGES = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "gravity": (9.0, 10.0)}
 

@@ -17,7 +17,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.status import Regime
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 MODES = (1, 2, 3, 4)
 PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459")

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.api.given_sweep import as_sweep
+from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.commands.describe import describe
 from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, TableError
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.runs.chunks import in_process
-from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.retry import retry_failed
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.runs.driver import retry_failed, run_sweep
+from vibrosweep.scene.sweep import keyword_spec
 
 BINS = 8
 SWEEP = {

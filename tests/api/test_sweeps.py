@@ -11,12 +11,12 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
-from vibrosweep.api.given_sweep import as_sweep
+from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.cli import main
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
 from vibrosweep.figures import parameter_plane
 from vibrosweep.runs import chunks, progress
-from vibrosweep.runs.inmemory import sweep_in_memory
+from vibrosweep.runs.driver import sweep_in_memory
 from vibrosweep.scene.keys import SECTIONS
 
 DRAWN = {

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from vibrosweep import waiting
-from vibrosweep.engine import compiling
-from vibrosweep.engine.compiling import Notice
+from vibrosweep.engine import workers
+from vibrosweep.engine.workers import Notice
 
 
 class Terminal(io.StringIO):
@@ -96,5 +96,5 @@ def test_the_garbage_collector_runs_less_often_during_compilation(often):
         after = gc.get_threshold()
     finally:
         gc.set_threshold(*before)
-    assert meanwhile == (max(often, compiling.COLLECT_AFTER) if often else 0, 10, 10)
+    assert meanwhile == (max(often, workers.COLLECT_AFTER) if often else 0, 10, 10)
     assert after == (often, 10, 10)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vibrosweep.engine.trajectories import find_equal
+from vibrosweep.engine.measure import find_equal
 from vibrosweep.model.parameters import dimensionless, launches
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.engine.in_units import impact_speeds
+from vibrosweep.engine.measure import impact_speeds
 from vibrosweep.kernels.statistics import IMPACT_SPEED, KINDS, Statistics
 from vibrosweep.model.restitution_laws import fastest_in_range, range_of
 from vibrosweep.model.status import Status

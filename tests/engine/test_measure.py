@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibrosweep.engine import trajectories
+from vibrosweep.engine import measure as engine
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels._jit import _fma_exact
@@ -214,7 +214,7 @@ def test_threads_and_tasks_do_not_change_a_bit(
     )
     results = []
     for threads, size in ((1, 8192), (2, 8192), (2, 1), (3, 17), (3, 130)):
-        monkeypatch.setattr(trajectories, "TRAJECTORIES_PER_TASK", size)
+        monkeypatch.setattr(engine, "TRAJECTORIES_PER_TASK", size)
         with Workers(threads) as workers:
             results.append(measure(inputs, scene, workers))
     for other in results[1:]:

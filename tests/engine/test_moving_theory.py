@@ -5,7 +5,7 @@ import numpy as np
 from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.status import Regime
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 
 def test_first_flights_after_a_rest_last_as_long_as_the_closed_form_says():

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibrosweep.engine.landings import all_parameters
-from vibrosweep.engine.measure import measure
-from vibrosweep.engine.orbits import NO_ORBIT
+from vibrosweep.engine.measure import NO_ORBIT, measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.scene_measures import Measures

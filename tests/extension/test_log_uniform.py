@@ -6,8 +6,8 @@ import pytest
 import vibrosweep as vs
 from tests.extension.log_uniform import log_uniform
 from vibrosweep.proof.verifying import verify
-from vibrosweep.runs.identity import identity
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.runs.chunks import identity
+from vibrosweep.scene.sweep import keyword_spec
 
 SWEEP = {
     "restitution": (0.8, 0.98),

@@ -16,7 +16,7 @@ from vibrosweep.figures.bifurcation import bifurcation_diagram
 from vibrosweep.figures.window_bands import stability_windows
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.status import Regime
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 from vibrosweep.theory import FIXED
 
 SCENE = keyword_spec({"particles": 2, "duration": 300.0}).scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibrosweep import simulate, theory
-from vibrosweep.engine.orbits import find_orbits
+from vibrosweep.engine.measure import find_orbits
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.model.status import Regime
 

@@ -11,7 +11,7 @@ import pytest
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.reference.coupled import coupled
 from vibrosweep.proof.reference.laws import Laws
-from vibrosweep.scene.waveform import waveform_of
+from vibrosweep.scene.scene import waveform_of
 
 SCENE = {"restitution": 0.3, "amplitude": 3.2, "phase": 0.3, "contact_time": 1e-2}
 SCENE |= {"launch_velocity": 3.0}

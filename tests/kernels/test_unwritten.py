@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.engine import coupled, measure, trajectories
+from vibrosweep.engine import coupled, measure
 from vibrosweep.errors import RunError
 from vibrosweep.kernels.coupled.follow import empty_per_realization
 from vibrosweep.kernels.coupled.settling import empty_joint
@@ -70,10 +70,10 @@ def left(kernel, *fields):
 
 def test_a_result_that_a_kernel_leaves_unwritten_is_named(monkeypatch):
     scene = {"particles": 3, "restitution": [0.7, 0.8], "duration": 3.0, "design": "grid"}
-    monkeypatch.setattr(trajectories, "separate", left(trajectories.separate, "shared"))
+    monkeypatch.setattr(measure, "separate", left(measure.separate, "shared"))
     with pytest.raises(RunError, match=r"Separations\.shared"):
         vs.sweep(**scene, separation=True)
-    monkeypatch.setattr(trajectories, "combine", left(trajectories.combine, "status"))
+    monkeypatch.setattr(measure, "combine", left(measure.combine, "status"))
     with pytest.raises(RunError, match=r"Statistics\.status"):
         vs.sweep(**scene)
 

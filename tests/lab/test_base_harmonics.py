@@ -21,7 +21,7 @@ from vibrosweep.lab.track_files import read_tracks
 from vibrosweep.lab.tracks import with_mark
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.shapes import SINE, Waveform
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import stored
 
 FREQUENCY = LABORATORY["frequency"]
 TIME = np.arange(3000) / 1000.0

@@ -22,7 +22,7 @@ from vibrosweep.model.measures import (
 from vibrosweep.model.scene_measures import KEYS, Measures
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.verification import VariableReport
-from vibrosweep.runs.summary import Summary
+from vibrosweep.runs.result import Summary
 from vibrosweep.scene.sweep import parse_spec
 
 

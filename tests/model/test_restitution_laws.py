@@ -6,8 +6,7 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.errors import ParameterError, SpecError, TableError
 from vibrosweep.model.restitution_laws import RESTITUTION_LAWS, range_mistake
-from vibrosweep.scene.keywords import keyword_spec
-from vibrosweep.scene.sweep import parse_spec
+from vibrosweep.scene.sweep import keyword_spec, parse_spec
 
 VISCOELASTIC = {"restitution_law": "viscoelastic", "restitution_speed": 1.0}
 

@@ -24,7 +24,7 @@ from vibrosweep.proof.reference.closed import (
 from vibrosweep.proof.reference.jets import Jet, variables
 from vibrosweep.proof.reference.orbit_equations import EARLIER, RESTING, Orbit
 from vibrosweep.proof.windows import NO_ORBIT, UNBOUNDED
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import keyword_spec
 
 BASES = ("high-bounce", "moving")
 DIGITS = "1.016310712304622804660571"  # of Gamma at e = 9/10 exactly, k = 1

@@ -12,9 +12,8 @@ from vibrosweep.commands.describe import describe
 from vibrosweep.errors import RunError
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.proof.verifying import verify
-from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.identity import differences, identity
-from vibrosweep.runs.retry import retry_failed
+from vibrosweep.runs.chunks import differences, identity
+from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.scene.sweep import parse_spec
 
 TEXT = """

@@ -18,7 +18,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.runs.identity import EXEMPT, differences, identity, sources
+from vibrosweep.runs.chunks import EXEMPT, differences, identity, sources
 from vibrosweep.scene.design import Design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, parse_spec

@@ -7,8 +7,8 @@ from vibrosweep import sweep
 from vibrosweep.errors import RunError
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.status import Status
-from vibrosweep.runs import inmemory
-from vibrosweep.runs.inmemory import InMemory
+from vibrosweep.runs import driver
+from vibrosweep.runs.driver import InMemory
 
 
 @pytest.mark.parametrize("rows", [0, 3])
@@ -49,7 +49,7 @@ def test_every_variable_begins_with_its_code_for_no_value(name, monkeypatch):
 
 @pytest.mark.parametrize("grid", [False, True])
 def test_a_sweep_that_loses_rows_or_columns_gives_no_result(grid, monkeypatch):
-    real = inmemory.compute_rows
+    real = driver.compute_rows
     asks = {"amplitude": [0.5, 1.0, 2.0], "duration": 3.0} if grid else {"realizations": 3}
     if not grid:
         asks |= {"amplitude": (0.5, 2.0)}
@@ -66,6 +66,6 @@ def test_a_sweep_that_loses_rows_or_columns_gives_no_result(grid, monkeypatch):
         return iter(())
 
     for fault in (without_rows, without_a_column, without_pieces):
-        monkeypatch.setattr(inmemory, "compute_rows", fault)
+        monkeypatch.setattr(driver, "compute_rows", fault)
         with pytest.raises(RunError, match="please report it"):
             sweep(asks)

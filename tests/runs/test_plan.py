@@ -9,14 +9,21 @@ import numpy as np
 import pytest
 
 from vibrosweep.cli import main
+from vibrosweep.engine import landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
-from vibrosweep.runs import chunks, forecast, pilot, plan
+from vibrosweep.runs import chunks, plan
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.forecast import estimate, require_disk, require_memory
-from vibrosweep.runs.pilot import UNKNOWN, explore, interval
-from vibrosweep.runs.plan import make_plan
+from vibrosweep.runs.plan import (
+    UNKNOWN,
+    estimate,
+    explore,
+    interval,
+    make_plan,
+    require_disk,
+    require_memory,
+)
 from vibrosweep.scene.sweep import parse_spec, read_spec
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"
@@ -141,7 +148,7 @@ import re, sys
 from pathlib import Path
 from dataclasses import replace
 from vibrosweep.engine.workers import Workers
-from vibrosweep.runs.forecast import estimate
+from vibrosweep.runs.plan import estimate
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import run_sweep
@@ -198,7 +205,7 @@ def test_the_memory_of_a_record_is_foreseen(tmp_path, scene):
 
 @pytest.mark.parametrize("scene", RECORDS.values(), ids=RECORDS)
 def test_the_disk_for_a_record_is_foreseen(workers, tmp_path, monkeypatch, scene):
-    monkeypatch.setattr(forecast, "SAMPLE_BYTES", 1 << 20)
+    monkeypatch.setattr(plan, "SAMPLE_BYTES", 1 << 20)
     text = f'title = "x"\n[measure]\nimpact_budget = 200_000\n[record]\n{scene}\n'
     spec = parse_spec(text)
     needs = estimate(spec, make_plan(spec, workers), workers)
@@ -206,14 +213,30 @@ def test_the_disk_for_a_record_is_foreseen(workers, tmp_path, monkeypatch, scene
     assert needs.result == pytest.approx((tmp_path / "out.h5").stat().st_size, rel=0.2)
 
 
+@pytest.mark.parametrize("ragged", ["true", "false"])
+def test_a_run_counts_the_landings_of_its_record_once(tmp_path, monkeypatch, ragged):
+    """Then it writes them, in as many places."""
+    followed, recorded = [], landings._recorded
+
+    def counting(*arguments):
+        followed.append(arguments)
+        return recorded(*arguments)
+
+    monkeypatch.setattr(landings, "_recorded", counting)
+    spec = parse_spec(f'title = "x"\n[record]\nragged = {ragged}\n')
+    run_sweep(spec, tmp_path / "out.h5", threads=1)
+    assert len(followed) == 2
+
+
 def test_a_plan_cuts_a_sweep_as_a_run_does(monkeypatch, tmp_path, capsys):
     """It measures for longer than a run, which may find another cost, but not for its chunks."""
     spec = tmp_path / "wide.toml"
     spec.write_text(WIDE.format(1000))
+    explore = plan.explore
 
     def explored(spec, design, workers, seconds, enough=0.0):
         counts = np.full(10, 1000.0 * seconds)
-        found = pilot.explore(spec, design, workers, 1e-9)
+        found = explore(spec, design, workers, 1e-9)
         return replace(found, seconds=0.4 * seconds, impacts=counts)
 
     monkeypatch.setattr(plan, "explore", explored)
@@ -256,7 +279,7 @@ def test_a_sample_that_cannot_be_computed(workers, monkeypatch):
     def fail(*arguments):
         raise FloatingPointError
 
-    monkeypatch.setattr(pilot, "measure_all", fail)
+    monkeypatch.setattr(plan, "measure_all", fail)
     spec = parse_spec(WIDE.format(1000))
     unknown = make_plan(spec, workers)
     assert unknown.chunk == 10

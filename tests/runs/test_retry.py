@@ -10,9 +10,8 @@ from vibrosweep.commands.describe import describe
 from vibrosweep.errors import DataError, Interruption, RunError
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.runs.chunks import in_process
-from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.retry import retry_failed
-from vibrosweep.runs.summary import unsettled
+from vibrosweep.runs.driver import retry_failed, run_sweep
+from vibrosweep.runs.result import unsettled
 from vibrosweep.scene.sweep import parse_spec, read_spec
 from vibrosweep.store.rundir import run_directory
 
@@ -137,7 +136,7 @@ def test_a_retry_that_is_killed_after_its_result_had_its_name(sweep, output, mon
     """The next retry leaves the same result, whether or not the new budget settled all."""
     run_sweep(sweep(32), output, threads=1)
     with monkeypatch.context() as patch:
-        patch.setattr("vibrosweep.runs.kept.abandon", lambda directory: 1 / 0)
+        patch.setattr("vibrosweep.runs.driver.abandon", lambda directory: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             retry_failed(sweep(32), output, threads=1, impact_budget=budget)
     made = bits(output)
@@ -150,7 +149,7 @@ def test_a_retry_that_is_killed_after_its_result_had_its_name(sweep, output, mon
 
 def test_a_retry_of_a_run_that_was_killed_after_its_result_had_its_name(sweep, output, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr("vibrosweep.runs.kept.abandon", lambda directory: 1 / 0)
+        patch.setattr("vibrosweep.runs.driver.abandon", lambda directory: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             run_sweep(sweep(32), output, threads=1, chunk=2)
     assert run_directory(output).exists()

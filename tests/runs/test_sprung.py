@@ -8,9 +8,8 @@ from vibrosweep import open_record, open_sweep, simulate
 from vibrosweep.analysis.equal_heights import crossings
 from vibrosweep.commands.describe import describe
 from vibrosweep.figures import save_all
-from vibrosweep.runs.driver import run_sweep
+from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.runs.plan import make_plan
-from vibrosweep.runs.retry import retry_failed
 from vibrosweep.scene.sweep import parse_spec
 
 TEXT = """

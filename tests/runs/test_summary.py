@@ -6,7 +6,7 @@ import pytest
 
 from vibrosweep.model.measures import OF_REALIZATIONS
 from vibrosweep.model.status import Status
-from vibrosweep.runs.summary import Summary
+from vibrosweep.runs.result import Summary
 
 COUNTS = np.array([3, 4, 5])
 HEIGHTS = np.array([1.0, np.nan, 2.5])

@@ -17,7 +17,7 @@ from vibrosweep.cli import main
 from vibrosweep.engine import measure as engine
 from vibrosweep.errors import Interruption, OutputError, RunError
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.runs import chunks, identity, result
+from vibrosweep.runs import chunks, result
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import read_spec
 from vibrosweep.store.disk import Disk
@@ -232,7 +232,7 @@ def test_a_change_that_affects_no_number_does_not_prevent_continuing(sweep, comp
 @pytest.mark.parametrize("name", ["programs", "version"])
 def test_another_version_does_not_continue(sweep, tmp_path, monkeypatch, name):
     with unfinished(sweep):
-        monkeypatch.setattr(identity, name, lambda *arguments: "another")
+        monkeypatch.setattr(chunks, name, lambda *arguments: "another")
     with pytest.raises(RunError, match="is another"):
         sweep()
     assert len(parts(tmp_path)) == 3
@@ -421,7 +421,7 @@ def left(sweep, tmp_path):
     def leave(kept, **options):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
-                "vibrosweep.runs.kept.abandon", lambda path: exec("raise Killed", globals())
+                "vibrosweep.runs.driver.abandon", lambda path: exec("raise Killed", globals())
             )
             with pytest.raises(Killed):
                 sweep(**options)

@@ -7,10 +7,9 @@ import xarray as xr
 
 import vibrosweep as vs
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
-from vibrosweep.scene.columns import GivenTable
-from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.design import GivenTable
 from vibrosweep.scene.realizations import open_design
-from vibrosweep.scene.sweep import parse_spec
+from vibrosweep.scene.sweep import keyword_spec, parse_spec
 
 PAIRS = {"restitution": [0.5, 0.9, 0.7], "amplitude": [1.0, 2.0, 0.5], "ball": ["a", "", "b"]}
 

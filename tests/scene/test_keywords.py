@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.design import Axis, Range
-from vibrosweep.scene.keywords import batch, keyword_spec
-from vibrosweep.scene.sweep import parse_spec
+from vibrosweep.scene.sweep import batch, keyword_spec, parse_spec
 
 DRAWN = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "realizations": 20}
 

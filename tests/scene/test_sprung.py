@@ -8,8 +8,8 @@ import pytest
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.model.mount import MASSES, OF_MOUNT
 from vibrosweep.model.parameters import MOUNT, PARAMETERS
-from vibrosweep.runs.identity import identity
-from vibrosweep.runs.notes import silent_defaults
+from vibrosweep.runs.chunks import identity
+from vibrosweep.runs.result import silent_defaults
 from vibrosweep.scene.design import Range
 from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.sweep import parse_spec

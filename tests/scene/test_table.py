@@ -6,7 +6,7 @@ import xarray as xr
 
 from vibrosweep.errors import TableError
 from vibrosweep.mistakes import ABSENT, Cell
-from vibrosweep.runs.retry import retry_failed
+from vibrosweep.runs.driver import retry_failed
 from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.sweep import parse_spec
 

@@ -7,10 +7,9 @@ import vibrosweep as vs
 from vibrosweep.errors import SpecError
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.scene.keywords import keyword_spec
-from vibrosweep.scene.sweep import parse_spec, read_spec
+from vibrosweep.scene.scene import Traced
+from vibrosweep.scene.sweep import keyword_spec, parse_spec, read_spec
 from vibrosweep.scene.traces import measured
-from vibrosweep.scene.waveform import Traced
 
 TWO = Waveform("harmonics", ((1, 1.0, 0.3), (2, 0.4, 1.7)))
 FREQUENCY, VELOCITY = 19.73, 0.31

@@ -4,8 +4,7 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.errors import SpecError
-from vibrosweep.scene.keywords import keyword_spec
-from vibrosweep.scene.sweep import parse_spec
+from vibrosweep.scene.sweep import keyword_spec, parse_spec
 
 TWO = "{ harmonics = [[1, 1.0, 0.0], [2, 0.4, 1.1]] }"
 

@@ -18,7 +18,7 @@ from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.explore.points import open_points
 from vibrosweep.proof import verify
-from vibrosweep.runs.retry import retry_failed
+from vibrosweep.runs.driver import retry_failed
 from vibrosweep.scene.sweep import parse_spec
 from vibrosweep.store import reading
 from vibrosweep.store.kinds import load_dataset, read_kind

@@ -23,7 +23,7 @@ from vibrosweep.analysis.common import (
 from vibrosweep.analysis.evaluate import lift_off_speeds
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
-from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
+from vibrosweep.engine.measure import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
@@ -34,8 +34,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
 from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
-from vibrosweep.runs.notes import short_observation
-from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from vibrosweep.analysis.common import (
 from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import recorded
-from vibrosweep.engine.orbits import orbit_variables
+from vibrosweep.engine.measure import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.record import Record, Units
@@ -35,8 +35,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
 from vibrosweep.model.shapes import SINE, TWO_PI
 from vibrosweep.model.status import Regime
-from vibrosweep.runs.notes import short_observation
-from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:

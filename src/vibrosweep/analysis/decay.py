@@ -13,7 +13,7 @@ from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.shapes import SINE, Waveform
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import stored
 from vibrosweep.store.arranged import arranged
 
 __all__ = ["slot_decay"]

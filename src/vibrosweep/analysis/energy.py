@@ -12,7 +12,7 @@ from vibrosweep.analysis.record_flights import arrival_speeds, base_motion, rest
 from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import stored
 from vibrosweep.store.arranged import arranged
 
 __all__ = ["energy_balance"]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.conditions import Condition, Locked
 from vibrosweep.arrays import Array
-from vibrosweep.engine.measure import measure
-from vibrosweep.engine.orbits import find_orbits, orbit_variables
+from vibrosweep.engine.measure import find_orbits, measure, orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import (

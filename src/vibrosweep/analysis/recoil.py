@@ -20,8 +20,7 @@ from vibrosweep.model.parameters import MOUNT, OF_RESTITUTION, PARAMETERS, SPRUN
 from vibrosweep.model.restitution_laws import law_in
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
-from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import Scene, stored
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")
 SAMPLES: Final = 64  # of the height, in a forcing period

@@ -13,7 +13,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model.restitution_laws import CONSTANT, law_in, restitution_at
 from vibrosweep.model.status import Status
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import stored
 
 if TYPE_CHECKING:
     import xarray as xr

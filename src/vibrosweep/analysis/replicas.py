@@ -16,7 +16,7 @@ from vibrosweep.analysis.conditions import FAILS, HOLDS, UNDETERMINED, Codes, Co
 from vibrosweep.analysis.evaluate import Points, condition_codes, fixed_orbits, in_pieces
 from vibrosweep.analysis.records import variable
 from vibrosweep.arrays import Array
-from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.measure import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.statistics import LONGEST, RESTS, SHORTEST
 from vibrosweep.model.parameters import STREAM, Dimensionless, Launches, dimensionless

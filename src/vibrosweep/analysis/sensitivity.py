@@ -18,7 +18,7 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.mistakes import RANGE
 from vibrosweep.model.measures import MEASURE_OF, OF_REALIZATIONS, UNDETERMINED, VARIABLES, known
 from vibrosweep.model.status import Status
-from vibrosweep.runs.notes import observation_of_orbits
+from vibrosweep.runs.result import observation_of_orbits
 from vibrosweep.scene.design import Range
 from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.scene import Scene

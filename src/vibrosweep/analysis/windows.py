@@ -42,8 +42,7 @@ from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
 from vibrosweep.model.parameters import NOISE, PARAMETERS
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE
-from vibrosweep.runs.notes import short_observation
-from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:

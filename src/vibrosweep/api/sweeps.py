@@ -1,28 +1,46 @@
-"""Sweeps, in memory or into a file."""
+"""Sweeps, in memory or into a file: a sweep file, a mapping, a result, or keywords."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from typing import Unpack
+import tomllib
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Unpack
 
 import xarray as xr
 
-from vibrosweep.api.given_sweep import Spec, as_sweep
 from vibrosweep.api.keyword_types import SweepKeywords, completed
 from vibrosweep.api.results import open_sweep
-from vibrosweep.errors import ExistingOutputError, ParameterError
+from vibrosweep.errors import (
+    DataError,
+    ExistingOutputError,
+    ParameterError,
+    ShortObservationWarning,
+)
 from vibrosweep.kernels.observer import compiled
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.observables import Observable
-from vibrosweep.runs.driver import count, require_switch, run_sweep, thread_count
-from vibrosweep.runs.finished import cleared, is_of, kept_text, origin
-from vibrosweep.runs.inmemory import sweep_in_memory
+from vibrosweep.runs.driver import (
+    cleared,
+    count,
+    is_of,
+    kept_text,
+    origin,
+    require_switch,
+    run_sweep,
+    sweep_in_memory,
+    thread_count,
+)
 from vibrosweep.runs.progress import showing
-from vibrosweep.scene.sweep import Sweep
+from vibrosweep.scene.sweep import Sweep, keyword_spec, read_spec
 from vibrosweep.store.disk import check_output, path_of
 from vibrosweep.store.rundir import replaces
 
-__all__ = ["run", "sweep"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Spec", "as_sweep", "run", "sweep", "warned"]
 
 
 @completed(by=SweepKeywords)
@@ -221,3 +239,62 @@ def _with_observables(spec: Sweep, observables: Iterable[Observable]) -> Sweep:
     for observable in completed_spec.scene.measures.observables:
         compiled(observable)
     return completed_spec
+
+
+Spec = str | os.PathLike[str] | Mapping[str, Any]
+
+
+def as_sweep(
+    spec: Spec | None,
+    keywords: Mapping[str, Any],
+    analysis: str = "",
+    realizations: int | None = None,
+    kept: Callable[[], str] | None = None,
+    **defaults: Any,
+) -> Sweep:
+    """Return the sweep that a path, a mapping or a result describes, or keywords if `spec` is None.
+
+    `analysis` is passed to `keyword_spec`, `kept` to `read_spec`.  `defaults` complete keywords, a
+    mapping or a result, but not a file; so does `realizations` where keywords or a mapping hold
+    ranges.  Raises a SpecError that lists all mistakes, a ParameterError for keywords beside a file
+    or a mapping and for a `spec` of another type, and a DataError for a dataset that does not hold
+    the sweep from which it was computed.
+    """
+    if spec is not None and hasattr(spec, "attrs"):
+        completed = {**defaults, **_sweep_of(spec.attrs), **keywords}
+        return keyword_spec(completed, analysis, keywords)
+    stated = spec if isinstance(spec, Mapping) else keywords
+    if any(name in INPUTS and isinstance(value, tuple) for name, value in stated.items()):
+        defaults["realizations"] = realizations
+    if spec is None:
+        return keyword_spec({**defaults, **keywords}, analysis, keywords)
+    if keywords:
+        raise ParameterError(
+            f"{', '.join(keywords)}: cannot be given beside a sweep file or a mapping; write it "
+            f"there"
+        )
+    if isinstance(spec, Mapping):
+        return keyword_spec({**defaults, **spec}, analysis, kept=kept)
+    if isinstance(spec, str | os.PathLike):
+        return read_spec(spec, kept)
+    raise ParameterError(
+        f"{type(spec).__name__}: is not a sweep; give keywords, a mapping, or the path of a sweep "
+        f"file"
+    )
+
+
+def _sweep_of(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of the sweep file of a result."""
+    if "sweep_file" not in attributes:
+        raise DataError(
+            "the dataset is not a result of vibrosweep.sweep, run or open_sweep, or has lost its "
+            "attributes, which hold the sweep: give keywords, or the path of a sweep file"
+        )
+    return tomllib.loads(str(attributes["sweep_file"]))
+
+
+def warned(found: xr.Dataset) -> xr.Dataset:
+    """Issue the notes of a result as a warning and return it; the command line prints them."""
+    if found.attrs["notes"]:
+        warnings.warn(found.attrs["notes"], ShortObservationWarning, stacklevel=3)
+    return found

@@ -15,7 +15,7 @@ from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.model.status import Status
-from vibrosweep.runs.summary import SETTLING, summary_of, unsettled
+from vibrosweep.runs.result import SETTLING, summary_of, unsettled
 from vibrosweep.store.kinds import SWEEP, ResultKind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, result_file, using

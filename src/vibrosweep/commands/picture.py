@@ -89,7 +89,7 @@ def _check(options: argparse.Namespace, spec: Sweep, output: Path, picture: Path
     try:
         check_output(output, force=options.force, inputs=(options.spec,))
     except ExistingOutputError as error:
-        from vibrosweep.runs.finished import origin
+        from vibrosweep.runs.driver import origin
 
         raise ExistingOutputError(output, origin(spec, output)) from error
     check_output(picture, force=options.force, inputs=(options.spec,))

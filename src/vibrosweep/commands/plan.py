@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Final
 from vibrosweep.commands.arguments import add_sweep, output_of, positive, some, threads
 
 if TYPE_CHECKING:
-    from vibrosweep.runs.forecast import Needs
-    from vibrosweep.runs.plan import Plan
+    from vibrosweep.runs.plan import Needs, Plan
 
 
 SECONDS: Final = 2.0
@@ -29,9 +28,8 @@ def perform(options: argparse.Namespace) -> None:
     spec = read_spec(options.spec)
     from vibrosweep.engine.workers import Workers
     from vibrosweep.runs.driver import available_threads
-    from vibrosweep.runs.forecast import estimate, require_disk, require_memory
-    from vibrosweep.runs.notes import notes
-    from vibrosweep.runs.plan import make_plan, refined
+    from vibrosweep.runs.plan import estimate, make_plan, refined, require_disk, require_memory
+    from vibrosweep.runs.result import notes
 
     output = output_of(options)
     with Workers(options.threads or available_threads()) as workers:

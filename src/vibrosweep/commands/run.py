@@ -57,7 +57,7 @@ def perform(options: argparse.Namespace) -> None:
     output = output_of(options)
 
     def kept() -> str:
-        from vibrosweep.runs.finished import kept_text
+        from vibrosweep.runs.driver import kept_text
 
         return kept_text(output)
 
@@ -68,22 +68,22 @@ def perform(options: argparse.Namespace) -> None:
             f"beside it are removed"
         )
         return
-    from vibrosweep.engine.compiling import seconds
+    from vibrosweep.engine.workers import seconds_of_compiling
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.runs.progress import reporting
 
     print(spec.title)
-    began, before = time.perf_counter(), seconds()
+    began, before = time.perf_counter(), seconds_of_compiling()
     with _opened_place(options) as (place, settings), reporting(sys.stderr) as advance:
         settings |= {"chunk": options.chunk, "force": options.force, "advance": advance}
         if options.retry_failed:
-            from vibrosweep.runs.retry import retry_failed
+            from vibrosweep.runs.driver import retry_failed
 
             budget = options.impact_budget
             summary, again = retry_failed(spec, output, impact_budget=budget, **settings)
         else:
             summary = run_sweep(spec, output, **settings)
-    compiled = seconds() - before
+    compiled = seconds_of_compiling() - before
     taken = time.perf_counter() - began - compiled
     if options.retry_failed:
         print(f"{some(again, 'realization')} computed again")
@@ -151,7 +151,7 @@ def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:
     try:
         check_output(output, force=replace or replaces(output), inputs=spec.inputs)
     except ExistingOutputError as error:
-        from vibrosweep.runs.finished import cleared, is_of, origin
+        from vibrosweep.runs.driver import cleared, is_of, origin
 
         if is_of(spec, output) and cleared(spec, output):
             return False

@@ -12,7 +12,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.api.proved import windows_found
+    from vibrosweep.api.analyses import windows_found
     from vibrosweep.api.result_kinds import WINDOWS
 
     produce(options, WINDOWS, windows_found)

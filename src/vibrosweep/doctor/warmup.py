@@ -19,8 +19,7 @@ from vibrosweep.analysis.line_equations import FIX_E
 from vibrosweep.analysis.orbit_lines import Plane, branches_along
 from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
-from vibrosweep.engine.measure import measure
-from vibrosweep.engine.trajectories import PERIODS_TO_RECUR
+from vibrosweep.engine.measure import PERIODS_TO_RECUR, measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
@@ -29,8 +28,8 @@ from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.model.forcing import AMPLITUDE
 from vibrosweep.model.parameters import LAWS, SPRUNG
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.scene.keywords import batch, keyword_spec
 from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import batch, keyword_spec
 
 
 class Compiled(NamedTuple):

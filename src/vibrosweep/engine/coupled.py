@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.in_units import (
+from vibrosweep.engine.measure import (
     Measured,
     height_unit,
+    kinds_of,
+    observable_values,
     order_in_units,
     separations_in_units,
     statistics_in_units,
     units_of,
 )
-from vibrosweep.engine.observable_values import kinds_of, observable_values
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.counting import (
     CoupledStatistics,

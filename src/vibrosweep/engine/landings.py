@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.in_units import units_of
-from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.measure import statistics, units_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
@@ -41,6 +40,13 @@ BYTES_OF_MOTION: Final = 2 * 4 * 8
 # Measured bytes per trajectory apart from its landings: launch, statistics, copies
 BYTES_PER_TRAJECTORY: Final = 120
 BYTES_PER_REALIZATION: Final = 160
+
+
+class Counted(NamedTuple):
+    """Landings and status of each trajectory of a record, shape (trajectory,)."""
+
+    landings: NDArray[np.int64]
+    status: NDArray[np.int8]
 
 
 class Form(NamedTuple):
@@ -74,16 +80,21 @@ def launch_times(launch: str | tuple[float, ...], particles: int, frequency: flo
 
 
 def record_landings(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
+    parameters: Mapping[str, Array],
+    scene: Scene,
+    workers: Workers,
+    form: Form = RECTANGLE,
+    counted: Counted | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Record every landing until the end, as variables of `vibrosweep.model.measures.RECORD`.
 
     Parameters have shape (realization,); the transient of the scene must be -inf.  The landings of
-    a ragged record have shape (landing,) and are ordered by particle.  Raises a ParameterError if
-    the record does not fit into half of this machine's memory.
+    a ragged record have shape (landing,) and are ordered by particle.  `counted` is the result of
+    `count_landings` where it is known.  Raises a ParameterError if the record does not fit into
+    half of this machine's memory.
     """
     scene = replace(scene, skip=False)  # landings are followed one by one
-    landings, status = _counted(parameters, scene, workers, form)
+    landings, status = counted or count_landings(parameters, scene, workers, form)
     shape, capacity = (parameters["frequency"].size, scene.particles), int(landings.max())
     capacities = landings if form.ragged else np.full(landings.size, capacity)
     out, _ = _recorded(parameters, scene, workers, capacities)
@@ -126,7 +137,7 @@ def recorded(
     """Record the first landings of each trajectory, as many as its capacity.
 
     `capacities` has shape (trajectory,); the arrays of the record have shape (sum of capacities,).
-    The statistics are those of `vibrosweep.engine.trajectories.statistics`.
+    The statistics are those of `vibrosweep.engine.measure.statistics`.
     """
     first = np.zeros(capacities.size + 1, np.int64)
     np.cumsum(capacities, out=first[1:])
@@ -138,15 +149,10 @@ def recorded(
     return out, counted
 
 
-def record_bytes(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
-) -> tuple[int, int]:
-    """Return the bytes of a record in a file, and of memory while it is made.
-
-    Arguments and errors are those of `record_landings`.
-    """
-    landings, status = _counted(parameters, scene, workers, form)
-    memory = _fixed_bytes(status.size // scene.particles, scene.particles)
+def record_bytes(counted: Counted, scene: Scene, form: Form = RECTANGLE) -> tuple[int, int]:
+    """Return the bytes of a record in a file, and of memory while it is made."""
+    landings, particles = counted.landings, scene.particles
+    memory = _fixed_bytes(landings.size // particles, particles)
     return BYTES_PER_LANDING * form.places(landings), memory + form.needed(landings, scene.base)
 
 
@@ -173,13 +179,10 @@ def require_room(
         )
 
 
-def _counted(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form
-) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
-    """Count the landings of each particle; raise if a record does not fit into memory.
-
-    Returns landings and status, each of shape (trajectory,).
-    """
+def count_landings(
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
+) -> Counted:
+    """Count the landings of each particle; arguments and errors are those of `record_landings`."""
     realizations, particles = parameters["frequency"].size, scene.particles
     trajectories = realizations * particles
     require_room(realizations, particles)
@@ -189,11 +192,11 @@ def _counted(
     budget = min(scene.measures.impact_budget, most + LOOK_AFTER)
     enough = replace(scene.with_measures(impact_budget=budget), skip=False)
     # the kernel that will write the landings counts them, so that no other is compiled
-    _, counted = _recorded(parameters, enough, workers, np.zeros(trajectories, np.int64))
-    landings, status = counted.landings.copy(), counted.status.copy()
+    _, found = _recorded(parameters, enough, workers, np.zeros(trajectories, np.int64))
+    landings, status = found.landings.copy(), found.status.copy()
     mean = -(-form.places(landings) // trajectories)
     require_room(realizations, particles, form.needed(landings, scene.base), mean)
-    return landings, status
+    return Counted(landings, status)
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:

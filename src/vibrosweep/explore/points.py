@@ -23,9 +23,8 @@ from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, STAGGERED
 from vibrosweep.model.restitution_laws import law_in
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods, Time
-from vibrosweep.scene.keywords import batch
-from vibrosweep.scene.scene import Launch, Scene
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import Launch, Scene, stored
+from vibrosweep.scene.sweep import batch
 from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import batch
 
 __all__ = ["LABORATORY", "Experiment", "Variation"]
 

@@ -19,7 +19,7 @@ from vibrosweep.lab.variables import with_error
 from vibrosweep.mistakes import toml
 from vibrosweep.model.restitution_laws import CONSTANT, SPEED
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import stored
 
 INSTANTS: Final = 24  # points of the drawn base in a period of its highest harmonic
 

@@ -23,8 +23,7 @@ from vibrosweep.lab.speed_laws import law_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, OF_RESTITUTION, PARAMETERS
 from vibrosweep.model.restitution_laws import CONSTANT, SPEED, range_mistake
 from vibrosweep.model.shapes import SINE, Waveform
-from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import Scene, stored
 
 DRAWS: Final = 64
 MEANS: Final = ("rebound_height_mean", "flight_time_mean")  # the names of `QUANTITIES` in a sweep

@@ -23,7 +23,7 @@ from vibrosweep.proof.reference.waves import wave_of
 from vibrosweep.proof.verification import Outcome, Report, State
 from vibrosweep.runs.driver import count
 from vibrosweep.runs.progress import Advance
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import stored
 from vibrosweep.store.kinds import load_dataset
 
 if TYPE_CHECKING:

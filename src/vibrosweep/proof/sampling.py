@@ -41,8 +41,7 @@ from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.sample import Sample
 from vibrosweep.runs.driver import count
 from vibrosweep.runs.result import identity_in
-from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.waveform import stored
+from vibrosweep.scene.scene import Scene, stored
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import result_file
 from vibrosweep.store.rows import read_rows, row_count, row_dims

@@ -1,9 +1,11 @@
-"""The result of a sweep: its declarations, and its rows in blocks of one size."""
+"""The result of a sweep: its declarations, its rows in blocks of one size, remarks, a summary."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,20 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.landings import Form, launch_times, record_landings
+from vibrosweep.engine.landings import Counted, Form, launch_times, record_landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.kernels._jit import sources_digest
-from vibrosweep.model.forcing import ACCELERATION, INPUTS, sources
-from vibrosweep.model.measures import OPTIONS, RECORD
+from vibrosweep.model.forcing import (
+    ACCELERATION,
+    INPUTS,
+    completed,
+    inputs_of,
+    only_parameters,
+    sources,
+)
+from vibrosweep.model.measures import OF_REALIZATIONS, OPTIONS, RECORD, VARIABLES, Variable, known
+from vibrosweep.model.orbit_theory import FIXED, recognition_periods
 from vibrosweep.model.parameters import STREAM, Parameter
 from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
-from vibrosweep.model.restitution_laws import range_of
-from vibrosweep.model.times import Periods
-from vibrosweep.runs.chunks import Stream, batch_size, no_rows
-from vibrosweep.runs.identity import identity
-from vibrosweep.runs.notes import notes, silent_defaults
-from vibrosweep.runs.summary import Summary
+from vibrosweep.model.restitution_laws import CONSTANT, range_of
+from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Status
+from vibrosweep.model.times import Periods, in_periods
+from vibrosweep.runs.chunks import Stream, batch_size, identity, no_rows
 from vibrosweep.scene.realizations import Realizations
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
@@ -33,6 +41,7 @@ from vibrosweep.store.dataset import Group, creating
 from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
+from vibrosweep.store.rows import read_rows, row_count, slices
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.writer import Writer
 
@@ -94,6 +103,7 @@ def write_result(
     workers: Workers,
     *,
     force: bool,
+    counted: Counted | None = None,
 ) -> Summary:
     """Write the file of a sweep, whose rows arrive in order and in pieces of any length.
 
@@ -108,8 +118,10 @@ def write_result(
         Its rows.
     workers
         Threads that compute the record of every landing, if the sweep has one.
+    counted
+        The landings of the record where they have been counted.
     """
-    summary = Summary(notes=notes(spec, design))
+    summary = Summary()
 
     def summarized() -> Iterator[Columns]:
         for columns in pieces:
@@ -117,17 +129,21 @@ def write_result(
             summary.add(columns)
 
     with creating(output, run_directory(output), force=force) as file:
-        declare(file, spec, design, workers.threads)
+        summary.notes = declare(file, spec, design, workers.threads)
         file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
         write_rows(file, kinds(no_rows(spec, design)), summarized(), batch_size(spec))
         if spec.record is not None:
-            note = write_record(file.group(IN_FILE), spec, workers)
+            note = write_record(file.group(IN_FILE), spec, workers, counted)
             summary.notes = {**summary.notes, **({IN_FILE: note} if note else {})}
     return summary
 
 
-def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> None:
-    """Declare dimensions, variables and attributes; the axes of a grid are its dimensions."""
+def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> dict[str, str]:
+    """Declare dimensions, variables and attributes; return the `notes` that are among these.
+
+    The axes of a grid are its dimensions.
+    """
+    remarks = notes(spec, design)
     axes = {name: np.array(values) for name, values in spec.design.axes.items()}
     sizes = {name: values.size for name, values in axes.items()}
     sizes = sizes or {REALIZATION: design.realizations}
@@ -154,7 +170,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             KIND: SWEEP.name,
             # parameters that the sweep does not state
             "defaults": " ".join(silent_defaults(spec, design)),
-            "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
+            "notes": "; ".join(f"{about}: {text}" for about, text in remarks.items()),
             **attributes_of_scene(spec.scene, design.sampled),
             "particles": spec.scene.particles,
             "design": spec.design.name,
@@ -167,6 +183,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             **provenance(threads),
         }
     )
+    return remarks
 
 
 def identity_in(file: Any) -> str:
@@ -234,11 +251,12 @@ def _declare_launches(
     file.attributes({"launch": launch if isinstance(launch, str) else "listed"})
 
 
-def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
+def write_record(file: Group, spec: Sweep, workers: Workers, counted: Counted | None = None) -> str:
     """Write every landing of the recorded scene; return a remark if much of it is padding."""
     record, form = spec.record, Form(bool(spec.ragged))
     assert record is not None
-    found = record_landings(record.parameters({}), record, workers, form)
+    quantities = record.timed({})
+    found = record_landings(only_parameters(quantities), record, workers, form, counted)
     variables: dict[str, Column] = {n: (v.dims, found[n], {}) for n, v in RECORD.items()}
     if form.ragged:
         variables = ragged_columns(found, RECORD, record.particles, f"{IN_FILE}_")
@@ -246,7 +264,6 @@ def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
     for dims, values, _ in variables.values():
         sizes |= zip(dims, values.shape, strict=True)
     file.dimensions(sizes)
-    quantities = record.timed({})
     # xarray would take a scalar of this name for the axis of the sweep
     axes = [name for name in quantities if name in INPUTS and file.has_outer(name)]
     for name in quantities:
@@ -272,3 +289,225 @@ def write_record(file: Group, spec: Sweep, workers: Workers) -> str:
         }
     )
     return note
+
+
+STRONGEST: Final = 100.0  # acceleration of a shaker in g
+NEVER_REPEATS: Final = (
+    "random motion never repeats: no cycle is searched for, and regimes are at_rest or undetermined"
+)
+
+
+def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
+    """Return the remarks on a sweep, by subject; empty if there are none."""
+    found = {"defaults": _defaults(spec, design), "forcing": _strong_forcing(spec, design)}
+    if spec.scene.noise(design.sampled):
+        found["noise"] = NEVER_REPEATS if spec.scene.measures.regimes else ""
+    elif spec.scene.measures.regimes:
+        found |= {
+            "observation": observation_of_orbits(spec, design),
+            "exponents": _short_window(spec, design),
+        }
+    return {subject: text for subject, text in found.items() if text}
+
+
+def silent_defaults(spec: Sweep, design: Realizations) -> dict[str, float]:
+    """Return the parameters that a sweep leaves at their defaults while it states others."""
+    stated = {*spec.scene.given, *design.sampled}
+    silent = [name for name in inputs_of(stated, spec.scene.base) if stated and name not in stated]
+    return {name: INPUTS[name].default for name in silent}
+
+
+def _defaults(spec: Sweep, design: Realizations) -> str:
+    return ", ".join(
+        f"{name} {value:g} {INPUTS[name].units}".removesuffix(" 1")
+        for name, value in silent_defaults(spec, design).items()
+    )
+
+
+def _strong_forcing(spec: Sweep, design: Realizations) -> str:
+    """Return a remark if the base is driven more strongly than by any shaker; else empty."""
+    forcing = spec.scene.forcing(design.sampled)
+    lowest = {name: _ends(spec, design, name)[0] for name in ("restitution", "gravity")}
+    highest = {name: _ends(spec, design, name)[1] for name in (forcing, "frequency")}
+    given = {name: np.array([value]) for name, value in (lowest | highest).items()}
+    return strong_forcing(float(completed(given, spec.scene.waveform)[ACCELERATION][0]), forcing)
+
+
+def strong_forcing(acceleration: float, forcing: str) -> str:
+    """Return a remark if a base is driven more strongly, in g, than any shaker; else empty."""
+    if acceleration <= STRONGEST:
+        return ""
+    units = "g" if forcing == ACCELERATION else INPUTS[forcing].units
+    return (
+        f"the base accelerates with up to {acceleration:.4g} g, but shakers with about "
+        f"{STRONGEST:g} g at most: check {forcing} ({units}) and frequency (Hz)"
+    )
+
+
+def observation_of_orbits(spec: Sweep, design: Realizations) -> str:
+    """Return a remark if the observation is too short to recognise locked orbits; else empty."""
+    restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
+    return short_observation(spec.scene, restitution[1], frequency[0])
+
+
+def short_observation(scene: Scene, restitution: float, frequency: float) -> str:
+    """Return a remark if a scene is too short to recognise locked orbits; else empty."""
+    if scene.base not in FIXED or scene.restitution_law != CONSTANT:
+        return ""  # the time that such orbits take to return is not known
+    needed = float(recognition_periods(restitution, base=scene.base))
+    periods = float(in_periods(scene.duration, np.array([frequency]))[0])
+    if periods >= needed:
+        return ""
+    takes = f"up to {needed:.0f}" if math.isfinite(needed) else "more than any number of"
+    enough = f"{needed / frequency:.4g} s"
+    if isinstance(scene.duration, Periods):
+        enough = f"{needed:.0f} periods"
+    longer = f"; {enough} are enough" if math.isfinite(needed) else ""
+    return (
+        f"an orbit locked to one period takes {takes} periods to return bit for bit at restitution "
+        f"{restitution:g}, but {periods:g} are observed: such orbits may "
+        f"be called unsettled{longer}"
+    )
+
+
+def _short_window(spec: Sweep, design: Realizations) -> str:
+    """Return a remark if the window is too short for the exponent of an orbit; else empty."""
+    frequency = np.array(_ends(spec, design, "frequency")[1:])
+    begin, end = (
+        in_periods(t, frequency) for t in (spec.scene.measures.transient, spec.scene.duration)
+    )
+    periods = float((end - begin)[0])
+    if periods >= LANDINGS_OF_AN_EXPONENT:
+        return ""
+    return (
+        f"a Lyapunov exponent takes {LANDINGS_OF_AN_EXPONENT} landings, but the window has at most "
+        f"{periods:g} periods: with fewer landings motion is called unsettled, never aperiodic"
+    )
+
+
+def _ends(spec: Sweep, design: Realizations, name: str) -> tuple[float, float]:
+    """Return the smallest and the largest value of a parameter."""
+    spread = spec.design.sampled.get(name)
+    if spread is not None:
+        return spread.ends
+    if name in design.sampled:  # a table
+        values = design.take(0, design.realizations)[name]
+        return float(values.min()), float(values.max())
+    return spec.scene.inputs[name], spec.scene.inputs[name]
+
+
+# Variables that show whether a larger impact budget would change a result
+SETTLING: Final = ("status", *(v.name for v in VARIABLES.values() if v.open_by_budget))
+
+
+@dataclass
+class _Spread:
+    """Smallest, mean and largest of the finite values, and the number of infinite ones."""
+
+    count: int = 0
+    total: float = 0.0
+    low: float = np.inf
+    high: float = -np.inf
+    infinite: dict[float, int] = field(default_factory=dict)
+
+    def add(self, values: NDArray[Any]) -> None:
+        for sign in (-np.inf, np.inf):
+            if found := int(np.count_nonzero(values == sign)):
+                self.infinite[sign] = self.infinite.get(sign, 0) + found
+        finite = values[np.isfinite(values)]
+        if finite.size:
+            self.count += finite.size
+            self.total += float(finite.sum())
+            self.low = min(self.low, float(finite.min()))
+            self.high = max(self.high, float(finite.max()))
+
+
+@dataclass
+class Summary:
+    """Ranges, means and counts over the realizations of a sweep; add chunks in their order.
+
+    `kept` counts realizations that an interrupted run had computed, `repaired` damaged parts that
+    were computed again; `notes` are remarks on the settings of the sweep, by subject.
+    """
+
+    realizations: int = 0
+    landings: int = 0
+    kept: int = 0
+    repaired: int = 0
+    notes: Mapping[str, str] = field(default_factory=dict)
+    spreads: dict[str, _Spread] = field(default_factory=dict)
+    codes: dict[str, dict[int, int]] = field(default_factory=dict)
+
+    def add(self, measured: Mapping[str, NDArray[Any]]) -> None:
+        """Add the measured variables of a chunk, each of shape (realization, ...)."""
+        self.realizations += measured["impact_count"].size
+        counts = measured["impact_count"][known("impact_count", measured)]
+        # each is below 2^53, their sum may not fit into 64 bits
+        self.landings += (int((counts >> 32).sum()) << 32) + int((counts & 0xFFFFFFFF).sum())
+        for name, variable in OF_REALIZATIONS.items():
+            if name not in measured:
+                continue
+            if variable.flags:
+                codes, counts = np.unique(measured[name], return_counts=True)
+                totals = self.codes.setdefault(name, {})
+                for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
+                    totals[code] = totals.get(code, 0) + count
+            else:
+                self.spreads.setdefault(name, _Spread()).add(measured[name][known(name, measured)])
+
+    def lines(self) -> Iterator[str]:
+        """Yield the summary as lines of a table."""
+        yield f"{'':32}{'min':>12}{'mean':>12}{'max':>12}"
+        for name, spread in self.spreads.items():
+            yield f"{OF_REALIZATIONS[name].label:32}{self._spread(spread)}"
+        for name, counts in self.codes.items():
+            yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
+        for subject, text in self.notes.items():
+            yield f"{subject:32}{text}"
+        for code in sorted(self.codes.get("status", {})):
+            if code != Status.COMPLETED:
+                yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+    def _spread(self, spread: _Spread) -> str:
+        """Write smallest, mean and largest finite value, and the number of other realizations."""
+        undefined = self.realizations - spread.count - sum(spread.infinite.values())
+        others = {f"{value:g}": count for value, count in sorted(spread.infinite.items())}
+        words = ", ".join(
+            f"{what} in {'every realization' if count == self.realizations else count}"
+            for what, count in {**others, "undefined": undefined}.items()
+            if count
+        )
+        if not spread.count:
+            return f"{words:>36}"
+        mean = spread.total / spread.count
+        return f"{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{words and '   '}{words}"
+
+
+def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
+    """Write the number and the share of each code, in words."""
+    meanings = dict(variable.flags)
+    total = sum(counts.values())
+    parts = (
+        f"{meanings[code]} {count} ({count / total:.1%})" for code, count in sorted(counts.items())
+    )
+    return ", ".join(parts)
+
+
+def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    """Mark realizations that did not complete, or lack a measure that a larger budget gives."""
+    failed = columns["status"] != Status.COMPLETED
+    # a realization whose landings are counted from a cycle completes, but these measures need
+    # every landing
+    for name in SETTLING[1:]:
+        if name in columns:
+            failed = failed | ~known(name, columns)
+    return np.asarray(failed)
+
+
+def summary_of(file: Any) -> Summary:
+    """Summarise an open result file."""
+    summary = Summary()
+    names = [name for name in OF_REALIZATIONS if name in file.variables]
+    for rows in slices(row_count(file)):
+        summary.add({name: read_rows(file, name, rows) for name in names})
+    return summary

@@ -23,7 +23,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import escaped, separator_mistake
 from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, Trace, Waveform, zeros
-from vibrosweep.scene.waveform import Traced
+from vibrosweep.scene.scene import Traced
 
 FEWEST_PERIODS: Final = 2.0
 LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain
