@@ -3,7 +3,7 @@
     python checks/coupled_errors.py [--realizations 40] [--seed 1] [--write]
 
 Random realizations of 2, 4 and 10 particles are drawn; each is followed in ball arithmetic, and
-again with changed parameters and launches (`vibrosweep.proof.coupled`), which gives the estimate.
+again with changed parameters and launches (`vibrosweep.proof.claims`), which gives the estimate.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 
 from accuracy import options_of, provenance, show, table
 from vibrosweep import simulate
-from vibrosweep.proof.coupled import prove
-from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
-from vibrosweep.proof.reference.coupled import TooManyLandingsError
-from vibrosweep.proof.sample import Realization
+from vibrosweep.proof.claims import prove
+from vibrosweep.proof.reference.arithmetic import UndecidableError, arb, ctx
+from vibrosweep.proof.reference.sprung import TooManyLandingsError
+from vibrosweep.proof.sampling import Realization
 from vibrosweep.scene.scene import Scene
 
 PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"

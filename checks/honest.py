@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from accuracy import options_of
-from vibrosweep.proof.verification import State
+from vibrosweep.proof.report import State
 from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import parse_spec

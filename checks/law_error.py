@@ -26,7 +26,7 @@ from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.restitution import ratio, scale_of, slope
 from vibrosweep.kernels.rounding import KICK_ERROR
 from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC, PADE
-from vibrosweep.proof.reference.jets import Jet
+from vibrosweep.proof.reference.arithmetic import Jet
 from vibrosweep.proof.reference.laws import Laws, _root_at, _slope_at, _terms
 
 BITS = 128

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from vibrosweep.model.shapes import SINE
-from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.decisions import decided, nearest_integer
+from vibrosweep.proof.reference.arithmetic import arb, ctx, decided, nearest_integer
 from vibrosweep.proof.reference.high_bounce import BallMap
-from vibrosweep.proof.reference.laws import Constant
+from vibrosweep.proof.reference.laws import Constant, wave_of
 from vibrosweep.proof.reference.moving import MovingMap
-from vibrosweep.proof.reference.waves import wave_of
 
 
 def sine(x, bits=300):

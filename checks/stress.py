@@ -7,7 +7,7 @@ record) and checked: numbers finite or documented as absent, landings in order a
 impacts in the strip |v' - e v| <= A, speeds below max(v0, A / (1 - e)), or the bound of the moving
 base, the budget respected, each single step within rounding of ball arithmetic, on the moving base
 each landing the first root, and the landings within their bounds of the proved reference (of a
-base of finite mass, within the estimate of `vibrosweep.proof.coupled`).  Only a `ParameterError`
+base of finite mass, within the estimate of `vibrosweep.proof.claims`).  Only a `ParameterError`
 may be raised.
 """
 

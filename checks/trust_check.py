@@ -19,9 +19,9 @@ from accuracy import batch_of, options_of, orbit, provenance, show, table
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
-from vibrosweep.proof.reference.ball import trajectory
-from vibrosweep.proof.reference.results import Trajectory
+from vibrosweep.proof.reference.arithmetic import UndecidableError, arb, ctx
+from vibrosweep.proof.reference.motion import Trajectory
+from vibrosweep.proof.reference.trajectories import trajectory
 
 KINDS = (("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest"))
 CAPACITY = 2000  # landings of one trajectory that are compared

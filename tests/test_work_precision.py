@@ -10,7 +10,7 @@ from methods import ROOT
 from methods.finals import FINALS, error_of, prove_references, read, read_references
 from methods.report import report
 from methods.scenes import SCENES
-from vibrosweep.proof.deviates import deviates_of
+from vibrosweep.proof.sampling import deviates_of
 
 REFERENCES = read_references()
 ROWS = read(FINALS)

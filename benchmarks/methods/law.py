@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from methods.scenes import Case
 from vibrosweep.model.shapes import SINE
-from vibrosweep.proof.deviates import deviates_of
+from vibrosweep.proof.sampling import deviates_of
 
 AFTER_REST = 1e-5  # radians of phase; see `MovingBase`
 

@@ -14,7 +14,7 @@ from numba import njit
 from methods.compiled import MARGIN, NAIVE
 from methods.scenes import Point, Scene, table
 from methods.timing import timed
-from vibrosweep.proof.deviates import deviates_of
+from vibrosweep.proof.sampling import deviates_of
 
 ROOM = 20  # landings past the last one that is compared
 COPIES = 200

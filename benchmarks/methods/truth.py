@@ -10,11 +10,10 @@ from flint import arb, ctx
 
 from methods.scenes import Case, Scene
 from methods.sweeps import Sweep
-from vibrosweep.proof.deviates import deviates_of
-from vibrosweep.proof.reference import ball
-from vibrosweep.proof.reference.coupled import coupled
-from vibrosweep.proof.reference.motion import Deviates
-from vibrosweep.proof.reference.results import Trajectory
+from vibrosweep.proof.reference import trajectories as ball
+from vibrosweep.proof.reference.motion import Deviates, Trajectory
+from vibrosweep.proof.reference.sprung import coupled
+from vibrosweep.proof.sampling import deviates_of
 
 BITS = 256
 DIGITS = 32  # of the proved numbers

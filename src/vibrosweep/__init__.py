@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from vibrosweep.model.outside_laws import Law, register_law
     from vibrosweep.model.parameters import PARAMETERS, Parameter
     from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime, Status
-    from vibrosweep.proof.verifying import verify
+    from vibrosweep.proof import verify
     from vibrosweep.scene.design import register_design
     from vibrosweep.store.kinds import ResultKind, register_kind
     from vibrosweep.store.saving import save_result
@@ -98,7 +98,7 @@ _HOMES = {
     "register_design": "vibrosweep.scene.design",
     "separations": "vibrosweep.api.analyses",
     "simulate": "vibrosweep.api.simulation",
-    "verify": "vibrosweep.proof.verifying",
+    "verify": "vibrosweep.proof",
     **dict.fromkeys(("basins", "bifurcation", "sobol", "windows"), "vibrosweep.api.analyses"),
 }
 

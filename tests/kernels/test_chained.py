@@ -17,7 +17,7 @@ from vibrosweep.kernels.noise import SILENT, STILL
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.proof.reference.ball import trajectory
+from vibrosweep.proof.reference.trajectories import trajectory
 
 SHAPE = Waveform("parabolic")
 

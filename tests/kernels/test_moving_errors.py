@@ -23,7 +23,7 @@ from vibrosweep.kernels.totals import scratch
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import Launches, dimensionless
 from vibrosweep.model.status import Regime, Status
-from vibrosweep.proof.reference.ball import trajectory
+from vibrosweep.proof.reference.trajectories import trajectory
 
 BITS = 256
 BASE = base_of("moving", "rest")

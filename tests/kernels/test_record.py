@@ -11,8 +11,8 @@ import pytest
 from vibrosweep import simulate
 from vibrosweep.model.parameters import dimensionless
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference._flint import UndecidableError
-from vibrosweep.proof.reference.ball import trajectory
+from vibrosweep.proof.reference.arithmetic import UndecidableError
+from vibrosweep.proof.reference.trajectories import trajectory
 
 LAWS = ["rest", "reflect"]
 LANDINGS = 64

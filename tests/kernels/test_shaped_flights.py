@@ -11,7 +11,7 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels.bases.moving_jacobian import along
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.proof.verification import State
+from vibrosweep.proof.report import State
 from vibrosweep.proof.verifying import verify
 
 TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}

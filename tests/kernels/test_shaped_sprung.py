@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.proof.reference.coupled import coupled
 from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.proof.reference.sprung import coupled
 from vibrosweep.scene.scene import waveform_of
 
 SCENE = {"restitution": 0.3, "amplitude": 3.2, "phase": 0.3, "contact_time": 1e-2}

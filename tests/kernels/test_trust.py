@@ -5,8 +5,8 @@ import pytest
 
 from vibrosweep import theory
 from vibrosweep.engine.measure import measure
-from vibrosweep.proof.reference._flint import UndecidableError
-from vibrosweep.proof.reference.ball import trajectory
+from vibrosweep.proof.reference.arithmetic import UndecidableError
+from vibrosweep.proof.reference.trajectories import trajectory
 
 LAWS = ["rest", "reflect"]
 HALF_ULP = 2.0**-53

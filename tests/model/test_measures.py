@@ -20,8 +20,7 @@ from vibrosweep.model.measures import (
     VARIABLES,
 )
 from vibrosweep.model.scene_measures import KEYS, Measures
-from vibrosweep.proof.judgement import Judgement
-from vibrosweep.proof.verification import VariableReport
+from vibrosweep.proof.report import Judgement, VariableReport
 from vibrosweep.runs.result import Summary
 from vibrosweep.scene.sweep import parse_spec
 

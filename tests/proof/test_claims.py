@@ -9,13 +9,12 @@ from flint import arb
 
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.proof.judgement import judge
+from vibrosweep.proof.claims import Bounds
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.measures import ProvedMeasures
-from vibrosweep.proof.reference.motion import EPS
-from vibrosweep.proof.reference.results import Flight
-from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.tolerances import Bounds
+from vibrosweep.proof.reference.motion import EPS, Flight
+from vibrosweep.proof.report import judge
+from vibrosweep.proof.sampling import Realization
 from vibrosweep.scene.scene import Scene
 
 SCENE = Realization(

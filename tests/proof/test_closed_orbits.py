@@ -9,12 +9,10 @@ import vibrosweep as vs
 from vibrosweep.api.result_kinds import ORBITS
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.proof.closed_orbits import orbit_of
-from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.closed import prove_event, prove_orbit
-from vibrosweep.proof.reference.jets import variables
+from vibrosweep.proof.orbits import orbit_of
+from vibrosweep.proof.reference.arithmetic import arb, ctx, variables
+from vibrosweep.proof.reference.closed_orbits import RESTING, cycle, prove_event, prove_orbit
 from vibrosweep.proof.reference.laws import Laws
-from vibrosweep.proof.reference.orbit_equations import RESTING, cycle
 from vibrosweep.store.saving import save_result
 
 SINE, PARABOLIC = Waveform(), Waveform("parabolic")

@@ -10,10 +10,11 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.model.scene_measures import Measures
-from vibrosweep.proof.coupled import CHANGE, prove
+from vibrosweep.proof.claims import prove
 from vibrosweep.proof.measures import prove_measures
-from vibrosweep.proof.reference.coupled import coupled
-from vibrosweep.proof.sample import Realization
+from vibrosweep.proof.reference.sprung import coupled
+from vibrosweep.proof.report import CHANGE
+from vibrosweep.proof.sampling import Realization
 from vibrosweep.scene.scene import Scene
 
 PARAMETERS = {

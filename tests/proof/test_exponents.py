@@ -7,11 +7,10 @@ import pytest
 from flint import arb
 
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.proof.cycle import MAX_CYCLE, largest_exponent
-from vibrosweep.proof.growth import mean_growth
-from vibrosweep.proof.reference.ball import trajectory
-from vibrosweep.proof.reference.high_bounce import PeriodMap
+from vibrosweep.proof.recurrence import MAX_CYCLE, largest_exponent, mean_growth
+from vibrosweep.proof.reference.high_bounce import BounceMap
 from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.proof.reference.trajectories import trajectory
 
 SCENE = {name: one.default for name, one in PARAMETERS.items()}
 
@@ -29,20 +28,20 @@ def test_locked_orbit(rebound, k, restitution, place):
     modulus = np.abs(np.roots([1.0, -trace, e])).max()
     scene = SCENE | {"restitution": e, "amplitude": a * 9.81 / 2.0}
     found = largest_exponent(
-        lambda: PeriodMap.from_parameters(scene, Laws(rebound)), (arb(x), arb(k)), 1, k
+        lambda: BounceMap.from_parameters(scene, Laws(rebound)), (arb(x), arb(k)), 1, k
     )
     assert float(found) == pytest.approx(math.log(modulus), abs=1e-11)
     assert found.rad() < 1e-20
     # twice the way round is the same cycle
     twice = largest_exponent(
-        lambda: PeriodMap.from_parameters(scene, Laws(rebound)), (arb(x), arb(k)), 2, 2 * k
+        lambda: BounceMap.from_parameters(scene, Laws(rebound)), (arb(x), arb(k)), 2, 2 * k
     )
     assert twice.overlaps(found)
 
 
 def test_without_a_proved_cycle_there_is_no_exponent():
     def table_1():
-        return PeriodMap.from_parameters(SCENE, Laws())
+        return BounceMap.from_parameters(SCENE, Laws())
 
     state = arb(0.4329824002), arb(1)
     assert largest_exponent(table_1, state, 1, 1) is not None
@@ -59,7 +58,7 @@ def test_mean_growth_is_that_of_the_product_of_jacobians(rebound, amplitude):
     impacts = proved.impacts[: next((n for n, i in enumerate(proved.impacts) if i.rested), None)]
     flights = [proved.launch, *(i.flight for i in impacts[:-1])]
     phases = [arb(0.125), *(i.phase for i in impacts[:-1])]
-    m, errors = PeriodMap.from_parameters(parameters, Laws(rebound)), (1e-12, 1e-11)
+    m, errors = BounceMap.from_parameters(parameters, Laws(rebound)), (1e-12, 1e-11)
     found = mean_growth(m, phases, flights, errors)
     change = np.array([1.0, 0.0])
     kick = 2.0 * amplitude / 9.81

@@ -10,8 +10,8 @@ from flint import arb
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.status import Status
 from vibrosweep.proof.measures import prove_measures
-from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
-from vibrosweep.proof.sample import Realization
+from vibrosweep.proof.reference.motion import Flight, Impact, Trajectory
+from vibrosweep.proof.sampling import Realization
 from vibrosweep.scene.scene import Scene
 
 PARAMETERS = {

@@ -4,7 +4,7 @@ import h5py
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.proof.verification import State
+from vibrosweep.proof.report import State
 
 NOISE = {"restitution_noise": 0.3, "kick_noise": 0.2}
 RECORD = {"restitution": 0.4, "amplitude": 0.3, "duration": 2.5}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.proof.observables import Rounded
-from vibrosweep.proof.reference._flint import arb
+from vibrosweep.proof.measures import Rounded
+from vibrosweep.proof.reference.arithmetic import arb
 
 SPRUNG = {"mass_ratio": 0.05, "mount_frequency": 4.0, "mount_damping": 0.1, "duration": 4.0}
 BASES = {"high-bounce": {}, "moving": {}, "sprung": SPRUNG}

@@ -17,9 +17,8 @@ from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.model.parameters import NOISE, OF_RESTITUTION, STREAM
 from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES
 from vibrosweep.model.status import Regime
-from vibrosweep.proof.coordinates import RECORD_COORDINATES, SWEEP_COORDINATES
-from vibrosweep.proof.sampling import VARIABLES, read_sample
-from vibrosweep.proof.verification import State
+from vibrosweep.proof.report import State
+from vibrosweep.proof.sampling import RECORD_COORDINATES, SWEEP_COORDINATES, VARIABLES, read_sample
 from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import parse_spec

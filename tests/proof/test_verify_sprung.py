@@ -6,7 +6,7 @@ import pytest
 from vibrosweep.cli import main
 from vibrosweep.model.measures import RECORD
 from vibrosweep.model.parameters import MOUNT
-from vibrosweep.proof.verification import State
+from vibrosweep.proof.report import State
 from vibrosweep.proof.verifying import verify
 
 SPRUNG = """

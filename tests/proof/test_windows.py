@@ -14,16 +14,17 @@ from vibrosweep.analysis.window_codes import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.api.result_kinds import WINDOWS
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bifurcations import DOUBLING, SADDLE_NODE
-from vibrosweep.proof.reference._flint import arb, ctx, exact
-from vibrosweep.proof.reference.closed import (
+from vibrosweep.proof.orbits import NO_ORBIT, UNBOUNDED
+from vibrosweep.proof.reference.arithmetic import Jet, arb, ctx, exact, variables
+from vibrosweep.proof.reference.closed_orbits import (
+    EARLIER,
     NOT_ATTRACTING,
+    RESTING,
+    ClosedOrbit,
     cover,
     prove_event,
     prove_orbit,
 )
-from vibrosweep.proof.reference.jets import Jet, variables
-from vibrosweep.proof.reference.orbit_equations import EARLIER, RESTING, Orbit
-from vibrosweep.proof.windows import NO_ORBIT, UNBOUNDED
 from vibrosweep.scene.sweep import keyword_spec
 
 BASES = ("high-bounce", "moving")
@@ -41,7 +42,7 @@ def waves(turns):
 
 
 def orbit(base, e, p=1, q=1, rest=1e-4):
-    return Orbit(base, e, p, q, arb(rest))
+    return ClosedOrbit(base, e, p, q, arb(rest))
 
 
 def lines_of(base, e, p, q):

@@ -604,6 +604,6 @@ def windows_found(spec: Sweep, threads: int) -> xr.Dataset:
     """Find the windows of a sweep, and prove them if the sweep asks for it."""
     if not (spec.windows or {}).get("prove"):
         return find_windows(spec, threads)
-    from vibrosweep.proof.windows import prove_windows
+    from vibrosweep.proof import prove_windows
 
     return prove_windows(find_windows(spec, threads), spec.scene)

@@ -71,7 +71,7 @@ ORBITS: Final = ResultKind(
     _late("figures", "periodic_orbits"),
     "periodic_orbits",
     unverified="",
-    verify=_late("proof.closed_orbits", "verify_orbits"),
+    verify=_late("proof", "verify_orbits"),
 )
 BRANCHES: Final = ResultKind(
     "branches",

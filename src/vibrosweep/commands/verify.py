@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> int:
     """Perform the command; return 1 if a number contradicts its claim."""
-    from vibrosweep.proof.verifying import verify
+    from vibrosweep.proof import verify
     from vibrosweep.runs.progress import reporting
     from vibrosweep.store.reading import using
 

@@ -7,6 +7,17 @@ asymptotically.  A proof can show that it repeats as stated, up to the tolerance
 kernel identifies states and the errors that the dataset claims; impacts and periods of the cycle
 then follow exactly.  Recurrence is stated at the second occurrence of a state, after which the
 orbit may end almost at once; so states are compared from the first occurrence on.
+
+`mean_growth` follows small perturbations along an orbit.  The kernel's orbit differs from the
+proved one by no more than the dataset's bounds, and its Jacobians differ accordingly.  A change of
+a Jacobian changes the growth at that impact, and turns the direction that is carried on: both
+effects are followed here to first order, and doubled to cover the higher orders.
+
+`largest_exponent` proves that a cycle exists, and its multipliers.  The state (x, u), phase and
+speed relative to the base at lift-off, lies on a cycle of p impacts in q periods if p impacts lead
+to (x + q, u).  Newton's method finds it next to a state of an orbit; the interval Newton operator
+(Krawczyk 1969; Moore 1966) then maps a box around it into its interior, which proves that one and
+only one such state lies in the box, and the Jacobians over the box enclose the cycle's own.
 """
 
 from __future__ import annotations
@@ -18,13 +29,166 @@ from typing import Any, Final, NamedTuple
 
 from vibrosweep.kernels.settle import SAME_ORBIT
 from vibrosweep.model.status import Regime
-from vibrosweep.proof.growth import Mean, mean_growth
-from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.decisions import nearest_integer
-from vibrosweep.proof.reference.motion import EPS, PeriodMap
-from vibrosweep.proof.reference.results import Trajectory
-from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.tolerances import Bounds
+from vibrosweep.proof.claims import Bounds
+from vibrosweep.proof.reference.arithmetic import arb, ctx, nearest_integer
+from vibrosweep.proof.reference.motion import EPS, Flight, PeriodMap, Trajectory
+from vibrosweep.proof.sampling import Realization
+
+MOST_BLOCKS: Final = 32
+TURNED: Final = 1e-3  # error of the direction beyond which the first-order estimate is useless
+FIRST_ORDER: Final = 2.0
+
+
+class Mean(NamedTuple):
+    """Mean logarithm of the growth per impact."""
+
+    value: float
+    # Standard error of the mean, from the means of blocks; None below two blocks
+    standard_error: float | None
+    # Bound on the errors of both, from the dataset's bounds; None where there is none
+    claim: float | None
+
+
+def mean_growth(
+    m: PeriodMap, phases: Sequence[arb], flights: Sequence[Flight], errors: tuple[float, float]
+) -> Mean:
+    """Mean growth of a perturbation of the phase alone, over one or more impacts without rests.
+
+    The phases of successive lift-offs (turns) and the flights that follow them are proved; the
+    kernel's phases and speeds may be off by `errors`.
+    """
+    c, s, turned, logarithms, wrongs = 1.0, 0.0, 0.0, [], []
+    for x, flight in zip(phases, flights, strict=True):
+        carried = m.carried(x, flight, (c, s), errors)
+        (ax, ay), (bx, by) = carried.along, carried.across
+        along = math.hypot(ax, ay)
+        if along == 0.0:
+            return Mean(-math.inf, 0.0, 0.0 if turned == 0.0 else None)
+        wrong = carried.wrong / along
+        logarithms.append(math.log(along))
+        wrongs.append(abs(ax * bx + ay * by) / along**2 * turned + wrong + 4.0 * EPS)
+        turned = abs(ax * by - ay * bx) / along**2 * turned + wrong
+        c, s = ax / along, (-ay if carried.turned_back else ay) / along
+        if not turned <= TURNED:
+            return Mean(math.nan, None, None)
+    claim = FIRST_ORDER * max(wrongs) + 2.0 * len(wrongs) * EPS * max(map(abs, logarithms))
+    return Mean(math.fsum(logarithms) / len(logarithms), _standard_error(logarithms), claim)
+
+
+def _standard_error(logarithms: Sequence[float]) -> float | None:
+    """Standard error of a mean, from the means of fewer than `MOST_BLOCKS` blocks."""
+    length = 1
+    while len(logarithms) // length >= MOST_BLOCKS:
+        length *= 2
+    blocks = len(logarithms) // length
+    if blocks < 2:
+        return None
+    means = [math.fsum(logarithms[b * length : (b + 1) * length]) / length for b in range(blocks)]
+    middle = math.fsum(means) / blocks
+    return math.sqrt(math.fsum((m - middle) ** 2 for m in means) / (blocks * (blocks - 1)))
+
+
+# Impacts; a longer cycle would take too long to verify.
+MAX_CYCLE: Final = 1000
+# Periods; if the cycle found by Newton's method is farther from the orbit, it is another one.
+NEAR: Final = 2.0**-20
+ROUNDS: Final = 40
+
+
+class _Return(NamedTuple):
+    """Image of a state after one cycle, and the Jacobian along it, by rows."""
+
+    x: arb
+    u: arb
+    jacobian: tuple[arb, arb, arb, arb]
+    determinant: arb
+
+
+def largest_exponent(
+    map_of: Callable[[], PeriodMap],
+    state: tuple[arb, arb],
+    impacts: int,
+    periods: int,
+) -> arb | None:
+    """Largest Lyapunov exponent per impact of the cycle without rests that passes next to a state.
+
+    The state, phase in turns and speed at lift-off, is one of an orbit that has come near to the
+    cycle; `map_of` returns the map in forcing periods, at the current precision.  None if no such
+    cycle is proved: a decision along it is uncertain, a multiplier may be 1 or all may be 0, or it
+    is longer than `MAX_CYCLE`.
+    """
+    if impacts > MAX_CYCLE:
+        return None
+    with ctx.workprec(128 + 4 * math.ceil(impacts * map_of().lost())):
+        found = _proved_return(map_of(), state, impacts, periods)
+        return None if found is None else _exponent(found, impacts)
+
+
+def _proved_return(
+    m: PeriodMap, state: tuple[arb, arb], impacts: int, periods: int
+) -> _Return | None:
+    """Return from a box in which the cycle is proved to pass, or None."""
+    x, u = state[0].mid(), state[1].mid()
+    radius = arb(2) ** (-ctx.prec // 2)
+    for _ in range(ROUNDS):
+        back = _once_round(m, x, u, impacts)
+        step = None if back is None else _newton(back, back, x, u, periods)
+        if step is None:
+            return None
+        x, u = (x + step[0]).mid(), (u + step[1]).mid()
+        if not (abs(x - state[0]) < NEAR and abs(u - state[1]) < NEAR):
+            return None
+        if abs(step[0]) < radius and abs(step[1]) < radius:
+            break
+    back = _once_round(m, x, u, impacts)
+    wide = arb(0, radius)
+    box = _once_round(m, x + wide, u + wide, impacts)
+    if back is None or box is None:
+        return None
+    step = _newton(back, box, x, u, periods)
+    inside = step is not None and abs(step[0]) < radius and abs(step[1]) < radius
+    return box if inside else None
+
+
+def _once_round(m: PeriodMap, x: arb, u: arb, impacts: int) -> _Return | None:
+    """Follow a ball of states round the cycle; None if one may rest, or a decision is uncertain."""
+    j00, j01, j10, j11 = arb(1), arb(0), arb(0), arb(1)
+    determinant = arb(1)
+    for _ in range(impacts):
+        step = m.step(x, u)
+        if step is None:
+            return None
+        (xx, xu), (ux, uu) = step.rows
+        j00, j10 = xx * j00 + xu * j10, ux * j00 + uu * j10
+        j01, j11 = xx * j01 + xu * j11, ux * j01 + uu * j11
+        determinant *= step.determinant
+        x, u = x + step.duration, step.speed
+    return _Return(x, u, (j00, j01, j10, j11), determinant)
+
+
+def _newton(back: _Return, slope: _Return, x: arb, u: arb, periods: int) -> tuple[arb, arb] | None:
+    """Step to the fixed point from the residual of `back` and the Jacobian of `slope`."""
+    j00, j01, j10, j11 = slope.jacobian
+    j00, j11 = j00 - 1, j11 - 1
+    determinant = j00 * j11 - j01 * j10
+    if determinant.contains(0):
+        return None
+    g, h = x + periods - back.x, u - back.u
+    return (j11 * g - j01 * h) / determinant, (j00 * h - j10 * g) / determinant
+
+
+def _exponent(found: _Return, impacts: int) -> arb | None:
+    """Logarithm of the largest modulus of the eigenvalues, per impact."""
+    trace = abs(found.jacobian[0] + found.jacobian[3])
+    discriminant = trace * trace - 4 * found.determinant
+    if discriminant < 0:
+        modulus = found.determinant.sqrt()
+    else:  # where it may be 0, the modulus is between those of both cases
+        root = discriminant.abs_upper().sqrt()
+        least = discriminant.abs_lower().sqrt() if discriminant > 0 else arb(0)
+        modulus = (trace + least.union(root)) / 2
+    return modulus.log() / impacts if modulus > 0 else None
+
 
 # Precision in bits of numbers that become doubles
 FLOATING: Final = 128
@@ -40,7 +204,7 @@ SIGNS: Final[dict[str, Callable[[Any], bool]]] = {
 }
 
 
-class State(NamedTuple):
+class Representative(NamedTuple):
     """A lift-off: whole periods, phase in turns, speed relative to the base in units of g / 2 f."""
 
     whole: int
@@ -201,7 +365,7 @@ class Orbit:
             2 * arb.pi()
         )
 
-    def representative(self, cycle: Cycle) -> State | None:
+    def representative(self, cycle: Cycle) -> Representative | None:
         """State of a cycle with the lowest speed; of equally slow ones, that of lowest phase.
 
         Whole periods are counted with the phase of the forcing reduced to one turn.  None if states
@@ -213,7 +377,9 @@ class Orbit:
             for n in range(len(self.times) - cycle.impacts, len(self.times)):
                 turns = self._turns(n)
                 count = nearest_integer(turns)
-                members.append(State(count - whole, float(turns - count), float(self.speeds[n])))
+                members.append(
+                    Representative(count - whole, float(turns - count), float(self.speeds[n]))
+                )
         slowest = min(member.speed for member in members)
         tied = sorted(
             (m for m in members if m.speed <= slowest + 3 * SAME_ORBIT), key=lambda m: m[1]
@@ -224,12 +390,12 @@ class Orbit:
         if len(tied) > 1 and tied[1].phase - found.phase < 3 * SAME_ORBIT:
             return None
         if found.phase < SAME_ORBIT / 3 - 0.5:  # -1/2 and 1/2 are the same phase
-            return State(found.whole - 1, found.phase + 1.0, found.speed)
+            return Representative(found.whole - 1, found.phase + 1.0, found.speed)
         return None if found.phase < 3 * SAME_ORBIT - 0.5 else found
 
 
 def numbered(
-    cycles: Sequence[Cycle | None], states: Sequence[State | None]
+    cycles: Sequence[Cycle | None], states: Sequence[Representative | None]
 ) -> Sequence[int | None]:
     """Number the orbits of particles, each new one after those of earlier particles.
 
@@ -237,7 +403,7 @@ def numbered(
     number -1; all are None if it cannot be decided whether two particles are on one orbit.
     """
     numbers: list[int] = []
-    firsts: list[tuple[Cycle, State]] = []
+    firsts: list[tuple[Cycle, Representative]] = []
     for cycle, state in zip(cycles, states, strict=True):
         if cycle is None:
             numbers.append(-1)
@@ -252,7 +418,7 @@ def numbered(
     return numbers
 
 
-def _same(cycle: Cycle, state: State, other: Cycle, first: State) -> bool | None:
+def _same(cycle: Cycle, state: Representative, other: Cycle, first: Representative) -> bool | None:
     """Decide whether two particles are on one orbit; None if uncertain."""
     if (cycle.impacts, cycle.periods, cycle.rests) != (other.impacts, other.periods, other.rests):
         return False

@@ -1,19 +1,44 @@
-"""Read realizations of a finished dataset; reject files that no sweep can have written."""
+"""Realizations drawn from a finished dataset, with what its sweep file says of them.
+
+`read_sample` rejects files that no sweep can have written.  The coordinates are compared with the
+sweep file that the dataset holds, and the arrays of the axes with what is written there.  Where
+motion is random, normal deviates are drawn as the kernels draw them; for the reference they are
+exact.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache, cached_property, partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.abilities import refusal
-from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.forcing import INPUTS
+from vibrosweep.arrays import Array
+from vibrosweep.engine.landings import launch_times
+from vibrosweep.errors import DataError, ParameterError, SpecError, TableError
+from vibrosweep.kernels.deviates import (
+    LARGEST,
+    OF_DRIVE,
+    OF_KICK,
+    Word,
+    draw,
+    key_of,
+)
+from vibrosweep.kernels.deviates import (
+    OF_RESTITUTION as OF_SLIP,
+)
+from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import (
@@ -27,24 +52,270 @@ from vibrosweep.model.parameters import (
     STAGGERED,
     STREAM,
 )
-from vibrosweep.model.ragged_arrays import counts_agree, padded
+from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES, counts_agree, padded
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
 from vibrosweep.model.times import Periods, Time, amount
-from vibrosweep.proof.coordinates import (
-    RECORD_COORDINATES,
-    SWEEP_COORDINATES,
-    Expected,
-    expected,
-    judge_axes,
-)
-from vibrosweep.proof.judgement import Judgement
-from vibrosweep.proof.sample import Sample
+from vibrosweep.proof.reference.laws import Laws
+from vibrosweep.proof.reference.motion import Deviates
+from vibrosweep.proof.reference.trajectories import REFERENCE_OF, Reference
+from vibrosweep.proof.report import Judgement
 from vibrosweep.runs.driver import count
 from vibrosweep.runs.result import identity_in
+from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.scene import Scene, stored
+from vibrosweep.scene.sweep import Sweep, parse_spec
+from vibrosweep.store.dataset import NO_VARIABLE
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import result_file
 from vibrosweep.store.rows import read_rows, row_count, row_dims
+
+BLOCK: Final = 512  # deviates that are drawn at a time
+
+
+def deviates_of(seed: int, stream: float, particle: int) -> Deviates:
+    """Return the deviates of a particle in a stream."""
+
+    @cache
+    def block(purpose: Word, index: int) -> Array:
+        found, of_particle = np.empty(BLOCK), 0.0 if purpose == OF_DRIVE else float(particle)
+        draw(key_of(seed), stream, of_particle, float(index * BLOCK), purpose, found)
+        return found
+
+    def of(purpose: Word, number: int) -> float:
+        index, place = divmod(number, BLOCK)
+        return float(block(purpose, index)[place])
+
+    return Deviates(
+        of_impact=lambda number: (of(OF_SLIP, number), of(OF_KICK, number)),
+        of_period=lambda number: of(OF_DRIVE, number),
+        largest=LARGEST,
+    )
+
+
+@dataclass(frozen=True)
+class Realization:
+    """One realization of a scene, with exact times."""
+
+    scene: Scene
+    # All of `vibrosweep.model.parameters.PARAMETERS`, and those of OF_RESTITUTION and MOUNT that
+    # the law of restitution and the base need
+    parameters: Mapping[str, float]
+    stream: float | None = None  # of random numbers; None where nothing is random
+
+    @cached_property
+    def launch_times(self) -> tuple[Fraction, ...]:
+        """Launch times in s; a staggered particle j is launched at j / (particles frequency)."""
+        if not isinstance(self.scene.launch, str):
+            return tuple(map(Fraction, self.scene.launch))
+        particles = self.scene.particles
+        return tuple(j * self._period / particles for j in range(particles))
+
+    @property
+    def transient(self) -> float | Fraction:
+        """Beginning of the window in s; a `Fraction` where it was given in forcing periods."""
+        return self._seconds(self.scene.measures.transient)
+
+    @property
+    def duration(self) -> float | Fraction:
+        """End of the window in s; a `Fraction` where it was given in forcing periods."""
+        return self._seconds(self.scene.duration)
+
+    @property
+    def launch_rounding(self) -> float:
+        """Rounding error in s of the comparison of a launch with the edges of the window."""
+        end = float(self.duration)
+        if isinstance(self.scene.launch, str):
+            return 2.0**-51 * (end + float(self._period))
+        times = (self.scene.measures.transient, self.scene.duration)
+        return 2.0**-51 * end if any(isinstance(time, Periods) for time in times) else 0.0
+
+    @property
+    def laws(self) -> Laws:
+        """Laws of an impact, and the shape of the motion."""
+        return Laws(self.scene.rebound, self.scene.restitution_law, self.scene.waveform)
+
+    @property
+    def deviates(self) -> Callable[[int], Deviates] | None:
+        """Deviates of each particle; None where nothing is random."""
+        if self.stream is None:
+            return None
+        return partial(deviates_of, self.scene.noise_seed, self.stream)
+
+    @property
+    def coupled(self) -> bool:
+        """True if the base couples the particles."""
+        return self.scene.base == SPRUNG
+
+    @property
+    def reference(self) -> Reference:
+        """Reference of a base over which particles are independent."""
+        return REFERENCE_OF[self.scene.base]
+
+    @property
+    def _period(self) -> Fraction:
+        return 1 / Fraction(self.parameters["frequency"])
+
+    def _seconds(self, time: Time) -> float | Fraction:
+        return Fraction(time.number) * self._period if isinstance(time, Periods) else time
+
+    @cached_property
+    def liftoff_error(self) -> float:
+        """Largest error in turns of a lift-off after a rest that is computed in doubles."""
+        return self.reference.liftoff_error(self.parameters, self.laws)
+
+    @cached_property
+    def velocity(self) -> float:
+        """Velocity in m s-1 of a sine at least as fast, high and steep as the base's motion."""
+        return self.reference.velocity(self.parameters, self.laws)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Realizations drawn from a dataset; its record of every landing is a sample of one."""
+
+    total: int  # number of realizations in the dataset
+    rows: NDArray[np.int64]  # indices of those drawn, in increasing order
+    parameters: Mapping[str, Array]  # as of a `Realization`, each of shape (row,)
+    scene: Scene
+    current: bool  # True if this version and git revision computed the dataset
+    stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
+    # Coordinates of the dataset: numbers, arrays over the particles, or sampled ones, (row,)
+    coordinates: Mapping[str, NDArray[Any]]
+    others: Mapping[str, str]  # reasons why other variables cannot be compared, by name
+    # Observables that are compared, with their values in the rows
+    observables: Mapping[Observable, NDArray[Any]]
+
+    def realization(self, row: int) -> Realization:
+        """Return the realization of one of the rows."""
+        parameters = {name: float(values[row]) for name, values in self.parameters.items()}
+        stream = parameters.pop(STREAM, None)
+        return Realization(self.scene, parameters, stream)
+
+
+SWEEP_COORDINATES: Final = (*INPUTS, STREAM, "launch_time", "duration", "transient")
+RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration", *OF_TRAJECTORIES)
+# designs drawn by another library, whose versions may differ
+DRAWN_BY_SCIPY: Final = ("latin", "sobol")
+# Dimensions whose variables only number them, and the mark of a dimension without a variable
+NUMBERED: Final = ("realization", "particle", "impact")
+MARK: Final = NO_VARIABLE.partition("%")[0]
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Coordinates that the sweep file in a dataset specifies."""
+
+    # Coordinates of all realizations: numbers, or arrays over the particles; the names of those of
+    # the record begin with ``record/``
+    shared: Mapping[str, Any]
+    # Sampled parameters of the rows drawn, each of shape (row,)
+    sampled: Mapping[str, NDArray[np.float64]]
+    unknown: Mapping[str, str]  # reasons why other coordinates are not known, by name
+
+
+def expected(path: Path, file: Any, rows: NDArray[np.int64]) -> Expected:
+    """Return the coordinates of some increasing rows according to the dataset's sweep file.
+
+    A table with a relative path is looked for beside the dataset.
+    """
+    names = [*SWEEP_COORDINATES, *(f"record/{name}" for name in RECORD_COORDINATES)]
+    try:
+        spec = parse_spec(str(file.attrs["sweep_file"]), path)
+    except (KeyError, SpecError):
+        reason = "the dataset holds no sweep file that this version reads"
+        return Expected({}, {}, dict.fromkeys(names, reason))
+    shared: dict[str, Any] = {}
+    if spec.record is not None:
+        record = spec.record
+        known = {name: values[0] for name, values in record.timed({}).items()}
+        frequency = record.inputs["frequency"]
+        known["launch_time"] = launch_times(record.launch, record.particles, frequency)
+        known["realization_index"] = np.zeros(record.particles)
+        known["particle_index"] = np.arange(record.particles)
+        shared = {f"record/{name}": value for name, value in known.items()}
+    drawn, reason = _drawn_again(spec, identity_in(file), rows)
+    found, varied = spec.scene.timed(drawn, rows.size), spec.scene.varying(drawn)
+    shared |= {name: values[0] for name, values in found.items() if name not in varied}
+    if spec.scene.launch != STAGGERED or "frequency" in shared:
+        frequency = float(shared.get("frequency", 1.0))
+        shared["launch_time"] = launch_times(spec.scene.launch, spec.scene.particles, frequency)
+    if reason:
+        unknown = [name for name in SWEEP_COORDINATES if name not in shared]
+        return Expected(shared, {}, dict.fromkeys(unknown, reason))
+    return Expected(shared, {name: found[name] for name in varied}, {})
+
+
+def _drawn_again(
+    spec: Sweep, identity: str, rows: NDArray[np.int64]
+) -> tuple[dict[str, NDArray[np.float64]], str]:
+    """Sampled parameters of the rows; NaN, and the reason, where they cannot be known."""
+    design = _design(spec, identity)
+    if isinstance(design, str):
+        # a table decides which parameters are sampled
+        every = inputs_of(spec.scene.given, spec.scene.base)
+        names, reason = tuple(every if spec.design.name == "table" else spec.design.sampled), design
+    elif np.any(rows >= design.realizations):
+        reason = f"the sweep file asks for {design.realizations} realizations"
+        names = design.sampled
+    else:
+        return chosen(design, rows.tolist()).take(0, rows.size), ""
+    return {name: np.full(rows.size, np.nan) for name in names}, reason
+
+
+def _design(spec: Sweep, identity: str) -> Realizations | str:
+    """Open the design again, or return the reason why it cannot be compared."""
+    if spec.design.name in DRAWN_BY_SCIPY:
+        drawn = json.loads(identity or "{}").get("scipy", version("scipy"))
+        if drawn != version("scipy"):
+            return f"drawn by scipy {drawn}, this is {version('scipy')}"
+    if isinstance(spec.design.table, Path):
+        if not spec.design.table.is_file():
+            return f"there is no table {spec.design.table}"
+        contents = spec.design.table.read_bytes()
+        if hashlib.blake2b(contents, digest_size=8).hexdigest() not in identity:
+            return f"the table {spec.design.table} is not the one that was used"
+    try:
+        return open_design(spec)
+    except (SpecError, TableError) as error:
+        return f"the design cannot be opened again: {error}"
+
+
+def judge_axes(path: Path) -> Iterator[Judgement]:
+    """Judge the axes of a file and of its record: variables, and arrays that must hold zeros.
+
+    A dimension of netCDF-4 without a variable is an HDF5 array that is never written, and so reads
+    as zeros.  A program that saves a dataset again may turn it into a variable that numbers
+    realizations, particles or impacts.
+    """
+    with h5py.File(path) as file:
+        for place in ("", "record"):
+            group = file.get(place or "/")
+            # links may lead out of the file, or in circles
+            named = [
+                n for n in group or () if isinstance(group.get(n, getlink=True), h5py.HardLink)
+            ]
+            for name in named:
+                axis = group[name]
+                if isinstance(axis, h5py.Dataset) and axis.ndim == 1:
+                    yield from _judged_axis(f"{place}/{name}".lstrip("/"), axis)
+
+
+def _judged_axis(name: str, axis: h5py.Dataset) -> Iterator[Judgement]:
+    mark = axis.attrs.get("NAME", b"")
+    mark = mark.decode(errors="replace") if isinstance(mark, bytes) else str(mark)
+    variable = not mark.startswith(MARK)
+    if (variable and name.rpartition("/")[2] not in NUMBERED) or axis.dtype.kind not in "iuf":
+        return
+    values = np.asarray(axis[...])
+    right = np.arange(values.size) if variable else np.zeros(values.size)
+    wrong = np.flatnonzero(values != right)
+    if wrong.size:
+        at, value = int(wrong[0]), float(values[wrong[0]])
+        complaint = f"is {value!r} at {at}, where a file of vibrosweep has {right[at]:g}"
+        yield Judgement(name, None, math.inf, 0.0, None, complaint)
+    elif variable:
+        yield Judgement(name, None, 0.0, 0.0)
+
 
 OF_OBSERVABLES: Final = "measure.observables"
 UNKNOWN: Final = "a label of the table, or a variable that this version does not know"
@@ -74,7 +345,7 @@ def read_sample(
             noise = [name for name in NOISE if name in group.variables]
             if wrong := refusal(base, analysis="verify", noise=noise):
                 raise DataError(f"{path}: the proof {wrong}")
-        sample = _drawn(path, file, size, seed, observables)
+        sample = _sample(path, file, size, seed, observables)
         record = _record(file, sample) if "record" in file.groups else None
         setting, axes = expected(path, file, sample.rows), list(judge_axes(path))
     _require_sound(path, sample, VARIABLES)
@@ -83,7 +354,7 @@ def read_sample(
     return sample, record, setting, axes
 
 
-def _drawn(
+def _sample(
     path: Path, file: Any, size: int, seed: int, observables: Sequence[Observable]
 ) -> Sample:
     identity = json.loads(identity_in(file) or "{}")

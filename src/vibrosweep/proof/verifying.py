@@ -17,27 +17,24 @@ from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.observables import Observable, observables_of
 from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.status import Status
-from vibrosweep.proof.bounds import (
+from vibrosweep.proof.claims import MAX_COUPLED, Bounds, Estimate, prove
+from vibrosweep.proof.judges import (
     BOUNDS,
+    Case,
     Errors,
+    judge_observable,
+    judge_record,
+    judge_row,
     landing_errors,
     measure_again,
     measure_bounds,
 )
-from vibrosweep.proof.case import Case
-from vibrosweep.proof.coordinates import Expected
-from vibrosweep.proof.coupled import MAX_COUPLED, Estimate, prove
-from vibrosweep.proof.judgement import Judgement, judge
-from vibrosweep.proof.judges import judge_observable, judge_record, judge_row
-from vibrosweep.proof.reference._flint import UndecidableError
-from vibrosweep.proof.reference.ball import trajectory
-from vibrosweep.proof.reference.coupled import TooManyLandingsError
-from vibrosweep.proof.reference.motion import EPS
-from vibrosweep.proof.reference.results import Trajectory
-from vibrosweep.proof.sample import Realization, Sample
-from vibrosweep.proof.sampling import read_sample
-from vibrosweep.proof.tolerances import Bounds
-from vibrosweep.proof.verification import Outcome, Report, State
+from vibrosweep.proof.reference.arithmetic import UndecidableError
+from vibrosweep.proof.reference.motion import EPS, Trajectory
+from vibrosweep.proof.reference.sprung import TooManyLandingsError
+from vibrosweep.proof.reference.trajectories import trajectory
+from vibrosweep.proof.report import Judgement, Outcome, Report, State, judge
+from vibrosweep.proof.sampling import Expected, Realization, Sample, read_sample
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.store.disk import path_of
 from vibrosweep.store.kinds import read_kind

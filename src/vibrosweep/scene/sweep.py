@@ -38,6 +38,7 @@ SHARED: Final = (
     *("base", "waveform", "noise_seed"),
 )
 HDF5: Final = b"\x89HDF"  # the first bytes of a result
+LONGEST_SPEC: Final = 2**26  # bytes: a device may have no end
 # A text in double quotes with a backslash that begins none of TOML's escapes
 BACKSLASH: Final = re.compile(
     r'"((?:[^"\\\n]|\\.)*?\\(?![btnfr"\\]|u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8})[^"\n]*)"'
@@ -112,7 +113,9 @@ def read_text(source: Path) -> str:
     """Read the text of a TOML file; a SpecError says why it cannot be read."""
     try:
         # utf-8-sig: editors on Windows put a byte order mark first, which TOML does not allow
-        return source.read_bytes().decode("utf-8-sig")
+        with source.open("rb") as file:
+            data = file.read(LONGEST_SPEC + 1)
+        text = data[:LONGEST_SPEC].decode("utf-8-sig")
     except FileNotFoundError as error:
         raise SpecError(f"{source}: there is no such sweep file; check the path") from error
     except IsADirectoryError as error:
@@ -125,6 +128,9 @@ def read_text(source: Path) -> str:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise SpecError(f"{source}: cannot be read: {reason}") from error
+    if len(data) > LONGEST_SPEC:
+        raise SpecError(f"{source}: is longer than 64 MiB, as no sweep file is; check the path")
+    return text
 
 
 def parse_spec(

@@ -12,8 +12,8 @@ from proved_pieces import sine, step
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference._flint import UndecidableError
-from vibrosweep.proof.reference.ball import trajectory
+from vibrosweep.proof.reference.arithmetic import UndecidableError
+from vibrosweep.proof.reference.trajectories import trajectory
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "launch_time": 0.0,
@@ -222,10 +222,10 @@ def test_no_impact():
 
 def test_missing_flint_is_one_clear_error(monkeypatch):
     monkeypatch.setitem(sys.modules, "flint", None)
-    for name in ("_flint", "ballmap", "results", "orbit", "ball"):
+    for name in ("arithmetic", "laws", "motion", "high_bounce", "moving", "trajectories"):
         monkeypatch.delitem(sys.modules, f"vibrosweep.proof.reference.{name}", raising=False)
     with pytest.raises(VibrosweepError, match=r'pip install "vibrosweep\[verify\]"'):
-        importlib.import_module("vibrosweep.proof.reference.ball")
+        importlib.import_module("vibrosweep.proof.reference.trajectories")
 
 
 def test_step_separates_whole_periods():

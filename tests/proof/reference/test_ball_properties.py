@@ -8,10 +8,10 @@ from flint import arb, ctx
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from vibrosweep.proof.reference.ball import trajectory
-from vibrosweep.proof.reference.enclosure import Enclosure
+from vibrosweep.proof.reference.arithmetic import Enclosure
 from vibrosweep.proof.reference.high_bounce import BallMap
 from vibrosweep.proof.reference.laws import Constant
+from vibrosweep.proof.reference.trajectories import trajectory
 
 
 def number(low, high):

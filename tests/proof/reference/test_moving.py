@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from proved_pieces import first_landing
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.proof.reference._flint import UndecidableError
-from vibrosweep.proof.reference.ball import trajectory
+from vibrosweep.proof.reference.arithmetic import UndecidableError
 from vibrosweep.proof.reference.laws import Constant
 from vibrosweep.proof.reference.moving import MovingMap
+from vibrosweep.proof.reference.trajectories import trajectory
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "launch_time": 0.125,

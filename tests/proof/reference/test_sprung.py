@@ -12,14 +12,21 @@ from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.proof.deviates import deviates_of
-from vibrosweep.proof.reference._flint import UndecidableError
-from vibrosweep.proof.reference.ball import trajectory
-from vibrosweep.proof.reference.coupled import bodies_of, coupled
-from vibrosweep.proof.reference.drives import Mount
-from vibrosweep.proof.reference.events import LANDING, LAUNCH, LIFTOFF, Bodies, Launch
+from vibrosweep.proof.reference.arithmetic import UndecidableError
 from vibrosweep.proof.reference.laws import Constant
-from vibrosweep.proof.reference.sprung import System
+from vibrosweep.proof.reference.mount import Mount
+from vibrosweep.proof.reference.sprung import (
+    LANDING,
+    LAUNCH,
+    LIFTOFF,
+    Bodies,
+    Launch,
+    System,
+    bodies_of,
+    coupled,
+)
+from vibrosweep.proof.reference.trajectories import trajectory
+from vibrosweep.proof.sampling import deviates_of
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "mass_ratio": 0.05,

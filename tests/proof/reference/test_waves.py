@@ -6,8 +6,8 @@ from flint import arb, ctx
 
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.shapes import SINE, Waveform
-from vibrosweep.proof.reference.ball import trajectory
-from vibrosweep.proof.reference.waves import next_of, wave_of
+from vibrosweep.proof.reference.laws import next_of, wave_of
+from vibrosweep.proof.reference.trajectories import trajectory
 
 TWO = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
 THREE = Waveform("harmonics", ((1, 0.3, 0.0), (3, 1.0, 0.5)))

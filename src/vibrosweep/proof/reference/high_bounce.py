@@ -14,7 +14,7 @@ case g = 2, f = 1, phi = 0.
 
 Where only phase and flight matter, as on a cycle, the map is written in forcing periods:
 x' = x + u, w = e u + a sin(2 pi x').  For other laws of restitution and other shapes of the motion
-(`vibrosweep.proof.reference.waves`), e v, e u and the sine stand for what these give.
+(`vibrosweep.proof.reference.laws`), e v, e u and the sine stand for what these give.
 """
 
 from __future__ import annotations
@@ -25,22 +25,35 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
-from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.decisions import UncertainError, certain_above
-from vibrosweep.proof.reference.enclosure import FRAME_BITS, Enclosure
-from vibrosweep.proof.reference.laws import Impact, Laws, mean_logarithm, slope_change
+from vibrosweep.proof.reference.arithmetic import (
+    FRAME_BITS,
+    Enclosure,
+    UncertainError,
+    arb,
+    certain_above,
+    ctx,
+)
+from vibrosweep.proof.reference.laws import (
+    SINE_WAVE,
+    Laws,
+    Restitution,
+    Wave,
+    mean_logarithm,
+    next_of,
+    slope_change,
+    wave_of,
+)
 from vibrosweep.proof.reference.motion import (
     EPS,
     Carried,
     Contraction,
+    Flight,
     Landed,
     Left,
     Pair,
     Problem,
     Step,
 )
-from vibrosweep.proof.reference.results import Flight
-from vibrosweep.proof.reference.waves import SINE_WAVE, Wave, next_of, wave_of
 
 ZERO, ONE = arb(0), arb(1)
 LONGEST: Final = 1 << 16  # number of forcing periods in which the end of a rest is searched for
@@ -50,7 +63,7 @@ LONGEST: Final = 1 << 16  # number of forcing periods in which the end of a rest
 class BallMap:
     """The map's parameters as balls; phases in half turns, as sin(pi h) needs no multiplication."""
 
-    restitution: Impact
+    restitution: Restitution
     amplitude: arb  # A (m s-1)
     half_turns_at_launch: arb  # 2 f t0 + phi / pi
     # half_turn_rate, gravity: 4 f and g.  The phase 4 f V / g is one quotient, exact if its value
@@ -116,7 +129,7 @@ class BallMap:
         return (half_turns - self.half_turns_at_launch) * self.gravity / self.half_turn_rate
 
 
-class Motion:
+class BounceMotion:
     """A particle on this base, at one precision; times are V, in units of 2 / g.
 
     Attributes
@@ -238,10 +251,10 @@ def _period(turns: arb, impact: int) -> int:
     return int(found)
 
 
-class PeriodMap(NamedTuple):
+class BounceMap(NamedTuple):
     """The map in forcing periods."""
 
-    restitution: Impact
+    restitution: Restitution
     # a, r: kick and threshold of rest
     a: arb
     r: arb
@@ -249,7 +262,7 @@ class PeriodMap(NamedTuple):
     wave: Wave
 
     @classmethod
-    def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> PeriodMap:
+    def from_parameters(cls, parameters: Mapping[str, float], laws: Laws) -> BounceMap:
         """Map of physical parameters, at the current precision."""
         p = {name: arb(value) for name, value in parameters.items()}
         kick = 2 * p["frequency"] / p["gravity"] * p["amplitude"]

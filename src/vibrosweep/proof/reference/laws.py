@@ -1,4 +1,8 @@
-"""Laws of rebound and of restitution in ball arithmetic.
+"""Shapes of the motion of the base, and laws of rebound and of restitution, in ball arithmetic.
+
+The base has the velocity V0 w(x) and the height (V0 / f) W(x), W' = w, at the phase x in turns; w
+has the period 1 and the mean zero.  Phases are given in half turns, because sin(pi h) needs no
+product.  The weights and phases of harmonics are taken as exact doubles.
 
 Over the high-bounce base the speed after an impact is w = kept + kick.  Where w is negative the
 particle is pushed into the base: it rests, or the law of rebound turns it back with the speed -w.
@@ -12,14 +16,349 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 
 from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.outside_laws import Law as OutsideLaw
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import SINE, Waveform
-from vibrosweep.proof.reference._flint import arb
-from vibrosweep.proof.reference.jets import Jet
+from vibrosweep.model.shapes import HARMONICS_NAME, PARABOLIC_NAME, SINE, Waveform
+from vibrosweep.proof.reference.arithmetic import (
+    FRAME_BITS,
+    Jet,
+    UncertainError,
+    arb,
+    certain_above,
+    ctx,
+    nearest_integer,
+)
+
+ZERO, ONE = arb(0), arb(1)
+QUARTER: Final = arb(0.25)
+PIECES: Final = 64  # of a period, which are halved further where a zero may hide
+OFF: Final = arb(0.49087)  # start of the first piece, where a zero of a waveform is unlikely
+FALLS: Final = "the base ever falls faster than gravity"
+AtLiftoff: TypeAlias = Sequence[tuple[arb, arb]]  # values of a shape at the phase of a lift-off
+
+
+class Bounds(NamedTuple):
+    """Bounds of a shape."""
+
+    # fast, steep, bend, jolt: of |w| and the moduli of its derivatives, in turns
+    fast: arb
+    steep: arb
+    bend: arb
+    jolt: arb
+    top: arb  # of W
+    # Largest of `fast`, 2 pi `top` and `steep` / 2 pi: a sine of this size is at least as fast,
+    # high and steep
+    size: float
+    # Roundings of w and of w' in doubles, relative to `fast` and `steep`, beyond those of a sine
+    blur: float
+
+
+class Wave(Protocol):
+    """A shape, at one precision."""
+
+    @property
+    def bounds(self) -> Bounds:
+        """Bounds of the shape."""
+
+    def level(self, h: arb) -> arb:
+        """W at a phase."""
+
+    def velocity(self, h: arb) -> arb:
+        """Velocity w at a phase."""
+
+    def slope(self, h: arb) -> arb:
+        """Derivative of w."""
+
+    def rate(self, h: arb) -> arb:
+        """Second derivative of w; for a shape with corners, its value between them."""
+
+    def slope_change(self, h: arb, error: float) -> float:
+        """Bound on the change of w' within an error of a phase, in turns."""
+        return float(self.bounds.bend) * error
+
+    def at_liftoff(self, h: arb) -> AtLiftoff:
+        """Return the values at the phase x of a lift-off that `rise` and `gain` need."""
+
+    def rise(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        """W(x + s) - W(x) - s w(x), computed without cancellation."""
+
+    def gain(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        """w(x + s) - w(x)."""
+
+    def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
+        """Phases in turns at which the kick a w(x), a of any sign, rises through r."""
+
+    def falls(self, alpha: arb, impact: int) -> tuple[list[arb], list[arb]]:
+        """Phases in turns at which 1 + G falls and rises through 0, G = alpha w' / 2."""
+
+
+class _Sine(Wave):
+    """w = sin(2 pi x)."""
+
+    @property
+    def bounds(self) -> Bounds:
+        turn = 2 * arb.pi()
+        return Bounds(ONE, turn, turn**2, turn**3, 1 / turn, 1.0, 0.0)
+
+    def level(self, h: arb) -> arb:
+        return -h.cos_pi() / (2 * arb.pi())
+
+    def velocity(self, h: arb) -> arb:
+        return h.sin_pi()
+
+    def slope(self, h: arb) -> arb:
+        return 2 * arb.pi() * h.cos_pi()
+
+    def rate(self, h: arb) -> arb:
+        return -4 * arb.pi() ** 2 * h.sin_pi()
+
+    def at_liftoff(self, h: arb) -> AtLiftoff:
+        sine, cosine = h.sin_cos_pi()
+        return ((sine, cosine),)
+
+    def rise(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        ((sine, cosine),) = at_liftoff
+        half, turn = s.sin_pi(), 2 * arb.pi()
+        return (2 * cosine * half * half - sine * (turn * s - (2 * s).sin_pi())) / turn
+
+    def gain(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        ((sine, cosine),) = at_liftoff
+        half, half_cosine = s.sin_cos_pi()
+        return -2 * half * (sine * half - cosine * half_cosine)
+
+    def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
+        above = certain_above(abs(a), r, "A > v_rest", impact)
+        return [_rising((r / a).asin() / (2 * arb.pi()))] if above else []
+
+    def falls(self, alpha: arb, impact: int) -> tuple[list[arb], list[arb]]:
+        gamma = arb.pi() * alpha
+        if not certain_above(gamma, ONE, FALLS, impact):
+            return [], []
+        lift = (-1 / gamma).acos() / (2 * arb.pi())
+        return [lift], [-lift]
+
+
+def _rising(x: arb) -> arb:
+    """Return the one of two crossings, x and 1/2 - x, at which the kick rises."""
+    return x if x > 0 else arb(0.5) - x
+
+
+SINE_WAVE: Final[Wave] = _Sine()
+
+
+class _Harmonics(Wave):
+    """w = sum of c sin(2 pi h x + psi) = p sin(2 pi h x) + q cos(2 pi h x)."""
+
+    def __init__(self, waveform: Waveform) -> None:
+        self._terms = []
+        for number, weight, phase in waveform.tones:
+            sine, cosine = arb(phase).sin_cos()
+            self._terms.append((number, arb(weight) * cosine, arb(weight) * sine))
+        self._tones = waveform.tones
+
+    def _sum(self, power: int) -> arb:
+        """Sum of (2 pi h)^power |c|."""
+        total = ZERO
+        for h, c, _ in self._tones:
+            total += (2 * arb.pi() * h) ** power * abs(arb(c))
+        return total
+
+    @property
+    def bounds(self) -> Bounds:
+        fast, steep, bend, jolt, top = (self._sum(power) for power in (0, 1, 2, 3, -1))
+        most, turn = max(h for h, _, _ in self._tones), 2 * arb.pi()
+        size = max(float(one) for one in (fast, steep / turn, turn * top)) * (1.0 + 2.0**-40)
+        return Bounds(fast, steep, bend, jolt, top, size, 6.0 * most * most + most + 32.0)
+
+    def _along(self, half_turns: arb, term: Callable[[arb, arb, arb], arb]) -> arb:
+        """Sum of a function of 2 pi h, c sin and c cos."""
+        total = ZERO
+        for (h, *_), (u, v) in zip(self._terms, self.at_liftoff(half_turns), strict=True):
+            total += term(2 * arb.pi() * h, u, v)
+        return total
+
+    def level(self, h: arb) -> arb:
+        return self._along(h, lambda turn, u, v: -v / turn)
+
+    def velocity(self, h: arb) -> arb:
+        return self._along(h, lambda turn, u, v: u)
+
+    def slope(self, h: arb) -> arb:
+        return self._along(h, lambda turn, u, v: turn * v)
+
+    def rate(self, h: arb) -> arb:
+        return self._along(h, lambda turn, u, v: -turn * turn * u)
+
+    def at_liftoff(self, h: arb) -> AtLiftoff:
+        found = []
+        for number, p, q in self._terms:
+            sine, cosine = (number * h).sin_cos_pi()
+            found.append((p * sine + q * cosine, p * cosine - q * sine))
+        return found
+
+    def rise(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        total = ZERO
+        for (number, *_), (u, v) in zip(self._terms, at_liftoff, strict=True):
+            q, half = 2 * arb.pi() * number * s, (number * s).sin_pi()
+            turned = (2 * number * s).sin_pi()
+            total += (2 * v * half * half - u * (q - turned)) / (2 * arb.pi() * number)
+        return total
+
+    def gain(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        total = ZERO
+        for (number, *_), (u, v) in zip(self._terms, at_liftoff, strict=True):
+            half, half_cosine = (number * s).sin_cos_pi()
+            total -= 2 * half * (u * half - v * half_cosine)
+        return total
+
+    def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
+        found = crossings(
+            lambda x: a * self.velocity(2 * x) - r, lambda x: a * self.slope(2 * x), impact
+        )
+        return [x for x, rising in found if rising]
+
+    def falls(self, alpha: arb, impact: int) -> tuple[list[arb], list[arb]]:
+        half = alpha / 2
+        found = crossings(
+            lambda x: 1 + half * self.slope(2 * x), lambda x: half * self.rate(2 * x), impact
+        )
+        return [x for x, rising in found if not rising], [x for x, rising in found if rising]
+
+
+class _Triangle(Wave):
+    """w = 4 x for |x| <= 1/4 and 2 - 4 x up to 3/4: its height is made of parabolas."""
+
+    @property
+    def bounds(self) -> Bounds:
+        return Bounds(ONE, arb(4), ZERO, ZERO, arb(0.125), 1.0, 0.0)
+
+    def _pieces(self, h: arb) -> list[tuple[int, arb]]:
+        """Sign of the slope, and phase from the middle, of each piece in which a phase may be."""
+        x = h / 2
+        near = x - nearest_integer(x)
+        found = []
+        for middle, sign in ((ZERO, 1), (arb(0.5), -1), (arb(-0.5), -1), (ONE, 1), (-ONE, 1)):
+            if abs(near - middle).lower() <= QUARTER:
+                found.append((sign, near - middle))
+        return found
+
+    def _joined(self, h: arb, value: Callable[[int, arb], arb]) -> arb:
+        first, *others = (value(*piece) for piece in self._pieces(h))
+        for other in others:
+            first = first.union(other)
+        return first
+
+    def level(self, h: arb) -> arb:
+        return self._joined(h, lambda sign, y: sign * (2 * y * y - arb(0.125)))
+
+    def velocity(self, h: arb) -> arb:
+        return self._joined(h, lambda sign, y: 4 * sign * y)
+
+    def slope(self, h: arb) -> arb:
+        return self._joined(h, lambda sign, y: arb(4 * sign))
+
+    def rate(self, h: arb) -> arb:
+        return ZERO
+
+    def slope_change(self, h: arb, error: float) -> float:
+        near = h + arb(0, 2.0 * error)
+        return 8.0 if len(self._pieces(near)) > 1 else 0.0
+
+    def at_liftoff(self, h: arb) -> AtLiftoff:
+        return ((h, self.velocity(h)),)
+
+    def rise(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        ((h, velocity),) = at_liftoff
+        before, after = self._pieces(h), self._pieces(h + 2 * s)
+        if s < 0.25 and len(before) == 1 and len(after) == 1 and before[0][0] == after[0][0]:
+            return 2 * before[0][0] * s * s
+        return self.level(h + 2 * s) - self.level(h) - s * velocity
+
+    def gain(self, at_liftoff: AtLiftoff, s: arb) -> arb:
+        ((h, velocity),) = at_liftoff
+        return self.velocity(h + 2 * s) - velocity
+
+    def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
+        above = certain_above(abs(a), r, "A > v_rest", impact)
+        return [_rising(r / (4 * a))] if above else []
+
+    def falls(self, alpha: arb, impact: int) -> tuple[list[arb], list[arb]]:
+        falls = certain_above(2 * alpha, ONE, FALLS, impact)
+        return ([QUARTER], [-QUARTER]) if falls else ([], [])
+
+
+def wave_of(waveform: Waveform) -> Wave:
+    """Return the shape of a waveform, at the current precision."""
+    if waveform.name == HARMONICS_NAME:
+        return _Harmonics(waveform)
+    return _Triangle() if waveform.name == PARABOLIC_NAME else SINE_WAVE
+
+
+def crossings(
+    value: Callable[[arb], arb], slope: Callable[[arb], arb], impact: int
+) -> list[tuple[arb, bool]]:
+    """All zeros in a period of a function of the phase in turns, and whether it rises there.
+
+    Pieces of the period are halved until balls prove that the function has no zero, or is monotone,
+    over the whole piece.  The interval Newton operator narrows the zeros that are found.
+    """
+    least = arb(2) ** (-FRAME_BITS // 2)
+    step = ONE / PIECES
+    pieces = [(k * step - OFF, (k + 1) * step - OFF) for k in range(PIECES)]
+    found = []
+    while pieces:
+        low, high = pieces.pop()
+        with ctx.workprec(FRAME_BITS):
+            piece = low.union(high)
+            over = value(piece)
+            if over > 0 or over < 0:
+                continue
+            slopes = slope(piece)
+        if slopes > 0 or slopes < 0:
+            before, after = value(low), value(high)
+            if not (before > 0 or before < 0) or not (after > 0 or after < 0):
+                raise UncertainError("a phase at which a rest may end", impact)
+            if bool(before > 0) != bool(after > 0):
+                found.append((_narrowed(value, slope, piece), bool(after > 0)))
+            continue
+        if high - low < least:
+            raise UncertainError("a phase at which a rest may end", impact)
+        middle = ((low + high) / 2).mid()
+        pieces += [(middle, high), (low, middle)]
+    return found
+
+
+def _narrowed(value: Callable[[arb], arb], slope: Callable[[arb], arb], root: arb) -> arb:
+    """Narrow a ball that holds one zero, and in which the slope has one sign, to the precision."""
+    while True:
+        middle = root.mid()
+        off, slopes = value(middle), slope(root)
+        closer = root.intersection(middle - off / slopes)
+        if not 2 * closer.rad() < root.rad():
+            if not (off > 0 or off < 0):
+                return closer
+            before = bool(off > 0) == bool(slopes > 0)  # where Newton's operator does not narrow it
+            closer = (root.lower() if before else root.upper()).union(middle)
+        root = closer
+
+
+def next_of(phases: Sequence[arb], turns: arb, impact: int) -> arb:
+    """First time in turns, not earlier than a given one, that has one of some phases."""
+    found = []
+    for phase in phases:
+        periods = (turns - phase).ceil().unique_fmpz()
+        if periods is None:
+            raise UncertainError("whether a rest begins before the lift-off phase", impact)
+        found.append(phase + periods)
+    first = found[0]
+    for other in found[1:]:
+        first = (
+            first if certain_above(other, first, "which lift-off is the next", impact) else other
+        )
+    return first
 
 
 class Laws(NamedTuple):
@@ -34,13 +373,13 @@ class Laws(NamedTuple):
         """True if a particle that is pushed into the base is turned back."""
         return self.rebound == "reflect"
 
-    def in_periods(self, p: Mapping[str, arb]) -> Impact:
+    def in_periods(self, p: Mapping[str, arb]) -> Restitution:
         """Return `impact` for physical parameters, with speeds in units of g / 2 f."""
         speed = p.get("restitution_speed")
         unit = p["gravity"] / (2 * p["frequency"])
         return self.impact(p["restitution"], None if speed is None else speed / unit)
 
-    def impact(self, e: arb, speed: arb | None) -> Impact:
+    def impact(self, e: arb, speed: arb | None) -> Restitution:
         """Return the law for a restitution e and, if it has one, a speed v_r."""
         if self.restitution == CONSTANT or speed is None:
             return Constant(e)
@@ -49,7 +388,7 @@ class Laws(NamedTuple):
         return Outside(OUTSIDE[self.restitution], e, speed)
 
 
-class Impact(Protocol):
+class Restitution(Protocol):
     """A law of restitution: the speed that an impact leaves."""
 
     def share(self, v: arb) -> arb:
@@ -68,7 +407,7 @@ class Impact(Protocol):
 
 
 @dataclass(frozen=True)
-class Constant(Impact):
+class Constant(Restitution):
     """The same share of any speed."""
 
     e: arb
@@ -87,7 +426,7 @@ class Constant(Impact):
 
 
 @dataclass(frozen=True)
-class Plastic(Impact):
+class Plastic(Restitution):
     """The same share up to a speed, and e (v / speed)^(-1/4) above it."""
 
     e: arb
@@ -113,7 +452,7 @@ class Plastic(Impact):
         return -0.25 * self.slope(v) / v if v > self.speed else arb("nan")
 
 
-class Viscoelastic(Impact):
+class Viscoelastic(Restitution):
     """The share P(y) of the speed with y = y_0 (v / speed)^(1/10), where P(y_0) = e."""
 
     def __init__(self, e: arb, speed: arb) -> None:
@@ -142,14 +481,14 @@ class Viscoelastic(Impact):
         return _slope_at(Jet(y, [arb(1)])).d[0] * y / (10 * v)
 
 
-class Random(Impact):
+class Random(Restitution):
     """A law under noise: random numbers are added to its share and to the speed after impact.
 
     If `thrown`, a speed that would be negative changes its sign.  No derivative of the slope is
     given: only closed orbits need it, and they have no noise.
     """
 
-    def __init__(self, law: Impact, slip: arb, push: arb, thrown: bool) -> None:
+    def __init__(self, law: Restitution, slip: arb, push: arb, thrown: bool) -> None:
         self._law, self._slip, self._push, self._thrown = law, slip, push, thrown
 
     def share(self, v: arb) -> arb:
@@ -209,7 +548,7 @@ def _root_at(e: arb) -> arb:
         found, y = closer, arb(closer.mid())
 
 
-class Outside(Impact):
+class Outside(Restitution):
     """A law from outside the package, as it is now.
 
     Its slope can be evaluated on a ball, but the derivative of the slope is not known.
@@ -228,13 +567,13 @@ class Outside(Impact):
         return self._slope(self._e, v / self._speed)
 
 
-OF_SPEED: Final[Mapping[str, Callable[[arb, arb], Impact]]] = {
+OF_SPEED: Final[Mapping[str, Callable[[arb, arb], Restitution]]] = {
     "plastic": Plastic,
     "viscoelastic": Viscoelastic,
 }
 
 
-def slope_change(impact: Impact, v: arb, error: float) -> float:
+def slope_change(impact: Restitution, v: arb, error: float) -> float:
     """Bound on the change of the slope if a speed changes by an error."""
     if isinstance(impact, Constant):
         return 0.0
@@ -242,7 +581,7 @@ def slope_change(impact: Impact, v: arb, error: float) -> float:
 
 
 def mean_logarithm(
-    law: Impact, factor: Callable[[arb], arb], speeds: Sequence[arb], error: float
+    law: Restitution, factor: Callable[[arb], arb], speeds: Sequence[arb], error: float
 ) -> tuple[arb | float, float]:
     """Mean logarithm of a factor at some speeds, and a bound on its change by their error."""
     exact = [factor(v) for v in speeds[: 1 if isinstance(law, Constant) else None]]

@@ -1,17 +1,130 @@
-"""Interface of a base: the motion of a particle from landing to landing, and its period map."""
+"""Motion of a particle from landing to landing: results, the interface of a base, ends of flights.
+
+Results are balls, and the doubles nearest to them.  A base implements `Motion` and `PeriodMap`.
+
+A flight ends at the first root of a smooth function, which `first_root` certifies.  In the units of
+`vibrosweep.proof.reference.moving`, after leaving at phase x with the relative speed y, the
+particle is
+
+    G(s) = s (y - s) / 2 - (alpha / 2) (W(x + s) - W(x) - s w(x))
+
+above the base, of velocity w and height W (`vibrosweep.proof.reference.laws`), after s periods.
+G'' >= -(1 + Gamma), where Gamma bounds alpha |w'| / 2.  For a while G'', G''' and a bound on the
+next derivative give a better bound, even where both are close to 0, as when a base of little more
+than 1 g throws a particle for a moment.  A base of finite mass (`vibrosweep.proof.reference.mount`)
+has such bounds too.
+
+So a parabola of this curvature that touches G at any s with G(s) >= 0 stays below it; steps to
+where the parabola comes down pass no root and converge to the first one from below.  While the
+particle is above every height of the base there is no root, and one step goes to the end of that
+time.  The root at s = 0 is left by a step that is proved beforehand.  Once G > 0 at one end of an
+interval, G < 0 at the other and G' < 0 throughout, there is one root inside, and the interval
+Newton operator (Moore 1966) narrows it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
-from vibrosweep.proof.reference._flint import arb, exact
-from vibrosweep.proof.reference.enclosure import Rows
-from vibrosweep.proof.reference.laws import Impact, Laws, Random
-from vibrosweep.proof.reference.results import Flight
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.arrays import Array
+from vibrosweep.model.status import Status
+from vibrosweep.proof.reference.arithmetic import Rows, UncertainError, arb, exact
+from vibrosweep.proof.reference.laws import (
+    Laws,
+    Random,
+    Restitution,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """A flight; every ball contains the exact value."""
+
+    # Ball, speed relative to the base at lift-off, in units of g / 2 f: on a base at rest, the
+    # duration of the flight in forcing periods
+    speed: arb
+    height: arb  # ball, m; its highest point above the mean level of the base
+    duration: arb  # ball, forcing periods
+    # Derivatives of the duration by phase and speed of the lift-off; None where it equals the speed
+    slopes: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """One landing and the lift-off that follows; every ball contains the exact value."""
+
+    landing_time: arb  # ball, s
+    # liftoff_time, rebound_velocity: balls, s and m s-1; None where the particle is at rest for
+    # good
+    liftoff_time: arb | None
+    rebound_velocity: arb | None
+    rested: bool  # True if the particle stayed on the base
+    # count, phase: phase of the forcing at the landing: whole periods, and a ball in turns around a
+    # midpoint in [-1/2, 1/2]
+    count: int
+    phase: arb
+    # The flight after lift-off, also where it ends after the observation; None at rest for good
+    flight: Flight | None
+    arrival: arb  # ball; speed relative to the base before the impact, in units of g / 2 f
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """All landings of one particle in order of time, with proved error bounds.
+
+    The arrays have shape (impact,); they hold the doubles nearest to the balls' midpoints.
+    """
+
+    launch: Flight  # the flight before the first landing
+    # Every landing up to the end of the observation, or up to the budget
+    impacts: tuple[Impact, ...]
+    at_rest: bool  # True if the last landing left the particle at rest for good
+    # `Status.COMPLETED`, or `Status.BUDGET_EXCEEDED` where more landings follow than the budget
+    # allows
+    status: Status
+    # Precision at which every decision became certain and every ball narrow enough
+    precision_bits: int
+
+    def landed(self) -> Iterator[tuple[Flight, Impact]]:
+        """Yield each landing with the flight that ends with it."""
+        flight: Flight | None = self.launch
+        for impact in self.impacts:
+            if flight is not None:
+                yield flight, impact
+            flight = impact.flight
+
+    @cached_property
+    def rested(self) -> NDArray[np.bool_]:
+        """Flags of landings after which the particle stayed on the base."""
+        return np.array([impact.rested for impact in self.impacts], dtype=np.bool_)
+
+    @cached_property
+    def landing_time(self) -> Array:
+        """Landing times in s."""
+        return _doubles(impact.landing_time for impact in self.impacts)
+
+    @cached_property
+    def liftoff_time(self) -> Array:
+        """Lift-off times in s; NaN at rest for good."""
+        return _doubles(impact.liftoff_time for impact in self.impacts)
+
+    @cached_property
+    def rebound_velocity(self) -> Array:
+        """Velocities after lift-off in m s-1; NaN at rest for good."""
+        return _doubles(impact.rebound_velocity for impact in self.impacts)
+
+
+def _doubles(balls: Iterable[arb | None]) -> Array:
+    return np.array([math.nan if ball is None else float(ball) for ball in balls], np.float64)
+
 
 EPS: Final = 2.0**-53  # one rounding
 Pair: TypeAlias = tuple[float, float]
@@ -73,7 +186,7 @@ class Problem:
             return arb(1)
         return 1 + self.balls["drive_noise"] * self.deviates.of_period(period)
 
-    def random(self, law: Impact, impact: int, unit: arb, thrown: bool) -> Impact:
+    def random(self, law: Restitution, impact: int, unit: arb, thrown: bool) -> Restitution:
         """Return a law of restitution with the random numbers of an impact, counted from 1.
 
         `unit` is the unit of speeds.
@@ -166,3 +279,106 @@ class PeriodMap(Protocol):
 
         Also returns a bound on its change if all speeds of lift-off change by `error`.
         """
+
+
+# Steps; a flight takes about ten, and one that passes close above the base some dozens.
+MOST_STEPS: Final = 1000
+SHORTENING: Final = arb(1.0 - 2.0**-8)  # shortens the time above all heights of the base
+# How often, and by how much, an interval about a root is narrowed until it is proved to hold one.
+CLOSER: Final = 4
+NEARER: Final = arb(2.0**-16)
+END: Final = arb.pos_inf()
+UNDECIDED: Final = "the flight grazes the base or lands"
+
+
+class Course(Protocol):
+    """A function of time, positive until its first root."""
+
+    def height(self, s: arb) -> arb:
+        """Value."""
+
+    def slope(self, s: arb) -> arb:
+        """Derivative."""
+
+    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
+        """Return c, minus the second derivative; its derivative c'; a bound on c'' and one on c."""
+
+    def above_all(self) -> tuple[arb, arb] | None:
+        """Interval of time without a root, if one is known."""
+        return None
+
+
+def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
+    """Return a ball that holds the first root, with G' < 0 on all of it.
+
+    There is no root before `start`.  The search ends at `until`; the result is infinite if it has
+    found none.  Raises an UncertainError, about that impact, where this precision cannot
+    distinguish a graze from a landing.
+    """
+    clear = c.above_all()
+    s, before = start, start
+    for _ in range(MOST_STEPS):
+        if s > until:
+            return END
+        height, slope = c.height(s), c.slope(s)
+        if not height > 0:  # the closest approach to the root at this precision
+            break
+        if slope < 0:
+            found = _bracket(c, s, (s - 2 * height / slope).upper())
+            if found is not None:
+                return found
+        reached = (s + _step(c, s, height.lower(), slope.lower())).lower()
+        if clear is not None and clear[0] < reached < clear[1]:
+            reached = clear[1]
+        if not reached > s:
+            break
+        before, s = s, reached
+    width = s - before
+    for _ in range(CLOSER):  # there is no root before s
+        found = _bracket(c, (s - width).upper(), (s + width).upper())
+        if found is not None:
+            return found
+        width *= NEARER
+    raise UncertainError(f"whether {UNDECIDED}", impact)
+
+
+def _step(c: Course, s: arb, height: arb, slope: arb) -> arb:
+    """Step that passes no root, from lower bounds of G(s), which is positive, and G'(s)."""
+    now, rate, growth, largest = c.curvature(s)
+    tried = step = _down(height, slope, largest)
+    while tried < 1:
+        tried = 4 * tried
+        then = now + tried * (rate + growth * tried / 2)
+        bend = now.max(then).min(largest)  # largest curvature during the step that is tried
+        down = _down(height, slope, bend)
+        if not down > tried:
+            return step.max(down.min(tried))
+        step = tried
+    return step
+
+
+def _down(height: arb, slope: arb, bend: arb) -> arb:
+    """Least time in which a parabola with these initial values comes down to 0."""
+    bend = bend.upper().max(arb(0))
+    reach = (slope * slope + 2 * bend * height).sqrt()
+    if slope < 0:
+        return 2 * height / (reach - slope)
+    return (slope + reach) / bend if bend > 0 else arb.pos_inf()
+
+
+def _bracket(c: Course, low: arb, high: arb) -> arb | None:
+    """Interval between two times if it is proved to hold exactly one root, a landing."""
+    interval = low.union(high)
+    proved = c.height(low) > 0 and c.height(high) < 0 and c.slope(interval) < 0
+    return interval if proved else None
+
+
+def narrowed(c: Course, root: arb) -> arb:
+    """Narrow a ball that holds a root and on which G' < 0, as far as the precision goes."""
+    while True:
+        middle = root.mid()
+        newton = middle - c.height(middle) / c.slope(root)
+        closer = root.intersection(newton)
+        if not 2 * closer.rad() < root.rad():
+            return closer
+        root = closer

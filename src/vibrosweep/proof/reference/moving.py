@@ -1,11 +1,11 @@
 """The moving base in ball arithmetic.
 
 The base has the velocity V0 w(x) and the height (V0 / f) W(x), with V0 = A / (1 + e) and a shape w
-(`vibrosweep.proof.reference.waves`).  An impact leaves E(z) of the relative speed z, with the slope
+(`vibrosweep.proof.reference.laws`).  An impact leaves E(z) of the relative speed z, with the slope
 q = E'(z).  In units of g / 2 f the base has the velocity alpha w(x) with alpha = a / (1 + e),
 a = 2 f A / g, and in units of gravity the acceleration G = alpha w' / 2.  The state is the
 phase x and the speed y relative to the base, both at lift-off.  The flight to the first s > 0 at
-the height of the base (`vibrosweep.proof.reference.landing`) ends with the relative speed z, and
+the height of the base (`vibrosweep.proof.reference.motion`) ends with the relative speed z, and
 
     x' = x + s,        z = 2 s - y + alpha (w(x') - w(x)),        y' = E(z)
 
@@ -20,41 +20,118 @@ with the determinant q y / z.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.decisions import (
+from vibrosweep.proof.reference.arithmetic import (
+    FRAME_BITS,
+    Enclosure,
+    Rows,
     UncertainError,
+    arb,
     certain_above,
+    ctx,
     nearest_integer,
 )
-from vibrosweep.proof.reference.enclosure import FRAME_BITS, Enclosure, Rows
-from vibrosweep.proof.reference.landing import Clearance, first_root, narrowed
-from vibrosweep.proof.reference.laws import Impact, Laws, mean_logarithm
+from vibrosweep.proof.reference.laws import (
+    SINE_WAVE,
+    AtLiftoff,
+    Bounds,
+    Laws,
+    Restitution,
+    Wave,
+    mean_logarithm,
+    next_of,
+    wave_of,
+)
 from vibrosweep.proof.reference.motion import (
     EPS,
+    SHORTENING,
     Carried,
     Contraction,
+    Flight,
     Landed,
     Left,
     Pair,
     Problem,
     Step,
+    first_root,
+    narrowed,
 )
-from vibrosweep.proof.reference.results import Flight
-from vibrosweep.proof.reference.waves import SINE_WAVE, Wave, next_of, wave_of
 
 ZERO, ONE = arb(0), arb(1)
 ROUNDED_BITS = 64  # beyond those of a frame, in which roundings of doubles are seen
 
 
 @dataclass(frozen=True)
+class Clearance:
+    """Height above the base during flights that set out from a ball of states."""
+
+    wave: Wave
+    alpha: arb  # factor of the velocity of the base
+    # x, y: phase in turns and relative speed at lift-off
+    x: arb
+    y: arb
+    presses: Callable[[], Sequence[arb]] = tuple  # phases at which the base begins to press
+
+    @cached_property
+    def bounds(self) -> Bounds:
+        """Bounds of the shape."""
+        return self.wave.bounds
+
+    @cached_property
+    def gamma(self) -> arb:
+        """Bound on the acceleration of the base, in units of gravity."""
+        return self.alpha * self.bounds.steep / 2
+
+    @cached_property
+    def at_liftoff(self) -> AtLiftoff:
+        """Shape at the phase of the lift-off."""
+        return self.wave.at_liftoff(2 * self.x)
+
+    def height(self, s: arb) -> arb:
+        """G(s)."""
+        return s * (self.y - s) / 2 - self.alpha / 2 * self.wave.rise(self.at_liftoff, s)
+
+    def slope(self, s: arb) -> arb:
+        """G'(s), half the speed relative to the base."""
+        return self.y / 2 - s - self.alpha / 2 * self.wave.gain(self.at_liftoff, s)
+
+    def bend(self, s: arb) -> arb:
+        """Minus the second derivative, positive where the base presses a particle lying on it."""
+        return 1 + self.alpha / 2 * self.wave.slope(2 * (self.x + s))
+
+    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
+        """As `Course.curvature`."""
+        if self.bounds.bend.is_zero():  # the second derivative jumps
+            return 1 + self.gamma, arb(0), arb(0), 1 + self.gamma
+        rate = self.alpha / 2 * self.wave.rate(2 * (self.x + s))
+        return self.bend(s), rate, self.alpha / 2 * self.bounds.jolt, 1 + self.gamma
+
+    def start(self) -> arb | None:
+        """Time before which there is no root; None if uncertain."""
+        if self.bend(arb(0)) < 0 and (self.y > 0 or self.y.is_zero()):
+            # the base falls away until it presses again
+            until = (next_of(self.presses(), self.x, 0) - self.x).lower()
+            return until if until > 0 else None
+        return (self.y / (2 * (1 + self.gamma))).lower() if self.y > 0 else None
+
+    def above_all(self) -> tuple[arb, arb] | None:
+        """Interval of time in which the particle is above every height of the base."""
+        u = self.y + self.alpha * self.wave.velocity(2 * self.x)
+        below = self.bounds.top - self.wave.level(2 * self.x)
+        root = u * u - 4 * self.alpha * below
+        if not (u > 0 and root > 0):
+            return None
+        return ((u - root.sqrt()) / 2).upper(), ((u + SHORTENING * root.sqrt()) / 2).lower()
+
+
+@dataclass(frozen=True)
 class MovingMap:
     """The map in forcing periods."""
 
-    restitution: Impact
+    restitution: Restitution
     alpha: arb  # factor of the velocity of the base
     r: arb  # relative speed at and below which a particle rests where the base presses
     wave: Wave = SINE_WAVE
@@ -203,7 +280,7 @@ def _floats(pair: tuple[arb, arb]) -> Pair:
     return float(pair[0]), float(pair[1])
 
 
-class Motion:
+class MovingMotion:
     """A particle on the moving base, at one precision; the unit of time is the forcing period.
 
     Attributes

@@ -1,6 +1,10 @@
 """Closed orbits, their bifurcations and branches of them, proved by Krawczyk's method.
 
-The equations are those of `vibrosweep.proof.reference.orbit_equations`.  The multipliers of an
+A point holds the p landing times of an orbit, in forcing periods, and the kick a.  The equations
+are those of the page on periodic orbits, in units of the dimensionless form: each impact turns the
+speed at the end of one flight into that at the beginning of the next one.
+
+The multipliers of an
 orbit are the roots of M^2 - T M + D, with the trace T and the determinant D of the Jacobian of a
 cycle; one of them is M = 1 or -1 where 1 - M T + D = 0.
 
@@ -17,9 +21,147 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from vibrosweep.proof.reference._flint import arb, arb_mat, ctx
-from vibrosweep.proof.reference.jets import Jet, variables
-from vibrosweep.proof.reference.orbit_equations import Box, Cycle, Orbit, cycle
+from vibrosweep.proof.reference.arithmetic import Jet, arb, arb_mat, ctx, variables
+from vibrosweep.proof.reference.laws import SINE_WAVE, Constant, Restitution, Wave
+
+Box = list[arb]
+# Reasons why a particle may be unable to follow an orbit
+EARLIER: Final = "earlier_landing_not_excluded"
+RESTING: Final = "rest_not_excluded"
+
+
+class ClosedOrbit(NamedTuple):
+    """An orbit without rests, by its base, restitution, impacts and periods."""
+
+    base: str  # "high-bounce" or "moving"
+    e: arb
+    p: int
+    q: int
+    rest: arb  # speed at and below which a particle rests
+    wave: Wave = SINE_WAVE
+    law: Restitution | None = None  # of restitution, where it is not constant
+    turns_back: bool = False  # True if a rebound downwards is turned back, as under `reflect`
+
+
+class BaseMotion(NamedTuple):
+    """The motion of the base at a phase."""
+
+    w: Jet
+    height: Jet  # W
+    slope: Jet  # w'
+
+
+class ClosedFlight(NamedTuple):
+    """A flight and the impact at its end."""
+
+    begins: Jet  # relative speed with which it begins
+    leaves: Jet  # absolute speed with which it begins
+    arrives: Jet  # relative speed with which it ends
+    after: Jet  # relative speed after the impact
+    # derivatives of phase and speed after the impact by those before the flight, row by row
+    step: tuple[Jet, Jet, Jet, Jet]
+    shrinks: Jet  # factor of the determinant of a cycle
+    presses: arb  # acceleration in g with which the base presses a particle after the impact
+    meets: str  # reason why it may land earlier; empty where it does not
+
+
+class ClosedCycle(NamedTuple):
+    """Equations and multipliers of an orbit, evaluated at a point or over a box."""
+
+    off: list[Jet]  # residuals of the equations: errors of the speeds after the impacts
+    flights: list[ClosedFlight]
+    trace: Jet
+    determinant: Jet
+    obstacle: str  # reason why a particle may be unable to follow the orbit; "" if it can
+
+
+def cycle(orbit: ClosedOrbit, z: Sequence[Jet]) -> ClosedCycle:
+    """Equations and multipliers of an orbit."""
+    p, a = orbit.p, z[orbit.p]
+    times = [*z[:p], z[0] + orbit.q]
+    moves = [_base_motion(orbit.wave, one) for one in times[:p]]
+    fly = _bounce if orbit.base == "high-bounce" else _fly
+    one, zero = 0 * a + 1, 0 * a
+    m, determinant, obstacle = (one, zero, zero, one), one, ""
+    flights = []
+    for i in range(p):
+        flight = fly(orbit, a, times[i + 1] - times[i], moves[i], moves[(i + 1) % p])
+        flights.append(flight)
+        obstacle = (obstacle or flight.meets) if flight.after.v > orbit.rest else RESTING
+        determinant = determinant * flight.shrinks
+        xx, xu, ux, uu = flight.step
+        m = (
+            xx * m[0] + xu * m[2],
+            xx * m[1] + xu * m[3],
+            ux * m[0] + uu * m[2],
+            ux * m[1] + uu * m[3],
+        )
+    off = [flight.begins - flights[i - 1].after for i, flight in enumerate(flights)]
+    return ClosedCycle(off, flights, m[0] + m[3], determinant, obstacle)
+
+
+def _base_motion(wave: Wave, turns: Jet) -> BaseMotion:
+    """Motion of the base, with derivatives; the slope has none at a corner."""
+    h = 2 * turns.v
+    level, velocity, slope = wave.level(h), wave.velocity(h), wave.slope(h)
+    jumps = wave.bounds.bend == 0 and slope.rad() > 0
+    rate = arb("nan") if jumps else wave.rate(h)
+    return BaseMotion(
+        Jet(velocity, [slope * d for d in turns.d]),
+        Jet(level, [velocity * d for d in turns.d]),
+        Jet(slope, [rate * d for d in turns.d]),
+    )
+
+
+def _impact(orbit: ClosedOrbit, v: Jet) -> tuple[Jet, Jet]:
+    """Relative speed after an impact with the relative speed v, and its derivative by v."""
+    law = orbit.law or Constant(orbit.e)
+    slope = law.slope(v.v)
+    bend = law.bend(v.v)
+    return Jet(law.kept(v.v), [slope * d for d in v.d]), Jet(slope, [bend * d for d in v.d])
+
+
+def _bounce(
+    orbit: ClosedOrbit, a: Jet, s: Jet, first: BaseMotion, last: BaseMotion
+) -> ClosedFlight:
+    """A flight of the high-bounce map."""
+    kept, q = _impact(orbit, s)
+    w, k = kept + a * last.w, a * last.slope
+    if orbit.turns_back and w.v < 0:
+        w, k, q = -w, -k, -q
+    one = 0 * a + 1
+    return ClosedFlight(s, s, s, w, (one, one, k, k + q), q, arb(1), "")
+
+
+def _fly(orbit: ClosedOrbit, a: Jet, s: Jet, first: BaseMotion, last: BaseMotion) -> ClosedFlight:
+    """A flight over the moving base."""
+    alpha = a / (1 + orbit.e)
+    gained = alpha * (last.w - first.w)  # speed of the base
+    y = s - alpha * first.w + alpha * (last.height - first.height) / s
+    v = 2 * s - y + gained
+    w, q = _impact(orbit, v)
+    y_s, y_x = v / s, gained / s - alpha * first.slope
+    v_s, v_x = 2 - y_s + alpha * last.slope, alpha * last.slope - gained / s
+    step = (1 - y_x / y_s, 1 / y_s, q * (v_x - v_s * y_x / y_s), q * v_s / y_s)
+    leaves = y + alpha * first.w
+    # over a cycle the speeds cancel but for the product of all w / v, each the restitution e(v)
+    shrinks = q * (orbit.e if orbit.law is None else w / v)
+    meets = _meets_base(orbit.wave, alpha.v, leaves.v, first.height.v)
+    presses = 1 + alpha.v * last.slope.v / 2
+    return ClosedFlight(y, leaves, v, w, step, shrinks, presses, meets)
+
+
+def _meets_base(wave: Wave, alpha: arb, u: arb, height: arb) -> str:
+    """Reason why a flight that begins with the absolute speed u may land earlier, or "".
+
+    It cannot where its height above the base is concave, nor where the particle, when it comes down
+    to the highest level of the base, falls faster than the base ever moves.
+    """
+    concave = alpha * wave.bounds.steep <= 2
+    most, drop = alpha * wave.bounds.fast, alpha * (wave.bounds.top - height)
+    fast = u > 0 and u * u >= 4 * drop + most * most
+    return "" if concave or fast else EARLIER
+
 
 BITS: Final = 160
 NEWTON: Final = 6  # Newton steps for the middle of a box, from a double
@@ -33,7 +175,7 @@ TRIES: Final = 4  # boxes tried around a piece
 
 
 @dataclass(frozen=True)
-class Event:
+class Bifurcation:
     """A proved bifurcation."""
 
     multiplier: int
@@ -44,13 +186,13 @@ class Event:
 class _System(NamedTuple):
     """Equations of an orbit, and one that sets a multiplier or the place along a direction."""
 
-    orbit: Orbit
+    orbit: ClosedOrbit
     multiplier: int = 0
     direction: Sequence[arb] = ()
     origin: Sequence[arb] = ()
     place: arb = arb(0)
 
-    def at(self, z: Sequence[arb]) -> tuple[list[Jet], Cycle]:
+    def at(self, z: Sequence[arb]) -> tuple[list[Jet], ClosedCycle]:
         """Equations at a point, or over a box."""
         point = variables(z)
         found = cycle(self.orbit, point)
@@ -119,7 +261,7 @@ def _krawczyk(
     return None
 
 
-def prove_event(orbit: Orbit, multiplier: int, guess: Sequence[float]) -> Event | None:
+def prove_event(orbit: ClosedOrbit, multiplier: int, guess: Sequence[float]) -> Bifurcation | None:
     """Prove a bifurcation near a guess of landing times and kick; None where that fails."""
     with ctx.workprec(BITS):
         system = _System(orbit, multiplier)
@@ -138,19 +280,19 @@ def prove_event(orbit: Orbit, multiplier: int, guess: Sequence[float]) -> Event 
             size = arb(2) ** -w
             if _krawczyk(system, middle, [size] * len(middle)):
                 alone = [m + arb(0, size) for m in middle]
-                return Event(multiplier, box, alone)
-        return Event(multiplier, box, box)
+                return Bifurcation(multiplier, box, alone)
+        return Bifurcation(multiplier, box, box)
 
 
-class Proved(NamedTuple):
+class ProvedOrbit(NamedTuple):
     """A proved orbit."""
 
     box: Box  # holds its landing times, and the kick
-    cycle: Cycle
+    cycle: ClosedCycle
     slopes: list[list[float]]  # moduli of derivatives of the times by errors of the equations
 
 
-def prove_orbit(orbit: Orbit, guess: Sequence[float], kick: arb) -> Proved | None:
+def prove_orbit(orbit: ClosedOrbit, guess: Sequence[float], kick: arb) -> ProvedOrbit | None:
     """Prove an orbit near a guess of its landing times, for all kicks in a ball."""
     with ctx.workprec(BITS):
         n = orbit.p + 1
@@ -164,7 +306,7 @@ def prove_orbit(orbit: Orbit, guess: Sequence[float], kick: arb) -> Proved | Non
             return None
         box = proved[0]
         slopes = [[float(abs(inverse[i, k]).upper()) for k in range(n)] for i in range(n - 1)]
-        return Proved(box, cycle(orbit, variables(box)), slopes)
+        return ProvedOrbit(box, cycle(orbit, variables(box)), slopes)
 
 
 # Reasons why a branch is not covered
@@ -177,17 +319,19 @@ class _Piece(NamedTuple):
 
     whole: Box  # in which there is no other orbit at the same place along the piece
     last: Box  # its last point
-    met: tuple[Event, ...]
+    met: tuple[Bifurcation, ...]
 
 
-def cover(orbit: Orbit, points: Sequence[Sequence[float]], events: Sequence[Event]) -> str:
+def cover(
+    orbit: ClosedOrbit, points: Sequence[Sequence[float]], events: Sequence[Bifurcation]
+) -> str:
     """Prove that the orbits of a branch exist and attract, apart from bifurcations at its ends.
 
     Points lie on the branch, close to each other, and begin and end with the events, where there
     are some.  The branch is cut into pieces, each a curve inside a box; neighbours share a point.
     Returns the reason why there is no proof, empty where there is one.
     """
-    met: list[Event] = []
+    met: list[Bifurcation] = []
     with ctx.workprec(BITS):
         pending = [
             ([arb(a) for a in one], [arb(b) for b in other], 0)
@@ -219,7 +363,7 @@ def _holds(outer: Box, inner: Box) -> bool:
 
 
 def _piece(
-    orbit: Orbit, one: Box, other: Box, events: Sequence[Event], joint: Box | None
+    orbit: ClosedOrbit, one: Box, other: Box, events: Sequence[Bifurcation], joint: Box | None
 ) -> _Piece | str:
     """Prove that orbits between two points attract, and that the branch passes through a joint."""
     apart = [b - a for a, b in zip(one, other, strict=True)]
