@@ -139,7 +139,11 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
         check_output(options.output, force=options.force, inputs=options.tracks)
     groups = [options.tracks] if options.together else [[path] for path in options.tracks]
     how = {n: getattr(options, n) for n in ("frame_rate", "scale", "axis", "base", "base_track")}
-    return [read_tracks(group, **how) for group in groups]
+    recordings = [read_tracks(group, **how) for group in groups]
+    for tracks in recordings:
+        if "remarks" in tracks.attrs:
+            print(tracks.attrs["remarks"])
+    return recordings
 
 
 def _setup(options: argparse.Namespace) -> Setup:

@@ -82,10 +82,10 @@ def read_recordings(
     """
     how = Reading(scale, frame_rate, axis, column, particle, sheet)
     files = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    return [recording for path in files for recording in _read(Path(path), how)]
+    return [recording for path in files for recording in read_file(Path(path), how)]
 
 
-def _read(path: Path, how: Reading) -> list[Recording]:
+def read_file(path: Path, how: Reading) -> list[Recording]:
     """Read the recordings of a file."""
     source = str(path)
     try:
@@ -112,7 +112,7 @@ def _tabled(content: bytes, source: str, how: Reading) -> list[Recording]:
     whole = [t for t in tables if t.sheet.lower() == WHOLE]
     kinds: dict[bool, list[Recording]] = {}
     for table in whole or tables:
-        for recording in _recordings(table, how, several=len(whole or tables) > 1):
+        for recording in recordings_of(table, how):
             kinds.setdefault(recording.height is None, []).append(recording)
     if not kinds:
         names = "; ".join(dict.fromkeys(table.names for table in tables))
@@ -141,7 +141,7 @@ class _Columns:
     label: str
 
 
-def _recordings(table: Cells, how: Reading, *, several: bool) -> Iterator[Recording]:
+def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
     """Yield the recordings of a table; none if it is another kind of table."""
     headings = _chosen(table, how)
     series = _series(table, headings)
@@ -156,7 +156,7 @@ def _recordings(table: Cells, how: Reading, *, several: bool) -> Iterator[Record
         raise TrackError(f"{table.source}: line {line} has no particle; name or number it")
     for one in series:
         clock = _times(table, headings, one, how)
-        label = " ".join(filter(None, (table.title if several else "", one.label)))
+        label = " ".join(filter(None, (table.title, one.label)))
         owner = np.array(labels or [label] * len(table.rows), dtype=object)
         for name in dict.fromkeys(owner.tolist()):
             rows = np.flatnonzero(owner == name)
@@ -190,7 +190,9 @@ def _series(table: Cells, headings: list[Heading]) -> list[_Columns]:
     times = places["time"] or places["frame"]
     heights = places["height"] or places["depth"] or _lengths(table, headings)
     if not heights:
-        times = places["time"]
+        # a trace of the base, or a track without its heights
+        other = any(h.role in ("acceleration", "horizontal", "frame") for h in headings)
+        times = [] if other else places["time"]
         if len(times) > 1 and not _alike([headings[k] for k in times]):
             raise _ambiguous(table, [headings[k] for k in times], "times of impacts")
         return [
