@@ -18,6 +18,7 @@ from vibrosweep.lab.recording import Reading, Recording
 from vibrosweep.lab.recordings import read_file, recordings_of
 from vibrosweep.lab.tracks import table_to_tracks, with_mark
 from vibrosweep.scene.cells import Cells
+from vibrosweep.scene.clocks import even_times, origin_of
 from vibrosweep.scene.headings import heading
 
 if TYPE_CHECKING:
@@ -59,7 +60,8 @@ def read_tracks(
     Returns
     -------
     xarray.Dataset
-        As `make_tracks` returns it.
+        As `make_tracks` returns it.  Where the clock of the file counts from 1970 or from midnight,
+        times are counted from the attribute ``origin`` (s).
 
     Raises
     ------
@@ -177,7 +179,13 @@ def _joined(found: list[Recording], source: str, frame_rate: float | None) -> xr
         np.array(names, object if isinstance(names[0], str) else None), [h.size for h in heights]
     )
     time = np.concatenate([one.time for one in found])
+    origin = origin_of(np.unique(time))
+    if origin:  # so far from its zero a double rounds by 0.2 us
+        stamps, index = np.unique(time, return_inverse=True)
+        time = even_times(stamps - origin, 4.0 * float(np.spacing(abs(origin))))[0][index]
     tracks = table_to_tracks(time, owner, np.concatenate(heights), source)
+    if origin:
+        tracks.attrs["origin"] = origin
     if frame_rate is not None:
         tracks.attrs["frame_rate"] = frame_rate
     if remarks := dict.fromkeys(remark for one in found for remark in one.remarks):
