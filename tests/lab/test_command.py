@@ -119,7 +119,7 @@ def test_compare_prints_the_table(filmed, vibrosweep, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["impacts", "none.csv"], "there is no such file of tracks"),
+        (["impacts", "none.csv"], "there is no such file; check the path"),
         (["impacts", "TRACK", "--gravity", "0"], "--gravity 0: must be at least 1e-30"),
         (["impacts", "TRACK", "--frequency", "0"], "--frequency 0: must be at least 1e-30"),
         (["impacts", "TRACK", "--frequency", "-1"], "--frequency -1: must be at least"),

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from vibrosweep.lab.estimation import estimate
     from vibrosweep.lab.experiment import Experiment, Variation
     from vibrosweep.lab.impacts import find_impacts
+    from vibrosweep.lab.recording import Recording
+    from vibrosweep.lab.recordings import read_recordings
     from vibrosweep.lab.relative_errors import QUANTITIES, READINGS, comparable, prediction_errors
     from vibrosweep.lab.repeats import agreement, quantities
     from vibrosweep.lab.traces import read_trace
@@ -27,6 +29,7 @@ __all__ = [
     "READINGS",
     "Camera",
     "Experiment",
+    "Recording",
     "Variation",
     "agreement",
     "comparable",
@@ -38,6 +41,7 @@ __all__ = [
     "predicted_means",
     "prediction_errors",
     "quantities",
+    "read_recordings",
     "read_trace",
     "read_tracks",
     "tracks_from_frame",
@@ -55,6 +59,8 @@ _HOMES: Final = {
     **dict.fromkeys(("perform_trials", "predicted_means"), "vibrosweep.lab.trials"),
     "find_impacts": "vibrosweep.lab.impacts",
     **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.repeats"),
+    "Recording": "vibrosweep.lab.recording",
+    "read_recordings": "vibrosweep.lab.recordings",
     "read_trace": "vibrosweep.lab.traces",
     **dict.fromkeys(("read_tracks", "tracks_from_frame"), "vibrosweep.lab.track_files"),
     "make_tracks": "vibrosweep.lab.tracks",
