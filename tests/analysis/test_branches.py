@@ -311,3 +311,23 @@ def test_figures_show_branches_and_curves_alone_and_over_a_sweep():
     assert sorted(named) == ["1 in 1 period, period doubling", "1 in 1 period, saddle-node"]
     alone = orbit_boundaries(curves, ax=Figure().add_subplot())
     assert len(alone.lines) == 2 * curves.sizes["curve"]
+
+
+def test_orbits_born_at_a_doubling_may_all_exist_at_one_amplitude():
+    # flights over a base of constant acceleration: the equations of two landings are linear
+    found = vs.branches(
+        base="moving",
+        waveform="parabolic",
+        restitution=0.75,
+        amplitude=[2.5, 5.5],
+        impacts=1,
+        periods=1,
+        doublings=1,
+    )
+    for i in np.flatnonzero(found.parent >= 0):
+        values = found.amplitude.values[i][np.isfinite(found.amplitude.values[i])]
+        assert values.size > 2
+        assert np.ptp(values) < 1e-11
+        assert not (found.bifurcation[i] == 0).any()
+        assert found.ends.values[i, 1] == 7  # at a corner of the waveform
+    assert (found.parent >= 0).any()

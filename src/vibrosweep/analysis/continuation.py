@@ -29,6 +29,7 @@ from vibrosweep.analysis.line_nodes import (
     Node,
     Nodes,
     tangent,
+    vertical,
 )
 from vibrosweep.arrays import Array
 from vibrosweep.kernels.bifurcations import (
@@ -235,7 +236,7 @@ class _Side:
         sign = float(np.linalg.slogdet(done[1])[0])
         if sign * self._orientation < 0.0 and not crossed[BORN] and step > SHORT_STEP:
             return None
-        known = [SADDLE_NODE, DOUBLING]
+        known = [DOUBLING] if vertical(node, high) else [SADDLE_NODE, DOUBLING]
         low, new = node.values[known], high.values[known]
         slopes = 0.5 * (node.slopes[known] + high.slopes[known])
         missed = np.abs(new - low - np.linalg.norm(high.z - node.z) * slopes)

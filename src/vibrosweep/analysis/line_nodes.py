@@ -23,6 +23,7 @@ from vibrosweep.kernels.bifurcations import (
     GRAZE,
     LANDING,
     REST,
+    SADDLE_NODE,
 )
 from vibrosweep.kernels.closed import SAME
 
@@ -33,6 +34,7 @@ MOST_PARTS: Final = 24  # of a step
 MOST_HALVINGS: Final = 60  # of a step, to find an event
 SHORTEST_STEP: Final = 1e-7
 ROUNDING: Final = 1e-11  # of a point, more than there is
+VERTICAL: Final = 1e-9  # share of parameters in a direction, below which it is rounding
 NEAR: Final = 100.0 * SAME  # largest distance of two points of one orbit
 
 
@@ -103,14 +105,18 @@ class Nodes:
     def crossed(self, low: Node, high: Node) -> NDArray[np.bool_]:
         """Return which conditions change their sign between two nodes, or are 0 at the second."""
         begins, ends = self._begins(low), np.sign(high.values)
-        return np.asarray((begins * ends < 0.0) | ((ends == 0.0) & (low.values != 0.0)))
+        crossed = np.asarray((begins * ends < 0.0) | ((ends == 0.0) & (low.values != 0.0)))
+        crossed[SADDLE_NODE] &= not vertical(low, high)
+        return crossed
 
     def dip(self, low: Node, high: Node) -> float:
         """Return where a condition may come near 0 between two nodes, as a share; 0 if none may."""
         begins, length = self._begins(low), np.linalg.norm(high.z - low.z)
         a, b = begins * low.values, begins * high.values
         falls, rises = begins * low.slopes * length, begins * high.slopes * length
-        for k in np.flatnonzero((falls < 0.0) & (rises > 0.0) & (b > 0.0) & (a < np.inf)):
+        dips = (falls < 0.0) & (rises > 0.0) & (b > 0.0) & (a < np.inf)
+        dips[SADDLE_NODE] &= not vertical(low, high)
+        for k in np.flatnonzero(dips):
             # the cubic has one minimum
             fall, gain = falls[k], b[k] - a[k]
             c2, c3 = 3.0 * gain - 2.0 * fall - rises[k], fall + rises[k] - 2.0 * gain
@@ -188,6 +194,15 @@ class Nodes:
             if width < ROUNDING:
                 break
         return low.z if width < NEAR else None
+
+
+def vertical(low: Node, high: Node) -> bool:
+    """Return whether a step changes no parameter, so that no fold can be told on it.
+
+    Where the equations of two landings are linear, as over a base of constant acceleration, all
+    orbits that are born at a period doubling exist at one value of the parameter.
+    """
+    return bool(max(np.abs([low.along[-2:], high.along[-2:]]).flat) < VERTICAL)
 
 
 def tangent(matrix: Array) -> Array | None:
