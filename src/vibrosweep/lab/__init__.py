@@ -12,29 +12,35 @@ from vibrosweep.lazy import lazily
 if TYPE_CHECKING:
     from vibrosweep.lab.camera import Camera
     from vibrosweep.lab.compare import compare_tracks
+    from vibrosweep.lab.drops import restitution
     from vibrosweep.lab.estimation import estimate
     from vibrosweep.lab.experiment import Experiment, Variation
     from vibrosweep.lab.impacts import find_impacts
-    from vibrosweep.lab.recordings import Recording, read_recordings
+    from vibrosweep.lab.recording import Recording
+    from vibrosweep.lab.recordings import read_recordings
     from vibrosweep.lab.relative_errors import QUANTITIES, READINGS, comparable, prediction_errors
     from vibrosweep.lab.repeats import agreement, quantities
     from vibrosweep.lab.traces import read_trace
     from vibrosweep.lab.track_files import read_tracks, tracks_from_frame
     from vibrosweep.lab.tracks import make_tracks
     from vibrosweep.lab.trials import perform_trials, predicted_means
+    from vibrosweep.lab.virtual_drops import FloorExperiment, film_drops, hear_drops
 
 __all__ = [
     "QUANTITIES",
     "READINGS",
     "Camera",
     "Experiment",
+    "FloorExperiment",
     "Recording",
     "Variation",
     "agreement",
     "comparable",
     "compare_tracks",
     "estimate",
+    "film_drops",
     "find_impacts",
+    "hear_drops",
     "make_tracks",
     "perform_trials",
     "predicted_means",
@@ -43,6 +49,7 @@ __all__ = [
     "read_recordings",
     "read_trace",
     "read_tracks",
+    "restitution",
     "tracks_from_frame",
 ]
 
@@ -56,9 +63,14 @@ _HOMES: Final = {
     "estimate": "vibrosweep.lab.estimation",
     **dict.fromkeys(("Experiment", "Variation"), "vibrosweep.lab.experiment"),
     **dict.fromkeys(("perform_trials", "predicted_means"), "vibrosweep.lab.trials"),
+    "restitution": "vibrosweep.lab.drops",
+    **dict.fromkeys(
+        ("FloorExperiment", "film_drops", "hear_drops"), "vibrosweep.lab.virtual_drops"
+    ),
     "find_impacts": "vibrosweep.lab.impacts",
     **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.repeats"),
-    **dict.fromkeys(("Recording", "read_recordings"), "vibrosweep.lab.recordings"),
+    "Recording": "vibrosweep.lab.recording",
+    "read_recordings": "vibrosweep.lab.recordings",
     "read_trace": "vibrosweep.lab.traces",
     **dict.fromkeys(("read_tracks", "tracks_from_frame"), "vibrosweep.lab.track_files"),
     "make_tracks": "vibrosweep.lab.tracks",
