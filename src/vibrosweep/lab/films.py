@@ -1,7 +1,6 @@
 """Bounces from films of a ball over a floor.
 
-Flights are sought without scale: a curvature that many stretches of the track share is that of
-free fall.  They are then fitted together, with the level of the floor, the time of a contact and
+Flights are fitted together, with the level of the floor, the time of a contact and
 the drag as common parameters, so that a landing follows from the flight before it.
 """
 
@@ -15,36 +14,16 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import TrackError
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of
 from vibrosweep.lab.drop_inputs import DRAG, BallInputs, Bounces, Input, from_range
+from vibrosweep.lab.free_fall import FAR, LEAST_SAMPLES, Stretch, chains_of, find_flights
 from vibrosweep.lab.recording import Recording
 
-LEAST_SAMPLES: Final = 5  # of a flight
-SHARPNESS: Final = 0.2  # largest relative error of the curvature of a flight
-FAR: Final = 4.5  # distance of an odd sample, in standard deviations
-# Frames that a contact takes at most, beside 20 ms
-CONTACT_FRAMES: Final = 3.5
 SLACK: Final = 0.02  # s: wide prior of the contact in one film, which the pooled fit narrows
 # A contact lasts as long as (impact speed)^-p: p is 0 for a linear spring, 0.2 for Hertz's contact
 POWER: Final = Input(0.1, 0.1)
 BLURRED: Final = 0.1  # error of e of a bounce that is not resolved
 COMMON: Final = 5  # parameters of all flights: curvature, level, contact, drag, p
-
-
-class Stretch(NamedTuple):
-    """Successive samples that a parabola describes: height, slope and curvature at a centre."""
-
-    samples: NDArray[np.intp]
-    centre: float
-    length: float
-    terms: Array  # height, slope, curvature (positive for free fall)
-    errors: Array
-
-    def height(self, time: Array | float, curvature: float) -> Array:
-        """Return heights of the parabola of this curvature."""
-        since = np.asarray(time) - self.centre
-        return np.asarray(self.terms[0] + self.terms[1] * since - 0.5 * curvature * since**2)
 
 
 class FilmFit(NamedTuple):
@@ -57,139 +36,6 @@ class FilmFit(NamedTuple):
     noise: float
     level: float
     gravity: Input
-
-
-def noise_of(height: Array) -> float:
-    """Return the noise of a smooth track where it moves, from third differences.
-
-    A ball at rest is located better than one that moves.
-    """
-    third = np.abs(np.diff(height, 3))
-    moved = np.abs(height[3:] - height[:-3])
-    moving = third[moved >= 0.1 * np.quantile(moved, 0.9)] if third.size else third
-    return float(1.48 * np.median(moving) / np.sqrt(20.0)) if moving.size else 0.0
-
-
-def _parabola(time: Array, height: Array, samples: NDArray[np.intp], noise: float) -> Stretch:
-    centre = float(time[samples].mean())
-    since = time[samples] - centre
-    design = np.stack([np.ones_like(since), since, -0.5 * since**2], axis=1)
-    covariance = np.linalg.pinv(design.T @ design)
-    terms = covariance @ (design.T @ height[samples])
-    length = float(time[samples[-1]] - time[samples[0]])
-    return Stretch(samples, centre, length, terms, noise * np.sqrt(np.diag(covariance)))
-
-
-def _windows(time: Array, height: Array, noise: float) -> list[Stretch]:
-    """Return stretches of many lengths that are parabolas but for the noise, long ones first."""
-    found, length = [], LEAST_SAMPLES
-    while length <= time.size:
-        for first in range(0, time.size - length + 1, max(1, length // 4)):
-            samples = np.arange(first, first + length)
-            one = _parabola(time, height, samples, noise)
-            left = height[samples] - one.height(time[samples], one.terms[2])
-            if (left @ left) < 1.7**2 * noise**2 * (length - 3) + 1e-300:
-                found.append(one)
-        length = max(length + 1, int(1.25 * length))
-    return found[::-1]
-
-
-def _shared_curvature(stretches: list[Stretch]) -> float:
-    """Return the curvature of most stretches, by the half-sample mode; NaN for none.
-
-    A stretch counts with its rise above its chord: a ball that is held or at rest has none.
-    """
-    sharp = [s for s in stretches if s.errors[2] < SHARPNESS / 2 * abs(s.terms[2])]
-    if not sharp:
-        return np.nan
-    curvature = np.array([s.terms[2] for s in sharp])
-    rise = np.abs(curvature) * np.array([s.length**2 for s in sharp]) / 8.0
-    copies = np.ceil(200.0 * rise / rise.max()).astype(int) - 1 + (rise == rise.max())
-    values = np.sort(np.repeat(curvature, copies))
-    while values.size > 2:
-        half = min((values.size + 1) // 2 + 1, values.size - 1)
-        start = int(np.argmin(values[half - 1 :] - values[: values.size - half + 1]))
-        values = values[start : start + half]
-    return float(values.mean())
-
-
-def find_flights(time: Array, height: Array, name: str) -> tuple[list[Stretch], float, float]:
-    """Return flights in the order of time, their curvature, and the noise."""
-    step = float(np.median(np.abs(np.diff(height)))) if height.size > 1 else 0.0
-    noise = max(noise_of(height), 1e-6 * step, 1e-12 * float(np.ptp(height)))
-    stretches = _windows(time, height, noise)
-    curvature = _shared_curvature(stretches)
-    if curvature < 0.0:
-        raise TrackError(f"{name}: the ball falls upwards; heights grow the other way (--axis)")
-    free = np.ones(time.size, dtype=bool)
-    flights = []
-    for seed in stretches:
-        off = abs(seed.terms[2] - curvature)
-        if (
-            not free[seed.samples].all()
-            or seed.errors[2] > SHARPNESS * curvature
-            or off > 5.0 * seed.errors[2] + 0.05 * curvature
-        ):
-            continue
-        grown = _grown(time, height, seed, free, noise)
-        free[grown.samples] = False
-        flights.append(grown)
-    return sorted(flights, key=lambda s: s.centre), curvature, noise
-
-
-def _grown(
-    time: Array, height: Array, seed: Stretch, free: NDArray[np.bool_], noise: float
-) -> Stretch:
-    """Extend a stretch to both sides while its parabola goes on; single odd samples are skipped."""
-    now, longest = seed, float(np.median(np.diff(time))) * 8.0
-    for side in (1, -1):
-        skipped = 0
-        place = now.samples[-1 if side > 0 else 0] + side
-        while 0 <= place < time.size and free[place] and skipped < 2:
-            edge = now.samples[-1 if side > 0 else 0]
-            since = time[place] - now.centre
-            if abs(time[place] - time[edge]) > longest:
-                break
-            spread = np.hypot(noise, now.errors @ np.abs([1.0, since, 0.5 * since**2]))
-            if abs(height[place] - now.height(time[place], now.terms[2])) < FAR * spread:
-                samples = np.sort(np.append(now.samples, place))
-                now, skipped = _parabola(time, height, samples, noise), 0
-            else:
-                skipped += 1
-            place += side
-    return now
-
-
-def _chains(flights: list[Stretch], time: Array, curvature: float, noise: float) -> list[list[int]]:
-    """Return runs of flights with a bounce between each and the next."""
-    step = float(np.median(np.diff(time)))
-    links = []
-    for k, (one, two) in enumerate(pairwise(flights)):
-        middle = 0.5 * (one.centre + two.centre)
-        up, down = (
-            np.array([f.height(middle, curvature), f.terms[1] - curvature * (middle - f.centre)])
-            for f in (two, one)
-        )
-        meeting = middle - (up[0] - down[0]) / (up[1] - down[1]) if up[1] != down[1] else np.inf
-        end, start = time[one.samples[-1]], time[two.samples[0]]
-        fast = -(down[1] - curvature * (meeting - middle)), up[1] - curvature * (meeting - middle)
-        near = end - 2 * step < meeting < start + 2 * step
-        if near and 0.0 < fast[1] < 1.1 * fast[0] and start - end < 0.02 + CONTACT_FRAMES * step:
-            links.append((k, float(one.height(meeting, curvature)), fast[0]))
-    if not links:
-        return []
-    # a contact with a hand is at another height; a long contact crosses below the floor
-    levels, speeds = np.array([k[1] for k in links]), np.array([k[2] for k in links])
-    near_floor = np.abs(levels - np.median(levels)) < 8.0 * noise + 0.2 * speeds**2 / curvature
-    chains: list[list[int]] = []
-    for (k, _, _), good in zip(links, near_floor, strict=True):
-        if not good:
-            continue
-        if chains and chains[-1][-1] == k:
-            chains[-1].append(k + 1)
-        else:
-            chains.append([k, k + 1])
-    return chains
 
 
 class _Problem:
@@ -243,6 +89,16 @@ class _Problem:
                 lift = -np.inf if k == 0 else apex - rise[k]
                 made.append((flight, speeds[k], lift, apex, apex + fall[k]))
         return made
+
+    def bounces(self, p: Array, metre: float) -> tuple[Array, Array]:
+        """Return each restitution, then contact and drag (in m); and the speeds of impact."""
+        place, e, v = COMMON, [], []
+        for chain in self.chains:
+            up, down, _, _ = flight_of(p[place + 1 : place + 1 + len(chain)], p[0], p[3])
+            e.append(up[1:] / down[:-1])
+            v.append(down[:-1])
+            place += 1 + len(chain)
+        return np.concatenate([*e, [p[2], p[3] / metre**2]]), np.concatenate(v)
 
     def membership(self, p: Array) -> list[NDArray[np.intp]]:
         """Return the samples of each flight, none of which may touch the floor."""
@@ -313,7 +169,7 @@ def bounces_of_film(
     flights, curvature, noise = find_flights(time, height, recording.name)
     if not flights:
         return None, None, f"{recording.name}: no flight was found"
-    chains = [[flights[k] for k in chain] for chain in _chains(flights, time, curvature, noise)]
+    chains = [[flights[k] for k in chain] for chain in chains_of(flights, time, curvature, noise)]
     if not chains:
         longest = max(flights, key=lambda f: f.samples.size)
         used = np.concatenate([f.samples for f in flights])
@@ -363,40 +219,27 @@ def _measured(
         p, covariance, members, left, noise = problem.solve()
     except (np.linalg.LinAlgError, ValueError):
         return None, None, f"{recording.name}: no bounce; its flights do not fit one floor"
-    # errors of neighbouring positions that are alike count more
-    echo = float(left[1:] @ left[:-1] / (left @ left)) if left.any() else 0.0
-    echo = min(echo, 0.9) if echo > 2.0 / np.sqrt(left.size) else 0.0
-    covariance *= (1.0 + echo) / (1.0 - echo)
+    covariance *= _echo(left)
 
-    def values(p: Array) -> tuple[Array, Array, Array]:
-        place, e, v = COMMON, [], []
-        for chain in chains:
-            up, down, _, _ = flight_of(p[place + 1 : place + 1 + len(chain)], p[0], p[3])
-            e.append(up[1:] / down[:-1])
-            v.append(down[:-1])
-            place += 1 + len(chain)
-        joined = np.concatenate(e)
-        return np.append(joined, [p[2], p[3] / metre**2]), joined, np.concatenate(v)
-
-    rows, e, v = values(p)
+    rows, v = problem.bounces(p, metre)
     steps = 1e-3 * np.sqrt(np.diag(covariance))
     jacobian = np.stack(
-        [(values(p + h)[0] - values(p - h)[0]) / (2 * h.sum()) for h in np.diag(steps)], axis=1
+        [
+            (problem.bounces(p + h, metre)[0] - problem.bounces(p - h, metre)[0]) / (2 * h.sum())
+            for h in np.diag(steps)
+        ],
+        axis=1,
     )
     landings = [
         piece[4] for piece, last in zip(problem.pieces(p), _lasts(chains), strict=True) if not last
     ]
     g = Input(float(p[0]), float(np.sqrt(covariance[0, 0])))
-    n = e.size
+    n = v.size
     means = {"contact": inputs.contact if recording.rate_known else frames, "drag": drag}
     slopes = {key: np.zeros(n + 2) for key in means}
     slopes["contact"][n] = slopes["drag"][n + 1] = 1.0
-    known = recording.rate_known
-    unit = (
-        metre
-        if recording.scale_known and not inputs.scale_from_gravity
-        else inputs.gravity.value / g.value
-    )
+    own = recording.scale_known and not inputs.scale_from_gravity
+    unit = metre if own else inputs.gravity.value / g.value
     every = np.concatenate(members)
     fit = FilmFit(
         time[every] + middle, height[every], left, height[every] - left, noise, float(p[1]), g
@@ -404,26 +247,30 @@ def _measured(
     fixed = jacobian @ covariance @ jacobian.T
     kept = np.append(np.diag(fixed)[:n] < BLURRED**2, [True, True])
     if not kept[:n].any():
-        return (
-            None,
-            fit,
-            f"{recording.name}: no bounce that is resolved; {_scale_text(recording, g, inputs)}",
-        )
+        text = _scale_text(recording, g, inputs)
+        return None, fit, f"{recording.name}: no bounce that is resolved; {text}"
     seen = kept[:n]
     bounces = Bounces(
         name=recording.name,
-        restitution=e[seen],
+        restitution=rows[:n][seen],
         speed=v[seen] * unit,
         time=(np.array(landings) + middle)[seen],
         fixed=fixed[np.ix_(kept, kept)],
         timing=np.zeros((kept.sum(), kept.sum())),
         inputs={key: slope[kept] for key, slope in slopes.items()},
         found={"contact": rows[n] - means["contact"].value, "drag": rows[n + 1] - drag.value},
-        speed_known=known and (recording.scale_known or inputs.scale_from_gravity),
+        speed_known=recording.rate_known and (recording.scale_known or inputs.scale_from_gravity),
         gravity=g,
         remarks=(_scale_text(recording, g, inputs),),
     )
     return bounces, fit, ""
+
+
+def _echo(left: Array) -> float:
+    """Return the factor by which residuals that resemble their neighbours increase variances."""
+    echo = float(left[1:] @ left[:-1] / (left @ left)) if left.any() else 0.0
+    echo = min(echo, 0.9) if echo > 2.0 / np.sqrt(left.size) else 0.0
+    return (1.0 + echo) / (1.0 - echo)
 
 
 def _lasts(chains: list[list[Stretch]]) -> list[bool]:
