@@ -16,7 +16,8 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
 
 LEAST_SAMPLES: Final = 5  # of a flight
-SHARPNESS: Final = 0.2  # largest relative error of the curvature of a flight
+SHARPNESS: Final = 0.2  # largest relative error of the curvature of a part of a flight
+RESOLVED: Final = 0.06  # and of a flight: a rise of some fifteen times the noise
 FAR: Final = 4.5  # distance of an odd sample, in standard deviations
 # A contact takes at most 20 ms and as many frames
 CONTACT_FRAMES: Final = 3.5
@@ -111,7 +112,9 @@ def find_flights(time: Array, height: Array, name: str) -> tuple[list[Stretch], 
             continue
         grown = _grown(time, height, seed, free, noise)
         free[grown.samples] = False
-        flights.append(grown)
+        off = abs(grown.terms[2] - curvature)
+        if grown.errors[2] < RESOLVED * curvature and off < 0.15 * curvature:
+            flights.append(grown)
     return sorted(flights, key=lambda s: s.centre), curvature, noise
 
 
