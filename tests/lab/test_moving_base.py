@@ -186,8 +186,8 @@ def test_traces_within_their_errors(quantity):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "cannot be read"),
-        ("time,speed\n0,1\n", "must have time and one of height, acceleration"),
+        (None, "there is no such file"),
+        ("time,speed\n0,1\n", 'has no column of time and "height or acceleration"'),
         ("time,height\n0,1\n1,2\n", "at least 20 finite values"),
         ("time,height\n" + "".join(f"{k},{k**3 % 53}\n" for k in range(50)), "a sine leaves"),
     ],

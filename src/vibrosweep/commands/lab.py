@@ -144,8 +144,12 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
         help="motion of the base; by default the landings decide",
     )
     parser.add_argument(
-        "--base-trace", metavar="CSV", type=Path, help="measured height or acceleration of the base"
+        "--base-trace",
+        metavar="TABLE",
+        type=Path,
+        help="measured height or acceleration of the base",
     )
+    parser.add_argument("--column", metavar="NAME", help="column of the trace with its values")
     parser.add_argument("--base-track", metavar="NAME", help="particle that is a mark on the base")
     parser.add_argument("--exposure", metavar="S", type=float, default=0.0, help="default: 0")
     parser.add_argument("--gravity", metavar="G", type=float, default=9.81, help="default: 9.81")
@@ -198,7 +202,11 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
         check_output(options.output, force=options.force, inputs=options.tracks)
     groups = [options.tracks] if options.together else [[path] for path in options.tracks]
     how = {n: getattr(options, n) for n in ("frame_rate", "scale", "axis", "base", "base_track")}
-    return [read_tracks(group, **how) for group in groups]
+    recordings = [read_tracks(group, **how) for group in groups]
+    for tracks in recordings:
+        if "remarks" in tracks.attrs:
+            print(tracks.attrs["remarks"])
+    return recordings
 
 
 def _setup(options: argparse.Namespace) -> Setup:
@@ -211,7 +219,9 @@ def _setup(options: argparse.Namespace) -> Setup:
         options.exposure,
         options.base_motion,
         options.frequency,
-        None if options.base_trace is None else read_trace(options.base_trace),
+        None
+        if options.base_trace is None
+        else read_trace(options.base_trace, column=options.column),
     )
 
 

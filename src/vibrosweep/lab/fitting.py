@@ -56,6 +56,8 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
         if setup.trace is not None:
             raise TrackError("a trace and a mark on the base are given: leave one of them out")
         setup = setup._replace(trace=trace_of_mark(tracks, setup.exposure))
+    if setup.trace is not None:
+        setup = setup._replace(trace=setup.trace.since(tracks.attrs.get("origin", 0.0)))
     _check_setup(gravity, setup)
     _check_base(tracks, setup.base)
     time, height = tracks["time"].values, tracks["height"].values

@@ -98,6 +98,23 @@ class Trace(NamedTuple):
     values: Array
     covariance: Array
     numbers: tuple[int, ...] = (1,)
+    origin: float = 0.0  # instant in s, on the clock of the trace, at which t = 0
+
+    def since(self, origin: float) -> Trace:
+        """Count t from another instant of the clock; phases take the error of the frequency."""
+        later = origin - self.origin
+        if later == 0.0:
+            return self
+        values, change = self.values.copy(), np.eye(self.values.size)
+        for k, h in enumerate(self.numbers):
+            row = [0, 1] if k == 0 else [2 * k + 1, 2 * k + 2]
+            rate = TWO_PI * h * later
+            angle = rate * self.values[2]
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            values[row] = s, c = turn @ self.values[row]
+            change[np.ix_(row, row)] = turn
+            change[row, 2] = -rate * c, rate * s
+        return Trace(values, change @ self.covariance @ change.T, self.numbers, origin)
 
 
 class BaseFit(NamedTuple):

@@ -32,6 +32,7 @@ class Recording:
     rounding: float  # s, step to which times are rounded; 0 if none is seen
     peaks: NDArray[np.float64] | None  # loudness of each click, from a sound
     label: str = ""  # name of the particle or of the recording inside its file
+    pixels: bool = False  # heights are rows of an image
     remarks: tuple[str, ...] = ()  # what was taken for lost, or left out
 
 
@@ -45,6 +46,7 @@ class Reading:
     column: str | None = None
     particle: str | None = None
     sheet: str | None = None
+    base: float | None = None  # the zero of heights, in units of the file
 
     def __post_init__(self) -> None:
         lowest, highest = FRAME_RATES
@@ -54,6 +56,8 @@ class Reading:
             )
         if self.scale is not None and not 0.0 < self.scale < np.inf:
             raise TrackError(f"scale = {self.scale:g}: must be a finite number above 0")
+        if self.base is not None and not np.isfinite(self.base):
+            raise TrackError(f"base = {self.base:g}: must be a finite number")
         require_one_of("axis", self.axis or "up", AXES, TrackError)
 
 
@@ -105,10 +109,11 @@ def made(
         name,
         group,
         track.time,
-        sign * height * factor[0] / factor[1],
+        sign * (height - (how.base or 0.0)) * factor[0] / factor[1],
         beside,
         peaks=None,
         label=label,
+        pixels=image,
         remarks=tuple(remarks),
         **{**about, "scale_known": known},
     )

@@ -17,16 +17,13 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.mtrack import mtrack_recordings
 from vibrosweep.lab.recording import Reading, Recording, Track, made
+from vibrosweep.lab.table_columns import FORMATS, Columns, chosen_headings, series_of_columns
 from vibrosweep.scene.cells import MISSING, Cells, cells_of, read_content
 from vibrosweep.scene.clocks import even_times, rounding_of
-from vibrosweep.scene.headings import PIXELS, Heading, length_factor, time_factor
+from vibrosweep.scene.headings import PIXELS, Heading, time_factor
 
 SKIPPED: Final = ("metadata device", "metadata time")  # sheets of phyphox
 WHOLE: Final = "all"  # its sheet with the list of all events
-_FORMATS: Final = (
-    "give a column of times and one of heights, such as time and height, or t and y; frames with "
-    "x and y; or times of impacts"
-)
 
 
 def read_recordings(
@@ -82,10 +79,10 @@ def read_recordings(
     """
     how = Reading(scale, frame_rate, axis, column, particle, sheet)
     files = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    return [recording for path in files for recording in _read(Path(path), how)]
+    return [recording for path in files for recording in read_file(Path(path), how)]
 
 
-def _read(path: Path, how: Reading) -> list[Recording]:
+def read_file(path: Path, how: Reading) -> list[Recording]:
     """Read the recordings of a file."""
     source = str(path)
     try:
@@ -112,11 +109,11 @@ def _tabled(content: bytes, source: str, how: Reading) -> list[Recording]:
     whole = [t for t in tables if t.sheet.lower() == WHOLE]
     kinds: dict[bool, list[Recording]] = {}
     for table in whole or tables:
-        for recording in _recordings(table, how, several=len(whole or tables) > 1):
+        for recording in recordings_of(table, how):
             kinds.setdefault(recording.height is None, []).append(recording)
     if not kinds:
         names = "; ".join(dict.fromkeys(table.names for table in tables))
-        raise TrackError(f"{source}: has the columns {names}; {_FORMATS}")
+        raise TrackError(f"{source}: has the columns {names}; {FORMATS}")
     if len(kinds) > 1:
         sheets = ", ".join(dict.fromkeys(t.sheet or t.title for t in tables))
         raise TrackError(
@@ -131,20 +128,10 @@ def _tabled(content: bytes, source: str, how: Reading) -> list[Recording]:
     return [replace(r, group=g) for r, g in zip(found, groups, strict=True)]
 
 
-@dataclass(frozen=True)
-class _Columns:
-    """Columns of one recording of a table, by their places."""
-
-    time: int
-    height: int | None
-    horizontal: int | None
-    label: str
-
-
-def _recordings(table: Cells, how: Reading, *, several: bool) -> Iterator[Recording]:
+def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
     """Yield the recordings of a table; none if it is another kind of table."""
-    headings = _chosen(table, how)
-    series = _series(table, headings)
+    headings = chosen_headings(table, how)
+    series = series_of_columns(table, headings)
     owners = [
         next((k for k, h in enumerate(headings) if h.role == role), None)
         for role in ("recording", "particle")
@@ -156,94 +143,11 @@ def _recordings(table: Cells, how: Reading, *, several: bool) -> Iterator[Record
         raise TrackError(f"{table.source}: line {line} has no particle; name or number it")
     for one in series:
         clock = _times(table, headings, one, how)
-        label = " ".join(filter(None, (table.title if several else "", one.label)))
+        label = " ".join(filter(None, (table.title, one.label)))
         owner = np.array(labels or [label] * len(table.rows), dtype=object)
         for name in dict.fromkeys(owner.tolist()):
             rows = np.flatnonzero(owner == name)
             yield from _recording(table, headings, one, clock, rows, how, str(name))
-
-
-def _chosen(table: Cells, how: Reading) -> list[Heading]:
-    """Return the headings of a table; with a chosen column no other holds heights or times."""
-    headings = list(table.headings)
-    if len(headings) == 1 and not headings[0].role and table.wordless(0):
-        headings[0] = replace(headings[0], role="time")
-    if how.column is None:
-        return headings
-    wanted = [k for k, h in enumerate(headings) if h.means(how.column)]
-    if not wanted:
-        return [replace(h, role="") for h in headings]
-    impacts = any(headings[k].role == "time" for k in wanted)
-    drop = ("height", "depth", "time") if impacts else ("height", "depth")
-    roles = [("" if h.role in drop else h.role) for h in headings]
-    for k in wanted:
-        roles[k] = "time" if impacts else "height"
-    return [replace(h, role=role) for h, role in zip(headings, roles, strict=True)]
-
-
-def _series(table: Cells, headings: list[Heading]) -> list[_Columns]:
-    """Find the columns of each recording."""
-    places = {
-        role: [k for k, h in enumerate(headings) if h.role == role and _holds(table, k)]
-        for role in ("time", "frame", "height", "depth", "horizontal")
-    }
-    times = places["time"] or places["frame"]
-    heights = places["height"] or places["depth"] or _lengths(table, headings)
-    if not heights:
-        times = places["time"]
-        if len(times) > 1 and not _alike([headings[k] for k in times]):
-            raise _ambiguous(table, [headings[k] for k in times], "times of impacts")
-        return [
-            _Columns(k, None, None, headings[k].label or (str(n) if len(times) > 1 else ""))
-            for n, k in enumerate(times, start=1)
-        ]
-    if not times:
-        raise TrackError(f"{table.source}: has the columns {table.names}; {_FORMATS}")
-    if len(heights) > 1 and not _alike([headings[k] for k in heights]):
-        raise _ambiguous(table, [headings[k] for k in heights], "heights")
-    series = []
-    for n, k in enumerate(heights, start=1):
-        low = heights[n - 2] if n > 1 else -1
-        high = heights[n] if n < len(heights) else len(headings)
-        beside = [j for j in places["horizontal"] if low < j < high]
-        beside.sort(key=lambda j: abs(j - k))
-        series.append(
-            _Columns(
-                max((j for j in times if j < k), default=times[0]),
-                k,
-                beside[0] if beside else None,
-                headings[k].label or (str(n) if len(heights) > 1 else ""),
-            )
-        )
-    return series
-
-
-def _holds(table: Cells, k: int) -> bool:
-    return any(cell.lower() not in MISSING for cell in table.column(k))
-
-
-def _lengths(table: Cells, headings: list[Heading]) -> list[int]:
-    """Return the columns in a unit of length whose names say nothing."""
-    return [
-        k
-        for k, h in enumerate(headings)
-        if not h.role and h.unit and (length_factor(h.unit) or h.unit in PIXELS)
-    ]
-
-
-def _alike(headings: list[Heading]) -> bool:
-    """Tell whether columns differ at most in their labels or in a number: drops side by side."""
-    names = {re.sub(r"[\W\d_]+", " ", h.text.lower()).strip() for h in headings}
-    labels = {h.label for h in headings}
-    return len(names) == 1 or (len(labels) == len(headings) and "" not in labels)
-
-
-def _ambiguous(table: Cells, headings: list[Heading], what: str) -> TrackError:
-    names = ", ".join(f'"{h.text}"' for h in headings)
-    return TrackError(
-        f"{table.source}: several columns may hold {what}: {names}; choose one by its name "
-        f"(column=, --column)"
-    )
 
 
 @dataclass(frozen=True)
@@ -255,7 +159,7 @@ class _Clock:
     rounding: float
 
 
-def _times(table: Cells, headings: list[Heading], one: _Columns, how: Reading) -> _Clock:
+def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) -> _Clock:
     """Return the times of all rows."""
     place = one.time
     frames = [k for k, h in enumerate(headings) if h.role == "frame"]
@@ -290,7 +194,7 @@ def _times(table: Cells, headings: list[Heading], one: _Columns, how: Reading) -
 def _recording(
     table: Cells,
     headings: list[Heading],
-    one: _Columns,
+    one: Columns,
     clock: _Clock,
     rows: NDArray[np.intp],
     how: Reading,

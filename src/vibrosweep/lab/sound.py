@@ -31,6 +31,8 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
             rate, samples = wavfile.read(io.BytesIO(content))
     except Exception as error:  # damaged files: its errors have no common base
         raise ValueError(f"{source}: is not a WAV file that can be read: {error}") from error
+    if not (samples.size and rate > 0):
+        raise ValueError(f"{source}: is a WAV file without a sound")
     sound = np.asarray(samples, np.float64).reshape(len(samples), -1).mean(axis=1)
     # differences, because hum and voices are lower than clicks
     width = max(int(WINDOW * rate), 1)

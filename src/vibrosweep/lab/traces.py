@@ -20,7 +20,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
-from scipy.signal import periodogram
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
@@ -28,7 +27,9 @@ from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.regression import TWO_PI
 from vibrosweep.lab.tracks import check_size, rate_of
 from vibrosweep.model.shapes import MOST_HARMONICS
-from vibrosweep.scene.traces import waves
+from vibrosweep.scene.cells import read_content
+from vibrosweep.scene.clocks import origin_of, strongest_rate
+from vibrosweep.scene.traces import series_of, waves
 
 __all__ = ["QUANTITIES", "make_trace", "read_trace"]
 
@@ -42,14 +43,17 @@ SAME: Final = 1e-9  # difference of two values, relative to their range, that ro
 LEAST: Final = 1e-30  # least change of a height (m) or acceleration (m s-2) that counts
 
 
-def read_trace(path: str | os.PathLike[str]) -> Trace:
+def read_trace(path: str | os.PathLike[str], *, column: str | None = None) -> Trace:
     """Read a measured motion of the base, from its track or from an accelerometer.
 
     Parameters
     ----------
     path
-        A CSV file with the columns ``time`` (s, on the clock of the tracks) and ``height`` (m) or
-        ``acceleration`` (m s-2).
+        A table, as text or in a workbook, with a column of times on the clock of the tracks and one
+        of heights or of accelerations.  Units in the headings are used, such as ``height (mm)``
+        or ``az (g)``; without them they are s, m and m s-2.
+    column
+        Name of the column of heights or accelerations, where several are possible.
 
     Returns
     -------
@@ -57,7 +61,8 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
         The fitted motion, for the argument `trace` of `find_impacts`: ``values`` are S, C (m s-1)
         and f (Hz), then S and C of other harmonics if the motion is not a sine; ``covariance`` is
         that of the values; ``numbers`` are the harmonic numbers h, that of the strongest first.
-        The base has the velocity sum S sin 2 pi h f t + C cos 2 pi h f t.
+        The base has the velocity sum S sin 2 pi h f t + C cos 2 pi h f t, where t is counted from
+        ``origin`` (s), which is 0 unless the clock counts from 1970 or from midnight.
 
     Raises
     ------
@@ -75,23 +80,12 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
     >>> round(float(frequency), 6)
     20.0
     """
-    import pandas as pd
-
     source = str(Path(path))
     try:
-        table = pd.read_csv(path)
-    except OSError as error:
-        raise TrackError(f"{source}: cannot be read ({error.strerror})") from error
-    except (ValueError, UnicodeDecodeError) as error:
-        raise TrackError(f"{source}: is not a table of values ({error})") from error
-    found = [name for name in QUANTITIES if name in table.columns]
-    if "time" not in table.columns or len(found) != 1:
-        raise TrackError(
-            f"{source}: has the columns {', '.join(map(str, table.columns))}; must have time and "
-            f"one of {', '.join(QUANTITIES)}"
-        )
-    numbers = table[["time", found[0]]].apply(pd.to_numeric, errors="coerce").dropna()
-    return make_trace(numbers["time"], numbers[found[0]], found[0], source)
+        time, values, quantity = series_of(read_content(Path(path)), source, QUANTITIES, column)
+    except ValueError as error:
+        raise TrackError(str(error)) from error
+    return make_trace(time, values, quantity, source)
 
 
 def make_trace(
@@ -117,8 +111,9 @@ def make_trace(
             f"{source}: the {quantity} does not change: leave the trace out, and say that the base "
             f"stays at its level"
         )
-    rates, power = periodogram(measured, sampled)
-    strongest = float(rates[1:][np.argmax(power[1:])])
+    strongest = strongest_rate(when, measured - measured.mean())
+    origin = origin_of(when)
+    when = when - origin
     middle = float(when.mean())  # makes the errors of phase and frequency almost independent
     rate, harmonics = _choose_harmonics(when - middle, measured, strongest, sampled)
     fit = _fit(when - middle, measured, rate, harmonics)
@@ -135,7 +130,7 @@ def make_trace(
             f"repeats can be used: check the columns, or leave the trace out and let the "
             f"landings determine the motion"
         )
-    return _velocities(fit, middle, quantity)
+    return _velocities(fit, middle, quantity)._replace(origin=origin)
 
 
 def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
@@ -148,7 +143,9 @@ def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
     mean = make_trace(tracks["time"].values[seen], height[seen], "height", source)
     share = np.sinc(np.repeat(mean.numbers, 2) * mean.values[2] * exposure)  # left by the average
     share = np.insert(share, 2, 1.0)
-    return Trace(mean.values / share, mean.covariance / np.outer(share, share), mean.numbers)
+    return mean._replace(
+        values=mean.values / share, covariance=mean.covariance / np.outer(share, share)
+    )
 
 
 class _Fit(NamedTuple):

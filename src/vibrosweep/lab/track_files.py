@@ -1,35 +1,30 @@
-"""Tracks from files: plain CSV, trackpy's table, and exports of Tracker (Open Source Physics)."""
+"""Tracks of one recording, from files or a table in memory, as a dataset."""
 
 from __future__ import annotations
 
-import io
+import contextlib
 import os
-import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.tracks import FRAME_RATES, make_tracks, table_to_tracks, with_mark
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.recording import Reading, Recording
+from vibrosweep.lab.recordings import read_file, recordings_of
+from vibrosweep.lab.tracks import table_to_tracks, with_mark
+from vibrosweep.scene.cells import Cells
+from vibrosweep.scene.clocks import even_times, origin_of
+from vibrosweep.scene.headings import heading
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["AXES", "read_tracks", "tracks_from_frame"]
-
-
-AXES: Final = ("up", "down")
-PLAIN: Final = ("time", "particle", "height")
-TRACKPY: Final = ("frame", "particle", "y")
-_METRES: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-_FORMATS: Final = (
-    "the file must have the columns time, particle, height; or frame, particle, y as trackpy "
-    "writes them; or be an export of Tracker with the columns t and y"
-)
+__all__ = ["read_tracks", "tracks_from_frame"]
 
 
 def read_tracks(
@@ -65,7 +60,8 @@ def read_tracks(
     Returns
     -------
     xarray.Dataset
-        As `make_tracks` returns it.
+        As `make_tracks` returns it.  Where the clock of the file counts from 1970 or from midnight,
+        times are counted from the attribute ``origin`` (s).
 
     Raises
     ------
@@ -83,29 +79,22 @@ def read_tracks(
     ...     vs.lab.read_tracks(f"{folder}/track.csv").height.dims
     ('frame', 'particle')
     """
-    import pandas as pd
-
-    files = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    frames = [_table(Path(path)) for path in files]
-    if len(frames) > 1:
-        if len({frozenset(frame.columns) for frame in frames}) > 1:
-            raise TrackError(f"{files[0]} and others: have different formats; convert them to one")
-        names = [set(frame["particle"]) for frame in frames]
-        shared = set.intersection(*names)
-        if shared:
+    files = [Path(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
+    how = Reading(scale, frame_rate, axis, base=base)
+    found = [read_file(path, how) for path in files]
+    if len(found) > 1:
+        shared = set.intersection(*({r.label for r in own} for own in found))
+        if shared - {""}:
             raise TrackError(
-                f"{files[0]} and others: particle {min(shared, key=str)} is in each of them; "
+                f"{files[0]} and others: particle {min(shared)} is in each of them; "
                 f"rename it, or read different recordings separately"
             )
-    return tracks_from_frame(
-        pd.concat(frames, ignore_index=True),
-        frame_rate=frame_rate,
-        scale=scale,
-        axis=axis,
-        base=base,
-        base_track=base_track,
-        source=", ".join(str(path) for path in files),
-    )
+        found = [
+            [replace(r, label=r.label or path.stem) for r in own]
+            for path, own in zip(files, found, strict=True)
+        ]
+    tracks = _joined([r for own in found for r in own], ", ".join(map(str, files)), frame_rate)
+    return tracks if base_track is None else with_mark(tracks, base_track)
 
 
 def tracks_from_frame(
@@ -149,143 +138,56 @@ def tracks_from_frame(
     >>> tracks_from_frame(table).height.dims
     ('frame', 'particle')
     """
-    lowest, highest = FRAME_RATES
-    if frame_rate is not None and not lowest <= frame_rate <= highest:
-        raise TrackError(f"frame_rate = {frame_rate:g}: must be {lowest:g} to {highest:g} Hz")
-    if scale is not None and not 0.0 < scale < np.inf:
-        raise TrackError(f"scale = {scale:g}: must be a finite number above 0")
-    if base is not None and not np.isfinite(base):
-        raise TrackError(f"base = {base:g}: must be a finite number")
-    require_one_of("axis", axis or "up", AXES, TrackError)
-    if set(PLAIN) <= set(table.columns):
-        time = _numbers(table, "time", source)
-        height = _numbers(table, "height", source)
-    elif set(TRACKPY) <= set(table.columns):
-        if frame_rate is None or scale is None:
-            raise TrackError(
-                f"{source}: frames and pixels need the frame rate in Hz and the scale in m per "
-                f"pixel; give both"
-            )
-        with np.errstate(over="ignore"):  # refused below
-            time = _numbers(table, "frame", source) / frame_rate
-        height, axis = _numbers(table, "y", source), axis or "down"
-    else:
-        found = ", ".join(map(str, table.columns)) or "none"
-        raise TrackError(f"{source}: has the columns {found}; {_FORMATS}")
-    upwards = 1.0 if (axis or "up") == "up" else -1.0
-    with np.errstate(over="ignore"):
-        height = upwards * (scale or 1.0) * (height - (base or 0.0))
-    particle = table["particle"]
-    unnamed = np.flatnonzero(particle.isna())
-    if unnamed.size:
-        raise TrackError(f"{source}: row {unnamed[0] + 1} has no particle; name or number it")
-    numbered = particle.dtype.kind in "iuf"
-    owner = particle.to_numpy() if numbered else particle.astype(str).to_numpy(object)
-    tracks = table_to_tracks(time, owner, height, source)
-    if frame_rate is not None and "time" in table.columns:
-        seconds = tracks["time"].values * (tracks.attrs["frame_rate"] / frame_rate)
-        names = tracks["particle"].values
-        tracks = make_tracks(seconds, tracks["height"].values, names, source)
-        tracks.attrs["frame_rate"] = frame_rate
+    how = Reading(scale, frame_rate, axis, base=base)
+    text = table.astype(object).where(table.notna(), "").astype(str)
+    cells = Cells(
+        source,
+        "",
+        "",
+        tuple(heading(str(name)) for name in table.columns),
+        text.to_numpy(object).tolist(),
+        list(range(1, len(table) + 1)),
+    )
+    try:
+        found = list(recordings_of(cells, how))
+    except ValueError as error:
+        raise error if isinstance(error, TrackError) else TrackError(str(error)) from error
+    tracks = _joined(found, source, frame_rate)
     return tracks if base_track is None else with_mark(tracks, base_track)
 
 
-def _numbers(table: pd.DataFrame, name: str, source: str) -> Array:
-    """Convert a column to numbers; empty cells become NaN."""
-    import pandas as pd
-
-    values = pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)
-    words = np.flatnonzero(np.isnan(values) & table[name].notna().to_numpy())
-    if words.size:
-        raise TrackError(
-            f'{source}: column "{name}", row {words[0] + 1} (the first row of values is 1): '
-            f"{table[name].iloc[words[0]]!r} is not a number; leave lost positions empty"
-        )
-    return values
-
-
-def _table(path: Path) -> pd.DataFrame:
-    """Read a file of any format into the columns that `tracks_from_frame` takes."""
-    import pandas as pd
-
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise TrackError(f"{path}: there is no such file of tracks; check the path") from error
-    except UnicodeDecodeError as error:
-        raise TrackError(f"{path}: is not UTF-8 text; export the tracks as text") from error
-    except OSError as error:
-        raise TrackError(f"{path}: cannot be read: {error.strerror}") from error
-    lines = text.splitlines()
-    if not any(line.strip() for line in lines):
-        raise TrackError(f"{path}: is empty; {_FORMATS}")
-    mass, start = _tracker_header(lines)
-    header = lines[start]
-    separator = next((mark for mark in "\t;," if mark in header), ",")
-    comma = separator != "," and any("," in line for line in lines[start + 1 : start + 9])
-    # Tracker ends some of the lines with a separator
-    columns = max(line.count(separator) for line in lines[start:]) + 1
-    try:
-        table = pd.read_csv(
-            io.StringIO("\n".join(lines[start:])),
-            sep=separator,
-            header=0 if mass is None else None,
-            names=None if mass is None else range(columns),
-            skiprows=0 if mass is None else 1,
-            decimal="," if comma else ".",
-            skipinitialspace=True,
-            low_memory=False,
-        )
-    except (ValueError, pd.errors.ParserError) as error:
-        if len(lines) == start + 1:
-            raise TrackError(f"{path}: holds no positions; check the file") from error
-        raise TrackError(f"{path}: is not a table: {str(error).strip()}") from error
-    if mass is None:
-        return table.rename(columns=str.strip)
-    masses = [mass] if mass else [cell.strip() for cell in lines[start - 1].split(separator)]
-    return _tracker_heights(path, table, header.split(separator), masses)
-
-
-def _tracker_header(lines: list[str]) -> tuple[str | None, int]:
-    """Return the name of the mass, and the index of the line with the header.
-
-    The name is empty if several masses are side by side, and None if Tracker did not write the
-    lines.
-    """
-    for mass, start in (("", 2), (lines[0].strip(), 1)):
-        if len(lines) > start and re.match(r"t\s*(\(.*?\))?\s*[\t;,]", lines[start].strip()):
-            return mass, start
-    return None, 0
-
-
-def _tracker_heights(
-    path: Path, table: pd.DataFrame, header: list[str], masses: list[str]
-) -> pd.DataFrame:
-    """Put the heights of all masses below each other.
-
-    A name in `masses` stands above the first column of its mass, and empty cells above the others.
-    """
-    import pandas as pd
-
-    owners: list[str] = []
-    for k in range(len(header)):
-        name = masses[k] if k < len(masses) else ""
-        owners.append(name or (owners[-1] if owners else ""))
-    parts: list[Any] = []
-    for k, cell in enumerate(header):
-        column = re.fullmatch(r"y(?:_\{?\w+\}?)?\s*(?:\((.*)\))?", cell.strip())
-        if column is None or k >= table.shape[1]:
-            continue
-        unit = column[1] or "m"
-        if unit not in _METRES:
+def _joined(found: list[Recording], source: str, frame_rate: float | None) -> xr.Dataset:
+    """Put the tracks of one recording side by side."""
+    heights: list[Array] = []
+    for one in found:
+        if one.height is None:
+            raise TrackError(f"{one.name}: holds times of impacts, and no tracks with heights")
+        if not one.rate_known or (one.pixels and not one.scale_known):
             raise TrackError(
-                f"{path}: heights are in {unit!r}; known units: {', '.join(_METRES)}; export them "
-                f"in m, or without a unit and give the scale"
+                f"{one.name}: frames and pixels need the frame rate in Hz and the scale in m per "
+                f"pixel; give both"
             )
-        part = pd.DataFrame({"time": table[0], "particle": owners[k], "height": table[k]})
-        part["height"] = _METRES[unit] * _numbers(part, "height", str(path))
-        parts.append(part[part["time"].notna()])
-    if not parts:
-        raise TrackError(f"{path}: an export of Tracker without a column y; add y to its table")
-    joined: pd.DataFrame = pd.concat(parts, ignore_index=True)
-    return joined
+        heights.append(one.height)
+    if not found:
+        raise TrackError(f"{source}: holds no positions; check the file and its columns")
+    labels = [one.label for one in found]
+    names: list[object] = list(labels)
+    with contextlib.suppress(ValueError):
+        names = [float(label or 0) for label in labels]
+        names = [int(label or 0) for label in labels]
+    owner = np.repeat(
+        np.array(names, object if isinstance(names[0], str) else None), [h.size for h in heights]
+    )
+    time = np.concatenate([one.time for one in found])
+    origin = origin_of(np.unique(time))
+    if origin:  # so far from its zero a double rounds by 0.2 us
+        stamps, index = np.unique(time, return_inverse=True)
+        time = even_times(stamps - origin, 4.0 * float(np.spacing(abs(origin))))[0][index]
+    tracks = table_to_tracks(time, owner, np.concatenate(heights), source)
+    if origin:
+        tracks.attrs["origin"] = origin
+    if frame_rate is not None:
+        tracks.attrs["frame_rate"] = frame_rate
+    if remarks := dict.fromkeys(remark for one in found for remark in one.remarks):
+        tracks.attrs["remarks"] = "\n".join(remarks)
+    return tracks

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
+from vibrosweep.scene.clocks import even_times
 
 __all__ = ["FRAME_RATES", "check_size", "make_tracks", "rate_of", "table_to_tracks"]
 
@@ -157,7 +158,7 @@ def with_mark(tracks: xr.Dataset, name: str) -> xr.Dataset:
 def rate_of(times: Array, source: str) -> float:
     """Return the values per second at rising times (s); raise a TrackError for impossible rates."""
     check_size("time", times, source)
-    rate, (low, high) = float(1.0 / np.median(np.diff(times))), FRAME_RATES
+    (_, rate), (low, high) = even_times(times, 0.0), FRAME_RATES
     if not low <= rate <= high:
         raise TrackError(
             f"{source}: holds {rate:.3g} frames per second: must be {low:g} to {high:g}; check the "

@@ -180,17 +180,18 @@ def _text_rows(content: bytes, source: str) -> list[Row]:
 def _separator(lines: Sequence[str]) -> str:
     """Find what separates the columns, from up to 400 lines that hold digits."""
     bare = [re.sub(r'"[^"]*"', "0", line).rstrip() for line in lines if line.strip()]
-    body = [line for line in bare if re.match(r"\W*\d", line)][:400] or bare[:1]
+    body = [line for line in bare if re.match(r"[\s.,;+-]*\d", line)][:400] or bare[:1]
     for mark in "\t;,":
         if 2 * sum(mark in line for line in body) >= max(len(body), 1):
             break
     else:
         return " " if any(" " in line.strip() for line in body) else ","
-    if mark == ",":
+    if mark == "," and not any('"' in line for line in lines):
         words = [line.split() for line in body]
         decimal = all(_NUMBER.fullmatch(w) or _COMMA.fullmatch(w) for row in words for w in row)
         # 0,25 0,31; or one column of 0,25 below a name without a comma
-        if decimal and (len(words[0]) > 1 or "," not in bare[0]):
+        above = bare[max(bare.index(body[0]) - 1, 0)]
+        if decimal and (len(words[0]) > 1 or "," not in above):
             return " "
     return mark
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import Final
 
 import numpy as np
 
 from vibrosweep.arrays import Array
 
-STEADY = 0.02  # largest relative difference between a rate and its first estimate
+FAR: Final = 100.0  # durations from its zero at which a clock counts from 1970 or from midnight
+STEADY: Final = 0.02  # largest relative difference between a rate and its first estimate
 
 
 def rounding_of(cells: Iterable[str]) -> float:
@@ -54,3 +56,23 @@ def _rates(found: float, rate: float | None) -> Iterator[float]:
     for candidate in (round(found), 1000.0 * round(1.001 * found) / 1001.0, round(found, 1), found):
         if candidate > 0.0:
             yield float(candidate)
+
+
+def origin_of(time: Array) -> float:
+    """Whole second from which to count times, so that phases hold: 0 unless it is far away."""
+    begin, span = float(time[0]), float(time[-1] - time[0])
+    return float(np.floor(begin)) if abs(begin) > FAR * span else 0.0
+
+
+def strongest_rate(time: Array, values: Array, padding: int = 1) -> float:
+    """Frequency in Hz of the highest peak of the spectrum of values without mean or trend.
+
+    Values are put on an even clock of the usual step, and gaps hold zeros: where all steps are
+    multiples of one this is the spectrum of Lomb and Scargle but for its norm.
+    """
+    step = 1.0 / even_times(time, 0.0)[1]
+    place = np.rint((time - time[0]) / step).astype(np.intp)
+    even = np.zeros(place[-1] + 1)
+    even[place] = values
+    power = np.abs(np.fft.rfft(even, padding * even.size)) ** 2
+    return (int(np.argmax(power[1:])) + 1) / (padding * even.size * step)

@@ -12,19 +12,23 @@ height, or integrating an acceleration, term by term gives the harmonics of the 
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.mistakes import escaped, separator_mistake
+from vibrosweep.mistakes import escaped
 from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, Trace, Waveform, zeros
+from vibrosweep.scene.cells import MISSING, cells_of
+from vibrosweep.scene.clocks import even_times, origin_of, rounding_of, strongest_rate
+from vibrosweep.scene.headings import acceleration_factor, length_factor, time_factor
 from vibrosweep.scene.waveform import Traced
 
+AT_REST: Final = 0.02  # deviation from 1 of a mean that is taken for 1 g
 FEWEST_PERIODS: Final = 2.0
 LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain
 DRIFT: Final = 0.05  # largest drift in one period, relative to the range
@@ -43,8 +47,13 @@ def measured(traced: Traced, folder: Path) -> tuple[Waveform, float, float]:
         raise ValueError(
             f"the trace {path} cannot be read: {error.strerror}{escaped(path)}"
         ) from error
-    time, values = _columns(content, traced.column)
-    frequency, terms, share = _fitted(time, values, traced.harmonics)
+    time, values, _ = series_of(content, "the trace", (traced.column,))
+    if time.size < 8:
+        raise ValueError(f"the trace has {time.size} lines; at least 8 are needed")
+    # about the middle, and on the clock of the trace unless that counts from 1970
+    middle = float(time[0] + time[-1]) / 2.0
+    frequency, terms, share = _fitted(time - middle, values, traced.harmonics)
+    terms = _moved(terms, frequency, middle - origin_of(time))
     rates = TWO_PI * frequency * np.arange(1, traced.harmonics + 1)  # rad/s
     cosines, sines = terms
     # velocity: sum of in_phase sin(rate t) + quadrature cos(rate t)
@@ -63,34 +72,71 @@ def measured(traced: Traced, folder: Path) -> tuple[Waveform, float, float]:
     return Waveform(HARMONICS_NAME, scaled, trace), frequency, velocity
 
 
-def _columns(content: bytes, column: str) -> tuple[Array, Array]:
-    """Return the times in s and the values of a column."""
-    try:
-        rows = list(csv.reader(content.decode("utf-8-sig").splitlines()))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError("the trace is not a table of comma-separated values in UTF-8") from error
-    names = [name.strip() for name in rows[0]] if rows else []
-    for needed in ("time", column):
-        if needed not in names:
-            found = ", ".join(names) or "none"
-            wrong = separator_mistake(names) or f'has no column "{needed}" (columns found: {found})'
-            raise ValueError(f"the trace {wrong}")
-    places = [names.index("time"), names.index(column)]
-    numbers = np.empty((len(rows) - 1, 2))
-    for k, row in enumerate(rows[1:]):
-        try:
-            numbers[k] = [float(row[place]) for place in places]
-        except (IndexError, ValueError) as error:
-            raise ValueError(f"line {k + 2} of the trace does not hold two numbers") from error
-    time, values = numbers.T
-    if not np.isfinite(numbers).all():
-        line = int(np.flatnonzero(~np.isfinite(numbers).all(axis=1))[0]) + 2
-        raise ValueError(f"the trace has a number that is not finite in line {line}")
-    if time.size < 8:
-        raise ValueError(f"the trace has {time.size} lines; at least 8 are needed")
+def series_of(
+    content: bytes, source: str, quantities: Sequence[str], column: str | None = None
+) -> tuple[Array, Array, str]:
+    """Return rising times (s), values in SI units and their quantity from the table of a trace.
+
+    The quantity is one of `quantities`; lines in which a value is missing are left out.  A
+    ValueError says why there are none.
+    """
+    tables = cells_of(content, source)
+    found = []
+    for table in tables:
+        heads = table.headings
+        clock = next((k for k, h in enumerate(heads) if h.role == "time"), None)
+        wanted = [
+            k for k, h in enumerate(heads) if (h.means(column) if column else h.role in quantities)
+        ]
+        found += [(table, clock, k) for k in wanted if clock not in (None, k)]
+    if len(found) != 1:
+        names = "; ".join(table.names for table in tables)
+        several = "has several columns that may be meant" if found else "has no column"
+        needed = column or " or ".join(quantities)
+        raise ValueError(
+            f'{source} {several} of time and "{needed}" (columns found: {names}); name the column'
+        )
+    ((table, clock, place),) = found
+    head, clock_head = table.headings[place], table.headings[clock]
+    time, values = table.numbers(clock), table.numbers(place)
     if (back := np.flatnonzero(np.diff(time) <= 0.0)).size:
-        raise ValueError(f"the time in line {back[0] + 3} of the trace is not after the one before")
-    return time, values
+        line = table.lines[back[0] + 1]
+        raise ValueError(f"the time in line {line} of {source} is not after the one before")
+    factor = time_factor(clock_head.unit)
+    by_unit = "acceleration" if head.unit == "g" or not length_factor(head.unit) else "height"
+    quantity = head.role if head.role in quantities else by_unit
+    size = (acceleration_factor if quantity == "acceleration" else length_factor)(head.unit)
+    if factor is None or size is None or quantity not in quantities:
+        wrong = clock_head if factor is None else head
+        raise ValueError(
+            f'{source}: column "{wrong.text}" is in {wrong.unit!r}; give times in s or ms, '
+            f"heights in m, cm or mm, accelerations in m s-2 or g"
+        )
+    kept = np.isfinite(time) & np.isfinite(values)
+    time, values = time[kept], values[kept]
+    unstated = quantity == "acceleration" and not head.unit and values.size > 0
+    if unstated and abs(abs(float(values.mean())) - 1.0) < AT_REST:
+        raise ValueError(
+            f'{source}: column "{head.text}" has the mean {values.mean():.3g}, as an accelerometer '
+            f"that states multiples of g; write its unit in the heading, "
+            f'"{head.text} (g)" or "{head.text} (m/s2)"'
+        )
+    step = rounding_of(c for c in table.column(clock) if c.lower() not in MISSING)
+    time = even_times(time * factor[0] / factor[1], step * factor[0] / factor[1])[0]
+    return time, values * size[0] / size[1], quantity
+
+
+def _moved(terms: Array, frequency: float, since: float) -> Array:
+    """Refer cosines and sines to the instant 0 instead of `since` (s)."""
+    turns = np.arange(1, terms.shape[1] + 1) * (frequency * since)
+    angle = TWO_PI * (turns - np.rint(turns))
+    cosines, sines = terms
+    return np.stack(
+        [
+            cosines * np.cos(angle) - sines * np.sin(angle),
+            sines * np.cos(angle) + cosines * np.sin(angle),
+        ]
+    )
 
 
 def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, float]:
@@ -144,13 +190,9 @@ def waves(time: Array, frequency: float, harmonics: int) -> Array:
 
 def _peak(time: Array, values: Array) -> float:
     """Return the frequency of the highest peak of the spectrum."""
-    even = np.linspace(time[0], time[-1], time.size)
-    line = np.interp(even, time, values)
-    line -= np.polyval(np.polyfit(even - even[0], line, 1), even - even[0])
-    padded = 8 * time.size
-    power = np.abs(np.fft.rfft(line * np.hanning(line.size), padded)) ** 2
-    k = int(np.argmax(power[1:])) + 1
-    return k * (time.size - 1) / (padded * float(time[-1] - time[0]))
+    line = values - np.polyval(np.polyfit(time, values, 1), time)
+    window = 0.5 - 0.5 * np.cos(TWO_PI * (time - time[0]) / (time[-1] - time[0]))
+    return strongest_rate(time, line * window, padding=8)
 
 
 def _refined(time: Array, values: Array, f: float, harmonics: int, span: float) -> float:
