@@ -57,6 +57,9 @@ def results(tmp_path_factory):
         made[kind] = folder / f"{kind}.h5"
         words = ["lab", part, str(track), "-o", str(made[kind])]
         assert main(words if part == "impacts" else [*words, "--draws", "4"]) == 0
+    drops, made["restitution"] = folder / "drops.csv", folder / "restitution.h5"
+    drops.write_text("time (s)\n0.0\n0.8\n1.48\n2.06\n2.55\n")
+    assert main(["lab", "restitution", str(drops), "-o", str(made["restitution"])]) == 0
     return made
 
 

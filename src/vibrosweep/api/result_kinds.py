@@ -104,6 +104,24 @@ COMPARISON: Final = ResultKind(
     "lab_table4",
     unverified=_OF_A_CAMERA,
 )
+RESTITUTION: Final = ResultKind(
+    "restitution",
+    "vibrosweep lab restitution",
+    _late("lab.drop_lines", "restitution_lines"),
+    _late("figures.drops", "restitution_by_speed"),
+    "lab_restitution",
+    unverified="it holds measurements of a ball, which cannot be proved",
+)
 
-for _kind in (WINDOWS, BIFURCATION, BASINS, ORBITS, BRANCHES, BOUNDARIES, IMPACTS, COMPARISON):
+for _kind in (
+    WINDOWS,
+    BIFURCATION,
+    BASINS,
+    ORBITS,
+    BRANCHES,
+    BOUNDARIES,
+    IMPACTS,
+    COMPARISON,
+    RESTITUTION,
+):
     register_kind(_kind)

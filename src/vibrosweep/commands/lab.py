@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -52,6 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     impacts.set_defaults(part=_impacts)
 
+    _add_restitution(parts.add_parser("restitution", help="measure a ball on a floor at rest"))
+
     compare = parts.add_parser("compare", help="compare tracks with prediction")
     _add_tracks(compare)
     for name, unit in (("frequency", "HZ"), ("restitution", "E"), ("amplitude", "M/S")):
@@ -67,6 +70,62 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     compare.add_argument("--seed", metavar="S", type=whole, default=0, help="default: 0")
     compare.set_defaults(part=_compare)
+
+
+def _range(text: str) -> float | tuple[float, float]:
+    """Read a number, or two with a colon between them."""
+    try:
+        low, *high = map(float, text.split(":"))
+    except ValueError:
+        high = [0.0, 0.0]
+    if len(high) > 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number, or a range such as 0.1:0.2")
+    return (low, high[0]) if high else low
+
+
+def _scale(text: str) -> float | str:
+    """Read m per unit, or the word gravity."""
+    if text == "gravity":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number, or "gravity"') from None
+
+
+def _add_restitution(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "tracks", metavar="FILES", type=Path, nargs="+", help="films, or times of impacts"
+    )
+    for name, unit, words in (
+        ("drop-height", "M", "height of the drops, so that the first fall counts"),
+        ("contact", "S", "length of a contact; default: 0.0002:0.005"),
+        ("gravity", "G", "default: 9.81"),
+    ):
+        default = 9.81 if name == "gravity" else None
+        text = f"{words}; a number, or a range LOW:HIGH"
+        parser.add_argument(f"--{name}", metavar=unit, type=_range, default=default, help=text)
+    for name, unit, words in (
+        ("mass", "KG", "mass of the ball, for its drag in air"),
+        ("diameter", "M", "its diameter"),
+        ("frame-rate", "HZ", "of the camera"),
+        ("from", "S", "begin of the part that is used"),
+        ("to", "S", "its end"),
+    ):
+        parser.add_argument(f"--{name}", metavar=unit, type=float, help=words)
+    parser.add_argument(
+        "--scale", metavar="M", type=_scale, help='m per unit of the file, or "gravity"'
+    )
+    parser.add_argument("--axis", choices=("up", "down"), help="direction in which heights grow")
+    for name in ("column", "particle", "sheet"):
+        parser.add_argument(f"--{name}", metavar="NAME", help=f"{name} to read")
+    parser.add_argument("--json", action="store_true", help="print numbers as JSON")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT.h5", type=output_file, help="write the result"
+    )
+    parser.add_argument("--figures", metavar="DIR", type=directory, help="draw figures there")
+    parser.add_argument("--force", action="store_true", help="replace an existing output")
+    parser.set_defaults(part=_restitution)
 
 
 def _add_tracks(parser: argparse.ArgumentParser) -> None:
@@ -217,6 +276,48 @@ def _compare(options: argparse.Namespace) -> None:
         table = compare(recordings, how, workers)
     print("\n".join(table_lines(table)))
     _keep(options, table, COMPARISON, lambda: COMPARISON.axes(table), COMPARISON.stem)
+
+
+def _restitution(options: argparse.Namespace) -> None:
+    from vibrosweep.api.result_kinds import RESTITUTION
+    from vibrosweep.lab.drop_lines import numbers_of, restitution_lines
+    from vibrosweep.lab.drops import restitution
+    from vibrosweep.lab.recordings import read_recordings
+    from vibrosweep.store.disk import check_output
+
+    if options.output is not None:
+        check_output(options.output, force=options.force, inputs=options.tracks)
+    free = options.scale == "gravity"
+    reading = ("frame_rate", "axis", "column", "particle", "sheet")
+    recordings = read_recordings(
+        options.tracks,
+        scale=None if free else options.scale,
+        **{name: getattr(options, name) for name in reading},
+    )
+    about = ("contact", "mass", "diameter", "gravity", "drop_height")
+    found = restitution(
+        recordings,
+        **{name: getattr(options, name) for name in about},
+        scale_from_gravity=free,
+        begin=getattr(options, "from"),
+        end=options.to,
+    )
+    lines = restitution_lines(found)
+    print(json.dumps(numbers_of(found), indent=1) if options.json else "\n".join(lines))
+
+    def draw() -> Axes:
+        from vibrosweep.figures.drops import restitution_by_speed
+
+        return restitution_by_speed(found)
+
+    _keep(options, found, RESTITUTION, draw, RESTITUTION.stem)
+    if options.figures is not None and "sample_time" in found:
+        from vibrosweep.figures.drops import film_of_drop
+        from vibrosweep.figures.registry import save_formats
+        from vibrosweep.figures.style import for_file
+
+        with drawing(None):
+            save_formats(for_file(lambda: film_of_drop(found)), options.figures, "lab_drop_film")
 
 
 def _keep(

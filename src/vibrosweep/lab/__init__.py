@@ -12,6 +12,7 @@ from vibrosweep.lazy import lazily
 if TYPE_CHECKING:
     from vibrosweep.lab.camera import Camera
     from vibrosweep.lab.compare import compare_tracks
+    from vibrosweep.lab.drops import restitution
     from vibrosweep.lab.estimation import estimate
     from vibrosweep.lab.experiment import Experiment, Variation
     from vibrosweep.lab.impacts import find_impacts
@@ -23,19 +24,23 @@ if TYPE_CHECKING:
     from vibrosweep.lab.track_files import read_tracks, tracks_from_frame
     from vibrosweep.lab.tracks import make_tracks
     from vibrosweep.lab.trials import perform_trials, predicted_means
+    from vibrosweep.lab.virtual_drops import FloorExperiment, film_drops, hear_drops
 
 __all__ = [
     "QUANTITIES",
     "READINGS",
     "Camera",
     "Experiment",
+    "FloorExperiment",
     "Recording",
     "Variation",
     "agreement",
     "comparable",
     "compare_tracks",
     "estimate",
+    "film_drops",
     "find_impacts",
+    "hear_drops",
     "make_tracks",
     "perform_trials",
     "predicted_means",
@@ -44,6 +49,7 @@ __all__ = [
     "read_recordings",
     "read_trace",
     "read_tracks",
+    "restitution",
     "tracks_from_frame",
 ]
 
@@ -57,6 +63,10 @@ _HOMES: Final = {
     "estimate": "vibrosweep.lab.estimation",
     **dict.fromkeys(("Experiment", "Variation"), "vibrosweep.lab.experiment"),
     **dict.fromkeys(("perform_trials", "predicted_means"), "vibrosweep.lab.trials"),
+    "restitution": "vibrosweep.lab.drops",
+    **dict.fromkeys(
+        ("FloorExperiment", "film_drops", "hear_drops"), "vibrosweep.lab.virtual_drops"
+    ),
     "find_impacts": "vibrosweep.lab.impacts",
     **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.repeats"),
     "Recording": "vibrosweep.lab.recording",

@@ -1,0 +1,177 @@
+"""Bounces from the times of impacts on a floor.
+
+Two successive impacts are apart by a contact and a flight.  A click that is missed joins two
+flights, a false one divides a flight; both change the ratio of successive intervals by far more
+than a bounce does.  The reading of a list that needs the fewest such events is found exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from vibrosweep.arrays import Array
+from vibrosweep.lab.ballistics import flight_of, nominal_of
+from vibrosweep.lab.drop_inputs import BallInputs, Bounces, Input
+from vibrosweep.lab.recording import Recording
+
+RATIOS: Final = (0.3, 1.0)  # of intervals, at which a restitution is sought first
+EVENT: Final = 12.0  # cost of a missed or false click: a ratio that is off by 3.5 deviations
+BREAK: Final = 30.0  # cost of another drop in the same list
+LEAST_SPREAD: Final = 0.02  # of the logarithm of a ratio
+FARTHEST: Final = 4  # clicks that may be false one after the other, and more
+MISSED: Final = 2  # clicks that may be missed one after the other
+
+
+class Reading(NamedTuple):
+    """Intervals of a list: first and last click, and number of clicks missed between."""
+
+    first: int
+    last: int
+    missed: int
+
+
+def typical_ratio(lists: Sequence[Array]) -> tuple[float, float]:
+    """Return the median ratio of successive intervals, and a spread of its logarithm."""
+    steps = [np.diff(times) for times in lists]
+    ratios = np.concatenate([step[1:] / step[:-1] for step in steps]) if steps else np.empty(0)
+    ratios = ratios[(ratios > RATIOS[0]) & (ratios < RATIOS[1])]
+    if not ratios.size:
+        return np.nan, np.nan
+    logs = np.log(ratios)
+    middle = np.median(logs)
+    spread = 1.48 * float(np.median(np.abs(logs - middle)))
+    return float(np.exp(middle)), max(LEAST_SPREAD, 2.0 * spread)
+
+
+def read_clicks(times: Array, ratio: float, spread: float) -> list[list[Reading]]:
+    """Read a list of clicks as drops of successive flights, at the lowest cost."""
+    n = times.size
+    series = np.cumsum(ratio ** np.arange(MISSED + 1))  # an interval over its first flight
+    best: dict[Reading, tuple[float, Reading | None]] = {}
+    by_last: list[list[Reading]] = [[] for _ in range(n)]
+    ends = np.full(n, np.inf)  # lowest cost of all before a drop that begins with this click
+    ends[0] = 0.0
+    previous: list[Reading | None] = [None] * n
+    for j in range(n):
+        for i in range(max(0, j - FARTHEST), j):
+            for missed in range(MISSED + 1):
+                here = Reading(i, j, missed)
+                flight = (times[j] - times[i]) / series[missed]
+                own = EVENT * (missed + j - i - 1)
+                options: list[tuple[float, Reading | None]] = [(ends[i] + own, None)]
+                for before in by_last[i]:
+                    length = times[i] - times[before.first]
+                    last = length * ratio**before.missed / series[before.missed]
+                    off = np.log(flight / last / ratio) / spread
+                    options.append((best[before][0] + own + off * off, before))
+                best[here] = min(options, key=lambda option: option[0])
+                by_last[j].append(here)
+        if by_last[j] and j + 1 < n:
+            cheapest = min(by_last[j], key=lambda reading: best[reading][0])
+            ends[j + 1] = best[cheapest][0] + BREAK
+            previous[j + 1] = cheapest
+        if j + 1 < n and ends[j] + EVENT < ends[j + 1]:  # a false click at the beginning
+            ends[j + 1], previous[j + 1] = ends[j] + EVENT, previous[j]
+    drops: list[list[Reading]] = []
+    # false clicks may stand at the end
+    last = min(
+        (r for row in by_last for r in row), key=lambda r: best[r][0] + EVENT * (n - 1 - r.last)
+    )
+    reading: Reading | None = last
+    while reading is not None:
+        drop = [reading]
+        while (earlier := best[drop[-1]][1]) is not None:
+            drop.append(earlier)
+        drops.append(drop[::-1])
+        reading = previous[drop[-1].first]
+    return drops[::-1]
+
+
+def bounces_of_clicks(
+    recordings: Sequence[Recording], inputs: BallInputs
+) -> tuple[list[Bounces], list[str]]:
+    """Return the bounces of lists of clicks, and remarks."""
+    # a time that appears twice is one impact
+    recordings = [replace(r, time=np.unique(r.time[np.isfinite(r.time)])) for r in recordings]
+    ratio, spread = typical_ratio([r.time for r in recordings if r.time.size > 2])
+    found, remarks = [], []
+    for recording in recordings:
+        n = recording.time.size
+        lacking = n < 3 and not (inputs.drop_height and n == 2)
+        if lacking or not np.isfinite(ratio if n > 2 else 1.0):
+            what = "no interval is 0.3 to 1 times as long as the one before"
+            text = f"has {n} impact times, at least 3 are needed" if n < 3 else what
+            remarks.append(f"{recording.name}: no bounce; {text}")
+            continue
+        drops = read_clicks(recording.time, ratio if n > 2 else 0.8, spread if n > 2 else 1.0)
+        read = sum(1 + len(drop) for drop in drops)
+        missed = sum(r.missed for drop in drops for r in drop)
+        events = [f"{m} {w}" for m, w in ((missed, "missed"), (n - read, "false")) if m]
+        if events:
+            remarks.append(f"{recording.name}: {' and '.join(events)} of {n} clicks")
+        for k, drop in enumerate(drops):
+            name = recording.name if len(drops) == 1 else f"{recording.name} ({k + 1})"
+            start = inputs.drop_height is not None and not drop[0].missed
+            made = _bounces(recording, drop, inputs, start, name)
+            if made.restitution.size:
+                found.append(made)
+    return found, remarks
+
+
+def _bounces(
+    recording: Recording, drop: list[Reading], inputs: BallInputs, falls: bool, name: str
+) -> Bounces:
+    """Return the bounces between flights none of which holds a missed click."""
+    times = recording.time
+    clicks = [drop[0].first, *(reading.last for reading in drop)]
+    whole = np.array([reading.missed == 0 for reading in drop])
+    both = whole[1:] & whole[:-1]
+    used = np.concatenate([[falls], both])  # whether the bounce before each flight is measured
+    lengths = np.diff(times[clicks])
+    means = {
+        "contact": inputs.contact,
+        "drag": inputs.drag or Input(0.0),
+        "gravity": inputs.gravity,
+        **({"drop_height": inputs.drop_height} if inputs.drop_height else {}),
+    }
+
+    def values(lengths: Array, **changed: float) -> tuple[Array, Array]:
+        now = {key: changed.get(key, one.value) for key, one in means.items()}
+        g, drag = now["gravity"], now["drag"]
+        v = nominal_of(np.maximum(lengths - now["contact"], 1e-9), g, drag)
+        fallen = np.sqrt(2.0 * g * now.get("drop_height", 1.0))
+        up, down, _, _ = flight_of(np.append(fallen, v), g, drag)
+        return (up[1:] / down[:-1])[used], down[:-1][used]
+
+    restitution, speed = values(lengths)
+    # each click is off by itself; ratios are smooth enough for differences
+    step = 1e-4 * lengths.min()
+    moved = np.empty((restitution.size, lengths.size + 1))
+    for k in range(lengths.size + 1):
+        shift = np.zeros(lengths.size + 1)
+        shift[k] = step
+        change = np.diff(shift)
+        moved[:, k] = (values(lengths + change)[0] - values(lengths - change)[0]) / (2 * step)
+    slopes = {}
+    for key, one in means.items():
+        h = max(one.error, 1e-3 * one.value, 1e-5) * 0.1
+        up, down = (values(lengths, **{key: one.value + s})[0] for s in (h, -h))
+        slopes[key] = (up - down) / (2.0 * h)
+    timing = moved @ moved.T
+    return Bounces(
+        name=name,
+        restitution=restitution,
+        speed=speed,
+        time=times[clicks[:-1]][used],
+        fixed=timing * recording.rounding**2 / 12.0,
+        timing=timing,
+        inputs=slopes,
+        found={},
+        speed_known=recording.rate_known,
+        gravity=None,
+        remarks=(),
+    )

@@ -1,0 +1,101 @@
+"""What is known of a ball beside its recordings, and the bounces that a recording yields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from vibrosweep.arrays import Array
+from vibrosweep.errors import ParameterError
+from vibrosweep.lab.ballistics import drag_of_ball
+
+__all__ = ["BallInputs", "Bounces", "Input"]
+
+
+class Input(NamedTuple):
+    """A number that is known with an error."""
+
+    value: float
+    error: float = 0.0
+
+
+# Contact of any ball: 0.2 to 5 ms; drag of any ball: terminal speeds of 10 to 100 m/s
+CONTACT: Final = (2e-4, 5e-3)
+DRAG: Final = (1e-4, 1e-2)
+GRAVITY: Final = Input(9.81)
+
+
+def from_range(low: float, high: float) -> Input:
+    """Return mean and standard deviation between two positive numbers, evenly in the logarithm."""
+    if not low < high:
+        return Input(low)
+    mean = (high - low) / np.log(high / low)
+    return Input(mean, float(np.sqrt(mean * (high + low) / 2.0 - mean**2)))
+
+
+def given(name: str, value: float | tuple[float, float]) -> Input:
+    """Turn a number or a range of positive numbers into an input."""
+    low, high = (value, value) if isinstance(value, int | float) else value
+    if not 0.0 < low <= high < np.inf:
+        raise ParameterError(
+            f"{name} {low:g} to {high:g}: must be above 0 and finite, the lower number first"
+        )
+    return from_range(low, high)
+
+
+@dataclass(frozen=True)
+class BallInputs:
+    """Inputs of a measurement of restitution: contact in s, drag in s2 m-2, gravity in m s-2."""
+
+    contact: Input = field(default_factory=lambda: from_range(*CONTACT))
+    drag: Input | None = None  # of times 0, of films any ball's, if it is not stated
+    gravity: Input = GRAVITY
+    drop_height: Input | None = None
+    scale_from_gravity: bool = False
+
+
+def ball_inputs(
+    contact: float | tuple[float, float] | None,
+    mass: float | None,
+    diameter: float | None,
+    gravity: float | tuple[float, float],
+    drop_height: float | tuple[float, float] | None,
+) -> BallInputs:
+    """Check the inputs that a user states."""
+    if (mass is None) != (diameter is None):
+        missing = "mass" if mass is None else "diameter"
+        raise ParameterError(
+            f"{missing}: is missing; the drag of a ball follows from its mass (kg) and diameter (m)"
+        )
+    drag = None
+    if mass is not None and diameter is not None:
+        ball = given("mass", mass).value, given("diameter", diameter).value
+        drag = Input(*drag_of_ball(*ball))
+    return BallInputs(
+        BallInputs().contact if contact is None else given("contact", contact),
+        drag,
+        given("gravity", gravity),
+        None if drop_height is None else given("drop_height", drop_height),
+    )
+
+
+class Bounces(NamedTuple):
+    """The bounces of a drop, with what their errors have in common.
+
+    Values that depend on inputs were computed with the means of the inputs.
+    """
+
+    name: str
+    restitution: Array  # (bounce,)
+    speed: Array  # speed of impact, m s-1; only relative where `speed_known` is false
+    time: Array  # s, as in the recording
+    # Covariance of the restitutions and then of what the recording itself says about inputs
+    fixed: Array  # (row, row)
+    timing: Array  # (row, row) for a standard deviation of 1 s of the click times
+    inputs: dict[str, Array]  # derivative of each row by an input
+    found: dict[str, float]  # deviation of each input that the recording measures from its mean
+    speed_known: bool
+    gravity: Input | None  # apparent, in units of the file per s2
+    remarks: tuple[str, ...]

@@ -1,0 +1,277 @@
+"""Bounces from films of a ball over a floor.
+
+Flights are fitted together, with the level of the floor, the time of a contact and
+the drag as common parameters, so that a landing follows from the flight before it.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from vibrosweep.arrays import Array
+from vibrosweep.lab.ballistics import drop_from_apex, flight_of
+from vibrosweep.lab.drop_inputs import DRAG, BallInputs, Bounces, Input, from_range
+from vibrosweep.lab.free_fall import FAR, LEAST_SAMPLES, Stretch, chains_of, find_flights
+from vibrosweep.lab.recording import Recording
+
+SLACK: Final = 0.02  # s: wide prior of the contact in one film, which the pooled fit narrows
+# A contact lasts as long as (impact speed)^-p: p is 0 for a linear spring, 0.2 for Hertz's contact
+POWER: Final = Input(0.1, 0.1)
+BLURRED: Final = 0.1  # error of e of a bounce that is not resolved
+COMMON: Final = 5  # parameters of all flights: curvature, level, contact, drag, p
+
+
+class FilmFit(NamedTuple):
+    """Flights of a film."""
+
+    time: Array  # of samples in flights
+    height: Array
+    residual: Array  # in the unit of the file
+    fitted: Array
+    noise: float
+    level: float
+    gravity: Input
+
+
+class _Problem:
+    """Samples of chains of flights, and what they should be.
+
+    Parameters: curvature, level, contact (at the median speed), drag, and the power p of the
+    contact; then for each chain the time of its first apex and
+    the nominal speeds of its flights.  Times are in s from the middle, heights in the unit.
+    """
+
+    def __init__(
+        self,
+        time: Array,
+        height: Array,
+        chains: list[list[Stretch]],
+        curvature: float,
+        priors: tuple[Input, Input, Input],
+    ) -> None:
+        self.time, self.height, self.priors = time, height, priors
+        self.chains, self.noise = chains, 1.0
+        step = float(np.median(np.diff(time)))
+        self.margin = 0.5 * step
+        floors = [
+            one.height(0.5 * (time[one.samples[-1]] + time[two.samples[0]]), curvature)
+            for chain in chains
+            for one, two in pairwise(chain)
+        ]
+        level = float(np.median(floors))
+        start = [curvature, level, *(prior.value for prior in priors)]
+        speeds = []
+        for chain in chains:
+            apices = [f.centre + f.terms[1] / curvature for f in chain]
+            tops = [float(f.height(t, curvature)) for f, t in zip(chain, apices, strict=True)]
+            rises = np.maximum(np.array(tops) - level, 1e-3 * np.ptp(height))
+            speeds.append(np.sqrt(2.0 * curvature * rises))
+            start += [apices[0], *speeds[-1]]
+        self.start = np.array(start)
+        self.speed = float(np.median(np.concatenate([some[:-1] for some in speeds])))
+
+    def pieces(self, p: Array) -> list[tuple[Stretch, float, float, float, float]]:
+        """Return each flight with its nominal speed, and times of lift-off, apex and landing."""
+        made, place = [], COMMON
+        for chain in self.chains:
+            apex, speeds = p[place], p[place + 1 : place + 1 + len(chain)]
+            place += 1 + len(chain)
+            _, _, rise, fall = flight_of(speeds, p[0], p[3])
+            contact = p[2] * (np.abs(speeds) / self.speed) ** -p[4]
+            for k, flight in enumerate(chain):
+                if k:
+                    apex = apex + fall[k - 1] + contact[k - 1] + rise[k]
+                lift = -np.inf if k == 0 else apex - rise[k]
+                made.append((flight, speeds[k], lift, apex, apex + fall[k]))
+        return made
+
+    def bounces(self, p: Array, metre: float) -> tuple[Array, Array]:
+        """Return each restitution, then contact and drag (in m); and the speeds of impact."""
+        place, e, v = COMMON, [], []
+        for chain in self.chains:
+            up, down, _, _ = flight_of(p[place + 1 : place + 1 + len(chain)], p[0], p[3])
+            e.append(up[1:] / down[:-1])
+            v.append(down[:-1])
+            place += 1 + len(chain)
+        return np.concatenate([*e, [p[2], p[3] / metre**2]]), np.concatenate(v)
+
+    def membership(self, p: Array) -> list[NDArray[np.intp]]:
+        """Return the samples of each flight, none of which may touch the floor."""
+        members = []
+        for flight, _, lift, _, landing in self.pieces(p):
+            first, last = flight.samples[0], flight.samples[-1]
+            near = np.arange(max(first - 1, 0), min(last + 2, self.time.size))
+            if np.isinf(lift):
+                near = near[near >= first]
+            within = (self.time[near] > lift + self.margin) & (
+                self.time[near] < landing - self.margin
+            )
+            members.append(near[within])
+        return members
+
+    def model(self, p: Array, members: list[NDArray[np.intp]]) -> Array:
+        """Return the heights of the samples of all flights."""
+        parts = []
+        for (_, speed, _, apex, _), samples in zip(self.pieces(p), members, strict=True):
+            rise = speed**2 / (2.0 * p[0])
+            parts.append(p[1] + rise - drop_from_apex(self.time[samples] - apex, p[0], p[3]))
+        return np.concatenate(parts)
+
+    def solve(self) -> tuple[Array, Array, list[NDArray[np.intp]], Array, float]:
+        """Return parameters, covariance, samples, residuals and noise."""
+        p, noise = self.start, self.noise
+        odd = np.zeros(self.time.size, dtype=bool)
+        widths = np.array([prior.error for prior in self.priors])
+        means = np.array([prior.value for prior in self.priors])
+        start, loose = self.start, np.maximum(np.abs(self.start), 1.0)
+        loose[1] += np.ptp(self.height)
+        loose[2:COMMON] = np.inf
+        for turn in range(4):
+            members = [samples[~odd[samples]] for samples in self.membership(p)]
+            every = np.concatenate(members)
+            if every.size <= p.size:
+                raise np.linalg.LinAlgError
+
+            def off(p: Array, members=members, every=every, noise=noise) -> Array:  # type: ignore[no-untyped-def]
+                left = (self.height[every] - self.model(p, members)) / noise
+                # what no sample determines stays near its start
+                return np.concatenate([left, (p[2:COMMON] - means) / widths, (p - start) / loose])
+
+            found = least_squares(off, p, x_scale=np.maximum(np.abs(p), 1e-3), method="trf")
+            p = found.x
+            left = found.fun[: every.size] * noise
+            noise = float(np.sqrt(left @ left / max(every.size - p.size, 1)))
+            noise = max(noise, 1e-9 * float(np.ptp(self.height)))
+            if turn == 1:
+                limit = FAR * 1.48 * float(np.median(np.abs(left)))
+                odd[every[np.abs(left) > max(limit, 1e-12)]] = True
+        jacobian = np.asarray(found.jac)
+        covariance = np.linalg.inv(jacobian.T @ jacobian)
+        return p, covariance, members, left, noise
+
+
+def bounces_of_film(
+    recording: Recording, inputs: BallInputs
+) -> tuple[Bounces | None, FilmFit | None, str]:
+    """Return the bounces of a film, its fit, and a remark if it has none."""
+    track = np.asarray(recording.height, np.float64)
+    seen = np.isfinite(track) & np.isfinite(recording.time)
+    time, height = recording.time[seen], track[seen]
+    if time.size < 2 * LEAST_SAMPLES:
+        return None, None, f"{recording.name}: no bounce; has only {time.size} positions"
+    middle = float(time.mean())
+    time = time - middle
+    flights, curvature, noise = find_flights(time, height, recording.name)
+    if not flights:
+        return None, None, f"{recording.name}: no flight was found"
+    chains = [[flights[k] for k in chain] for chain in chains_of(flights, time, curvature, noise)]
+    if not chains:
+        longest = max(flights, key=lambda f: f.samples.size)
+        used = np.concatenate([f.samples for f in flights])
+        fitted = np.concatenate([f.height(time[f.samples], f.terms[2]) for f in flights])
+        g = Input(float(longest.terms[2]), float(longest.errors[2]))
+        fit = FilmFit(
+            time[used] + middle, height[used], height[used] - fitted, fitted, noise, np.nan, g
+        )
+        return None, fit, f"{recording.name}: no bounce; {_scale_text(recording, g, inputs)}"
+    return _measured(recording, inputs, (time, height, middle), chains, curvature)
+
+
+def _scale_text(recording: Recording, g: Input, inputs: BallInputs) -> str:
+    if not recording.rate_known:
+        return f"free fall at {_pm(g)} units of the file per squared frame"
+    if recording.scale_known:
+        return f"apparent gravity {_pm(g)} m/s2"
+    scale = inputs.gravity.value / g.value
+    found = Input(
+        scale, scale * np.hypot(g.error / g.value, inputs.gravity.error / inputs.gravity.value)
+    )
+    return f"scale from gravity: {_pm(found)} m per unit of the file"
+
+
+def _pm(one: Input) -> str:
+    return f"{one.value:.5g} ± {one.error:.2g}"
+
+
+def _measured(
+    recording: Recording,
+    inputs: BallInputs,
+    track: tuple[Array, Array, float],
+    chains: list[list[Stretch]],
+    curvature: float,
+) -> tuple[Bounces | None, FilmFit | None, str]:
+    time, height, middle = track
+    # m per unit for the inputs; from gravity unless the file has one that is used
+    metre = 1.0 if recording.scale_known and not inputs.scale_from_gravity else 0.0
+    metre = metre or inputs.gravity.value / curvature
+    drag = inputs.drag or from_range(*DRAG)
+    wide = Input(drag.value * metre**2, max(20.0 * drag.error, 1e-6) * metre**2)
+    step = float(np.median(np.diff(time)))
+    frames = Input(0.5 * step, 2.0 * step)  # where the length of a frame is not known
+    contact = Input(inputs.contact.value, SLACK) if recording.rate_known else frames
+    problem = _Problem(time, height, chains, curvature, (contact, wide, POWER))
+    try:
+        p, covariance, members, left, noise = problem.solve()
+    except (np.linalg.LinAlgError, ValueError):
+        return None, None, f"{recording.name}: no bounce; its flights do not fit one floor"
+    covariance *= _echo(left)
+
+    rows, v = problem.bounces(p, metre)
+    steps = 1e-3 * np.sqrt(np.diag(covariance))
+    jacobian = np.stack(
+        [
+            (problem.bounces(p + h, metre)[0] - problem.bounces(p - h, metre)[0]) / (2 * h.sum())
+            for h in np.diag(steps)
+        ],
+        axis=1,
+    )
+    landings = [
+        piece[4] for piece, last in zip(problem.pieces(p), _lasts(chains), strict=True) if not last
+    ]
+    g = Input(float(p[0]), float(np.sqrt(covariance[0, 0])))
+    n = v.size
+    means = {"contact": inputs.contact if recording.rate_known else frames, "drag": drag}
+    slopes = {key: np.zeros(n + 2) for key in means}
+    slopes["contact"][n] = slopes["drag"][n + 1] = 1.0
+    own = recording.scale_known and not inputs.scale_from_gravity
+    unit = metre if own else inputs.gravity.value / g.value
+    every = np.concatenate(members)
+    fit = FilmFit(
+        time[every] + middle, height[every], left, height[every] - left, noise, float(p[1]), g
+    )
+    fixed = jacobian @ covariance @ jacobian.T
+    kept = np.append(np.diag(fixed)[:n] < BLURRED**2, [True, True])
+    if not kept[:n].any():
+        text = _scale_text(recording, g, inputs)
+        return None, fit, f"{recording.name}: no bounce that is resolved; {text}"
+    seen = kept[:n]
+    bounces = Bounces(
+        name=recording.name,
+        restitution=rows[:n][seen],
+        speed=v[seen] * unit,
+        time=(np.array(landings) + middle)[seen],
+        fixed=fixed[np.ix_(kept, kept)],
+        timing=np.zeros((kept.sum(), kept.sum())),
+        inputs={key: slope[kept] for key, slope in slopes.items()},
+        found={"contact": rows[n] - means["contact"].value, "drag": rows[n + 1] - drag.value},
+        speed_known=recording.rate_known and (recording.scale_known or inputs.scale_from_gravity),
+        gravity=g,
+        remarks=(_scale_text(recording, g, inputs),),
+    )
+    return bounces, fit, ""
+
+
+def _echo(left: Array) -> float:
+    """Return the factor by which residuals that resemble their neighbours increase variances."""
+    echo = float(left[1:] @ left[:-1] / (left @ left)) if left.any() else 0.0
+    echo = min(echo, 0.9) if echo > 2.0 / np.sqrt(left.size) else 0.0
+    return (1.0 + echo) / (1.0 - echo)
+
+
+def _lasts(chains: list[list[Stretch]]) -> list[bool]:
+    return [k == len(chain) - 1 for chain in chains for k in range(len(chain))]

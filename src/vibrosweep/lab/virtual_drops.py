@@ -1,0 +1,267 @@
+"""Virtual drops of a ball on a floor, filmed or heard, whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from vibrosweep.arrays import Array
+from vibrosweep.errors import require_one_of
+from vibrosweep.lab.ballistics import drop_from_apex, flight_of
+from vibrosweep.lab.recording import Recording
+from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
+
+__all__ = ["FloorExperiment", "Truth", "film_drops", "hear_drops"]
+
+CONTACTS: Final = ("dashpot", "hertz")
+LEAST: Final = 0.02  # m s-1: a ball that bounces more slowly is at rest
+
+
+@dataclass(frozen=True)
+class FloorExperiment:
+    """A ball that is dropped on a floor, and how it is recorded; lengths in m, times in s.
+
+    Attributes
+    ----------
+    height, height_spread
+        Height of the drops, and its standard deviation.
+    restitution, restitution_law, restitution_speed, slope
+        As in a scene, and a change of e with the speed in s/m, about 1 m/s.
+    scatter, drop_scatter
+        Standard deviations of e from bounce to bounce and from drop to drop.
+    contact_time, contact
+        Length of a contact at 1 m/s, and its force: ``"dashpot"``, a spring and a dashpot, or
+        ``"hertz"``, whose contacts last longer at low speed.
+    terminal_speed
+        Terminal speed in air, m/s.
+    bounces
+        Largest number of bounces of a drop.
+    frame_rate, noise, unit, rounding, lost
+        Of a film: frames per second, noise of a position in m, m per unit of the file, step of the
+        time stamps, share of the frames that are lost.
+    hands
+        Whether the film begins with the ball held, and ends with the ball caught.
+    timing, missed, false
+        Of sound: standard deviation of the time of a click, the share of missed clicks, and the
+        number of false clicks per impact.
+
+    Examples
+    --------
+    >>> from vibrosweep.lab import FloorExperiment, hear_drops
+    >>> recordings, truth = hear_drops(FloorExperiment(restitution=0.8), 2, seed=1)
+    >>> recordings[0].time.size
+    9
+    """
+
+    height: float = 0.8
+    height_spread: float = 0.0
+    restitution: float = 0.85
+    restitution_law: str = CONSTANT
+    restitution_speed: float = 1.0
+    slope: float = 0.0
+    scatter: float = 0.0
+    drop_scatter: float = 0.0
+    contact_time: float = 5e-4
+    contact: str = "dashpot"
+    terminal_speed: float = np.inf
+    gravity: float = 9.81
+    bounces: int = 8
+    frame_rate: float = 240.0
+    noise: float = 3e-4
+    unit: float = 1.0
+    rounding: float = 0.0
+    lost: float = 0.0
+    hands: bool = False
+    timing: float = 1e-4
+    missed: float = 0.0
+    false: float = 0.0
+
+
+class Truth(NamedTuple):
+    """What happened in a drop: each impact with its time, speed and restitution."""
+
+    time: Array
+    speed: Array
+    restitution: Array
+    apex: Array  # times of the apices, the release first
+    rise: Array  # heights of the apices
+    length: Array  # of each contact
+
+
+def _drop(setup: FloorExperiment, rng: np.random.Generator) -> Truth:
+    require_one_of("contact", setup.contact, CONTACTS)
+    g, drag = setup.gravity, setup.terminal_speed**-2
+    own = setup.drop_scatter * rng.standard_normal()
+    height = setup.height + setup.height_spread * rng.standard_normal()
+    nominal, apex, made = float(np.sqrt(2.0 * g * height)), 0.0, []
+    for k in range(setup.bounces + 1):
+        _, w, _, fall = (float(one) for one in flight_of(np.asarray(nominal), g, drag))
+        law, reference = setup.restitution_law, setup.restitution_speed
+        e = float(restitution_at(w, setup.restitution, law, reference))
+        e += setup.slope * (w - 1.0) + own + setup.scatter * rng.standard_normal()
+        length = setup.contact_time * (w**-0.2 if setup.contact == "hertz" else 1.0)
+        made.append((apex + fall, w, e, apex, nominal**2 / (2.0 * g), length))
+        if e * w < LEAST or k == setup.bounces:
+            break
+        # the nominal speed of a rise that begins at e w
+        nominal = float(np.sqrt(np.log1p(drag * (e * w) ** 2) / drag)) if drag else e * w
+        apex += fall + length + float(flight_of(np.asarray(nominal), g, drag)[2])
+    return Truth(*np.array(made, np.float64).T)
+
+
+def _compression(e: float, contact: str) -> tuple[Array, Array]:
+    """Return a contact of length 1 that begins at a speed of 1: times, and depths."""
+    if contact == "dashpot":
+        decay = -np.log(e)
+        time = np.linspace(0.0, 1.0, 100)
+        return time, np.exp(-decay * time) * np.sin(np.pi * time) / np.pi
+    # a force x^1.5 (1 + p x'), whose p follows from e without integration
+    p = brentq(lambda p: p * (1 + e) - np.log1p(p) + np.log1p(-e * p), 1e-9, (1 - 1e-12) / e)
+
+    def end(_: float, x: Array) -> float:
+        return float(x[0]) if x[1] < 0.0 else 1.0
+
+    end.terminal = True  # type: ignore[attr-defined]
+    run = solve_ivp(
+        lambda _, x: [x[1], -(max(x[0], 0.0) ** 1.5) * (1 + p * x[1])],
+        *((0.0, 50.0), [0.0, 1.0]),
+        events=end,
+        rtol=1e-7,
+        atol=1e-10,
+        max_step=0.1,
+    )
+    return run.t / run.t[-1], run.y[0] / run.t[-1]
+
+
+def _height(truth: Truth, time: Array, setup: FloorExperiment) -> Array:
+    """Return heights above the level of first contact."""
+    drag = setup.terminal_speed**-2
+    height = np.zeros(time.size)
+    starts = np.append(-np.inf, truth.time + truth.length)
+    for k, landing in enumerate(truth.time):
+        within = (time > starts[k]) & (time <= landing)
+        since = np.maximum(time[within] - truth.apex[k], 0.0 if k == 0 else -np.inf)
+        height[within] = truth.rise[k] - drop_from_apex(since, setup.gravity, drag)
+        if k == truth.time.size - 1:
+            break
+        within = (time > landing) & (time < landing + truth.length[k])
+        share, depth = _compression(truth.restitution[k], setup.contact)
+        deep = np.interp((time[within] - landing) / truth.length[k], share, depth)
+        height[within] = -truth.speed[k] * truth.length[k] * deep
+    return height
+
+
+def film_drops(
+    setup: FloorExperiment, drops: int = 1, seed: int = 0
+) -> tuple[list[Recording], list[Truth]]:
+    """Film drops.
+
+    Parameters
+    ----------
+    setup
+        The ball, the floor and the camera.
+    drops
+        Number of drops, each on a film of its own.
+    seed
+        Seed of the random numbers.
+
+    Returns
+    -------
+    list of Recording, list of Truth
+        The films, and what happened in them.
+
+    Examples
+    --------
+    >>> from vibrosweep.lab import FloorExperiment, film_drops
+    >>> films, truth = film_drops(FloorExperiment(bounces=3))
+    >>> films[0].height.size > 200
+    True
+    """
+    rng = np.random.default_rng(seed)
+    films, truths = [], []
+    for k in range(drops):
+        truth = _drop(setup, rng)
+        step, wait = 1.0 / setup.frame_rate, 0.3 * setup.hands
+        end = truth.time[-1] - 0.4 * (truth.time[-1] - truth.apex[-1]) * setup.hands
+        time = np.arange(-wait + step * rng.random(), end + wait, step)
+        height = _height(truth, np.minimum(time, end), setup)
+        if setup.hands:  # which catch the ball, and raise it
+            height += 0.3 * np.maximum(time - end, 0.0)
+        height += setup.noise * rng.standard_normal(time.size) + 0.1 * rng.random()
+        time = time + wait
+        if setup.rounding:
+            time = np.round(time / setup.rounding) * setup.rounding
+        kept = rng.random(time.size) >= setup.lost
+        kept &= np.append(True, np.diff(time) > 0.0)
+        films.append(
+            Recording(
+                name=f"drop {k + 1}",
+                group="",
+                time=time[kept],
+                height=height[kept] / setup.unit,
+                horizontal=None,
+                scale_known=setup.unit == 1.0,
+                rate_known=True,
+                rounding=setup.rounding,
+                peaks=None,
+            )
+        )
+        truths.append(truth)
+    return films, truths
+
+
+def hear_drops(
+    setup: FloorExperiment, drops: int = 1, seed: int = 0
+) -> tuple[list[Recording], list[Truth]]:
+    """Record the clicks of drops.
+
+    Parameters
+    ----------
+    setup
+        The ball, the floor and the stopwatch.
+    drops
+        Number of drops.
+    seed
+        Seed of the random numbers.
+
+    Returns
+    -------
+    list of Recording, list of Truth
+        The times of the clicks, and what happened.
+
+    Examples
+    --------
+    >>> from vibrosweep.lab import FloorExperiment, hear_drops
+    >>> recordings, truth = hear_drops(FloorExperiment(bounces=5))
+    >>> recordings[0].time.size, truth[0].speed.size
+    (6, 6)
+    """
+    rng = np.random.default_rng(seed)
+    lists, truths = [], []
+    for k in range(drops):
+        truth = _drop(setup, rng)
+        time = truth.time + setup.timing * rng.standard_normal(truth.time.size)
+        time = time[rng.random(time.size) >= setup.missed]
+        extra = rng.poisson(setup.false * truth.time.size)
+        time = np.sort(np.append(time, rng.uniform(truth.time[0], truth.time[-1], extra)))
+        if setup.rounding:
+            time = np.round(time / setup.rounding) * setup.rounding
+        lists.append(
+            Recording(
+                name=f"drop {k + 1}",
+                group="",
+                time=time,
+                height=None,
+                horizontal=None,
+                scale_known=True,
+                rate_known=True,
+                rounding=setup.rounding,
+                peaks=None,
+            )
+        )
+        truths.append(truth)
+    return lists, truths

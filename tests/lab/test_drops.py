@@ -1,0 +1,156 @@
+"""A ball on a floor: from films and from times of impacts, with all that real recordings show."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+from vibrosweep.cli import main
+from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab import FloorExperiment, Recording, film_drops, hear_drops, restitution
+from vibrosweep.lab.ballistics import drop_from_apex, flight_of, nominal_of
+from vibrosweep.lab.drop_lines import restitution_lines
+
+BALL = {"mass": 0.046, "diameter": 0.043}  # terminal speed 33 m/s
+
+
+def off(found, truth):
+    """Deviation of the restitution in stated errors."""
+    return float(found["restitution"] - truth) / float(found["restitution_error"])
+
+
+def clicks(times, name="clicks", rounding=0.0):
+    return Recording(name, "", np.asarray(times), None, None, True, True, rounding, None)
+
+
+@pytest.mark.parametrize("drag", [1.0 / 81.0, 0.0, -1e-3])
+def test_flights_with_drag_are_those_of_the_equation_of_motion(drag):
+    up, down, rise, fall = (float(x[0]) for x in flight_of(np.array([4.0]), 9.81, drag))
+
+    def landed(t, x):
+        return x[0] if t > 0.1 else 1.0
+
+    landed.terminal = True
+    run = solve_ivp(
+        lambda t, x: [x[1], -9.81 * (1.0 + drag * x[1] * abs(x[1]))],
+        *((0.0, 3.0), [0.0, up]),
+        events=landed,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    assert run.t[-1] == pytest.approx(rise + fall, abs=1e-7)  # smaller drags count as 1e-7 / v^2
+    assert -run.y[1, -1] == pytest.approx(down, abs=1e-6)
+    assert drop_from_apex(np.array([-rise, fall]), 9.81, drag) == pytest.approx(16 / 19.62)
+    assert nominal_of(np.array([rise + fall]), 9.81, drag) == pytest.approx(4.0)
+
+
+def test_films_give_restitution_contact_and_drag_whatever_the_contact():
+    for contact in ("dashpot", "hertz"):
+        setup = FloorExperiment(
+            contact=contact, contact_time=2e-3, terminal_speed=25.0, scatter=0.004, hands=True
+        )
+        found = restitution(film_drops(setup, 3, seed=4)[0])
+        assert abs(off(found, 0.85)) < 3.0
+        assert found.attrs["bounces"] == 24
+        drag = found.sel(input="drag")
+        assert abs(float(drag["input_value"]) - 25.0**-2) < 4 * float(drag["input_error"])
+        assert 1e-3 < float(found.sel(input="contact")["input_value"]) < 3e-3
+        assert found["drop_gravity"].values == pytest.approx(9.81, abs=0.01)
+
+
+def test_restitution_needs_no_scale_and_scale_follows_from_gravity():
+    setup = FloorExperiment(unit=5e-4, bounces=4, scatter=0.004)
+    film = film_drops(setup, 2, seed=1)[0]
+    found = restitution(film)
+    assert abs(off(found, 0.85)) < 3.0
+    assert not found.attrs["speed_known"]
+    assert "scale from gravity: 0.0005" in found.attrs["remarks"]
+    assert restitution(film, scale_from_gravity=True).attrs["speed_known"]
+
+
+def test_a_film_without_a_bounce_gives_the_scale():
+    time = np.arange(40) / 100.0
+    film = Recording("throw", "", time, 100 * time - 300 * time**2, None, False, True, 0.0, None)
+    with pytest.raises(TrackError, match=r"no bounce; scale from gravity: 0\.01635"):
+        restitution([film])
+
+
+def test_a_film_upside_down_names_the_option():
+    film = film_drops(FloorExperiment(bounces=3))[0][0]
+    turned = Recording("film", "", film.time, -film.height, None, True, True, 0.0, None)
+    with pytest.raises(TrackError, match="--axis"):
+        restitution([turned])
+
+
+def test_times_tell_scatter_of_bounces_from_that_of_drops_and_of_the_clock():
+    setup = FloorExperiment(scatter=0.006, drop_scatter=0.006, terminal_speed=33.0)
+    found = restitution(hear_drops(setup, 16, seed=3)[0], contact=5e-4, **BALL)
+    assert abs(off(found, 0.85)) < 3.0
+    for name in ("scatter", "drop_scatter"):
+        low, high = found[f"{name}_quantile"].values[[0, 3]]
+        assert low < 0.006 < high
+    assert found.attrs["dependence"] == "constant"
+
+
+def test_missed_and_false_clicks_are_found():
+    times = hear_drops(FloorExperiment(), 1, seed=5)[0][0].time
+    spoilt = np.sort(np.append(np.delete(times, 4), [times[1] + 0.1]))
+    found = restitution([clicks(spoilt), clicks(times)], contact=5e-4)
+    assert "1 missed and 1 false of 9 clicks" in found.attrs["remarks"]
+    assert abs(off(found, 0.85)) < 3.5
+
+
+def test_times_name_no_law_and_one_bounce_no_scatter():
+    falling = FloorExperiment(slope=-0.02, scatter=0.003, contact_time=5e-4)
+    found = restitution(hear_drops(falling, 8, seed=2)[0], contact=5e-4)
+    assert found.attrs["dependence"] == "falls"
+    assert not found.sizes["law"]
+    one = restitution([clicks([0.0, 0.8, 1.48])], contact=5e-4)
+    assert float(one["restitution"]) == pytest.approx(0.85, abs=1e-3)
+    assert np.isnan(one["scatter"])
+    assert "not determined by so few bounces" in "\n".join(restitution_lines(one))
+    # the first fall counts with the height of the drop
+    fallen = restitution([clicks([0.0, 0.7])], contact=5e-4, drop_height=0.8)
+    assert float(fallen["restitution"]) == pytest.approx(0.866, abs=1e-3)
+
+
+def test_the_laws_that_fit_a_film_are_listed():
+    setup = FloorExperiment(
+        restitution_law="viscoelastic", restitution=0.8, scatter=0.003, bounces=6
+    )
+    found = restitution(film_drops(setup, 3, seed=6)[0])
+    assert "viscoelastic" in found["law"].values
+    assert "constant" not in found["law"].values
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"mass": 0.05}, "diameter: is missing"),
+        ({"contact": -1.0}, "contact"),
+        ({"contact": (2, 1)}, "contact"),
+    ],
+)
+def test_inputs_are_checked(given, message):
+    with pytest.raises(ParameterError, match=message):
+        restitution([clicks([0.0, 0.8, 1.48])], **given)
+
+
+def test_the_command_measures_draws_and_prints_json(tmp_path, capsys):
+    film = film_drops(FloorExperiment(bounces=4, scatter=0.004), 1, seed=3)[0][0]
+    path = tmp_path / "film.csv"
+    pd.DataFrame({"time": film.time, "height": film.height}).to_csv(path, index=False)
+    words = ["lab", "restitution", str(path), "--contact", "0.0002:0.001"]
+    result = ["-o", str(tmp_path / "out.h5"), "--figures", str(tmp_path / "figures")]
+    assert main([*words, *result]) == 0
+    assert "restitution 0.8" in capsys.readouterr().out
+    names = {p.name for p in (tmp_path / "figures").iterdir()}
+    assert {"lab_restitution.png", "lab_drop_film.png"} <= names
+    assert main(["info", str(tmp_path / "out.h5")]) == 0
+    assert "restitution 0.8" in capsys.readouterr().out
+    assert main([*words, "--json"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers["bounces"] == 4
+    assert numbers["drop_scatter"] is None
