@@ -6,6 +6,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -103,3 +104,17 @@ def test_an_edit_never_runs_stale_machine_code(tmp_path):
     assert edited != text
     before = run(text)
     assert run(edited) == run(edited, NUMBA_DISABLE_JIT="1") != before
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+@pytest.mark.parametrize(
+    ("ratio", "message"),
+    [
+        (lambda e, s: e * 1j, "its ratio returns complex128; it must be a real number"),
+        (lambda e, s: e.colour, "its ratio: numba cannot compile it: .*colour"),
+    ],
+)
+def test_a_ratio_that_is_no_real_number_is_refused(law, ratio, message):
+    vs.register_law(vs.Law("wrong", ratio, law.slope, law.bend))
+    with pytest.raises(ParameterError, match=f"law 'wrong': {message}"):
+        vs.simulate(**SCENE | {"restitution_law": "wrong"}, duration=2.0)

@@ -544,8 +544,9 @@ def observable_values(
         if not observable.landings:
             initial = float(observable.initial)
             totals = np.full((trajectories, observable.width), initial)
+            function = compiled(observable)
             try:
-                statistics = follow(Observer(compiled(observable), totals, initial))
+                statistics = follow(Observer(function, totals, initial))
             except MemoryError:
                 raise
             except Exception as error:

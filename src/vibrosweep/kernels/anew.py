@@ -6,6 +6,10 @@ from collections.abc import Callable
 from types import CellType, FunctionType
 from typing import Any
 
+import numba
+from numba import types
+
+from vibrosweep.errors import ParameterError
 from vibrosweep.model.functions import is_function, outside, plain
 
 
@@ -32,3 +36,24 @@ def compiled_anew(
             else:
                 names[name] = anew
     return done[function]
+
+
+def require_compilable(
+    function: Any, takes: tuple[Any, ...], compiler: Callable[[Any], Any], whose: str, *, real: bool
+) -> None:
+    """Raise a ParameterError if numba cannot compile a function for the types that it `takes`.
+
+    If `real`, it must return a real number.
+    """
+    if numba.config.DISABLE_JIT:
+        return
+    tried = compiled_anew(function, compiler)
+    try:
+        tried.compile(takes)
+    except Exception as error:  # the exceptions of numba have no common base
+        reason = next(filter(str.strip, [*str(error).splitlines()[1:], str(error)])).strip()
+        remedy = "call it as plain Python to find the mistake"
+        raise ParameterError(f"{whose}: numba cannot compile it: {reason}; {remedy}") from error
+    returned = tried.nopython_signatures[0].return_type
+    if real and not isinstance(returned, types.Integer | types.Float | types.Boolean):
+        raise ParameterError(f"{whose} returns {returned}; it must be a real number")

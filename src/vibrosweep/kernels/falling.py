@@ -16,10 +16,11 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
+from numba import njit, types
 
 from vibrosweep.kernels import elementary
-from vibrosweep.kernels._jit import fma, implements, jit
-from vibrosweep.kernels.anew import compiled_anew
+from vibrosweep.kernels._jit import OPTIONS, fma, implements, jit
+from vibrosweep.kernels.anew import compiled_anew, require_compilable
 from vibrosweep.kernels.markers import kind
 from vibrosweep.kernels.restitution import (
     Constant,
@@ -231,6 +232,10 @@ def restitution_of(name: str) -> Restitution:
 @functools.cache
 def _from_outside(code: str, law: OutsideLaw) -> Restitution:
     """Implement a law from outside the package."""
+    for key, count in (("ratio", 2), ("slope", 2), ("bend", 1)):
+        takes = (types.float64,) * count
+        whose = f"law {law.name!r}: its {key}"
+        require_compilable(getattr(law, key), takes, njit(**OPTIONS), whose, real=True)
     marker = kind(f"{law.name}_{code}")
     share, kept_slope, bend = (compiled_anew(f, jit) for f in (law.ratio, law.slope, law.bend))
     roundings, rounding = law.roundings, law.roundings * HALF_ULP

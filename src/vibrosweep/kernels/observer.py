@@ -12,9 +12,8 @@ from typing import Any, Final, NamedTuple
 import numba
 from numba import njit, types
 
-from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import OPTIONS, Floats, generic, implements, jit
-from vibrosweep.kernels.anew import compiled_anew
+from vibrosweep.kernels.anew import compiled_anew, require_compilable
 from vibrosweep.kernels.bases import Base
 from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE
 from vibrosweep.kernels.statistics import KINDS, declare
@@ -100,8 +99,7 @@ def compiled(observable: Observable) -> Any:
     """
     key = observable.code, observable.landings
     if key not in _compiled:
-        if not numba.config.DISABLE_JIT:
-            _require_compilable(observable)
+        _require_compilable(observable)
         _compiled[key] = _made(observable)
     return _compiled[key]
 
@@ -118,20 +116,11 @@ def _made(observable: Observable) -> Any:
 
 def _require_compilable(observable: Observable) -> None:
     landing = numba.typeof(Landing(0.0, 0.0, 0.0, 0.0, False))
-    function = compiled_anew(observable.function, njit(**OF_A_USER))
-    try:
-        function.compile((landing,) if observable.landings else (types.float64[::1], landing))
-    except Exception as error:  # the exceptions of numba have no common base
-        reason = next(filter(str.strip, [*str(error).splitlines()[1:], str(error)])).strip()
-        raise ParameterError(
-            f"observable {observable.name!r}: numba cannot compile its function: {reason}; "
-            f"call it as plain Python with a vibrosweep.Landing to find the mistake"
-        ) from error
-    returned = function.nopython_signatures[0].return_type
-    if observable.landings and not isinstance(
-        returned, types.Integer | types.Float | types.Boolean
-    ):
-        raise ParameterError(
-            f"observable {observable.name!r}: its function returns {returned}; it must be a real "
-            "number"
-        )
+    takes = (landing,) if observable.landings else (types.float64[::1], landing)
+    require_compilable(
+        observable.function,
+        takes,
+        njit(**OF_A_USER),
+        f"observable {observable.name!r}: its function",
+        real=bool(observable.landings),
+    )
