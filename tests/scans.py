@@ -12,8 +12,8 @@ from vibrosweep.scene.sweep import Sweep
 def over(scene, windows=None, **axes):
     """Sweep over a grid of a scene that states its duration."""
     axes = {n: Axis(tuple(np.atleast_1d(v).tolist())) for n, v in axes.items()}
-    text = "[scene]\nduration = 1.0\n"
-    return Sweep("", text, None, scene, Design("grid", axes), None, windows)
+    design = Design("grid", axes)
+    return Sweep("", "", None, scene, design, None, windows, states_duration=True)
 
 
 def find_windows(scene, e, scan, conditions, *, forcing="amplitude", threads=1, **options):

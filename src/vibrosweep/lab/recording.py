@@ -19,7 +19,17 @@ SENTINELS: Final = (0.0, -1.0)  # what programs write for a position that was lo
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """One drop or one film of one ball: a track, or times of impacts."""
+    """One drop or one film of one ball: a track, or times of impacts.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vibrosweep as vs
+    >>> times = np.array([0.0, 0.80, 1.52, 2.168])  # s, of four impacts
+    >>> heard = vs.lab.Recording("drop 1", "", times, None, None, True, True, 0.0, None)
+    >>> print(heard.height is None)
+    True
+    """
 
     name: str  # the file, and what tells it from others of that file
     group: str  # what is pooled together; empty if the file names none
@@ -103,13 +113,17 @@ def made(
             )
     up = how.axis or ("down" if image else "up")
     sign = 1.0 if up == "up" else -1.0
-    if beside is not None:
-        beside = np.where(np.isnan(height), np.nan, beside) * factor[0] / factor[1]
+    with np.errstate(over="ignore"):
+        if beside is not None:
+            beside = np.where(np.isnan(height), np.nan, beside) * factor[0] / factor[1]
+        height = sign * (height - (how.base or 0.0)) * factor[0] / factor[1]
+    if np.isinf(height).any() or (beside is not None and np.isinf(beside).any()):
+        raise TrackError(f"{name}: positions are too large to be computed with; check the scale")
     return Recording(
         name,
         group,
         track.time,
-        sign * (height - (how.base or 0.0)) * factor[0] / factor[1],
+        height,
         beside,
         peaks=None,
         label=label,
