@@ -8,7 +8,7 @@ import xarray as xr
 
 from vibrosweep.commands.describe import describe
 from vibrosweep.errors import DataError, Interruption, RunError
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.runs.result import unsettled

@@ -16,7 +16,7 @@ import vibrosweep
 from vibrosweep.cli import main
 from vibrosweep.engine import measure as engine
 from vibrosweep.errors import Interruption, OutputError, RunError
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.runs import chunks, result
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import read_spec

@@ -22,8 +22,7 @@ from vibrosweep.analysis.records import completed, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.measures import UNDETERMINED
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import UNDETERMINED, Status
 from vibrosweep.store.arranged import arranged
 from vibrosweep.store.rows import flat
 

@@ -10,11 +10,10 @@ from typing import Any, Final
 import numpy as np
 
 from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.measures import RESERVED
+from vibrosweep.model.measures import RESERVED, Status
 from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE_NAME
-from vibrosweep.model.status import Status
 from vibrosweep.runs.result import SETTLING, summary_of, unsettled
 from vibrosweep.store.kinds import SWEEP, ResultKind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest

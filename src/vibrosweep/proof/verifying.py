@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.measures import MEASURES, Status
 from vibrosweep.model.observables import Observable, observables_of
 from vibrosweep.model.parameters import SPRUNG
-from vibrosweep.model.status import Status
 from vibrosweep.proof.claims import MAX_COUPLED, Bounds, Estimate, prove
 from vibrosweep.proof.judges import (
     BOUNDS,

@@ -25,13 +25,23 @@ from vibrosweep.model.forcing import (
     only_parameters,
     sources,
 )
-from vibrosweep.model.measures import OF_REALIZATIONS, OPTIONS, RECORD, VARIABLES, Variable, known
+from vibrosweep.model.measures import (
+    IN_FILE,
+    LANDINGS_OF_AN_EXPONENT,
+    OF_REALIZATIONS,
+    OPTIONS,
+    RECORD,
+    VARIABLES,
+    Column,
+    Status,
+    Variable,
+    known,
+    ragged_columns,
+    wasted,
+)
 from vibrosweep.model.orbit_theory import FIXED, recognition_periods
-from vibrosweep.model.parameters import STREAM, Parameter
-from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
+from vibrosweep.model.parameters import STREAM, Parameter, Periods, in_periods
 from vibrosweep.model.restitution_laws import CONSTANT, range_of
-from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Status
-from vibrosweep.model.times import Periods, in_periods
 from vibrosweep.runs.chunks import Stream, batch_size, identity, no_rows
 from vibrosweep.scene.realizations import Realizations
 from vibrosweep.scene.scene import Scene

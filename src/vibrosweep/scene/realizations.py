@@ -34,11 +34,9 @@ from vibrosweep.mistakes import (
     separator_mistake,
     table,
 )
-from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.limits import misspelled
+from vibrosweep.model.forcing import FORCINGS, INPUTS, misspelled
 from vibrosweep.model.measures import MEASURES, RESERVED
-from vibrosweep.model.mount import mount_mistakes
-from vibrosweep.model.parameters import STREAM
+from vibrosweep.model.parameters import STREAM, mount_mistakes
 from vibrosweep.model.restitution_laws import range_mistake, speed_mistakes
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable, Label, columns_of
 from vibrosweep.scene.keys import SECTIONS

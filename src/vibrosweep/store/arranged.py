@@ -16,8 +16,7 @@ import numpy as np
 from vibrosweep.errors import DataError
 from vibrosweep.model.forcing import ACCELERATION, AMPLITUDE, INPUTS
 from vibrosweep.model.measures import IMPACTS, RECORD, UNDETERMINED, VARIABLES, Variable
-from vibrosweep.model.mount import MASS_RATIO
-from vibrosweep.model.parameters import OF_RESTITUTION, SPRUNG, STREAM
+from vibrosweep.model.parameters import MASS_RATIO, OF_RESTITUTION, SPRUNG, STREAM
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import HARMONICS_NAME, Waveform, harmonics_of, name_in
 
