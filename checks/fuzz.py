@@ -37,7 +37,7 @@ from vibrosweep.errors import VibrosweepError
 from vibrosweep.model.parameters import in_periods
 from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.sweep import Sweep, read_spec
-from vibrosweep.store.seal import append_seal
+from vibrosweep.store.disk import append_seal
 
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 PATIENCE = 600  # s until an attempt counts as hanging; a busy machine compiles for minutes

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from vibrosweep.model.restitution_laws import Law, register_law
     from vibrosweep.proof import verify
     from vibrosweep.scene.design import register_design
-    from vibrosweep.store.kinds import ResultKind, register_kind
-    from vibrosweep.store.saving import save_result
+    from vibrosweep.store.reading import ResultKind, register_kind
+    from vibrosweep.store.writing import save_result
 
 __all__ = [
     "LANDINGS_OF_AN_EXPONENT",
@@ -92,8 +92,8 @@ _HOMES = {
     **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.analyses"),
     "positions": "vibrosweep.analysis.sampled_positions",
     "rectangle": "vibrosweep.analysis.ragged",
-    **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.kinds"),
-    "save_result": "vibrosweep.store.saving",
+    **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.reading"),
+    "save_result": "vibrosweep.store.writing",
     "register_design": "vibrosweep.scene.design",
     "separations": "vibrosweep.api.analyses",
     "simulate": "vibrosweep.api.simulation",

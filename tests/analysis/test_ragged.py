@@ -11,7 +11,7 @@ import vibrosweep as vs
 from vibrosweep.commands.describe import describe
 from vibrosweep.commands.figures import perform
 from vibrosweep.errors import DataError
-from vibrosweep.store.seal import LENGTH
+from vibrosweep.store.disk import LENGTH
 
 SCENES = {
     "one": {},

@@ -21,8 +21,7 @@ from vibrosweep.runs import chunks, result
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import read_spec
 from vibrosweep.store.disk import Disk
-from vibrosweep.store.parts import Parts, read_manifest
-from vibrosweep.store.rundir import holding, run_directory
+from vibrosweep.store.parts import Parts, holding, read_manifest, run_directory
 
 SWEEP = """title = "A sweep of a test"
 [scene]

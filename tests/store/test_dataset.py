@@ -15,7 +15,7 @@ from vibrosweep.errors import RunError
 from vibrosweep.model.measures import RECORD, VARIABLES
 from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.store.dataset import CHUNK_VALUES, creating
+from vibrosweep.store.writing import CHUNK_VALUES, creating
 
 ASKED = Measures(separation=True, per_particle=True, trust=True, regimes=True)
 MEASURED = {variable.name: variable for variable in ASKED.variables}

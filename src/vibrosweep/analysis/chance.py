@@ -23,8 +23,7 @@ from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import UNDETERMINED, Status
-from vibrosweep.store.arranged import arranged
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import arranged, flat
 
 __all__ = ["order_against_chance", "separations_against_chance"]
 

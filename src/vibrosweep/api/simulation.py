@@ -63,9 +63,8 @@ from vibrosweep.runs.result import (
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import batch, checked
-from vibrosweep.store.arranged import REALIZATION, require_dataset
-from vibrosweep.store.kinds import KIND, SWEEP
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import REALIZATION, flat, require_dataset
+from vibrosweep.store.reading import KIND, SWEEP
 
 __all__ = ["simulate"]
 

@@ -38,7 +38,7 @@ def _draw(path: Path, directory: Path) -> None:
     from vibrosweep.api.results import has_record, open_record, open_sweep
     from vibrosweep.figures.registry import FIGURES, missing, save_all, save_formats
     from vibrosweep.figures.style import for_file
-    from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
+    from vibrosweep.store.reading import SWEEP, load_dataset, read_kind
 
     kind = read_kind(path)
     if kind is not SWEEP:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from vibrosweep.scene.sweep import Sweep
-    from vibrosweep.store.kinds import ResultKind
+    from vibrosweep.store.reading import ResultKind
 
 
 def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
@@ -50,8 +50,7 @@ def produce(
     from vibrosweep.figures.registry import save
     from vibrosweep.figures.style import for_file
     from vibrosweep.runs.driver import available_threads
-    from vibrosweep.store.provenance import provenance
-    from vibrosweep.store.saving import write_dataset
+    from vibrosweep.store.writing import provenance, write_dataset
 
     count = options.threads or available_threads()
     print(spec.title)

@@ -140,7 +140,7 @@ def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:
     """
     from vibrosweep.errors import ExistingOutputError, ParameterError
     from vibrosweep.store.disk import check_output
-    from vibrosweep.store.rundir import replaces
+    from vibrosweep.store.parts import replaces
 
     if options.impact_budget and not options.retry_failed:
         raise ParameterError(

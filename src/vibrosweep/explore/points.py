@@ -22,7 +22,7 @@ from vibrosweep.model.parameters import HIGH_BOUNCE, MASSES, NOISE, STAGGERED, P
 from vibrosweep.model.restitution_laws import law_in
 from vibrosweep.scene.scene import Launch, Scene, stored
 from vibrosweep.scene.sweep import batch
-from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
+from vibrosweep.store.reading import SWEEP, load_dataset, read_kind
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -73,10 +73,9 @@ from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.scene import Scene, stored
 from vibrosweep.scene.sweep import Sweep, parse_spec
-from vibrosweep.store.dataset import NO_VARIABLE
-from vibrosweep.store.provenance import provenance
+from vibrosweep.store.arranged import read_rows, row_count, row_dims
 from vibrosweep.store.reading import result_file
-from vibrosweep.store.rows import read_rows, row_count, row_dims
+from vibrosweep.store.writing import NO_VARIABLE, provenance
 
 BLOCK: Final = 512  # deviates that are drawn at a time
 

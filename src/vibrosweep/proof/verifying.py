@@ -36,7 +36,7 @@ from vibrosweep.proof.report import Judgement, Outcome, Report, State, judge
 from vibrosweep.proof.sampling import Expected, Realization, Sample, read_sample
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.store.disk import path_of
-from vibrosweep.store.kinds import read_kind
+from vibrosweep.store.reading import read_kind
 
 # About ten seconds for a realization, and half a gigabyte.
 MAX_LANDINGS: Final = 250_000

@@ -33,7 +33,7 @@ from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, short_axis
 from vibrosweep.store.parts import Columns, Parts
-from vibrosweep.store.provenance import version
+from vibrosweep.store.writing import version
 
 Tick = Callable[[int], object]
 

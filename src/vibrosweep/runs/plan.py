@@ -33,9 +33,9 @@ from vibrosweep.runs.result import declare, write_record, write_rows
 from vibrosweep.scene.design import DESIGNS, Axis
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import naming, target_of
 from vibrosweep.store.parts import Columns, kinds
+from vibrosweep.store.writing import creating
 from vibrosweep.system import physical_memory, resident_memory
 
 # A killed run loses at most the chunk that it was computing; a shorter sweep is one chunk

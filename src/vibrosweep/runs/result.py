@@ -46,14 +46,10 @@ from vibrosweep.runs.chunks import Stream, batch_size, identity, no_rows
 from vibrosweep.scene.realizations import Realizations
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.arranged import REALIZATION
-from vibrosweep.store.dataset import Group, creating
-from vibrosweep.store.kinds import KIND, SWEEP
-from vibrosweep.store.parts import kinds
-from vibrosweep.store.provenance import provenance
-from vibrosweep.store.rows import read_rows, row_count, slices
-from vibrosweep.store.rundir import run_directory
-from vibrosweep.store.writer import Writer
+from vibrosweep.store.arranged import REALIZATION, read_rows, row_count, slices
+from vibrosweep.store.parts import kinds, run_directory
+from vibrosweep.store.reading import KIND, SWEEP
+from vibrosweep.store.writing import Group, Writer, creating, provenance
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -120,7 +116,7 @@ def write_result(
     Parameters
     ----------
     output, force
-        Arguments of `vibrosweep.store.dataset.creating`; the run directory of the output holds the
+        Arguments of `vibrosweep.store.writing.creating`; the run directory of the output holds the
         unfinished file.
     spec, design
         The sweep.

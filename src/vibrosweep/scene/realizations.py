@@ -41,7 +41,7 @@ from vibrosweep.model.restitution_laws import range_mistake, speed_mistakes
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable, Label, columns_of
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.rows import UNSTORABLE
+from vibrosweep.store.arranged import UNSTORABLE
 from vibrosweep.store.trial import require_readable
 
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter
