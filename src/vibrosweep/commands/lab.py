@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.commands.arguments import directory, output_file, positive, some, whole
-from vibrosweep.commands.picture import drawing
+from vibrosweep.commands.pictures import drawing
 from vibrosweep.errors import ParameterError, TrackError
 
 if TYPE_CHECKING:
@@ -340,3 +340,6 @@ def _keep(
         with drawing(options.output):
             for path in save_formats(for_file(draw), options.figures, stem):
                 print(path)
+
+
+COMMANDS: Final = {"lab": (add_arguments, perform)}
