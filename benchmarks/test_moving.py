@@ -26,8 +26,8 @@ from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
 from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import KINDS
 from vibrosweep.kernels.totals import scratch
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 
 PARTICLES = 20

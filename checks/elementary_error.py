@@ -29,7 +29,7 @@ from rounded import (
 )
 from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import _fma_exact
-from vibrosweep.model import arcsine
+from vibrosweep.model import turns
 
 BITS = 192
 TERMS = 12
@@ -82,11 +82,11 @@ def arcsin_head(x: Number, z: Number, arithmetic: Arithmetic) -> Number:
     def sum_of_product(a: Number, b: Number, c: Number) -> Number:
         return fma(one, fma(a, b, zero), c)
 
-    higher = number(arcsine.HIGHER[0])
-    for c in arcsine.HIGHER[1:]:
+    higher = number(turns.ARCSINE_HIGHER[0])
+    for c in turns.ARCSINE_HIGHER[1:]:
         higher = sum_of_product(higher, z, number(c))
-    tail = fma(x, sum_of_product(z, higher, number(arcsine.FIRST_LOW)), zero)
-    return sum_of_product(x, number(arcsine.FIRST), tail)
+    tail = fma(x, sum_of_product(z, higher, number(turns.ARCSINE_FIRST_LOW)), zero)
+    return sum_of_product(x, number(turns.ARCSINE_FIRST), tail)
 
 
 def check_schemes() -> None:
@@ -98,7 +98,7 @@ def check_schemes() -> None:
             for f in draw(-0.29, 0.41, 500)
         ),
         *((exp_head(r, FLOATS), elementary.exp_near_zero(r)) for r in draw(-0.34, 0.34, 500)),
-        *((arcsin_head(x, x * x, FLOATS), arcsine.arcsin_turns(x)) for x in draw(0.0, 0.5, 500)),
+        *((arcsin_head(x, x * x, FLOATS), turns.arcsin_turns(x)) for x in draw(0.0, 0.5, 500)),
     ]
     if any(mine != kernel for mine, kernel in pairs):
         raise SystemExit("the arithmetic that is proved is not that of the kernels")
@@ -207,7 +207,7 @@ def arcsin_bound() -> float:
 
 
 def _first_of_arcsin() -> arb:
-    return arb(arcsine.FIRST) + arb(arcsine.FIRST_LOW) - 1 / (2 * arb.pi())
+    return arb(turns.ARCSINE_FIRST) + arb(turns.ARCSINE_FIRST_LOW) - 1 / (2 * arb.pi())
 
 
 def prove() -> dict[str, float]:
@@ -240,9 +240,9 @@ FUNCTIONS = {
     "log": elementary.log,
     "exp": elementary.exp,
     "expm1": elementary.expm1,
-    "arcsin_turns": arcsine.arcsin_turns,
+    "arcsin_turns": turns.arcsin_turns,
 }
-STATED = {**elementary.ERRORS, "arcsin_turns": arcsine.ARCSINE_ERROR}
+STATED = {**elementary.ERRORS, "arcsin_turns": turns.ARCSINE_ERROR}
 TRUE: dict[str, Callable[[arb], arb]] = {
     "log": lambda x: x.log(),
     "exp": lambda x: x.exp(),

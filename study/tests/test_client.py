@@ -77,7 +77,7 @@ def test_only_public_names_are_used(path):
         "import vibrosweep.model",
         "import vibrosweep.model.parameters as parameters",
         "import vibrosweep as vs; vs.store",
-        "import vibrosweep as vs; vs.theory.sprung.coupled_cycles",
+        "import vibrosweep as vs; vs.theory.sprung.coupled_theory",
         "from vibrosweep import theory; theory.locked_theory",
     ],
 )

@@ -15,7 +15,7 @@ from vibrosweep.kernels.coupled.counting import work_for
 from vibrosweep.kernels.coupled.noted import clear, landings, note
 from vibrosweep.kernels.listing import Listed
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.scene.scene import Scene
 
 LAUNCHES = (0.0, 0.125, 0.3, 0.55)

@@ -24,11 +24,10 @@ from vibrosweep.kernels.coupled.settling import (
 from vibrosweep.kernels.coupled.state import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
-from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
+from vibrosweep.model.coupled_theory import CoupledBase, monodromy, spectral_radius, staggered
 from vibrosweep.model.forcing import completed, only_parameters
-from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches, mounts
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.times import Periods
+from vibrosweep.model.observables import Measures
+from vibrosweep.model.parameters import PARAMETERS, Periods, dimensionless, launches, mounts
 from vibrosweep.scene.scene import Scene
 
 

@@ -11,7 +11,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.explore.borders import with_borders
 from vibrosweep.explore.plane_view import PlaneView
 from vibrosweep.explore.points import of_result
-from vibrosweep.store.saving import save_result
+from vibrosweep.store.writing import save_result
 
 
 @pytest.fixture(scope="module")

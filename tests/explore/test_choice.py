@@ -7,8 +7,7 @@ import pytest
 
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.explore.choice import MOST_PERIODS, Choice, Spread
-from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.times import Periods
+from vibrosweep.model.parameters import PARAMETERS, Periods
 from vibrosweep.scene.scene import Scene
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from vibrosweep.kernels import elementary
-from vibrosweep.model.arcsine import arcsin_turns
+from vibrosweep.model.turns import arcsin_turns
 
 
 @njit(error_model="numpy")

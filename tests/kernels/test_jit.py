@@ -150,7 +150,7 @@ def test_a_formula_is_named_in_tracebacks_and_profiles():
 PROBE = """
 from vibrosweep.kernels._jit import kernel
 from vibrosweep.kernels.sine import sin_turns
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
 
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 

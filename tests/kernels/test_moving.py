@@ -12,8 +12,8 @@ from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_spe
 from vibrosweep.kernels.record import Units
 from vibrosweep.kernels.statistics import empty_statistics
 from vibrosweep.kernels.totals import scratch
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
-from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 PARTICLES = 5

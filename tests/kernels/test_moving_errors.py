@@ -21,8 +21,8 @@ from vibrosweep.kernels.settle import Search, empty_orbits, settle
 from vibrosweep.kernels.statistics import empty_statistics
 from vibrosweep.kernels.totals import scratch
 from vibrosweep.kernels.trust import empty_trust, trust
+from vibrosweep.model.measures import Regime, Status
 from vibrosweep.model.parameters import Launches, dimensionless
-from vibrosweep.model.status import Regime, Status
 from vibrosweep.proof.reference.trajectories import trajectory
 
 BITS = 256

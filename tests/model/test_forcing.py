@@ -18,8 +18,15 @@ from vibrosweep.model.forcing import (
     forcing_of,
     refuse_extreme,
 )
-from vibrosweep.model.mount import OF_MOUNT
-from vibrosweep.model.parameters import BASES, LAWS, LAWS_OF, NOISE, OF_RESTITUTION, PARAMETERS
+from vibrosweep.model.parameters import (
+    BASES,
+    LAWS,
+    LAWS_OF,
+    NOISE,
+    OF_MOUNT,
+    OF_RESTITUTION,
+    PARAMETERS,
+)
 
 TABLE_1 = {name: np.array([p.default]) for name, p in PARAMETERS.items()}
 OTHERS = {name: values for name, values in TABLE_1.items() if name != "amplitude"}

@@ -8,7 +8,7 @@ import pytest
 from flint import arb
 
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.proof.claims import Bounds
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.measures import ProvedMeasures

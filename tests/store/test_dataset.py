@@ -13,9 +13,9 @@ from vibrosweep import open_record, open_sweep
 from vibrosweep._version import __version__
 from vibrosweep.errors import RunError
 from vibrosweep.model.measures import RECORD, VARIABLES
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.store.dataset import CHUNK_VALUES, creating
+from vibrosweep.store.writing import CHUNK_VALUES, creating
 
 ASKED = Measures(separation=True, per_particle=True, trust=True, regimes=True)
 MEASURED = {variable.name: variable for variable in ASKED.variables}

@@ -21,9 +21,8 @@ from vibrosweep.proof import verify
 from vibrosweep.runs.driver import retry_failed
 from vibrosweep.scene.sweep import parse_spec
 from vibrosweep.store import reading
-from vibrosweep.store.kinds import load_dataset, read_kind
-from vibrosweep.store.reading import using
-from vibrosweep.store.seal import LENGTH, append_seal
+from vibrosweep.store.disk import LENGTH, append_seal
+from vibrosweep.store.reading import load_dataset, read_kind, using
 from vibrosweep.store.trial import open_for_writing
 from vibrosweep.system import ENDINGS
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         separation_against,
         separation_distribution,
     )
-    from vibrosweep.store.rows import flat
+    from vibrosweep.store.arranged import flat
 
 __all__ = [
     "Condition",
@@ -58,7 +58,7 @@ _HOMES: Final = {
     "slot_decay": "vibrosweep.analysis.decay",
     "energy_balance": "vibrosweep.analysis.energy",
     "crossings": "vibrosweep.analysis.equal_heights",
-    "flat": "vibrosweep.store.rows",
+    "flat": "vibrosweep.store.arranged",
     **dict.fromkeys(
         ("landing_phases", "landing_separations"), "vibrosweep.analysis.landing_instants"
     ),

@@ -8,7 +8,7 @@ import xarray as xr
 from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.store.arranged import arranged
 
 __all__ = ["capacity"]

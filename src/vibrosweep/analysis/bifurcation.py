@@ -31,10 +31,9 @@ from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.forcing import FORCINGS, forcing_of
-from vibrosweep.model.measures import VARIABLES
+from vibrosweep.model.measures import VARIABLES, Regime
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
 from vibrosweep.model.shapes import SINE, TWO_PI
-from vibrosweep.model.status import Regime
 from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 

@@ -22,10 +22,8 @@ from vibrosweep.analysis.records import completed, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.measures import UNDETERMINED
-from vibrosweep.model.status import Status
-from vibrosweep.store.arranged import arranged
-from vibrosweep.store.rows import flat
+from vibrosweep.model.measures import UNDETERMINED, Status
+from vibrosweep.store.arranged import arranged, flat
 
 __all__ = ["order_against_chance", "separations_against_chance"]
 

@@ -15,9 +15,8 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import ABSENT, Mistake, Word
 from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
 from vibrosweep.model.measures import Variable
-from vibrosweep.model.parameters import STREAM
+from vibrosweep.model.parameters import STREAM, Periods, in_seconds
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.times import Periods, in_seconds
 from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes
 from vibrosweep.scene.design import GRID
 from vibrosweep.scene.scene import Scene

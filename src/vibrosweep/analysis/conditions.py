@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.functions import digest_of, is_function, plain, source_of
-from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, known
-from vibrosweep.model.status import Regime, Status
+from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, Regime, Status, known
 from vibrosweep.store.arranged import arranged
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from vibrosweep.analysis.base_motion import moves, require_scene
 from vibrosweep.analysis.records import completed, equal_parts, per_realization, table, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import flat
 
 __all__ = ["heights_against_restitution"]
 

@@ -9,11 +9,11 @@ import xarray as xr
 
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError
-from vibrosweep.model.measures import RECORD
-from vibrosweep.model.ragged_arrays import (
+from vibrosweep.model.measures import (
     LANDING,
     OF_TRAJECTORIES,
     RAGGED_DIMS,
+    RECORD,
     SAMPLES,
     counts_agree,
     padded,

@@ -16,10 +16,16 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.coupled import BaseTrack, base_track, count_coupled
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError
-from vibrosweep.model.parameters import MOUNT, OF_RESTITUTION, PARAMETERS, SPRUNG, STAGGERED
+from vibrosweep.model.measures import Status
+from vibrosweep.model.parameters import (
+    MOUNT,
+    OF_RESTITUTION,
+    PARAMETERS,
+    SPRUNG,
+    STAGGERED,
+    Periods,
+)
 from vibrosweep.model.restitution_laws import law_in
-from vibrosweep.model.status import Status
-from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene, stored
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")

@@ -11,8 +11,8 @@ from vibrosweep.analysis.base_motion import BaseMotion, moves, recoils
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
+from vibrosweep.model.measures import Status
 from vibrosweep.model.restitution_laws import CONSTANT, law_in, restitution_at
-from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import stored
 
 if TYPE_CHECKING:

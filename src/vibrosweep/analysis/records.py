@@ -13,7 +13,7 @@ from vibrosweep.analysis.record_flights import base_motion, course
 from vibrosweep.analysis.requirements import differing, require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
 
 FLIGHTS = (
     "landing_time",

@@ -19,8 +19,8 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.statistics import LONGEST, RESTS, SHORTEST
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import STREAM, Dimensionless, Launches, dimensionless
-from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 REPLICAS: Final = 100

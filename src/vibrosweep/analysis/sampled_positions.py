@@ -14,8 +14,8 @@ from vibrosweep.analysis.records import FLIGHTS, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.physical import as_numbers
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
+from vibrosweep.model.parameters import as_numbers
 from vibrosweep.store.arranged import arranged
 
 __all__ = ["positions"]

@@ -15,8 +15,7 @@ from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError, require_one_of
 from vibrosweep.model.measures import UNDETERMINED, VARIABLES
-from vibrosweep.store.arranged import require_datasets
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import flat, require_datasets
 
 __all__ = ["QUANTILES", "compare_separations", "separation_against", "separation_distribution"]
 

@@ -1,6 +1,6 @@
 """Windows of locked orbits under a waveform other than the sine, one for each branch.
 
-Their ends have closed forms (`vibrosweep.model.locked_shapes`), except where the particle begins to
+Their ends have closed forms (`vibrosweep.model.locked_theory`), except where the particle begins to
 land earlier, or to rest.  Such ends are searched at `PHASES` phases of each window and bisected.
 """
 
@@ -27,7 +27,7 @@ from vibrosweep.kernels.fixed import (
 )
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.forcing import AMPLITUDE
-from vibrosweep.model.locked_shapes import FOLD, NONE, LockedWindow, Mode, mode_of, windows_of
+from vibrosweep.model.locked_theory import FOLD, NONE, LockedWindow, Mode, mode_of, windows_of
 from vibrosweep.model.orbit_theory import moves
 from vibrosweep.model.parameters import dimensionless
 from vibrosweep.model.restitution_laws import CONSTANT

@@ -35,7 +35,7 @@ from vibrosweep.runs.driver import (
 from vibrosweep.runs.progress import showing
 from vibrosweep.scene.sweep import Sweep, keyword_spec, read_spec
 from vibrosweep.store.disk import check_output, path_of
-from vibrosweep.store.rundir import replaces
+from vibrosweep.store.parts import replaces
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -92,3 +92,6 @@ def _explore(options: argparse.Namespace) -> None:
         print(f"{points.title}: {address} (Ctrl-C ends it)", flush=True)
 
     serve(points, options.port, started, options.frame_in)
+
+
+COMMANDS: Final = {"explore": (add_arguments, perform)}

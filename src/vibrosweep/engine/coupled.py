@@ -40,9 +40,9 @@ from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.record import Record, Scale, empty_record
 from vibrosweep.kernels.shape_types import shape_of
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
+from vibrosweep.model.measures import LANDINGS_OF_AN_EXPONENT, Regime
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.shapes import PARABOLIC_NAME
-from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime
 from vibrosweep.scene.scene import Scene
 
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly

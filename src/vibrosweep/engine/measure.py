@@ -46,21 +46,24 @@ from vibrosweep.kernels.statistics import (
 from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.kernels.unwritten import require_written
-from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
+from vibrosweep.model.measures import RESOLUTION, UNDETERMINED, Regime, Status
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import (
     SPRUNG,
     Dimensionless,
     Launches,
+    Periods,
+    Time,
+    amount,
     dimensionless,
+    in_periods,
+    in_seconds,
     launches,
     representable,
     taken,
 )
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.model.status import Regime, Status
-from vibrosweep.model.times import Periods, Time, amount, in_periods, in_seconds
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from vibrosweep.errors import DataError
 from vibrosweep.explore.labels import meanings
 from vibrosweep.explore.points import Border, Points
-from vibrosweep.store.kinds import load_dataset, read_kind
+from vibrosweep.store.reading import load_dataset, read_kind
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,9 +10,8 @@ import numpy as np
 
 import vibrosweep as vs
 from vibrosweep.model.forcing import inputs_of
-from vibrosweep.model.parameters import LAWS, SPRUNG, STAGGERED
+from vibrosweep.model.parameters import LAWS, SPRUNG, STAGGERED, Periods, Time, amount
 from vibrosweep.model.shapes import SINE
-from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:

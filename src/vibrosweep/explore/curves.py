@@ -12,8 +12,8 @@ from vibrosweep.arrays import Array
 from vibrosweep.explore.points import Points
 from vibrosweep.figures.window_curves import per_amplitude
 from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.model.locked_theory import lower_end
 from vibrosweep.model.shapes import SINE
-from vibrosweep.model.window_begin import lower_end
 from vibrosweep.theory import FIXED
 
 MODES: Final = (1, 2, 3)

@@ -17,15 +17,12 @@ from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.explore.choice import Choice, Spread
 from vibrosweep.explore.labels import input_label, label, legible, meanings
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
-from vibrosweep.model.measures import known
-from vibrosweep.model.mount import MASSES
-from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, STAGGERED
+from vibrosweep.model.measures import Regime, known
+from vibrosweep.model.parameters import HIGH_BOUNCE, MASSES, NOISE, STAGGERED, Periods, Time
 from vibrosweep.model.restitution_laws import law_in
-from vibrosweep.model.status import Regime
-from vibrosweep.model.times import Periods, Time
 from vibrosweep.scene.scene import Launch, Scene, stored
 from vibrosweep.scene.sweep import batch
-from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
+from vibrosweep.store.reading import SWEEP, load_dataset, read_kind
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,7 +9,7 @@ from typing import Any, Final
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.pictures import DOTS, HEIGHT
 from vibrosweep.explore.points import Points
-from vibrosweep.store.kinds import KINDS, SWEEP
+from vibrosweep.store.reading import KINDS, SWEEP
 
 WIDTH: Final = 79
 LEADING: Final = "import vibrosweep as vs\n"

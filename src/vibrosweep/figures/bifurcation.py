@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.figures.canvas import Panels
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -16,11 +16,10 @@ from vibrosweep.analysis.requirements import differing, refused_ragged, remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
-from vibrosweep.model.measures import known
+from vibrosweep.model.measures import Status, known
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
-from vibrosweep.model.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,7 +13,7 @@ from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.paint import Points
 from vibrosweep.figures.window_curves import Forcing, draw_windows
 from vibrosweep.model.forcing import ACCELERATION
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import flat
 
 if TYPE_CHECKING:
     import xarray as xr

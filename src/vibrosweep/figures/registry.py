@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from vibrosweep.figures import data, height_curves, plane, restitution, returns, separations, style
 from vibrosweep.figures.data import Needs
 from vibrosweep.model.parameters import NOISE
+from vibrosweep.store.arranged import flat
 from vibrosweep.store.disk import make_directory, replacing
-from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -14,7 +14,7 @@ from vibrosweep.analysis.base_motion import has_closed_forms, moves, recoils
 from vibrosweep.analysis.records import completed
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import flat
 
 if TYPE_CHECKING:
     import xarray as xr

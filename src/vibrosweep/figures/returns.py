@@ -12,7 +12,7 @@ from vibrosweep import theory
 from vibrosweep.analysis.base_motion import base_name, has_closed_forms, moves
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.model.window_begin import lower_end
+from vibrosweep.model.locked_theory import lower_end
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from vibrosweep import theory
 from vibrosweep.arrays import Array
 from vibrosweep.figures import style
-from vibrosweep.model.window_begin import lower_end
+from vibrosweep.model.locked_theory import lower_end
 
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201

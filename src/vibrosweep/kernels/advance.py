@@ -63,9 +63,9 @@ from vibrosweep.kernels.observer import Observer, note, observe
 from vibrosweep.kernels.recorder import Recorder
 from vibrosweep.kernels.statistics import RESTS, Kinds, Statistics
 from vibrosweep.kernels.totals import OF_RESTS, clear, count, expect, sum_up, totals_of, with_flight
-from vibrosweep.model.landing import Landing
+from vibrosweep.model.measures import Status
+from vibrosweep.model.observables import Landing
 from vibrosweep.model.parameters import Dimensionless
-from vibrosweep.model.status import Status
 
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)

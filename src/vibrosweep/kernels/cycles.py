@@ -40,7 +40,7 @@ from vibrosweep.kernels.totals import (
     set_cycle,
 )
 from vibrosweep.kernels.unwritten import unwritten
-from vibrosweep.model.landing import Landing
+from vibrosweep.model.observables import Landing
 
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
 # A cycle saves work if the remaining time exceeds the time since the anchor by this factor

@@ -38,9 +38,8 @@ from vibrosweep.kernels.restitution import (
     straight,
 )
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
-from vibrosweep.model.outside_laws import OUTSIDE
-from vibrosweep.model.outside_laws import Law as OutsideLaw
-from vibrosweep.model.restitution_laws import CONSTANT, PADE, PLASTIC, VISCOELASTIC
+from vibrosweep.model.restitution_laws import CONSTANT, OUTSIDE, PADE, PLASTIC, VISCOELASTIC
+from vibrosweep.model.restitution_laws import Law as OutsideLaw
 
 # The bits of t^(-1/4), to 3.2 %, are these less a quarter of the bits of t
 QUARTER_BITS = np.int64(0x4FEB_0312_0000_0000)

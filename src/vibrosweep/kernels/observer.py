@@ -18,8 +18,7 @@ from vibrosweep.kernels.bases import Base
 from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE
 from vibrosweep.kernels.statistics import KINDS, declare
 from vibrosweep.kernels.totals import scratch
-from vibrosweep.model.landing import Landing
-from vibrosweep.model.observables import Observable
+from vibrosweep.model.observables import Landing, Observable
 
 
 @generic

@@ -13,7 +13,7 @@ from vibrosweep.kernels.observer import note, observe
 from vibrosweep.kernels.record import Record, Scale, Units, seconds
 from vibrosweep.kernels.statistics import KINDS, Kinds
 from vibrosweep.kernels.totals import OF_LANDINGS, scratch
-from vibrosweep.model.landing import Landing
+from vibrosweep.model.observables import Landing
 from vibrosweep.model.parameters import Dimensionless
 
 KINDS_RECORDED: Final[Kinds] = KINDS[:2]  # landings and rests; a record takes no others

@@ -24,7 +24,7 @@ from vibrosweep.kernels.statistics import LANDINGS, RESTS, Statistics
 from vibrosweep.kernels.tangent import stretch
 from vibrosweep.kernels.trust import is_certain
 from vibrosweep.kernels.unwritten import empty
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 
 # Periods.  Two particles on the same orbit differ by the rounding error of an impact divided by 1 -
 # |leading multiplier|, and so do successive rounds of a cycle whose exact bits return only after
@@ -54,7 +54,7 @@ class Search(NamedTuple):
 class Orbits(NamedTuple):
     """Orbits that trajectories settle on, each array of shape (trajectory,)."""
 
-    regime: Flags  # `vibrosweep.model.status.Regime`
+    regime: Flags  # `vibrosweep.model.measures.Regime`
     # impacts, periods, rests: impacts, forcing periods and rests in one cycle; 0 where no
     # recurrence was found
     impacts: Integers

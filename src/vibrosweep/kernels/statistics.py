@@ -19,7 +19,7 @@ from vibrosweep.kernels._jit import Flags, Floats, Integers, jit
 from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.markers import kind
 from vibrosweep.kernels.unwritten import unwritten
-from vibrosweep.model.landing import Landing
+from vibrosweep.model.observables import Landing
 
 # How the numbers of landings combine.  A count counts landings whose number, a flag, is true; the
 # numbers of a sum of products are pairs of factors, whose product is fused with the sum.
@@ -135,7 +135,7 @@ class Statistics(NamedTuple):
     totals: Floats
     # 1 if the particle came to rest for good before the end; in sums, the number of such particles
     at_rest: Flags | Integers
-    status: Flags  # `vibrosweep.model.status.Status`
+    status: Flags  # `vibrosweep.model.measures.Status`
 
     def total(self, name: str) -> Floats:
         """Return the totals of the statistic of that name."""

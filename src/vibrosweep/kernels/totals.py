@@ -35,7 +35,7 @@ from vibrosweep.kernels.statistics import (
     Statistics,
     statistic_of,
 )
-from vibrosweep.model.landing import Landing
+from vibrosweep.model.observables import Landing
 
 Cycle = tuple[float, ...]  # periods of a cycle, then the totals of its statistics
 

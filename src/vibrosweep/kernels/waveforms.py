@@ -15,7 +15,7 @@ from vibrosweep.kernels._jit import Floats, generic, implements, jit
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, folded, sin_turns
-from vibrosweep.model.arcsine import ARCSINE_ERROR, arcsin_turns
+from vibrosweep.model.turns import ARCSINE_ERROR, arcsin_turns
 
 _arcsin_turns = jit(arcsin_turns)
 Shape = Any

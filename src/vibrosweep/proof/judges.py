@@ -24,11 +24,18 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.measures import MEASURE_OF, MEASURES, RESOLUTION, UNDETERMINED, VARIABLES
+from vibrosweep.model.measures import (
+    MEASURE_OF,
+    MEASURES,
+    RESOLUTION,
+    UNDETERMINED,
+    VARIABLES,
+    Regime,
+    Status,
+)
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.restitution_laws import fastest_in_range
-from vibrosweep.model.status import Regime, Status
 from vibrosweep.proof.claims import Bounds, Estimate
 from vibrosweep.proof.measures import (
     ProvedMeasures,

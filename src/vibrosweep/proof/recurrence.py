@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from vibrosweep.kernels.settle import SAME_ORBIT
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.proof.claims import Bounds
 from vibrosweep.proof.reference.arithmetic import arb, ctx, nearest_integer
 from vibrosweep.proof.reference.motion import EPS, Flight, PeriodMap, Trajectory

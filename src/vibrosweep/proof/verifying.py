@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.measures import MEASURES, Status
 from vibrosweep.model.observables import Observable, observables_of
 from vibrosweep.model.parameters import SPRUNG
-from vibrosweep.model.status import Status
 from vibrosweep.proof.claims import MAX_COUPLED, Bounds, Estimate, prove
 from vibrosweep.proof.judges import (
     BOUNDS,
@@ -37,7 +36,7 @@ from vibrosweep.proof.report import Judgement, Outcome, Report, State, judge
 from vibrosweep.proof.sampling import Expected, Realization, Sample, read_sample
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.store.disk import path_of
-from vibrosweep.store.kinds import read_kind
+from vibrosweep.store.reading import read_kind
 
 # About ten seconds for a realization, and half a gigabyte.
 MAX_LANDINGS: Final = 250_000

@@ -26,8 +26,8 @@ from vibrosweep.kernels.laws import Law
 from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
 from vibrosweep.kernels.restitution import Constant, Restitution, ratio, scale_of, slope
 from vibrosweep.kernels.waveforms import Parabolic, Sine, steepness, velocity
-from vibrosweep.model.arcsine import arcsin_turns
 from vibrosweep.model.parameters import Dimensionless
+from vibrosweep.model.turns import arcsin_turns
 
 _arcsin_turns = jit(arcsin_turns)
 TRIES = 20000.0  # passes after which the search for a landing is abandoned

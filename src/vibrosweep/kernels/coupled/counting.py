@@ -14,8 +14,8 @@ from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.statistics import Kinds, Statistics, empty_statistics, empty_sums
 from vibrosweep.kernels.totals import add_flight, add_landing, flight_sums, forget
 from vibrosweep.kernels.unwritten import unwritten
-from vibrosweep.model.landing import Landing
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
+from vibrosweep.model.observables import Landing
 
 NON_FINITE = int(Status.NON_FINITE)
 

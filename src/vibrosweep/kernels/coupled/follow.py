@@ -48,8 +48,8 @@ from vibrosweep.kernels.slabs import UNKNOWN
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.totals import add_up
 from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
-from vibrosweep.model.status import Status
 
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
 from vibrosweep.proof.reference.arithmetic import Rows, UncertainError, arb, exact
 from vibrosweep.proof.reference.laws import (
     Laws,

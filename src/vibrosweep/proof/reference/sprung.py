@@ -35,7 +35,7 @@ from itertools import groupby
 from typing import Final, NamedTuple
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
 from vibrosweep.proof.reference.arithmetic import (
     FRAME_BITS,
     UncertainError,
