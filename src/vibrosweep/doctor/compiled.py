@@ -11,8 +11,7 @@ import numba
 
 from vibrosweep.doctor import Finding
 from vibrosweep.kernels._jit import cache_directory, jit, kernel, read_only_caches
-from vibrosweep.kernels._numba import HAS_CACHE, lost, remedy, target
-from vibrosweep.kernels.vectors import VARIABLE, vector_bits
+from vibrosweep.kernels._numba import HAS_CACHE, VARIABLE, lost, remedy, target, vector_bits
 
 # Processor features by LLVM's names: the bits of their vectors; those with fused multiply-add.
 WIDTHS: Final = {"avx": 256, "avx2": 256, "avx512f": 512, "neon": 128}
