@@ -9,19 +9,19 @@ from vibrosweep.engine.coupled import measure_coupled, standard_error
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels._jit import uncounted
-from vibrosweep.kernels.bases.drives import side_at
-from vibrosweep.kernels.bases.sprung import bounds, loaded, mount, velocity
-from vibrosweep.kernels.coupled.deviations import follow_event, propagate
+from vibrosweep.kernels.bases.sprung import bounds, loaded, mount, side_at, velocity
+from vibrosweep.kernels.coupled.events import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
 from vibrosweep.kernels.coupled.follow import Coupled
-from vibrosweep.kernels.coupled.settling import (
+from vibrosweep.kernels.coupled.joint_orbits import (
     BLOCKS,
     WAVES,
     _add_waves,
     empty_joint,
+    follow_event,
     notes,
+    propagate,
     settle_jointly,
 )
-from vibrosweep.kernels.coupled.state import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.coupled_theory import CoupledBase, monodromy, spectral_radius, staggered

@@ -9,7 +9,7 @@ import pytest
 from vibrosweep.engine.measure import measure, measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.observer import compiled
+from vibrosweep.kernels.statistics import compiled
 from vibrosweep.model.observables import Landing, Observable
 
 QUANTITIES = ("count", "phase", "flight_time", "arrival", "rebound", "rests")

@@ -6,7 +6,6 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.analysis import energy_balance, slot_decay
-from vibrosweep.kernels.shape_types import shape_of
 from vibrosweep.kernels.waveforms import (
     Parabolic,
     Sine,
@@ -14,6 +13,7 @@ from vibrosweep.kernels.waveforms import (
     left_out,
     lift_offs,
     rise_of,
+    shape_of,
     velocity,
 )
 from vibrosweep.model.shapes import Waveform

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import KIND_OF
-from vibrosweep.kernels.laws import LAW_OF
+from vibrosweep.kernels.restitution import REBOUND_OF
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
@@ -113,4 +113,4 @@ def test_no_extreme_overflows_and_too_large_amplitudes_are_refused(forcing):
 
 def test_the_laws_of_all_bases_are_those_of_the_kernels():
     assert set(KIND_OF) < set(BASES) == set(LAWS_OF)
-    assert set(LAWS) == set(LAW_OF)
+    assert set(LAWS) == set(REBOUND_OF)

@@ -26,8 +26,7 @@ from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.measure import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.settle import Orbits
-from vibrosweep.kernels.shortest import empty_shortest, shortest_flights
+from vibrosweep.kernels.settle import Orbits, empty_shortest, shortest_flights
 from vibrosweep.mistakes import Mistake
 from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import VARIABLES, Regime

@@ -27,9 +27,9 @@ from vibrosweep.engine.landings import recorded
 from vibrosweep.engine.measure import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.memory import unwritten
 from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.settle import Orbits
-from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES, Regime
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.memory import unwritten
 
 Codes = NDArray[np.int64]
 

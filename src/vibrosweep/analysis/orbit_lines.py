@@ -38,9 +38,8 @@ from vibrosweep.kernels.bifurcations import (
     YIELD,
     Cycle,
 )
-from vibrosweep.kernels.closed import ADMISSIBLE
+from vibrosweep.kernels.closed import ADMISSIBLE, Wanted
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.orbit_search import Wanted
 from vibrosweep.model.forcing import AMPLITUDE, refuse_extreme
 from vibrosweep.model.parameters import HIGH_BOUNCE, dimensionless, taken
 from vibrosweep.model.restitution_laws import PLASTIC

@@ -35,8 +35,8 @@ from vibrosweep.analysis.window_codes import ENDS, FRESH, HELD, NO_WINDOW, code_
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.arithmetic import HALF_ULP
 from vibrosweep.kernels.fixed import END_ERROR
-from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
 from vibrosweep.model.parameters import NOISE, PARAMETERS

@@ -18,7 +18,7 @@ from vibrosweep.errors import (
     ParameterError,
     ShortObservationWarning,
 )
-from vibrosweep.kernels.observer import compiled
+from vibrosweep.kernels.statistics import compiled
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import (

@@ -13,8 +13,7 @@ import numba
 
 from vibrosweep.doctor import Finding
 from vibrosweep.kernels._jit import cache_directory, jit, kernel, read_only_caches
-from vibrosweep.kernels._numba import HAS_CACHE, lost, remedy, target
-from vibrosweep.kernels.vectors import VARIABLE, vector_bits
+from vibrosweep.kernels._numba import HAS_CACHE, VARIABLE, lost, remedy, target, vector_bits
 from vibrosweep.runs.chunks import TRAJECTORIES_PER_BATCH
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY

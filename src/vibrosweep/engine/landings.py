@@ -14,10 +14,9 @@ from vibrosweep.engine.measure import statistics, units_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.kernels.record import Record, Units, empty_record
-from vibrosweep.kernels.recorder import Recorder, mark_unused_places
+from vibrosweep.kernels.memory import require_written
+from vibrosweep.kernels.record import Record, Recorder, Units, empty_record, mark_unused_places
 from vibrosweep.kernels.statistics import Statistics
-from vibrosweep.kernels.unwritten import require_written
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
     MOUNT,

@@ -27,7 +27,7 @@ from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import DataError, ParameterError, SpecError, TableError
-from vibrosweep.kernels.deviates import (
+from vibrosweep.kernels.noise import (
     LARGEST,
     OF_DRIVE,
     OF_KICK,
@@ -35,7 +35,7 @@ from vibrosweep.kernels.deviates import (
     draw,
     key_of,
 )
-from vibrosweep.kernels.deviates import (
+from vibrosweep.kernels.noise import (
     OF_RESTITUTION as OF_SLIP,
 )
 from vibrosweep.model.forcing import INPUTS, inputs_of

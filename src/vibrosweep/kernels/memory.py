@@ -1,19 +1,23 @@
-"""Layout of the scratch memory in which blocks of lanes are advanced.
-
-A block of lanes (trajectories) is stored in one flat array, one row per quantity.  With one array
-and constant row offsets, rather than one array per quantity, the compiler can prove that rows do
-not overlap; padding keeps the same lane of different rows out of the same set of the first-level
-cache.  The rows that every impact uses are contiguous: with other rows between them, the code was
-half as fast for one out of six placements in memory.
-"""
+"""Memory of the kernels: the rows of a block of lanes, and results not yet written."""
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from collections.abc import Collection
+from typing import Any, Final, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
-from vibrosweep.kernels._jit import Floats, Integers, jit
+from vibrosweep.errors import RunError
+from vibrosweep.kernels._jit import Complexes, Flags, Floats, Integers, jit
+
+# --- Blocks of lanes ------------------------------------------------------------------------------
+# A block of lanes (trajectories) is stored in one flat array, one row per quantity.  With one array
+# and constant row offsets, rather than one array per quantity, the compiler can prove that rows do
+# not overlap; padding keeps the same lane of different rows out of the same set of the first-level
+# cache.  The rows that every impact uses are contiguous: with other rows between them, the code was
+# half as fast for one out of six placements in memory.
+
 
 LANES: Final = 96
 VECTOR: Final = 8
@@ -114,3 +118,56 @@ def close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int) -
         for row in range(s.size // STRIDE):
             s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
     return lanes
+
+
+# --- Results --------------------------------------------------------------------------------------
+# Results begin with marks of numbers that no kernel has written yet.  A result that a kernel leaves
+# unwritten raises an error that names it; it is never taken from uninitialised memory.
+
+
+T = TypeVar("T")
+
+# Initial values of flags, and of other numbers: as a float64, a NaN that no arithmetic gives
+FLAG: Final = -128
+NUMBER: Final = 0x7FF8_0000_0BAD_F00D
+DTYPE: Final[dict[Any, type]] = {
+    Floats: np.float64,
+    Complexes: np.complex128,
+    Integers: np.int64,
+    Flags: np.int8,
+}
+
+
+def unwritten(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """Allocate an array of a result: of float64, int64, complex128, or of flags as int8."""
+    array = np.empty(shape, dtype)
+    bits, mark = _bits(array)
+    bits[...] = mark
+    return array
+
+
+def empty(kind: type[T], *shape: int) -> T:
+    """Allocate a named tuple of results, all arrays of this shape and of the types it declares."""
+    return kind(*(unwritten(shape, DTYPE[named]) for named in get_type_hints(kind).values()))
+
+
+def require_written(results: Any, fields: Collection[str] = ()) -> None:
+    """Raise a RunError that names a field of a named tuple with an unwritten number.
+
+    All fields are checked unless some are named, and those of nested named tuples too.
+    """
+    for name in fields or results._fields:
+        values = getattr(results, name)
+        if hasattr(values, "_fields"):
+            require_written(values)
+        elif isinstance(values, np.ndarray):
+            bits, mark = _bits(values)
+            if np.any(bits == mark):
+                raise RunError(
+                    f"{type(results).__name__}.{name}: not completely written by a kernel; this is "
+                    f"a fault of vibrosweep: please report it"
+                )
+
+
+def _bits(array: NDArray[Any]) -> tuple[NDArray[Any], int]:
+    return (array.view(np.int8), FLAG) if array.itemsize == 1 else (array.view(np.int64), NUMBER)
