@@ -28,7 +28,7 @@ from vibrosweep.analysis.basins import name_of
 from vibrosweep.analysis.closed_orbits import cycle_name
 from vibrosweep.analysis.orbit_lines import EVENTS
 from vibrosweep.errors import DataError
-from vibrosweep.figures.lines import KINDS, TIES
+from vibrosweep.figures.orbits import KINDS, TIES
 
 PLAIN = {"phase": 0.0, "gravity": 9.81, "contact_time": 1e-4, "frequency": 1.0}
 BLACK, WHITE = to_rgba("black"), to_rgba("white")

@@ -9,8 +9,7 @@ from vibrosweep.analysis.base_motion import BaseMotion
 from vibrosweep.analysis.record_flights import base_motion
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.figures import height_time
-from vibrosweep.figures.height_curves import readable_until
-from vibrosweep.figures.motion import Motion, highest, motions, parabolas
+from vibrosweep.figures.records import Motion, highest, motions, parabolas, readable_until
 
 STILL = BaseMotion(0.0, 1.0, 0.0)
 
