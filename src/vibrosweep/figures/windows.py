@@ -31,6 +31,10 @@ NONE_FOUND: Final = ": no window found"
 BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0}
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
+# Where a lower and an upper end is named, as a share of its visible part: the lower ends meet at
+# e = 1, the upper ones at both sides
+NAMED_AT: Final = (0.45, 0.25)
+SHORTEST: Final = SAMPLES // 20  # visible part that has room for a name
 
 
 @style.styled
@@ -257,9 +261,12 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
             path_effects=style.halo() if over else None,
             zorder=3.0 if over else 0.9,
         )
-    for curve, at in zip(curves, _label_places(axes, curves), strict=True):
-        if at is None:
+    low, high = axes.get_ylim()
+    for curve in curves:
+        seen = np.flatnonzero((curve.forcing > low) & (curve.forcing < high))
+        if seen.size < SHORTEST:
             continue
+        at = int(np.clip(seen[int(NAMED_AT[curve.is_upper] * seen.size)], 1, SAMPLES - 2))
         end = r"\mathrm{max}" if curve.is_upper else r"\mathrm{min}"
         axes.text(
             curve.restitution[at],
@@ -281,34 +288,3 @@ def _slope(curve: Curve, at: int) -> float:
     """Angle of a curve in degrees of data space; the text turns with the scale of the axes."""
     run = curve.restitution[at + 1] - curve.restitution[at - 1]
     return float(np.degrees(np.arctan2(curve.forcing[at + 1] - curve.forcing[at - 1], run)))
-
-
-def _label_places(axes: Axes, curves: list[Curve]) -> list[int | None]:
-    """Place labels one after the other, each as far as possible from curves and other labels.
-
-    None for a curve without enough space, such as one of a high mode at the edge of the view.
-    """
-    to_view = axes.transAxes.inverted()
-    points = [
-        to_view.transform(axes.transData.transform(np.column_stack([c.restitution, c.forcing])))
-        for c in curves
-    ]
-    candidates = np.linspace(0.1, 0.9, 33) * (SAMPLES - 1)
-    placed: list[Array] = []
-    places: list[int | None] = []
-    for i, curve in enumerate(points):
-        others = [p for j, p in enumerate(points) if j != i] + placed
-        space = {int(c): _free_space(curve[int(c)], others, len(placed)) for c in candidates}
-        best = max(space, key=lambda c: space[c])
-        inside = space[best] > 0.0
-        placed += [curve[best][np.newaxis]] if inside else []
-        places.append(best if inside else None)
-    return places
-
-
-def _free_space(at: Array, others: list[Array], labels: int) -> float:
-    """Free space around a point, in fractions of the view; labels need more than curves do."""
-    edge = float(min(at.min(), (1.0 - at).min()))
-    distances = [float(np.hypot(*(other - at).T).min()) for other in others]
-    curves, names = distances[: len(distances) - labels], distances[len(distances) - labels :]
-    return min([3.0 * edge, 0.3, *(2.0 * d for d in curves), *names])
