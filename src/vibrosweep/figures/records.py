@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,12 +13,13 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import offset_copy
 from matplotlib.typing import ColorType
 from numpy.typing import NDArray
 
 from vibrosweep import theory
 from vibrosweep.analysis.base_motion import BaseMotion, base_name, has_closed_forms, moves
-from vibrosweep.analysis.record_flights import base_motion, course
+from vibrosweep.analysis.record_flights import Course, base_motion, course
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.figures import data, style
@@ -45,7 +45,8 @@ HEIGHT_NEEDS: Final = data.Requirements(
 FLIGHTS_PER_PATH: Final = 200
 # With more flights a vector file is larger than the same picture in pixels
 VECTOR_FLIGHTS: Final = 20_000
-REST: Final = "black"
+REST, RIDE = 3.0, 1.5  # points: widths of bars of rests, and of rests on a base that moves
+BELOW: Final = 0.06  # room under the base for them, relative to the greatest height
 # Forcing periods that a reader can distinguish across a page
 READABLE_PERIODS: Final = 40.0
 SAMPLES: Final = 48  # points of a moving base in a forcing period
@@ -121,17 +122,17 @@ def height_time(
     base, shown = base_motion(one, "height_time"), _shown(one, particles)
     one = one.isel(particle=shown)
     begin, stop = _window(one, until)
-    drawn = motions(one, base, stop)
+    flown = course(one, base, stop)
     # A single particle, which is one curve, needs less height
     axes = style.axes_on(ax, style.PAGE, 2.3 if len(shown) == 1 else 2.8)
     colours = _colours(axes, shown)
     gravity = float(one["gravity"])
-    _draw_flights(axes, drawn, colours, gravity)
-    _draw_rests(axes, drawn, colours, base)
+    _draw_flights(axes, flown, colours, gravity)
+    _draw_rests(axes, one, stop, colours, base)
     if mark_landings if mark_landings is not None else len(shown) == 1:
-        _draw_landings(axes, drawn, colours, base)
-    top = max([base.reach, *(highest(motion, gravity) for motion in drawn)]) or 1.0
-    floor = -0.03 * top - base.reach
+        _draw_landings(axes, one, stop, colours, base)
+    top = max(base.reach, highest(flown, gravity)) or 1.0
+    floor = -BELOW * top - base.reach
     axes.set(xlim=(begin, stop), ylim=(floor, 1.05 * top))
     axes.set(xlabel="time $t$ (s)", ylabel="height $y$ (m)")
     if base.reach:  # shade the region under the base
@@ -196,19 +197,37 @@ def _colours(axes: Axes, shown: list[int]) -> list[ColorType]:
     return [cmap(norm(i)) for i in shown]
 
 
-def _draw_flights(
-    axes: Axes, drawn: list[Motion], colours: list[ColorType], gravity: float
-) -> None:
-    paths, path_colours, flights = [], [], 0
-    for motion, colour in zip(drawn, colours, strict=True):
-        curves = parabolas(motion, gravity)
-        flights += len(curves)
-        for first in range(0, len(curves), FLIGHTS_PER_PATH):
-            part = curves[first : first + FLIGHTS_PER_PATH]
-            codes = np.tile([Path.MOVETO, *[Path.CURVE3] * 4], len(part))
+def parabolas(flown: Course, gravity: float) -> Array:
+    """Return the flights of all particles as quadratic Bezier curves: shape (flight, 3 points, 2).
+
+    Such a curve is a parabola: its middle point is where the tangents at both ends meet.
+    """
+    flies = flown.flies
+    start, velocity, height = flown.start[flies], flown.velocity[flies], flown.height[flies]
+    lasts = flown.end[flies] - start
+    meet = height + velocity * lasts / 2.0
+    end = height + velocity * lasts - gravity * lasts**2 / 2.0
+    times = np.stack([start, start + lasts / 2.0, start + lasts], axis=-1)
+    return np.stack([times, np.stack([height, meet, end], axis=-1)], axis=-1)
+
+
+def highest(flown: Course, gravity: float) -> float:
+    """Greatest height in m that flights reach, at least 0."""
+    rise = np.clip(flown.velocity / gravity, 0.0, flown.end - flown.start)
+    top = flown.height + rise * (flown.velocity - gravity * rise / 2.0)
+    return float(np.max(top, initial=0.0, where=flown.flies))
+
+
+def _draw_flights(axes: Axes, flown: Course, colours: list[ColorType], gravity: float) -> None:
+    paths, path_colours, curves = [], [], parabolas(flown, gravity)
+    of_particles = np.split(curves, np.cumsum(flown.flies.sum(axis=1))[:-1])
+    for of_particle, colour in zip(of_particles, colours, strict=True):
+        for first in range(0, len(of_particle), FLIGHTS_PER_PATH):
+            part = of_particle[first : first + FLIGHTS_PER_PATH]
+            codes = np.tile([Path.MOVETO, Path.CURVE3, Path.CURVE3], len(part))
             paths.append(Path(part.reshape(-1, 2), codes))
             path_colours.append(colour)
-    crowded = len(drawn) > len(style.OKABE_ITO)
+    crowded = len(colours) > len(style.OKABE_ITO)
     axes.add_collection(
         PathCollection(
             paths,
@@ -216,7 +235,7 @@ def _draw_flights(
             edgecolors=path_colours,
             linewidths=0.6 if crowded else 0.9,
             capstyle="round",
-            rasterized=flights > VECTOR_FLIGHTS,
+            rasterized=len(curves) > VECTOR_FLIGHTS,
         ),
         autolim=False,
     )
@@ -229,111 +248,52 @@ def _sampled(base: BaseMotion, begin: float, stop: float) -> Array:
 
 
 def _draw_rests(
-    axes: Axes, drawn: list[Motion], colours: list[ColorType], base: BaseMotion
+    axes: Axes, one: xr.Dataset, stop: float, colours: list[ColorType], base: BaseMotion
 ) -> None:
-    """Draw a bar on the base for every rest, thick enough to be distinguished from the axis."""
+    """Draw a bar for every rest, just below the base, where it hides neither flights nor landings.
+
+    A rest lasts from the landing to the lift-off, which is NaN where the particle rests for good.
+    """
+    landing, rested = one["landing_time"].values, one["rested"].values == 1
+    particle, impact = np.nonzero(rested & (landing < stop))
+    leaves = np.fmin(one["liftoff_time"].values, stop)
+    rests = np.stack([landing, leaves], axis=-1)[particle, impact]
+    times = [_sampled(base, *rest) if base.reach else rest for rest in rests]
     # black for one particle, as its colour would hide its landings, and for many, as bars overlap
-    plain = not 1 < len(drawn) <= len(style.OKABE_ITO)
-    stays = [(i, rest) for i, motion in enumerate(drawn) for rest in motion.rests]
-    times = [_sampled(base, *rest) if base.reach else rest for _, rest in stays]
-    bar_colours = [REST if plain else colours[i] for i, _ in stays]
+    plain = not 1 < len(colours) <= len(style.OKABE_ITO)
+    width = RIDE if base.reach else REST
+    below = offset_copy(axes.transData, axes.get_figure(root=True), y=-width, units="points")
     axes.add_collection(
         LineCollection(
             [np.stack([t, base.height(t)], axis=-1) for t in times],
-            colors=bar_colours,
-            linewidths=3.0,
+            colors=["black" if plain else colours[i] for i in particle],
+            linewidths=width,
             capstyle="butt",
+            transform=below,
             zorder=2.5,
         ),
         autolim=False,
     )
-    if stays:
-        axes.plot([], [], color=REST, linewidth=3.0, label="at rest on the base")
+    if len(rests):
+        axes.plot([], [], color="black", linewidth=width, label="at rest on the base")
 
 
 def _draw_landings(
-    axes: Axes, drawn: list[Motion], colours: list[ColorType], base: BaseMotion
+    axes: Axes, one: xr.Dataset, stop: float, colours: list[ColorType], base: BaseMotion
 ) -> None:
-    for motion, colour in zip(drawn, colours, strict=True):
+    for particle, colour in enumerate(colours):
+        landing = one["landing_time"].values[particle]
+        landing = landing[landing <= stop]
         axes.plot(
-            motion.landings,
-            base.height(motion.landings),
+            landing,
+            base.height(landing),
             "o",
             markersize=2.6,
             color=colour,
-            label="landing" if motion is drawn[0] else None,
+            label="landing" if particle == 0 else None,
             clip_on=False,
             zorder=3,
         )
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Flights, rests and landings of one particle up to an instant, as plain arrays."""
-
-    # start, end: of every flight, s; the last one is cut at the instant
-    start: Array
-    end: Array
-    velocity: Array  # at the start of every flight, m s-1
-    height: Array  # of the base at the start of every flight, m
-    rests: Array  # shape (rest, 2): from landing to lift-off, s
-    landings: Array  # instants of landing, s
-
-
-def motions(one: xr.Dataset, base: BaseMotion, until: float) -> list[Motion]:
-    """Flights, rests and landings of every particle of one realization, up to ``until`` s."""
-    landing, liftoff = one["landing_time"].values, one["liftoff_time"].values
-    flights = course(one, base, until)
-    rests = (one["rested"].values == 1) & (landing < until)
-    leaves = np.fmin(liftoff, until)  # the lift-off is NaN at permanent rest
-    return [
-        Motion(
-            flights.start[i, flies],
-            flights.end[i, flies],
-            flights.velocity[i, flies],
-            flights.height[i, flies],
-            np.stack([landing[i, rests[i]], leaves[i, rests[i]]], axis=1),
-            landing[i, landing[i] <= until],
-        )
-        for i, flies in enumerate(flights.flies)
-    ]
-
-
-def parabolas(motion: Motion, gravity: float) -> Array:
-    """Return each flight as two quadratic Bezier curves: shape (flight, 5 points, 2).
-
-    Points 0, 2 and 4 lie on the parabola: the launch, the apex (or the end, if the flight is cut
-    before it) and the end.  Points 1 and 3 are the intersections of the tangents at the
-    neighbouring points.  A single curve would be exact too, but renderers approximate curves by
-    polygons, which reach the end points of a curve and may miss its apex.
-    """
-    rise = _rise(motion, gravity)
-    top = rise * (motion.velocity - gravity * rise / 2.0)
-    fall = motion.end - motion.start - rise
-    # at point 2: zero at the apex, negative if the flight begins downwards
-    slope = motion.velocity - gravity * rise
-    times = [0.0 * rise, rise / 2.0, rise, rise + fall / 2.0, rise + fall]
-    values = [0.0 * rise, motion.velocity * rise / 2.0, top, top + slope * fall / 2.0]
-    values.append(top + slope * fall - gravity * fall**2 / 2.0)
-    return np.stack(
-        [
-            motion.start[:, np.newaxis] + np.stack(times, axis=-1),
-            motion.height[:, np.newaxis] + np.stack(values, axis=-1),
-        ],
-        axis=-1,
-    )
-
-
-def highest(motion: Motion, gravity: float) -> float:
-    """Greatest height in m that is drawn, at least 0."""
-    rise = _rise(motion, gravity)
-    top = motion.height + rise * (motion.velocity - gravity * rise / 2.0)
-    return float(np.max(top, initial=0.0))
-
-
-def _rise(motion: Motion, gravity: float) -> Array:
-    """Time in s from the beginning of each flight to its highest point."""
-    return np.clip(motion.velocity / gravity, 0.0, motion.end - motion.start)
 
 
 @style.styled
