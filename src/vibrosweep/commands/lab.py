@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from vibrosweep.figures.canvas import Panels
+    from vibrosweep.figures.style import Panels
     from vibrosweep.lab.fitting import Setup
     from vibrosweep.store.reading import ResultKind
 
@@ -306,13 +306,13 @@ def _restitution(options: argparse.Namespace) -> None:
     print(json.dumps(numbers_of(found), indent=1) if options.json else "\n".join(lines))
 
     def draw() -> Axes:
-        from vibrosweep.figures.drops import restitution_by_speed
+        from vibrosweep.figures.laboratory import restitution_by_speed
 
         return restitution_by_speed(found)
 
     _keep(options, found, RESTITUTION, draw, RESTITUTION.stem)
     if options.figures is not None and "sample_time" in found:
-        from vibrosweep.figures.drops import film_of_drop
+        from vibrosweep.figures.laboratory import film_of_drop
         from vibrosweep.figures.registry import save_formats
         from vibrosweep.figures.style import for_file
 

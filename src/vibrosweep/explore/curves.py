@@ -10,7 +10,7 @@ import numpy as np
 from vibrosweep import theory
 from vibrosweep.arrays import Array
 from vibrosweep.explore.points import Points
-from vibrosweep.figures.window_curves import per_amplitude
+from vibrosweep.figures.windows import per_amplitude
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.locked_theory import lower_end
 from vibrosweep.model.shapes import SINE

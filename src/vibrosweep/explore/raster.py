@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.figures.cells import Cells, commonest, grid_cells
+from vibrosweep.figures.paint import Cells, commonest, grid_cells
 
 FIRST: Final = 1000  # number of first points that show whether all may form a grid
 

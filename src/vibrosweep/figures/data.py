@@ -66,7 +66,7 @@ SYMBOLS: Final = {
 
 
 @dataclass(frozen=True)
-class Needs:
+class Requirements:
     """Requirements of a figure."""
 
     variables: tuple[str, ...]  # variables or coordinates that are all needed

@@ -1,8 +1,9 @@
-"""Computed stability windows, with the closed forms of locked orbits over them."""
+"""Stability windows: computed ones as bands, closed forms of locked orbits as curves."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -10,25 +11,30 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.typing import ColorType
 
+from vibrosweep import theory
 from vibrosweep.analysis.base_motion import base_name, has_closed_forms
 from vibrosweep.analysis.conditions import UNDETERMINED
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.figures.canvas import Panels
-from vibrosweep.figures.cells import between
-from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
+from vibrosweep.figures.paint import between
+from vibrosweep.figures.style import Panels
 from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.model.locked_theory import lower_end
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "stability_windows"]
-
-NEEDS: Final = ("window_ends", "restitution", "scan", "frequency", "gravity")
+WINDOW_NEEDS: Final = ("window_ends", "restitution", "scan", "frequency", "gravity")
 PANEL_HEIGHT: Final = 3.2
 LEGEND_LINE: Final = 0.18
 NONE_FOUND: Final = ": no window found"
 BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0}
+MODES: Final = (1, 2, 3)
+SAMPLES: Final = 201
+# Where a lower and an upper end is named, as a share of its visible part: the lower ends meet at
+# e = 1, the upper ones at both sides
+NAMED_AT: Final = (0.45, 0.25)
+SHORTEST: Final = SAMPLES // 20  # visible part that has room for a name
 
 
 @style.styled
@@ -70,7 +76,7 @@ def stability_windows(
     'restitution $e$'
     """
     symbol = FORCINGS[_scanned(windows)].symbol
-    needs = data.Needs((f"{symbol}_min", f"{symbol}_max", *NEEDS))
+    needs = data.Requirements((f"{symbol}_min", f"{symbol}_max", *WINDOW_NEEDS))
     needs.check("stability_windows", windows)
     windows = windows.sortby("restitution")
     names = [str(name) for name in windows["condition"].values]
@@ -179,3 +185,106 @@ def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
 def _scanned(windows: xr.Dataset) -> str:
     """Name of the scanned forcing."""
     return str(windows.attrs.get("forcing", "amplitude"))
+
+
+@dataclass(frozen=True)
+class Forcing:
+    """Form in which the forcing is drawn."""
+
+    symbol: str  # in mathtext, without dollar signs
+    base: str  # one of `vibrosweep.model.parameters.BASES`
+    # frequency, gravity: Hz and m s-2; with the defaults an amplitude is the dimensionless kick
+    frequency: float = 1.0
+    gravity: float = 2.0
+    name: str = "amplitude"  # name of the forcing, one of `vibrosweep.model.forcing.FORCINGS`
+
+
+@dataclass(frozen=True)
+class Curve:
+    """An end of the window of mode k: the onset of existence, or of instability, of the orbit."""
+
+    mode: int
+    is_upper: bool
+    restitution: Array
+    forcing: Array
+
+
+def window_curves(
+    x_range: tuple[float, float],
+    y_range: tuple[float, float],
+    forcing: Forcing,
+    modes: Sequence[int] = MODES,
+) -> list[Curve]:
+    """Return the ends of the windows of the modes that cross the view.
+
+    The view is a range of the restitution and one of the forcing.
+    """
+    e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
+    scale = per_amplitude(forcing.name, e, forcing.frequency, forcing.gravity)
+    ends = (False, lower_end), (True, theory.amplitude_max)
+    curves = [
+        Curve(k, is_upper, e, end(k, e, forcing.frequency, forcing.gravity, forcing.base) * scale)
+        for is_upper, end in ends
+        for k in modes
+    ]
+    low, high = y_range
+    return [c for c in curves if np.any((c.forcing > low) & (c.forcing < high))]
+
+
+def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float | Array) -> Array:
+    """Return the ratio of a forcing to its amplitude A = (1 + e) V0."""
+    if name == "amplitude":
+        return np.ones_like(e)
+    omega = 2.0 * np.pi * frequency
+    units = {
+        "base_velocity": 1.0,
+        "base_displacement": 1.0 / omega,
+        "base_acceleration": omega / gravity,
+    }
+    return np.asarray(units[name] / (1.0 + e))
+
+
+def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:
+    """Draw the ends of the windows into the present view and name each on its curve.
+
+    With `over` the curves are drawn over cells, with a halo; otherwise they lie under the dots, and
+    only their names lie over them.
+    """
+    curves = window_curves(axes.get_xlim(), axes.get_ylim(), forcing, modes)
+    for curve in curves:
+        axes.plot(
+            curve.restitution,
+            curve.forcing,
+            color="black",
+            linewidth=1.0,
+            linestyle=(0, (4, 1.5)) if curve.is_upper else "-",
+            path_effects=style.halo() if over else None,
+            zorder=3.0 if over else 0.9,
+        )
+    low, high = axes.get_ylim()
+    for curve in curves:
+        seen = np.flatnonzero((curve.forcing > low) & (curve.forcing < high))
+        if seen.size < SHORTEST:
+            continue
+        at = int(np.clip(seen[int(NAMED_AT[curve.is_upper] * seen.size)], 1, SAMPLES - 2))
+        end = r"\mathrm{max}" if curve.is_upper else r"\mathrm{min}"
+        axes.text(
+            curve.restitution[at],
+            curve.forcing[at],
+            rf"${{{forcing.symbol}}}_{{{end}}}({curve.mode})$",
+            rotation=_slope(curve, at),
+            rotation_mode="anchor",
+            transform_rotates_text=True,
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.4},
+            zorder=4.0,
+            clip_on=True,
+        )
+
+
+def _slope(curve: Curve, at: int) -> float:
+    """Angle of a curve in degrees of data space; the text turns with the scale of the axes."""
+    run = curve.restitution[at + 1] - curve.restitution[at - 1]
+    return float(np.degrees(np.arctan2(curve.forcing[at + 1] - curve.forcing[at - 1], run)))
