@@ -8,9 +8,8 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.api.result_kinds import BOUNDARIES, WINDOWS
 from vibrosweep.errors import DataError
-from vibrosweep.explore.borders import with_borders
-from vibrosweep.explore.plane_view import PlaneView
-from vibrosweep.explore.points import of_result
+from vibrosweep.explore.points import of_result, with_borders
+from vibrosweep.explore.views import PlaneView
 from vibrosweep.store.saving import save_result
 
 

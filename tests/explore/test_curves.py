@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.explore.curves import window_ends
+from vibrosweep.explore.pictures import window_ends
 from vibrosweep.explore.points import Column
 
 

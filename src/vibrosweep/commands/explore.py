@@ -78,7 +78,7 @@ def _explore(options: argparse.Namespace) -> None:
 
     points = open_points(options.result)
     if options.boundaries is not None:
-        from vibrosweep.explore.borders import with_borders
+        from vibrosweep.explore.points import with_borders
 
         points = with_borders(points, options.boundaries)
     if options.output is not None:
