@@ -22,6 +22,8 @@ from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statis
 from vibrosweep.kernels.unwritten import FLAG, require_written
 from vibrosweep.waiting import SECONDS, Line
 
+__all__ = ["Workers"]
+
 T = TypeVar("T")
 R = TypeVar("R")
 

@@ -17,13 +17,13 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, CheckboxGroup, ColumnDataSource, CustomJS, RadioButtonGroup, Slider
 from numpy.typing import NDArray
 
+from vibrosweep.explore.pictures import are_numbers
 from vibrosweep.explore.points import LAUNCHED, Choice, Points, Spread, input_label
 from vibrosweep.explore.views import (
     TEMPLATE,
     WRAP,
     MotionView,
     PlaneView,
-    are_numbers,
     code_block,
     code_picker,
     fill,

@@ -7,6 +7,8 @@ locked orbits over a plane in which one axis is the forcing.
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
@@ -156,6 +158,7 @@ def _base(one: xr.Dataset, base: BaseMotion, begin: float, end: float) -> Column
 
 
 Rows = NDArray[np.int64]
+LARGEST: Final = sys.float_info.max  # integers may be larger
 BEYOND = 8  # pixels by which a line or a dot may reach into the window from outside
 MOST = 1 << 20  # pixels that are distinguished along an axis
 
@@ -191,6 +194,16 @@ def visible_rows(across: Sequence[Array], up: Array, x: Axis, y: Axis) -> Rows:
     for pixel in (*columns, row):
         key = key * MOST + np.clip(pixel[rows] + MOST // 2, 0, MOST - 1).astype(np.int64)
     return np.sort(rows[np.unique(key, return_index=True)[1]])
+
+
+def are_numbers(*values: object) -> bool:
+    """Return whether all values are finite numbers."""
+    return all(isinstance(value, int | float) and abs(value) <= LARGEST for value in values)
+
+
+def is_window(x0: Any, x1: Any, y0: Any, y1: Any) -> bool:
+    """Return whether these are the ends of a window: two of x and two of y."""
+    return are_numbers(x0, x1, y0, y1) and 0 < abs(x1 - x0) < math.inf > abs(y1 - y0) > 0
 
 
 FIRST: Final = 1000  # number of first points that show whether all may form a grid

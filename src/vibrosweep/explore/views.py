@@ -7,8 +7,6 @@ in common is at the end.
 
 from __future__ import annotations
 
-import math
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,12 +42,14 @@ from vibrosweep.arrays import Array
 from vibrosweep.explore.pictures import (
     DOTS,
     HEIGHT,
+    LARGEST,
     Axis,
     Columns,
     View,
     WindowEnd,
     even_cells,
     heights,
+    is_window,
     nearest,
     raster,
     visible_rows,
@@ -57,11 +57,11 @@ from vibrosweep.explore.pictures import (
 )
 from vibrosweep.explore.points import SYMBOLS, Column, Points
 from vibrosweep.explore.words import TABLE
-from vibrosweep.figures.style import OKABE_ITO, scale_ends
+from vibrosweep.figures.paint import scale_ends
+from vibrosweep.figures.style import OKABE_ITO
 
 # Most pixels along an axis, more than screens have: an array of them must fit in memory
 MOST_PIXELS: Final = 8192
-LARGEST: Final = sys.float_info.max  # integers may be larger
 
 
 def empty_source(*names: str) -> ColumnDataSource:
@@ -78,16 +78,6 @@ def inner_pixels(plot: Any, guess: tuple[int, int]) -> tuple[int, int]:
     if min(width, height) <= 0:  # 0 where it is hidden
         return guess
     return min(width, MOST_PIXELS), min(height, MOST_PIXELS)
-
-
-def are_numbers(*values: object) -> bool:
-    """Return whether all values are finite numbers."""
-    return all(isinstance(value, int | float) and abs(value) <= LARGEST for value in values)
-
-
-def is_window(x0: Any, x1: Any, y0: Any, y1: Any) -> bool:
-    """Return whether these are the ends of a window: two of x and two of y."""
-    return are_numbers(x0, x1, y0, y1) and 0 < abs(x1 - x0) < math.inf > abs(y1 - y0) > 0
 
 
 GREY: Final = "#b5b5b5"

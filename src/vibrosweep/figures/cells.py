@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 
+__all__ = ["Cells", "commonest", "grid_cells"]
+
 PER_CELL: Final = 20
 MOST_CELLS: Final = 200
 ALONE: Final = 0.01  # half the width of the cell of a single value, relative to it unless it is 0

@@ -14,6 +14,8 @@ from vibrosweep.arrays import Array
 from vibrosweep.figures import style
 from vibrosweep.model.window_begin import lower_end
 
+__all__ = ["per_amplitude"]
+
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
 

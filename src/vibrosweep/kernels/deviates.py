@@ -32,6 +32,8 @@ from vibrosweep.kernels.elementary import (
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.sine import SINE_ERROR, cos_turns, sin_turns
 
+__all__ = ["LARGEST", "OF_DRIVE", "OF_KICK", "OF_RESTITUTION", "Word", "draw", "key_of"]
+
 LARGEST: Final = 8.4908  # sqrt(2 * 52 ln 2), rounded up: the largest modulus of a deviate
 # Relative error of a deviate against Box and Muller's formula for its two fractions: half of that
 # of the logarithm, the root, the sine (the phase of the cosine is exact here) and the product.

@@ -26,6 +26,8 @@ from vibrosweep.kernels.trust import is_certain
 from vibrosweep.kernels.unwritten import empty
 from vibrosweep.model.status import Regime
 
+__all__ = ["SAME_ORBIT"]
+
 # Periods.  Two particles on the same orbit differ by the rounding error of an impact divided by 1 -
 # |leading multiplier|, and so do successive rounds of a cycle whose exact bits return only after
 # several rounds.  Distinct points of a cycle are never this close, except right after a period

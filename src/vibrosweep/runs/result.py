@@ -45,6 +45,8 @@ from vibrosweep.store.rows import read_rows, row_count, slices
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.writer import Writer
 
+__all__ = ["identity_in"]
+
 Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}

@@ -46,6 +46,8 @@ from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.rows import UNSTORABLE
 from vibrosweep.store.trial import require_readable
 
+__all__ = ["Realizations", "chosen", "open_design"]
+
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter
 Columns = Callable[[int, int], Sequence[Array]]
 

@@ -39,6 +39,8 @@ from vibrosweep.model.shapes import (
 )
 from vibrosweep.model.times import Periods, Time, amount, in_seconds
 
+__all__ = ["Launch", "Scene", "stored"]
+
 Launch = str | tuple[float, ...]
 
 

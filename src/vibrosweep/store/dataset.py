@@ -22,6 +22,8 @@ from vibrosweep.store.writer import Attributes, Writer
 if TYPE_CHECKING:
     import h5netcdf  # slow to import, and only other results than those of sweeps need it
 
+__all__ = ["NO_VARIABLE"]
+
 # Measured on 10^6 realizations: level 1 compresses counts and flags to a tenth and doubles the time
 # to write them; level 9 gains nothing more.  The digits of measured doubles are random: deflate
 # saves 14 % and takes 16 times as long, so doubles are stored uncompressed.

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
+__all__ = ["KINDS", "SWEEP", "load_dataset", "read_kind"]
+
 KIND: Final = "result"  # attribute of a file that names its kind
 GROUP: Final = "vibrosweep.results"
 OWN: Final = "vibrosweep.api.result_kinds"  # module that registers the kinds of this package

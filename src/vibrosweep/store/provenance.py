@@ -12,6 +12,8 @@ from typing import Final
 
 from vibrosweep._version import __version__
 
+__all__ = ["provenance"]
+
 CONVENTIONS: Final = "CF-1.11"
 version: Callable[[str], str] = cache(metadata.version)  # uncached, it reads files at each call
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "h5py", "h5netcdf")

@@ -16,6 +16,8 @@ from vibrosweep.store.disk import path_of, undisturbed
 from vibrosweep.store.seal import State, state_of
 from vibrosweep.store.trial import open_for_writing, require_readable, require_whole
 
+__all__ = ["result_file"]
+
 
 @contextmanager
 def reading(path: str | os.PathLike[str]) -> Iterator[None]:

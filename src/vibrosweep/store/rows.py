@@ -21,6 +21,8 @@ from vibrosweep.store.arranged import REALIZATION, arranged
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["read_rows", "row_count", "row_dims"]
+
 # Characters that no text in a file can contain: a zero byte, and lone surrogates
 UNSTORABLE: Final = re.compile("[\0\ud800-\udfff]")
 # Rows of a grid that are read at once: one row takes as long as thousands
