@@ -71,7 +71,7 @@ def test_only_one_class_is_called_a_scene():
     assert sorted(classes) == ["scene/scene.py: Scene"]
 
 
-ROOMS = ("explore", "proof")  # rooms of their own: they use what other modules list in __all__
+ROOMS = ("explorer", "proof")  # rooms of their own: they use what other modules list in __all__
 OPEN = ("abilities", "arrays", "errors", "lazy", "model", "system", "theory")  # to every room
 
 

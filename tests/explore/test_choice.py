@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.engine.landings import launch_times
-from vibrosweep.explore.points import MOST_PERIODS, Choice, Spread
+from vibrosweep.explorer.points import MOST_PERIODS, Choice, Spread
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene

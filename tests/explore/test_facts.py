@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.explore.points import Choice, of_result
-from vibrosweep.explore.words import facts, facts_html
+from vibrosweep.explorer.points import Choice, of_result
+from vibrosweep.explorer.words import facts, facts_html
 from vibrosweep.model.parameters import BASES, PARAMETERS
 from vibrosweep.scene.scene import Scene
 

@@ -15,11 +15,11 @@ from bokeh.document import Document
 
 import vibrosweep as vs
 from vibrosweep.errors import VibrosweepError
-from vibrosweep.explore import pictures, views
-from vibrosweep.explore.live import Background, Page
-from vibrosweep.explore.points import Choice, Column
-from vibrosweep.explore.views import MOST_PIXELS, inner_pixels
-from vibrosweep.explore.words import TABLE, table
+from vibrosweep.explorer import pictures, views
+from vibrosweep.explorer.live import Background, Page
+from vibrosweep.explorer.points import Choice, Column
+from vibrosweep.explorer.views import MOST_PIXELS, inner_pixels
+from vibrosweep.explorer.words import TABLE, table
 
 ENDS = ("x0", "x1", "y0", "y1")
 

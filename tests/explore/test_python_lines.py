@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.explore import words
-from vibrosweep.explore.points import open_points
-from vibrosweep.explore.words import TABLE, table
+from vibrosweep.explorer import words
+from vibrosweep.explorer.points import open_points
+from vibrosweep.explorer.words import TABLE, table
 
 
 @pytest.fixture(autouse=True)

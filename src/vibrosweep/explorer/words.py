@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import VibrosweepError
-from vibrosweep.explore.pictures import DOTS, HEIGHT, are_numbers, is_window
-from vibrosweep.explore.points import LAUNCHED, SYMBOLS, Choice, Points, meanings, units_text
+from vibrosweep.explorer.pictures import DOTS, HEIGHT, are_numbers, is_window
+from vibrosweep.explorer.points import LAUNCHED, SYMBOLS, Choice, Points, meanings, units_text
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import known
 from vibrosweep.model.parameters import SPRUNG

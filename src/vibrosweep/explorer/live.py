@@ -17,9 +17,9 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, CheckboxGroup, ColumnDataSource, CustomJS, RadioButtonGroup, Slider
 from numpy.typing import NDArray
 
-from vibrosweep.explore.pictures import are_numbers
-from vibrosweep.explore.points import LAUNCHED, Choice, Points, Spread, input_label
-from vibrosweep.explore.views import (
+from vibrosweep.explorer.pictures import are_numbers
+from vibrosweep.explorer.points import LAUNCHED, Choice, Points, Spread, input_label
+from vibrosweep.explorer.views import (
     TEMPLATE,
     WRAP,
     MotionView,
@@ -32,7 +32,7 @@ from vibrosweep.explore.views import (
     picker_row,
     save_button,
 )
-from vibrosweep.explore.words import (
+from vibrosweep.explorer.words import (
     PICTURES,
     TABLE,
     enclosed,

@@ -15,9 +15,9 @@ from bokeh.models import ColumnDataSource, CustomJS, Select
 from bokeh.resources import INLINE
 
 from vibrosweep.errors import OutputError
-from vibrosweep.explore.pictures import even_cells, evenly, spread_out
-from vibrosweep.explore.points import Points, legible
-from vibrosweep.explore.views import (
+from vibrosweep.explorer.pictures import even_cells, evenly, spread_out
+from vibrosweep.explorer.points import Points, legible
+from vibrosweep.explorer.views import (
     TEMPLATE,
     MotionView,
     PlaneView,
@@ -31,7 +31,7 @@ from vibrosweep.explore.views import (
     picker_row,
     save_button,
 )
-from vibrosweep.explore.words import (
+from vibrosweep.explorer.words import (
     PICTURES,
     TABLE,
     around,

@@ -39,7 +39,7 @@ from bokeh.palettes import Viridis256
 from bokeh.plotting import figure
 
 from vibrosweep.arrays import Array
-from vibrosweep.explore.pictures import (
+from vibrosweep.explorer.pictures import (
     DOTS,
     HEIGHT,
     LARGEST,
@@ -55,8 +55,8 @@ from vibrosweep.explore.pictures import (
     visible_rows,
     window_ends,
 )
-from vibrosweep.explore.points import SYMBOLS, Column, Points
-from vibrosweep.explore.words import TABLE
+from vibrosweep.explorer.points import SYMBOLS, Column, Points
+from vibrosweep.explorer.words import TABLE
 from vibrosweep.figures.paint import scale_ends
 from vibrosweep.figures.style import OKABE_ITO
 

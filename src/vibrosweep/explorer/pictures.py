@@ -21,7 +21,7 @@ from vibrosweep import analysis, theory
 from vibrosweep.analysis.base_motion import BaseMotion, recoils
 from vibrosweep.analysis.record_flights import base_motion, course
 from vibrosweep.arrays import Array
-from vibrosweep.explore.points import Points
+from vibrosweep.explorer.points import Points
 from vibrosweep.figures.cells import Cells, commonest, grid_cells
 from vibrosweep.figures.window_curves import per_amplitude
 from vibrosweep.model.forcing import FORCINGS
