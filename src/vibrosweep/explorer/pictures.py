@@ -11,6 +11,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -294,6 +295,25 @@ FINEST = 32
 def evenly(count: int, most: int) -> NDArray[np.int64]:
     """Indices of at most `most` of the points, evenly spaced in their order."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
+
+
+TRIED: Final = 16  # points of which one that moves is looked for
+
+
+def moving_point(points: Points) -> int:
+    """Index of a point near the middle of which particles do not come to rest for good.
+
+    Of the points that are tried it is the first at which fewest do.
+    """
+    indices = [*islice(spread_out(*(points.columns[name].values for name in points.axes)), TRIED)]
+    resting = []
+    for index in indices:
+        record = points.choice(index).shortened().simulate()
+        lies = (record["rested"] == 1) & record["liftoff_time"].isnull()
+        resting.append(float(lies.any("impact").mean()))
+        if resting[-1] == 0.0:
+            break
+    return indices[int(np.argmin(resting))]
 
 
 def spread_out(x: Array, y: Array) -> Iterator[int]:

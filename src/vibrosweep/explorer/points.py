@@ -211,7 +211,7 @@ COLOURS: Final = ("dt_min", "rebound_height_max")
 SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "gap_min")
 WINDOW_ENDS: Final = ("lower", "upper", "lower, undetermined beyond", "upper, undetermined beyond")
 LAUNCHED: Final = "launched_at"
-LONGEST_LABEL: Final = 45  # characters that fit beside a plane
+OF_LAUNCH: Final = "time of launch (s)"
 
 
 @dataclass(frozen=True)
@@ -300,11 +300,13 @@ def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
         "windows": _of_windows,
         "bifurcation": _of_bifurcation,
         "basins": _of_basins,
+        "orbits": _of_orbits,
+        "branches": _of_branches,
     }
     if kind not in makers:
         raise DataError(
             f"{path}: is a result of the kind {kind!r}, which has no plane of realizations; give "
-            f"a result of vibrosweep run, windows, bifurcation or basins"
+            f"a result of vibrosweep run, windows, bifurcation, basins, orbits or branches"
         )
     base = str(dataset.attrs.get("base", HIGH_BOUNCE))
     law = law_in(dataset.attrs)
@@ -435,7 +437,7 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
     if (found == UNSETTLED).any():
         reached[UNSETTLED] = Regime.UNSETTLED.meaning
     columns = {
-        LAUNCHED: Column("time of launch (s)", basins["launch_time"].values[column]),
+        LAUNCHED: Column(OF_LAUNCH, basins["launch_time"].values[column]),
         "launch_velocity": _column("launch_velocity", basins["launch_velocity"], row),
         "basin": Column("attractor", found.values[row, column].astype(np.float64), reached),
         "slot": _column("slot", _numbers("slot", basins).transpose(*found.dims), (row, column)),
@@ -447,6 +449,54 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
         "base_choice": _shared(basins, forcing),
         "axes": (LAUNCHED, "launch_velocity"),
         "colour": "basin",
+    }
+
+
+def _of_orbits(orbits: xr.Dataset) -> dict[str, Any]:
+    """Make a point for each orbit."""
+    axes = [n for n in ("restitution", *FORCINGS) if n in orbits.variables and orbits[n].ndim]
+    return _of_closed(orbits, orbits["cycle_impacts"], (*axes, "impact_phase", "rebound_velocity"))
+
+
+def _of_branches(branches: xr.Dataset) -> dict[str, Any]:
+    """Make a point for each orbit of each branch."""
+    along = str(branches.attrs["along"])
+    return _of_closed(branches, branches[along], (along, "rebound_velocity"))
+
+
+def _of_closed(found: xr.Dataset, each: xr.DataArray, axes: tuple[str, ...]) -> dict[str, Any]:
+    """Make a point for each closed orbit, at its first impact; `each` has the dims of the orbits.
+
+    A particle is launched on its orbit: with the phase and the velocity after that impact.
+    """
+    spread = {}
+    for name in map(str, found.variables):
+        one = found[name].isel(impact=0, missing_dims="ignore")
+        if one.ndim and {*one.dims} <= {*each.dims}:
+            spread[name] = one.broadcast_like(each).transpose(*each.dims)
+    known = np.isfinite(spread["rebound_velocity"].values)
+    columns = {
+        name: replace(_column(name, one), values=np.asarray(one.values[known], np.float64))
+        for name, one in spread.items()
+    }
+    forcing = str(found.attrs.get("forcing", "amplitude"))
+    varied = tuple(n for n in _given_names(found, forcing) if n in columns)
+    shared = _shared(found, forcing)
+    given = {
+        n: columns[n].values if n in columns else shared.inputs[n] for n in ("frequency", "phase")
+    }
+    turns = columns["impact_phase"].values - given["phase"] / (2.0 * np.pi)
+    columns[LAUNCHED] = Column(OF_LAUNCH, np.mod(turns, 1.0) / given["frequency"])
+    columns["launch_velocity"] = Column(
+        input_label("launch_velocity"), columns["rebound_velocity"].values
+    )
+    return {
+        "columns": columns,
+        "varied": (*varied, "launch_velocity"),
+        "base_choice": shared,
+        "axes": (axes[0], axes[1]),
+        "colour": "stable",
+        "remark": "A particle is launched on its orbit; from one that is not stable it departs.",
     }
 
 
@@ -463,8 +513,6 @@ def _column(name: str, variable: Any, index: Any = slice(None)) -> Column:
     if name in INPUTS:
         return Column(input_label(name), np.asarray(variable.values[index], np.float64))
     codes = meanings(attributes) if "flag_values" in attributes else {}
-    if len(words) > LONGEST_LABEL:
-        words = name.replace("_", " ")
     units = str(attributes.get("units", ""))
     values = np.asarray(variable.values[index], dtype=np.float64)
     return Column(label(name, words, units), values, codes, name in SEPARATIONS)
