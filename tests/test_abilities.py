@@ -18,7 +18,7 @@ from vibrosweep.abilities import (
 )
 from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
 from vibrosweep.errors import SpecError, VibrosweepError
-from vibrosweep.explore.points import open_points
+from vibrosweep.explorer.points import open_points
 from vibrosweep.kernels.impact import KIND_OF, base_of
 from vibrosweep.kernels.restitution import REBOUND_OF
 from vibrosweep.model.measures import MEASURES

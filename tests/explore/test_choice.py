@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.engine.landings import launch_times
-from vibrosweep.explore.choice import MOST_PERIODS, Choice, Spread
+from vibrosweep.explorer.points import MOST_PERIODS, Choice, Spread
 from vibrosweep.model.parameters import PARAMETERS, Periods
 from vibrosweep.scene.scene import Scene
 

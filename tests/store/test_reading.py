@@ -16,7 +16,7 @@ import vibrosweep as vs
 from vibrosweep.api.results import has_record
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.explore.points import open_points
+from vibrosweep.explorer.points import open_points
 from vibrosweep.proof import verify
 from vibrosweep.runs.driver import retry_failed
 from vibrosweep.scene.sweep import parse_spec

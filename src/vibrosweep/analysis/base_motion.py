@@ -19,6 +19,8 @@ from vibrosweep.store.arranged import require_dataset
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["BaseMotion", "recoils"]
+
 
 @dataclass(frozen=True)
 class BaseMotion:

@@ -45,6 +45,8 @@ from vibrosweep.kernels.bifurcations import (
     YIELD,
 )
 
+__all__ = ["AT_CORNER", "AT_YIELDING", "Line"]
+
 # Ends of a line: border of the range, its own beginning, a period doubling from which it branches,
 # a graze or a rest, no next point found, too many points; a line may begin at a doubling, and end
 # at a corner of the waveform or at the kink of a law, where its direction jumps

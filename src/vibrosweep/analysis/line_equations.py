@@ -18,6 +18,8 @@ from vibrosweep.kernels.bifurcations import (
 )
 from vibrosweep.model.parameters import Dimensionless
 
+__all__ = ["FIX_E"]
+
 FIX_E, FIX_DRIVE = -3, -2  # instead of a condition of all points: the parameter that is fixed
 NEWTON_STEPS: Final = 10  # from points so near that 4 suffice
 

@@ -46,6 +46,8 @@ from vibrosweep.model.restitution_laws import PLASTIC
 from vibrosweep.model.shapes import PARABOLIC_NAME
 from vibrosweep.scene.scene import Scene
 
+__all__ = ["Plane"]
+
 CORNER_PHASE: Final = 0.25  # the parabolic waveform has corners at plus and minus this phase
 EVENTS: Final = (
     (SADDLE_NODE, "saddle_node"),

@@ -18,6 +18,8 @@ from vibrosweep.scene.scene import stored
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["base_motion", "course"]
+
 # Largest distance from the base at which a flight may end, relative to the lengths that it sums
 FLIGHT: Final = 1e-6
 NEEDS: Final = ("restitution", "amplitude", "frequency", "phase")

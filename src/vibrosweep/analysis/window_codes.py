@@ -15,6 +15,8 @@ from vibrosweep.model.measures import Variable
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["ENDS", "NO_WINDOW", "OPEN_END", "PROVED", "UNDETERMINED_ABOVE", "UNDETERMINED_BELOW"]
+
 FRESH: Final = ("launch",)  # the only direction without continuation
 NO_WINDOW: Final = -1
 PROVED, OPEN_END = 1, 2  # codes of a proof

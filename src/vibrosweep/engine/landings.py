@@ -31,6 +31,8 @@ from vibrosweep.model.parameters import (
 from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
+__all__ = ["launch_times", "record_landings"]
+
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
 # For `simulate`: with phase and speed of impact too, and the arrays from which they are computed
 BYTES_IN_MEMORY: Final = BYTES_PER_LANDING + 4 * 8

@@ -70,6 +70,8 @@ if TYPE_CHECKING:
     from vibrosweep.engine.workers import Workers
     from vibrosweep.scene.scene import Scene
 
+__all__ = ["measure_all"]
+
 
 def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
     """Advance a batch of realizations and measure them.

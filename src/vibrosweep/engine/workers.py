@@ -22,6 +22,8 @@ from vibrosweep.kernels.memory import FLAG, require_written
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statistics
 from vibrosweep.waiting import SECONDS, Line
 
+__all__ = ["Workers"]
+
 T = TypeVar("T")
 R = TypeVar("R")
 

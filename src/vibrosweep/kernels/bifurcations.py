@@ -32,6 +32,8 @@ from vibrosweep.kernels.bases.chords import clearing, slopes
 from vibrosweep.kernels.closed import ADMISSIBLE, admits, ascends, flight, solve
 from vibrosweep.model.parameters import Dimensionless
 
+__all__ = ["BORN", "CORNER", "DOUBLING", "GRAZE", "LANDING", "REST", "SADDLE_NODE", "YIELD"]
+
 # Conditions, each of which is 0 at its event: a multiplier is 1, or -1; a flight touches the base;
 # an impact just rests; the orbit is one of half its length (left to the caller); a landing falls on
 # a corner of the velocity of the base, or has the speed at which the law of restitution has a kink,

@@ -287,6 +287,8 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
     )
 
 
+__all__ = ["SAME_ORBIT"]
+
 # Periods.  Two particles on the same orbit differ by the rounding error of an impact divided by 1 -
 # |leading multiplier|, and so do successive rounds of a cycle whose exact bits return only after
 # several rounds.  Distinct points of a cycle are never this close, except right after a period

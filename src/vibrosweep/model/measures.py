@@ -129,7 +129,7 @@ class Variable:
     # (value, meaning) pairs of an integer variable that holds codes
     flags: tuple[tuple[int, str], ...] = ()
     comment: str = ""  # details beyond the long name
-    judged: str = "measure"  # its judge in `verify`: a key of `vibrosweep.proof.judges.JUDGES`
+    judged: str = "measure"  # its judge in `verify`: a key of `vibrosweep.proof.verifying.JUDGES`
     # True if it is undetermined, or NaN, exactly where the impact budget was too small
     open_by_budget: bool = False
     # Name of a variable that is 0 where no cycle was found, if this one has no value there either

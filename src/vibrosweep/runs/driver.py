@@ -87,6 +87,8 @@ from vibrosweep.system import MOST_THREADS, physical_memory
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["count"]
+
 
 def available_threads() -> int:
     """Return the number of processors available to this process."""

@@ -51,6 +51,8 @@ from vibrosweep.store.parts import kinds, run_directory
 from vibrosweep.store.reading import KIND, SWEEP
 from vibrosweep.store.writing import Group, Writer, creating, provenance
 
+__all__ = ["identity_in"]
+
 Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}

@@ -44,6 +44,8 @@ from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.arranged import UNSTORABLE
 from vibrosweep.store.trial import require_readable
 
+__all__ = ["Realizations", "chosen", "open_design"]
+
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter
 Columns = Callable[[int, int], Sequence[Array]]
 

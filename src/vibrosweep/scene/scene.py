@@ -48,6 +48,8 @@ from vibrosweep.model.shapes import (
     name_in,
 )
 
+__all__ = ["Launch", "Scene", "stored"]
+
 Launch = str | tuple[float, ...]
 
 

@@ -37,6 +37,8 @@ from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS, Tables, read_tables
 from vibrosweep.scene.scene import Scene, Traced
 
+__all__ = ["Sweep", "batch", "parse_spec"]
+
 # Fields of a scene, apart from its inputs, that [record] takes from [scene] by default
 SHARED: Final = (
     *("particles", "launch", "duration", "rebound", "restitution_law"),

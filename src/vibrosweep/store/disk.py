@@ -37,6 +37,8 @@ from vibrosweep.system import ENDINGS, locked
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
+__all__ = ["check_output", "path_of", "replacing"]
+
 
 def path_of(name: str, value: object) -> Path:
     """Return the path that an argument gives; a ParameterError unless it is text or a path."""

@@ -11,8 +11,8 @@ particle is
 above the base, of velocity w and height W (`vibrosweep.proof.reference.laws`), after s periods.
 G'' >= -(1 + Gamma), where Gamma bounds alpha |w'| / 2.  For a while G'', G''' and a bound on the
 next derivative give a better bound, even where both are close to 0, as when a base of little more
-than 1 g throws a particle for a moment.  A base of finite mass (`vibrosweep.proof.reference.mount`)
-has such bounds too.
+than 1 g throws a particle for a moment.  A base of finite mass has
+such bounds too.
 
 So a parabola of this curvature that touches G at any s with G(s) >= 0 stays below it; steps to
 where the parabola comes down pass no root and converge to the first one from below.  While the

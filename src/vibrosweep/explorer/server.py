@@ -24,9 +24,8 @@ from tornado.routing import Router
 from tornado.web import OutputTransform, RequestHandler
 
 from vibrosweep.errors import RunError
-from vibrosweep.explore.background import Background
-from vibrosweep.explore.live import Page
-from vibrosweep.explore.points import Points
+from vibrosweep.explorer.live import Background, Page
+from vibrosweep.explorer.points import Points
 from vibrosweep.system import ENDINGS
 
 HOST: Final = "localhost"

@@ -15,26 +15,33 @@ from bokeh.models import ColumnDataSource, CustomJS, Select
 from bokeh.resources import INLINE
 
 from vibrosweep.errors import OutputError
-from vibrosweep.explore import python_lines as lines
-from vibrosweep.explore.colours import colouring
-from vibrosweep.explore.facts import facts_html, parameters_line
-from vibrosweep.explore.labels import legible
-from vibrosweep.explore.layout import (
+from vibrosweep.explorer.pictures import even_cells, evenly, spread_out
+from vibrosweep.explorer.points import Points, legible
+from vibrosweep.explorer.views import (
     TEMPLATE,
+    MotionView,
+    PlaneView,
     code_block,
     code_picker,
+    colouring,
     fill,
+    limits,
     paragraph,
     picker,
     picker_row,
     save_button,
 )
-from vibrosweep.explore.motion_view import MotionView
-from vibrosweep.explore.plane_view import PlaneView, limits
-from vibrosweep.explore.points import Points
-from vibrosweep.explore.raster import even_cells
-from vibrosweep.explore.sample import evenly, spread_out
-from vibrosweep.explore.table import TABLE, table_columns
+from vibrosweep.explorer.words import (
+    PICTURES,
+    TABLE,
+    around,
+    facts_html,
+    motion_lines,
+    parameters_line,
+    plane_lines,
+    simulation,
+    table_columns,
+)
 from vibrosweep.store.disk import check_output, replacing
 
 SCRIPT: Final = (Path(__file__).parent / "page.js").read_text("utf-8")
@@ -104,20 +111,20 @@ class _Page:
             if self.motions and (left < 0 or len(self.motions) == most):
                 break
             self.kept.append(index)
-            texts = {"facts": facts_html(choice), "call": lines.simulation(choice)}
+            texts = {"facts": facts_html(choice), "call": simulation(choice)}
             self.motions.append({**found, **texts})
         first = self.points.choice(self.kept[0]).shortened(PERIODS)
         self.motion.show(first.simulate(), parameters_line(first))
         self.plane.mark(*(float(self.plane.values(n)[self.kept[0]]) for n in self.points.axes))
         self.facts = paragraph("facts", self.motions[0]["facts"])
-        self.code = code_block(lines.motion_lines(first, "height"))
+        self.code = code_block(motion_lines(first, "height"))
 
     def html(self) -> str:
         """Return the page."""
         document, plane, points = Document(), self.plane, self.points
         pickers = [picker(plane, name) for name in ("x", "y", "colour")]
-        around = {name: list(lines.around(name)) for name in lines.PICTURES}
-        around[PLANE] = [lines.plane_lines(points, plane.x, plane.y, plane.colour), ""]
+        around = {name: list(around(name)) for name in PICTURES}
+        around[PLANE] = [plane_lines(points, plane.x, plane.y, plane.colour), ""]
         self.picture = code_picker([*around])
         self.selection = paragraph("selection", "Choose points with the lasso or the box.")
         self.save = save_button()
