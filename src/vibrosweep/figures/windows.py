@@ -24,6 +24,8 @@ from vibrosweep.model.locked_theory import lower_end
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["per_amplitude"]
+
 WINDOW_NEEDS: Final = ("window_ends", "restitution", "scan", "frequency", "gravity")
 PANEL_HEIGHT: Final = 3.2
 LEGEND_LINE: Final = 0.18

@@ -22,6 +22,8 @@ from vibrosweep.kernels.arithmetic import (
 from vibrosweep.kernels.memory import ROW
 from vibrosweep.model.parameters import Strengths
 
+__all__ = ["LARGEST", "OF_DRIVE", "OF_KICK", "OF_RESTITUTION", "Word", "draw", "key_of"]
+
 # --- Normal deviates ------------------------------------------------------------------------------
 # The generator is Philox 4x32-10 (Salmon, Moraes, Dror & Shaw, SC'11): ten rounds that turn a
 # counter of four 32-bit words, with the seed as its key, into four others.  No state is kept, so

@@ -30,6 +30,8 @@ from vibrosweep.model.shapes import HARMONICS_NAME, Waveform, harmonics_of, name
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["read_rows", "row_count", "row_dims"]
+
 
 REALIZATION: Final = "realization"
 KNOWN: Final = {**IMPACTS, **VARIABLES, **RECORD}

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
+__all__ = ["KINDS", "SWEEP", "load_dataset", "read_kind", "result_file"]
+
 
 @contextmanager
 def reading(path: str | os.PathLike[str]) -> Iterator[None]:

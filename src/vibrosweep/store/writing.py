@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     import h5netcdf
     import xarray as xr
 
+__all__ = ["NO_VARIABLE", "provenance"]
+
 
 CONVENTIONS: Final = "CF-1.11"
 version: Callable[[str], str] = cache(metadata.version)  # uncached, it reads files at each call
