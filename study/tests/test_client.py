@@ -73,7 +73,7 @@ def test_only_public_names_are_used(path):
     [
         "from vibrosweep.kernels import sine",
         "from vibrosweep.analysis.decay import slot_decay",
-        "from vibrosweep.analysis import requirements",
+        "from vibrosweep.analysis import datasets",
         "import vibrosweep.model",
         "import vibrosweep.model.parameters as parameters",
         "import vibrosweep as vs; vs.store",

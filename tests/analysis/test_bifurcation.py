@@ -7,7 +7,7 @@ import vibrosweep as vs
 from tests.scans import bifurcation
 from vibrosweep import simulate, theory
 from vibrosweep.analysis.bifurcation import OBSERVABLES
-from vibrosweep.analysis.record_flights import base_motion
+from vibrosweep.analysis.records import base_motion
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene.sweep import keyword_spec
 

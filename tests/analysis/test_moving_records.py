@@ -9,9 +9,7 @@ from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.equal_heights import crossings
 from vibrosweep.analysis.heights import heights_against_restitution
-from vibrosweep.analysis.record_flights import arrival_speeds, base_motion, course
-from vibrosweep.analysis.records import flights
-from vibrosweep.analysis.returns import return_map
+from vibrosweep.analysis.records import arrival_speeds, base_motion, course, flights, return_map
 from vibrosweep.errors import DataError
 
 STRONG = {"restitution": 0.6, "amplitude": 7.0, "phase": 0.4}  # Gamma = 2.8: some rests end

@@ -7,7 +7,7 @@ import xarray as xr
 from vibrosweep import simulate, theory
 from vibrosweep.analysis.order import order_of_landings
 from vibrosweep.analysis.preservation import separation_changes
-from vibrosweep.analysis.returns import return_map
+from vibrosweep.analysis.records import return_map
 from vibrosweep.errors import DataError
 
 

@@ -3,10 +3,10 @@
 import pytest
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.heights import heights_against_restitution
+from vibrosweep.analysis.records import moves, recoils
 from vibrosweep.errors import DataError
 
 SPRUNG = xr.Dataset(attrs={"base": "sprung"})

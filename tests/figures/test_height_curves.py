@@ -5,8 +5,7 @@ import pytest
 import xarray as xr
 from matplotlib.collections import FillBetweenPolyCollection, LineCollection, PathCollection
 
-from vibrosweep.analysis.base_motion import BaseMotion
-from vibrosweep.analysis.record_flights import base_motion
+from vibrosweep.analysis.records import BaseMotion, base_motion
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.figures import height_time
 from vibrosweep.figures.height_curves import readable_until

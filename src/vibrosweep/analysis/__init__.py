@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING, Final
 from vibrosweep.lazy import lazily
 
 if TYPE_CHECKING:
-    from vibrosweep.analysis.attractor_slots import capacity
-    from vibrosweep.analysis.chance import order_against_chance, separations_against_chance
+    from vibrosweep.analysis.basins import capacity
     from vibrosweep.analysis.conditions import Condition
+    from vibrosweep.analysis.datasets import require
     from vibrosweep.analysis.decay import slot_decay
     from vibrosweep.analysis.energy import energy_balance
     from vibrosweep.analysis.equal_heights import crossings
     from vibrosweep.analysis.heights import heights_against_restitution
-    from vibrosweep.analysis.landing_instants import landing_phases, landing_separations
     from vibrosweep.analysis.meetings import first_shared_base
     from vibrosweep.analysis.order import order_of_landings
     from vibrosweep.analysis.preservation import separation_changes
-    from vibrosweep.analysis.requirements import require
-    from vibrosweep.analysis.returns import return_map
+    from vibrosweep.analysis.records import landing_phases, landing_separations, return_map
     from vibrosweep.analysis.separations import (
         compare_separations,
+        order_against_chance,
         separation_against,
         separation_distribution,
+        separations_against_chance,
     )
     from vibrosweep.store.rows import flat
 
@@ -50,24 +50,22 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "capacity": "vibrosweep.analysis.attractor_slots",
+    "capacity": "vibrosweep.analysis.basins",
     **dict.fromkeys(
-        ("order_against_chance", "separations_against_chance"), "vibrosweep.analysis.chance"
+        ("order_against_chance", "separations_against_chance"), "vibrosweep.analysis.separations"
     ),
     "Condition": "vibrosweep.analysis.conditions",
     "slot_decay": "vibrosweep.analysis.decay",
     "energy_balance": "vibrosweep.analysis.energy",
     "crossings": "vibrosweep.analysis.equal_heights",
     "flat": "vibrosweep.store.rows",
-    **dict.fromkeys(
-        ("landing_phases", "landing_separations"), "vibrosweep.analysis.landing_instants"
-    ),
+    **dict.fromkeys(("landing_phases", "landing_separations"), "vibrosweep.analysis.records"),
     "heights_against_restitution": "vibrosweep.analysis.heights",
     "first_shared_base": "vibrosweep.analysis.meetings",
     "order_of_landings": "vibrosweep.analysis.order",
     "separation_changes": "vibrosweep.analysis.preservation",
-    "require": "vibrosweep.analysis.requirements",
-    "return_map": "vibrosweep.analysis.returns",
+    "require": "vibrosweep.analysis.datasets",
+    "return_map": "vibrosweep.analysis.records",
     **dict.fromkeys(
         ("compare_separations", "separation_against", "separation_distribution"),
         "vibrosweep.analysis.separations",

@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.common import KEPT as ALWAYS_HELD
 from vibrosweep.analysis.common import (
     attributes,
+    batch_from,
     grid_axes,
+    launch_states,
     meaning,
+    reached,
     require_ability,
     require_memory,
+    settle_from,
     settling,
     shared,
 )
-from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import recorded
 from vibrosweep.engine.measure import orbit_variables

@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import moves, require_scene
-from vibrosweep.analysis.records import per_realization, variable
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import per_realization, require, variable
+from vibrosweep.analysis.records import moves, require_scene
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.shapes import SINE, Waveform

@@ -7,10 +7,15 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import BaseMotion, moves, require_scene
-from vibrosweep.analysis.record_flights import arrival_speeds, base_motion, restitutions
-from vibrosweep.analysis.records import variable
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import require, variable
+from vibrosweep.analysis.records import (
+    BaseMotion,
+    arrival_speeds,
+    base_motion,
+    moves,
+    require_scene,
+    restitutions,
+)
 from vibrosweep.arrays import Array
 from vibrosweep.scene.scene import stored
 from vibrosweep.store.arranged import arranged

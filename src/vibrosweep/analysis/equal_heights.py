@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import Flights, flights, per_realization, table, variable
+from vibrosweep.analysis.datasets import per_realization, table, variable
+from vibrosweep.analysis.records import Flights, flights
 from vibrosweep.store.arranged import arranged
 
 __all__ = ["crossings"]

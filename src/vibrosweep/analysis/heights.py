@@ -10,9 +10,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import moves, require_scene
-from vibrosweep.analysis.records import completed, equal_parts, per_realization, table, variable
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import (
+    completed,
+    equal_parts,
+    per_realization,
+    require,
+    table,
+    variable,
+)
+from vibrosweep.analysis.records import moves, require_scene
 from vibrosweep.arrays import Array
 from vibrosweep.store.rows import flat
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.records import table
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import require, table
 from vibrosweep.arrays import Array
 from vibrosweep.store.arranged import arranged
 

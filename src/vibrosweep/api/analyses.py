@@ -12,7 +12,7 @@ from vibrosweep.analysis.bifurcation import OfImpacts
 from vibrosweep.analysis.bifurcation import bifurcation as follow_orbits
 from vibrosweep.analysis.branches import boundaries as trace_boundaries
 from vibrosweep.analysis.branches import branches as follow_branches
-from vibrosweep.analysis.closed_orbits import orbits as find_orbits
+from vibrosweep.analysis.orbits import orbits as find_orbits
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.analysis.separations import QUANTILES, separation_against, separation_distribution
 from vibrosweep.analysis.windows import find_windows

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.analysis.closed_orbits import SEEDS, orbits
+    from vibrosweep.analysis.orbits import SEEDS, orbits
     from vibrosweep.api.result_kinds import ORBITS
 
     wanted = {"impacts": options.impacts, "periods": options.periods, "seeds": SEEDS}

@@ -10,8 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep import analysis
-from vibrosweep.analysis.base_motion import BaseMotion, recoils
-from vibrosweep.analysis.record_flights import base_motion, course
+from vibrosweep.analysis.records import BaseMotion, base_motion, course, recoils
 
 Columns = dict[str, NDArray[Any]]
 

@@ -15,8 +15,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import ColorType
 
-from vibrosweep.analysis.base_motion import BaseMotion
-from vibrosweep.analysis.record_flights import base_motion
+from vibrosweep.analysis.records import BaseMotion, base_motion
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.figures import data, style

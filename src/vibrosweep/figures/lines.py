@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from vibrosweep.analysis.closed_orbits import cycle_name
+from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.figures import data, style
 from vibrosweep.figures.plane import parameter_plane
 from vibrosweep.model.parameters import OF_RESTITUTION

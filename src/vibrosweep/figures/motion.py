@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import BaseMotion
-from vibrosweep.analysis.record_flights import course
+from vibrosweep.analysis.records import BaseMotion, course
 from vibrosweep.arrays import Array
 
 if TYPE_CHECKING:

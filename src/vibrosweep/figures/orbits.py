@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from vibrosweep.analysis.closed_orbits import cycle_name
+from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from vibrosweep.analysis.base_motion import base_name, has_closed_forms
+from vibrosweep.analysis.records import base_name, has_closed_forms
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.paint import Points

@@ -10,8 +10,8 @@ from matplotlib.collections import PathCollection
 from matplotlib.colors import LogNorm
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import has_closed_forms, moves, recoils
-from vibrosweep.analysis.records import completed
+from vibrosweep.analysis.datasets import completed
+from vibrosweep.analysis.records import has_closed_forms, moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.store.rows import flat

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import base_name, has_closed_forms, moves
+from vibrosweep.analysis.records import base_name, has_closed_forms, moves
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.model.window_begin import lower_end
@@ -73,7 +73,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     >>> return_map(vs.simulate(launch_time=[0.0, 0.125])).get_xlabel()
     'arrival velocity $v_n$ (m s$^{-1}$)'
     """
-    from vibrosweep.analysis.returns import return_points
+    from vibrosweep.analysis.records import return_points
 
     NEEDS.check("return_map", record)
     one = data.one_realization(record, realization)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import require
 from vibrosweep.figures import data, style
 from vibrosweep.figures.canvas import Panels
 from vibrosweep.model.measures import VARIABLES

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
@@ -35,7 +35,7 @@ class _NeedsForChance(data.Needs):
     """Requirements of the comparison with chance, which some realization must allow."""
 
     def lacking(self, dataset: xr.Dataset) -> str | None:
-        from vibrosweep.analysis.chance import separations_against_chance
+        from vibrosweep.analysis.separations import separations_against_chance
 
         if reason := super().lacking(dataset):
             return reason

@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.typing import ColorType
 
-from vibrosweep.analysis.base_motion import base_name, has_closed_forms
-from vibrosweep.analysis.conditions import UNDETERMINED
+from vibrosweep.analysis.records import base_name, has_closed_forms
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.figures.canvas import Panels
 from vibrosweep.figures.cells import between
 from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
 from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.model.measures import UNDETERMINED
 
 if TYPE_CHECKING:
     import xarray as xr
