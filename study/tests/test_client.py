@@ -72,7 +72,7 @@ def test_only_public_names_are_used(path):
     "text",
     [
         "from vibrosweep.kernels import sine",
-        "from vibrosweep.analysis.decay import slot_decay",
+        "from vibrosweep.analysis.records import return_map",
         "from vibrosweep.analysis import datasets",
         "import vibrosweep.model",
         "import vibrosweep.model.parameters as parameters",

@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.abilities import refusal
 from vibrosweep.analysis.datasets import require, table, variable
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
@@ -18,7 +17,6 @@ from vibrosweep.model.measures import RECORD
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
     MOUNT,
-    NOISE,
     OF_RESTITUTION,
     PARAMETERS,
     SPRUNG,
@@ -501,32 +499,6 @@ def restitutions(one: xr.Dataset, speed: Array) -> Array:
     return restitution_at(speed, e, *of_law)
 
 
-class Flights(NamedTuple):
-    """Flights of all particles of one realization, in the order of their starts."""
-
-    particle: NDArray[np.int64]  # number of the particle
-    # start, end: s; a flight in progress at the end of the observation ends there
-    start: Array
-    end: Array
-    velocity: Array  # at the start, m s-1
-    height: Array  # of the base at the start, m
-
-
-def flights(record: xr.Dataset, realization: int, analysis: str) -> Flights:
-    """Flights of one realization of a record, including those that begin at the launches.
-
-    Raises a DataError that names the `analysis` where the record lacks a variable.
-    """
-    require(record, analysis, *FLIGHTS)
-    one = record.isel(realization=realization)
-    rows = course(one, base_motion(one, analysis), float(one["duration"]))
-    chosen = np.flatnonzero(rows.flies)
-    order = chosen[np.argsort(rows.start.ravel()[chosen], kind="stable")]
-    fields = (rows.start, rows.end, rows.velocity, rows.height)
-    particle = order // rows.start.shape[1]
-    return Flights(particle, *(values.ravel()[order] for values in fields))
-
-
 @dataclass(frozen=True)
 class BaseMotion:
     """Motion of the base of one realization, which the particles do not affect."""
@@ -585,19 +557,6 @@ def has_closed_forms(dataset: xr.Dataset) -> bool:
     """Return whether closed forms hold: they need a sine, constant restitution, no coupling."""
     plain = name_in(dataset.attrs) == SINE_NAME and law_in(dataset.attrs) == CONSTANT
     return plain and not recoils(dataset)
-
-
-def require_scene(dataset: xr.Dataset, analysis: str) -> None:
-    """Raise a DataError if an analysis cannot take the scene of a dataset."""
-    wrong = refusal(
-        base_name(dataset),
-        restitution=law_in(dataset.attrs),
-        waveform=name_in(dataset.attrs),
-        analysis=analysis,
-        noise=[name for name in NOISE if name in dataset.variables],
-    )
-    if wrong:
-        raise DataError(f"{analysis} {wrong}")
 
 
 @dataclass(frozen=True)

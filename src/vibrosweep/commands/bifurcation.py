@@ -16,6 +16,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--samples", metavar="N", type=positive, default=64, help="impacts kept; default: 64"
     )
+    parser.add_argument(
+        "--launches",
+        metavar="N",
+        type=positive,
+        default=8,
+        help="particles launched anew at each point; default: 8",
+    )
 
 
 def perform(options: argparse.Namespace) -> None:
@@ -25,5 +32,7 @@ def perform(options: argparse.Namespace) -> None:
     produce(
         options,
         BIFURCATION,
-        lambda spec, threads: bifurcation(spec, options.observable, options.samples, threads),
+        lambda spec, threads: bifurcation(
+            spec, options.observable, options.samples, options.launches, threads
+        ),
     )

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from vibrosweep.figures.returns import return_map
     from vibrosweep.figures.sensitivity import sobol_bars
     from vibrosweep.figures.separations import (
-        decay_in_a_slot,
         separation_distributions,
         separations_over_chance,
     )
@@ -46,7 +45,6 @@ __all__ = [
     "basin_shares",
     "basins_of_attraction",
     "bifurcation_diagram",
-    "decay_in_a_slot",
     "height_against_restitution",
     "height_time",
     "orbit_boundaries",
@@ -75,7 +73,7 @@ _HOMES: Final = {
     "return_map": "vibrosweep.figures.returns",
     "sobol_bars": "vibrosweep.figures.sensitivity",
     **dict.fromkeys(
-        ("decay_in_a_slot", "separation_distributions", "separations_over_chance"),
+        ("separation_distributions", "separations_over_chance"),
         "vibrosweep.figures.separations",
     ),
     "stability_windows": "vibrosweep.figures.window_bands",

@@ -39,6 +39,7 @@ ORDER: Final = (
         "end",
         "event",
         "particle",
+        "launch",
         "window",
         "scan",
         "sample",
