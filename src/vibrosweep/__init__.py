@@ -18,8 +18,7 @@ from vibrosweep._version import __version__
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from vibrosweep import analysis, errors, figures, lab, theory
-    from vibrosweep.analysis.ragged import rectangle
-    from vibrosweep.analysis.sampled_positions import positions
+    from vibrosweep.analysis.records import positions, rectangle
     from vibrosweep.api.analyses import (
         basins,
         bifurcation,
@@ -90,8 +89,8 @@ _HOMES = {
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
     **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.analyses"),
-    "positions": "vibrosweep.analysis.sampled_positions",
-    "rectangle": "vibrosweep.analysis.ragged",
+    "positions": "vibrosweep.analysis.records",
+    "rectangle": "vibrosweep.analysis.records",
     **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.reading"),
     "save_result": "vibrosweep.store.writing",
     "register_design": "vibrosweep.scene.design",

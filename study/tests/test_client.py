@@ -72,12 +72,12 @@ def test_only_public_names_are_used(path):
     "text",
     [
         "from vibrosweep.kernels import arithmetic",
-        "from vibrosweep.analysis.decay import slot_decay",
-        "from vibrosweep.analysis import requirements",
+        "from vibrosweep.analysis.records import return_map",
+        "from vibrosweep.analysis import datasets",
         "import vibrosweep.model",
         "import vibrosweep.model.parameters as parameters",
         "import vibrosweep as vs; vs.store",
-        "import vibrosweep as vs; vs.theory.sprung.coupled_theory",
+        "import vibrosweep as vs; vs.theory.sprung.coupled_cycles",
         "from vibrosweep import theory; theory.locked_theory",
     ],
 )

@@ -6,7 +6,7 @@ import xarray as xr
 
 from tests.scans import find_windows
 from vibrosweep.analysis.conditions import FAILS, HOLDS, UNDETERMINED, Condition, named
-from vibrosweep.analysis.window_codes import (
+from vibrosweep.analysis.windows import (
     ENDS,
     OPEN_ABOVE,
     OPEN_BELOW,

@@ -10,7 +10,7 @@ import xarray as xr
 
 from vibrosweep.abilities import refusal
 from vibrosweep.analysis.common import require_ability
-from vibrosweep.analysis.records import table, variable
+from vibrosweep.analysis.datasets import table, variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers

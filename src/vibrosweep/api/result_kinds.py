@@ -29,7 +29,7 @@ def _late(module: str, name: str) -> Callable[..., Any]:
 
 
 def _window_lines(windows: xr.Dataset) -> Iterable[str]:
-    from vibrosweep.analysis.window_codes import proof_lines, summary
+    from vibrosweep.analysis.windows import proof_lines, summary
 
     return [*summary(windows), *(proof_lines(windows) if "min_proof" in windows else ())]
 
@@ -67,7 +67,7 @@ BASINS: Final = ResultKind(
 ORBITS: Final = ResultKind(
     "orbits",
     "vibrosweep orbits",
-    _late("analysis.closed_orbits", "summary"),
+    _late("analysis.orbits", "summary"),
     _late("figures", "periodic_orbits"),
     "periodic_orbits",
     unverified="",

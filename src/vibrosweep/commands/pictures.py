@@ -35,7 +35,7 @@ def _lines(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _orbits(options: argparse.Namespace) -> dict[str, Any]:
-    from vibrosweep.analysis.closed_orbits import SEEDS
+    from vibrosweep.analysis.orbits import SEEDS
 
     return {"impacts": options.impacts, "periods": options.periods, "seeds": SEEDS}
 
@@ -74,7 +74,7 @@ ANALYSES: Final[Mapping[str, Analysis]] = {
         "particles give the launch times",
     ),
     "orbits": Analysis(
-        "vibrosweep.analysis.closed_orbits",
+        "vibrosweep.analysis.orbits",
         "orbits",
         "the sweep whose realizations are searched for orbits",
         {

@@ -45,7 +45,7 @@ def figures(options: argparse.Namespace) -> None:
 
 
 def _draw(path: Path, directory: Path) -> None:
-    from vibrosweep.analysis.ragged import as_rectangle
+    from vibrosweep.analysis.records import as_rectangle
     from vibrosweep.api.results import has_record, open_record, open_sweep
     from vibrosweep.figures.registry import FIGURES, missing, save_all, save_formats
     from vibrosweep.figures.style import for_file

@@ -19,8 +19,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep import analysis, theory
-from vibrosweep.analysis.base_motion import BaseMotion, recoils
-from vibrosweep.analysis.record_flights import base_motion, course
+from vibrosweep.analysis.records import BaseMotion, base_motion, course, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.explorer.points import Points
 from vibrosweep.figures.paint import Cells, commonest, grid_cells

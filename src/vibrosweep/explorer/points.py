@@ -375,7 +375,7 @@ def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
 
 def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
     """Make a point for each end of a window that is not an end of the scan."""
-    from vibrosweep.analysis.window_codes import ENDS, UNDETERMINED_ABOVE, UNDETERMINED_BELOW
+    from vibrosweep.analysis.windows import ENDS, UNDETERMINED_ABOVE, UNDETERMINED_BELOW
 
     forcing = str(windows.attrs["forcing"])
     symbol = FORCINGS[forcing].symbol

@@ -10,9 +10,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import moves, recoils
-from vibrosweep.analysis.records import completed, per_realization
-from vibrosweep.analysis.requirements import differing, refused_ragged, remedy
+from vibrosweep.analysis.datasets import (
+    completed,
+    differing,
+    per_realization,
+    refused_ragged,
+    remedy,
+)
+from vibrosweep.analysis.records import moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS

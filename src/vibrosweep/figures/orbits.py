@@ -11,7 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patheffects import withStroke
 
 from vibrosweep.analysis.basins import UNSETTLED, name_of
-from vibrosweep.analysis.closed_orbits import cycle_name
+from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style

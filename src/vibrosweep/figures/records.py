@@ -18,8 +18,15 @@ from matplotlib.typing import ColorType
 from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import BaseMotion, base_name, has_closed_forms, moves
-from vibrosweep.analysis.record_flights import Course, base_motion, course
+from vibrosweep.analysis.records import (
+    BaseMotion,
+    Course,
+    base_motion,
+    base_name,
+    course,
+    has_closed_forms,
+    moves,
+)
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.figures import data, style
@@ -334,7 +341,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     >>> return_map(vs.simulate(launch_time=[0.0, 0.125])).get_xlabel()
     'arrival velocity $v_n$ (m s$^{-1}$)'
     """
-    from vibrosweep.analysis.returns import return_points
+    from vibrosweep.analysis.records import return_points
 
     RETURN_NEEDS.check("return_map", record)
     one = data.one_realization(record, realization)

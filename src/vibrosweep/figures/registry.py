@@ -106,7 +106,7 @@ def _by_noise(sweep: xr.Dataset) -> dict[str, xr.Dataset]:
 
 
 def _separation_over_chance(sweep: xr.Dataset) -> Axes:
-    from vibrosweep.analysis.chance import separations_against_chance
+    from vibrosweep.analysis.separations import separations_against_chance
 
     return sweeps.separations_over_chance([separations_against_chance(sweep)], ["this sweep"])
 

@@ -13,9 +13,8 @@ from matplotlib.colors import LogNorm
 from numpy.typing import ArrayLike
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import base_name, has_closed_forms, moves, recoils
-from vibrosweep.analysis.records import completed
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import completed, require
+from vibrosweep.analysis.records import base_name, has_closed_forms, moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, paint, style
@@ -376,7 +375,7 @@ class _NeedsForChance(data.Requirements):
     """Requirements of the comparison with chance, which some realization must allow."""
 
     def lacking(self, dataset: xr.Dataset) -> str | None:
-        from vibrosweep.analysis.chance import separations_against_chance
+        from vibrosweep.analysis.separations import separations_against_chance
 
         if reason := super().lacking(dataset):
             return reason

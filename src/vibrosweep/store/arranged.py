@@ -48,6 +48,7 @@ ORDER: Final = (
         "end",
         "event",
         "particle",
+        "launch",
         "window",
         "scan",
         "sample",
