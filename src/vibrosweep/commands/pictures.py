@@ -41,7 +41,8 @@ def _orbits(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _bifurcation(options: argparse.Namespace) -> dict[str, Any]:
-    return {"observable": options.observable, "samples": options.samples}
+    names = "observable", "samples", "launches"
+    return {name: getattr(options, name) for name in names}
 
 
 class Analysis(NamedTuple):
@@ -64,7 +65,10 @@ ANALYSES: Final[Mapping[str, Analysis]] = {
         "vibrosweep.analysis.bifurcation",
         "bifurcation",
         "a grid over the forcing",
-        {"samples": ("impacts kept", 64)},
+        {
+            "samples": ("impacts kept", 64),
+            "launches": ("particles launched anew at each point", 8),
+        },
         _bifurcation,
     ),
     "basins": Analysis(

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from vibrosweep.figures.records import height_time, return_map
     from vibrosweep.figures.registry import available, save_all
     from vibrosweep.figures.sweeps import (
-        decay_in_a_slot,
         height_against_restitution,
         parameter_plane,
         separation_distributions,
@@ -49,7 +48,6 @@ __all__ = [
     "basin_shares",
     "basins_of_attraction",
     "bifurcation_diagram",
-    "decay_in_a_slot",
     "height_against_restitution",
     "height_time",
     "orbit_boundaries",
@@ -71,7 +69,6 @@ _HOMES: Final = {
         "style": ["style"],
         "records": ["height_time", "return_map"],
         "sweeps": [
-            "decay_in_a_slot",
             "height_against_restitution",
             "parameter_plane",
             "separation_distributions",
