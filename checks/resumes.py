@@ -34,7 +34,7 @@ from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import LENGTH
 
-REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+REPORT = Path(__file__).parent / "README.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: owner and name of a function
 PLACES = ((Parts, "write"), (Parts, "read"), (result, "kinds"), (result, "write_record"))
