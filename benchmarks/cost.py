@@ -2,7 +2,7 @@
 
     python benchmarks/cost.py
 
-writes ``cost.md``, ``cost.csv``, and ``cost.png`` in ``images``, beside itself.  Every point is a sweep from its
+writes ``cost.md``, ``cost.csv``, and ``cost.png`` in ``images``.  Every point is a sweep from its
 ranges to its result file, on one thread.  Time is processor time, which other programs disturb
 little; memory is the largest that its arrays take at once.
 """

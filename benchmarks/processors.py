@@ -141,7 +141,9 @@ def table(found):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--write", action="store_true", help="put the table into benchmarks/README.md")
+    parser.add_argument(
+        "--write", action="store_true", help="put the table into benchmarks/README.md"
+    )
     parser.add_argument("--here", action="store_true", help="time in this process, print JSON")
     options = parser.parse_args()
     if options.here:

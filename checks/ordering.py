@@ -2,8 +2,8 @@
 
     python checks/ordering.py [--only NAME] [--pictures FOLDER] [--write]
 
-Draws the pictures of study/ordering.md and prints its tables in full; --write replaces them by short
-ones.
+Draws the pictures of study/ordering.md and prints its tables in full; --write replaces them by
+short ones.
 """
 
 from __future__ import annotations

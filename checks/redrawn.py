@@ -24,7 +24,9 @@ from PIL import Image
 
 ROOT = Path(__file__).parents[1]
 STORED = {
-    path.stem: path for page in ("docs", "study", "benchmarks") for path in (ROOT / page / "images").glob("*.png")
+    path.stem: path
+    for page in ("docs", "study", "benchmarks")
+    for path in (ROOT / page / "images").glob("*.png")
 }
 COMMAND = f"{shlex.quote(sys.executable)} -m vibrosweep"
 WIDTH = 200  # pixels to which pictures are reduced, so that neither dots nor the few colours count

@@ -17,7 +17,11 @@ DOCS = ROOT / "docs"
 PAGES = [
     *sorted(ROOT.glob("[!C]*.md")),
     ROOT / "CONTRIBUTING.md",
-    *(page for room in ("docs", "study", "checks", "benchmarks") for page in sorted((ROOT / room).rglob("*.md"))),
+    *(
+        page
+        for room in ("docs", "study", "checks", "benchmarks")
+        for page in sorted((ROOT / room).rglob("*.md"))
+    ),
 ]
 ROOMS = [path.parent.name for path in PACKAGE.glob("*/__init__.py")] + ["api"]
 MADE = ("claims/", "pictures/")  # by the commands of a page
@@ -86,7 +90,9 @@ def test_every_page_that_the_package_names_exists():
     """Messages and docstrings send readers to pages of the repository."""
     sources = [path for kind in ("*.py", "*.toml", "*.js") for path in PACKAGE.rglob(kind)]
     text = "".join(path.read_text(encoding="utf-8") for path in sources)
-    named = {*re.findall(r"(?<![\w/.])((?:docs|study|checks|sweeps)/[\w./-]+\.(?:md|rst|toml))", text)}
+    named = {
+        *re.findall(r"(?<![\w/.])((?:docs|study|checks|sweeps)/[\w./-]+\.(?:md|rst|toml))", text)
+    }
     assert "docs/limits.md" in named
     assert {name for name in named if not (ROOT / name).exists()} == set()
 
