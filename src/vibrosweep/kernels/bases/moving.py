@@ -190,8 +190,8 @@ def speed_moving(fixed: Constants, x: float, u: float) -> float:
 @implements(bases.rebound, *ANY)
 def rebound_moving(fixed: Constants, x: float, v: float) -> float:
     share = ratio(fixed.base.restitution, fixed.e, fixed.scale, v)
-    e = noise.noisy_restitution(fixed.base.noise, share, fixed.draw.slip)
-    return noise.noisy_rebound(fixed.base.noise, e * v, fixed.draw.push)
+    e = noise.noisy_restitution(fixed.base.noise, share, fixed.draw.restitution)
+    return noise.noisy_rebound(fixed.base.noise, e * v, fixed.draw.kick)
 
 
 @implements(bases.wake, *ANY)
