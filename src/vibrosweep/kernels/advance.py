@@ -1,6 +1,6 @@
 """Advance trajectories in time with running statistics; landings are not stored.
 
-The inner loop over a block of lanes (see `lanes`) has no branches and compiles to vector code.
+The inner loop over a block of lanes (see `memory`) has no branches and compiles to vector code.
 Every `LOOK_AFTER` passes, lanes are checked: those past the end or out of budget are written out
 and refilled with new trajectories.
 """

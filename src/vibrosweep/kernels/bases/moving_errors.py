@@ -68,7 +68,7 @@ def limits(fixed: Constants, slack: float) -> Limits:
 
 
 class Bends(NamedTuple):
-    """Bounds of changes of the derivatives of a flight, in the notation of `moving_jacobian`.
+    """Bounds of changes of the derivatives of a flight, in the notation of `jacobian_moving`.
 
     They are those of P, of 2 G(x + s), and of 2 (G(x) - G(x + s)).
     """

@@ -6,8 +6,8 @@ being the mass of one in units of that of the base, its height Y obeys
 
     (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f.
 
-Y is the sum of a forced motion (`drives`), the sag under the load, and a free oscillation D, which
-impacts excite.  Every impact pushes the base down.
+Y is the sum of a forced motion (`drive_of`), the sag under the load, and a free oscillation D,
+which impacts excite.  Every impact pushes the base down.
 
 An overdamped mount does not swing: D decays with a slow and a fast rate.  Once the fast part has
 decayed, D' = -slow D, and the acceleration would be a small difference of large terms: at a damping
