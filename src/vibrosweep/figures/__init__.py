@@ -81,3 +81,7 @@ _HOMES: Final = {
     "stability_windows": "vibrosweep.figures.window_bands",
 }
 __getattr__ = lazily(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

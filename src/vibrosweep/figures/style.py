@@ -40,6 +40,11 @@ __all__ = [
     "styled",
 ]
 
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
