@@ -1,4 +1,4 @@
-"""Every landing of a small scene, or of realizations of a sweep that are followed again."""
+"""Every landing of a small scene, or of realizations of a sweep that are simulated again."""
 
 from __future__ import annotations
 
