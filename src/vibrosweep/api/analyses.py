@@ -12,7 +12,7 @@ from vibrosweep.analysis.bifurcation import OfImpacts
 from vibrosweep.analysis.bifurcation import bifurcation as follow_orbits
 from vibrosweep.analysis.branches import boundaries as trace_boundaries
 from vibrosweep.analysis.branches import branches as follow_branches
-from vibrosweep.analysis.closed_orbits import orbits as find_orbits
+from vibrosweep.analysis.orbits import orbits as find_orbits
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.analysis.separations import QUANTILES, separation_against, separation_distribution
 from vibrosweep.analysis.windows import find_windows
@@ -156,10 +156,14 @@ def bifurcation(
     *,
     observable: str | OfImpacts = "rebound_velocity",
     samples: int = 64,
+    launches: int = 8,
     threads: int | None = None,
     **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
-    """Follow orbits up and down the forcing, from each point to the next.
+    """Follow orbits up and down the forcing, and launch particles anew at each point.
+
+    An attractor that orbits reach neither on the way up nor on the way down is found if one of the
+    launches leads to it.
 
     Parameters
     ----------
@@ -172,6 +176,8 @@ def bifurcation(
         lift-off (m s-1) and gravity (m s-2), on arrays of any shape.
     samples
         Number of impacts that are kept at each point, once the orbit has settled.
+    launches
+        Number of particles that are launched anew at each point, staggered over one forcing period.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -184,7 +190,11 @@ def bifurcation(
         Dims (direction, amplitude, particle, sample), where the forcing that was given replaces
         ``amplitude``: the observable under its name, ``observable`` for a function.  Dims
         (direction, amplitude, particle): ``regime``, ``cycle_impacts``, ``cycle_periods``,
-        ``cycle_rests``, ``lyapunov_largest`` with its error.
+        ``cycle_rests``, ``lyapunov_largest`` with its error.  The same of particles that are
+        launched anew, with the dim launch in place of direction and particle: names begin with
+        ``launched_``.  Dim amplitude: ``attractors``, the number of different ones that were found.
+        Scalars: ``chaos_low`` and ``chaos_high``, the neighbouring points between which the first
+        positive exponent appears, by three standard errors; NaN where there is no such point.
 
     Raises
     ------
@@ -208,8 +218,9 @@ def bifurcation(
     FrozenList(['direction', 'amplitude', 'particle', 'sample'])
     """
     samples = count("samples", samples)
+    launches = count("launches", launches)
     checked = as_sweep(spec, keywords, "bifurcation", 1)
-    return warned(follow_orbits(checked, observable, samples, thread_count(threads)))
+    return warned(follow_orbits(checked, observable, samples, launches, thread_count(threads)))
 
 
 @completed(by=SweepKeywords)
