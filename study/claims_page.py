@@ -44,13 +44,6 @@ CLASSES: Final = {
 }
 MARKS: Final = {True: ("holds", "passed"), False: ("fails", "missed"), None: ("open", "open")}
 NO_VERDICT: Final = "<small>not computed</small>"
-COUNTED: Final = {
-    Verdict.HOLDS: "holding as stated",
-    Verdict.CONDITIONAL: "under a condition",
-    Verdict.OUTSIDE: "only outside the laboratory",
-    Verdict.FAILS: "failing",
-    Verdict.UNDECIDED: "not to be judged",
-}
 KINDS: Final = {
     "drive_noise": "noise of the drive",
     "kick_noise": "noise of the kick",
@@ -101,9 +94,15 @@ def _counts(claims: Sequence[Claim]) -> Iterator[str]:
             for one in claim.outcome.evidence
             if one.base == base
         )
-        each = [f"{COUNTED[verdict]} {found[verdict]}" for verdict in Verdict if found[verdict]]
+        each = [
+            f"{n} {_in_number(verdict.value, n)}" for verdict in Verdict if (n := found[verdict])
+        ]
         if each:
             yield f"<b>{name.capitalize()}</b>, {found.total()} claims: {', '.join(each)}."
+
+
+def _in_number(verb: str, number: int) -> str:
+    return verb if number == 1 else verb.replace("holds", "hold").replace("fails", "fail")
 
 
 def plain(text: str) -> str:
