@@ -19,7 +19,7 @@ from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.cycles import CYCLE, empty_rests
 from vibrosweep.kernels.restitution import Rest
 
-FITTED, ADVANCE, CALL = measure.fitted, measure.advance, _jit.Piece.__call__
+FITTED, ADVANCE, CALL = measure.fitted, measure.advance, _jit.Deferred.__call__
 
 
 @wraps(ADVANCE)
@@ -41,12 +41,11 @@ def fitted(base, problem):
 plain = cache(as_python)
 
 
-def call(piece, *arguments):
-    """Call a piece of a kernel in plain Python."""
-    function = piece._call
-    if isinstance(function, _jit.Deferred):
-        function = plain(function.py_func)
-    return function(*arguments)
+def call(function, *arguments):
+    """Call a piece of a kernel in plain Python, and an entry point as it is."""
+    if function._compiler is _jit.ALONE:
+        return plain(function.py_func)(*arguments)
+    return CALL(function, *arguments)
 
 
 def evaluate(intrinsic, *arguments):
@@ -58,7 +57,7 @@ def in_tests():
     """Take general machine code and plain pieces in this process."""
     measure.advance, measure.fitted = advance, fitted
     if not numba.config.DISABLE_JIT:
-        _jit.Piece.__call__ = call
+        _jit.Deferred.__call__ = call
         type(_jit.fma).__call__ = evaluate
 
 
@@ -66,4 +65,4 @@ def as_the_engine_chooses(monkeypatch):
     """Take special machine code and compiled pieces again until the test ends."""
     monkeypatch.setattr(measure, "advance", ADVANCE)
     monkeypatch.setattr(measure, "fitted", FITTED)
-    monkeypatch.setattr(_jit.Piece, "__call__", CALL)
+    monkeypatch.setattr(_jit.Deferred, "__call__", CALL)
