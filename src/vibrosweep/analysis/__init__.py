@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         separation_distribution,
         separations_against_chance,
     )
+    from vibrosweep.analysis.shares import share_against
     from vibrosweep.store.rows import flat
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "separation_against",
     "separation_distribution",
     "separations_against_chance",
+    "share_against",
 ]
 
 _HOMES: Final = {
@@ -41,6 +43,7 @@ _HOMES: Final = {
         ("order_against_chance", "separations_against_chance"), "vibrosweep.analysis.separations"
     ),
     "Condition": "vibrosweep.analysis.conditions",
+    "share_against": "vibrosweep.analysis.shares",
     "flat": "vibrosweep.store.rows",
     **dict.fromkeys(("landing_phases", "landing_separations"), "vibrosweep.analysis.records"),
     "require": "vibrosweep.analysis.datasets",

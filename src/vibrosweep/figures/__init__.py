@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         separation_distributions,
         separations_over_chance,
     )
+    from vibrosweep.figures.shares import share_curves
     from vibrosweep.figures.window_bands import stability_windows
 
 __all__ = [
@@ -55,6 +56,7 @@ __all__ = [
     "save_all",
     "separation_distributions",
     "separations_over_chance",
+    "share_curves",
     "sobol_bars",
     "stability_windows",
     "style",
@@ -71,6 +73,7 @@ _HOMES: Final = {
     **dict.fromkeys(("available", "save_all"), "vibrosweep.figures.registry"),
     "height_against_restitution": "vibrosweep.figures.restitution",
     "return_map": "vibrosweep.figures.returns",
+    "share_curves": "vibrosweep.figures.shares",
     "sobol_bars": "vibrosweep.figures.sensitivity",
     **dict.fromkeys(
         ("separation_distributions", "separations_over_chance"),
