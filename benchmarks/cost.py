@@ -31,7 +31,7 @@ from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.runs.cluster import local_workers, on_dask
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.provenance import provenance
+from vibrosweep.store.writing import provenance
 
 RANGES = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
 # Numbers of realizations, particles and periods of the sweeps of each line

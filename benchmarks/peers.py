@@ -20,7 +20,7 @@ from methods.peers_report import draw, publish, read_rows
 from methods.scenes import Point
 from methods.sweeps import SWEEPS
 from vibrosweep.runs.driver import available_threads
-from vibrosweep.store.provenance import provenance
+from vibrosweep.store.writing import provenance
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "docs" / "peers.csv"

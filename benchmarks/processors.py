@@ -122,7 +122,7 @@ def measured(way):
 
 def table(found):
     """The figures as a table in Markdown."""
-    from vibrosweep.store.provenance import provenance
+    from vibrosweep.store.writing import provenance
 
     processor = f"{provenance(threads=1)['cpu']} ({binding.get_host_cpu_name()})"
     names = [name for name in next(iter(found.values())) if name != "sine"]

@@ -13,8 +13,8 @@ from test_kernels import THREADS
 from vibrosweep.engine import measure as engine
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 
 

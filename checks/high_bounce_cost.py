@@ -34,7 +34,7 @@ from high_bounce_scenes import (
 )
 from vibrosweep import simulate, theory
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "what-high-bounce-costs.md"

@@ -23,7 +23,7 @@ import psutil
 
 from accuracy import options_of, processor, show, table
 from kills import CHUNK, CHUNKS, SWEEPS, contents, finished, killed, run_words
-from vibrosweep.store.rundir import run_directory
+from vibrosweep.store.parts import run_directory
 
 REPORT = Path(__file__).parents[1] / "docs" / "cluster.md"
 # every landing is computed, for error bounds or coupled particles: a chunk takes a second

@@ -30,8 +30,7 @@ from ordering_scenes import (
     scene,
 )
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.coupled_cycles import CoupledBase, spectral_radius, staggered
-from vibrosweep.model.coupled_theory import steepness
+from vibrosweep.model.coupled_theory import CoupledBase, spectral_radius, staggered, steepness
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "ordering.md"

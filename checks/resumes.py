@@ -30,9 +30,8 @@ from vibrosweep.errors import RunError
 from vibrosweep.runs import result
 from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.scene.sweep import Sweep, parse_spec
-from vibrosweep.store.parts import Parts
-from vibrosweep.store.rundir import run_directory
-from vibrosweep.store.seal import LENGTH
+from vibrosweep.store.disk import LENGTH
+from vibrosweep.store.parts import Parts, run_directory
 
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 Tables = dict[str, dict[str, Any]]

@@ -17,9 +17,9 @@ from vibrosweep.abilities import (
     refusal,
 )
 from vibrosweep.errors import SpecError, VibrosweepError
-from vibrosweep.explore.points import open_points
+from vibrosweep.explorer.points import open_points
 from vibrosweep.kernels.impact import KIND_OF, base_of
-from vibrosweep.kernels.laws import LAW_OF
+from vibrosweep.kernels.restitution import REBOUND_OF
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import LAWS, LAWS_OF
 from vibrosweep.model.parameters import NOISE as ALL_NOISE
@@ -164,7 +164,7 @@ def test_analyses_for_constant_restitution_refuse_other_laws_with_their_sentence
 
 @pytest.mark.parametrize("base", BASES)
 def test_a_law_that_somebody_adds_is_refused_where_no_base_implements_it(base, monkeypatch):
-    monkeypatch.setitem(LAW_OF, "softening", LAW_OF["rest"])
+    monkeypatch.setitem(REBOUND_OF, "softening", REBOUND_OF["rest"])
     assert "softening" not in LAWS_OF[base]
     assert 'rebound = "softening" is not implemented' in refusal(base, law="softening")
     if base in KIND_OF:

@@ -71,7 +71,7 @@ def test_only_public_names_are_used(path):
 @pytest.mark.parametrize(
     "text",
     [
-        "from vibrosweep.kernels import sine",
+        "from vibrosweep.kernels import arithmetic",
         "from vibrosweep.analysis.records import return_map",
         "from vibrosweep.analysis import datasets",
         "import vibrosweep.model",

@@ -15,8 +15,7 @@ from vibrosweep.analysis.windows import (
     summary,
 )
 from vibrosweep.engine.measure import measure
-from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.status import Regime, Status
+from vibrosweep.model.measures import VARIABLES, Regime, Status
 from vibrosweep.scene.sweep import keyword_spec
 
 AT_REST, RESTING, LOCKED, UNSETTLED, APERIODIC = Regime

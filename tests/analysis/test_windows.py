@@ -16,7 +16,7 @@ from vibrosweep.analysis.windows import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW,
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.scene.sweep import keyword_spec
 
 MODES = (1, 2, 3, 4)

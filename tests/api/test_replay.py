@@ -8,8 +8,7 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.errors import DataError, OtherKernelsWarning, ParameterError
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.mount import OF_MOUNT
-from vibrosweep.model.parameters import NOISE
+from vibrosweep.model.parameters import NOISE, OF_MOUNT
 
 MOUNT = {"base": "sprung", "mass_ratio": (0.01, 0.1), "mount_frequency": 7.0}
 SCENES = {

@@ -9,10 +9,9 @@ import pytest
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure, measure_all
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.status import Regime, Status
-from vibrosweep.model.times import Periods
+from vibrosweep.model.measures import Regime, Status
+from vibrosweep.model.observables import Measures
+from vibrosweep.model.parameters import PARAMETERS, Periods
 from vibrosweep.scene.scene import Scene
 
 LAWS = ["rest", "reflect"]

@@ -6,10 +6,10 @@ import xarray as xr
 
 from vibrosweep.errors import DataError
 from vibrosweep.figures.registry import FIGURES
-from vibrosweep.figures.sensitivity import sobol_bars
-from vibrosweep.figures.separations import (
+from vibrosweep.figures.sweeps import (
     separation_distributions,
     separations_over_chance,
+    sobol_bars,
 )
 
 FLAGS = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "a b c"}

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         separations_against_chance,
     )
     from vibrosweep.analysis.shares import share_against
-    from vibrosweep.store.rows import flat
+    from vibrosweep.store.arranged import flat
 
 __all__ = [
     "Condition",
@@ -44,7 +44,7 @@ _HOMES: Final = {
     ),
     "Condition": "vibrosweep.analysis.conditions",
     "share_against": "vibrosweep.analysis.shares",
-    "flat": "vibrosweep.store.rows",
+    "flat": "vibrosweep.store.arranged",
     **dict.fromkeys(("landing_phases", "landing_separations"), "vibrosweep.analysis.records"),
     "require": "vibrosweep.analysis.datasets",
     "return_map": "vibrosweep.analysis.records",

@@ -27,13 +27,11 @@ from vibrosweep.engine.measure import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.settle import Orbits
-from vibrosweep.kernels.shortest import empty_shortest, shortest_flights
+from vibrosweep.kernels.settle import Orbits, empty_shortest, shortest_flights
 from vibrosweep.mistakes import Mistake
 from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.measures import VARIABLES
+from vibrosweep.model.measures import VARIABLES, Regime
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
-from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
 from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene

@@ -29,14 +29,13 @@ from vibrosweep.engine.landings import recorded
 from vibrosweep.engine.measure import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.memory import unwritten
 from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.settle import Orbits
-from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.forcing import FORCINGS, forcing_of
-from vibrosweep.model.measures import VARIABLES
+from vibrosweep.model.measures import VARIABLES, Regime
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS, STAGGERED
 from vibrosweep.model.shapes import SINE, TWO_PI
-from vibrosweep.model.status import Regime
 from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 

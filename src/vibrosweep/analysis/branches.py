@@ -61,9 +61,8 @@ from vibrosweep.kernels.bifurcations import (
     YIELD,
     Cycle,
 )
-from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS
+from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS, Wanted
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.orbit_search import Wanted
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, INPUTS, forcing_of, refuse_extreme
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, dimensionless, taken

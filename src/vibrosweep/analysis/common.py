@@ -24,13 +24,14 @@ from vibrosweep.model.parameters import (
     STREAM,
     Dimensionless,
     Launches,
+    Periods,
     dimensionless,
+    in_seconds,
     launches,
     taken,
 )
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE
-from vibrosweep.model.times import Periods, in_seconds
 from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes
 from vibrosweep.scene.design import GRID
 from vibrosweep.scene.scene import Scene

@@ -34,7 +34,7 @@ from vibrosweep.kernels.fixed import (
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.statistics import LONGEST, RESTS, SHORTEST
 from vibrosweep.model.functions import digest_of, is_function, plain, source_of
-from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, known
+from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, Regime, Status, known
 from vibrosweep.model.parameters import (
     STREAM,
     Dimensionless,
@@ -42,7 +42,6 @@ from vibrosweep.model.parameters import (
     dimensionless,
 )
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.status import Regime, Status
 from vibrosweep.scene.scene import Scene
 from vibrosweep.store.arranged import arranged
 

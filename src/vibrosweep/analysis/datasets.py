@@ -13,8 +13,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.mistakes import nearest
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.measures import MEASURE_OF, RECORD, RESERVED, VARIABLES
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import MEASURE_OF, RECORD, RESERVED, VARIABLES, Status
 from vibrosweep.store.arranged import require_dataset
 
 CONFIDENCE: Final = 0.95

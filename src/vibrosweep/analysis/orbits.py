@@ -24,11 +24,18 @@ from vibrosweep.analysis.common import (
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS
+from vibrosweep.kernels.closed import (
+    ADMISSIBLE,
+    MEETS_BASE,
+    NO_ORBIT,
+    RESTS,
+    Closed,
+    Wanted,
+    empty_closed,
+    find_closed,
+)
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.orbit_list import NO_ORBIT, Closed
-from vibrosweep.kernels.orbit_search import Wanted, empty_closed, find_closed
-from vibrosweep.kernels.unwritten import require_written
+from vibrosweep.kernels.memory import require_written
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless, taken
 from vibrosweep.runs.result import attributes_of
@@ -227,7 +234,7 @@ def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> di
     """Variables that may show that the search is not complete.
 
     Where the map contracts, and `wanted` says that orbits balance, there are as many saddle points
-    as others unless orbits were missed (`vibrosweep.kernels.orbit_search`); a pair that was missed
+    as others unless orbits were missed (`vibrosweep.kernels.closed`); a pair that was missed
     changes both numbers alike.
     """
     dims = ("realization", "impacts", "periods")

@@ -13,7 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.analysis.datasets import require, table, variable
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.measures import RECORD
+from vibrosweep.model.measures import (
+    LANDING,
+    OF_TRAJECTORIES,
+    RAGGED_DIMS,
+    RECORD,
+    SAMPLES,
+    Status,
+    counts_agree,
+    padded,
+)
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
     MOUNT,
@@ -21,20 +30,11 @@ from vibrosweep.model.parameters import (
     PARAMETERS,
     SPRUNG,
     STAGGERED,
-)
-from vibrosweep.model.physical import as_numbers
-from vibrosweep.model.ragged_arrays import (
-    LANDING,
-    OF_TRAJECTORIES,
-    RAGGED_DIMS,
-    SAMPLES,
-    counts_agree,
-    padded,
+    Periods,
+    as_numbers,
 )
 from vibrosweep.model.restitution_laws import CONSTANT, law_in, restitution_at
 from vibrosweep.model.shapes import SINE, SINE_NAME, Waveform, name_in
-from vibrosweep.model.status import Status
-from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene, stored
 from vibrosweep.store.arranged import arranged, require_dataset
 

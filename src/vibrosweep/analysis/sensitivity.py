@@ -16,8 +16,14 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.mistakes import RANGE
-from vibrosweep.model.measures import MEASURE_OF, OF_REALIZATIONS, UNDETERMINED, VARIABLES, known
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import (
+    MEASURE_OF,
+    OF_REALIZATIONS,
+    UNDETERMINED,
+    VARIABLES,
+    Status,
+    known,
+)
 from vibrosweep.runs.result import observation_of_orbits
 from vibrosweep.scene.design import Range
 from vibrosweep.scene.realizations import open_design

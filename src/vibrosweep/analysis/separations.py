@@ -30,10 +30,8 @@ from vibrosweep.analysis.datasets import (
 )
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError, require_one_of
-from vibrosweep.model.measures import UNDETERMINED, VARIABLES
-from vibrosweep.model.status import Status
-from vibrosweep.store.arranged import arranged, require_datasets
-from vibrosweep.store.rows import flat
+from vibrosweep.model.measures import UNDETERMINED, VARIABLES, Status
+from vibrosweep.store.arranged import arranged, flat, require_datasets
 
 __all__ = [
     "QUANTILES",

@@ -18,10 +18,8 @@ from vibrosweep.analysis.datasets import (
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.mistakes import quoted
-from vibrosweep.model.measures import known
-from vibrosweep.model.status import Regime
-from vibrosweep.store.arranged import require_dataset
-from vibrosweep.store.rows import flat
+from vibrosweep.model.measures import Regime, known
+from vibrosweep.store.arranged import flat, require_dataset
 
 __all__ = ["share_against"]
 

@@ -6,7 +6,7 @@ the step of the scan may hide between two of its points: the scan is the resolut
 are the exception, since a scan also detects orbits that exist without being stable: every window of
 a locked orbit that is wider than the tolerance is found.  Under a waveform other than the sine a
 mode may have several windows, which may overlap: those of all branches are listed.  Their
-ends have closed forms (`vibrosweep.model.locked_shapes`), except where the particle begins to land
+ends have closed forms (`vibrosweep.model.locked_theory`), except where the particle begins to land
 earlier, or to rest; such ends are searched at `PHASES` phases of each window and bisected.
 
 A code is the state at a point: 0 or 1 for a condition, and more values where a coarse scan could
@@ -53,6 +53,7 @@ from vibrosweep.analysis.conditions import (
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.arithmetic import HALF_ULP
 from vibrosweep.kernels.fixed import (
     ABSENT,
     ATTRACTS,
@@ -64,11 +65,10 @@ from vibrosweep.kernels.fixed import (
     orbits_hold,
 )
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.memory import unwritten
 from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
-from vibrosweep.model.locked_shapes import FOLD, NONE, LockedWindow, Mode, mode_of, windows_of
+from vibrosweep.model.locked_theory import FOLD, NONE, LockedWindow, Mode, mode_of, windows_of
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.orbit_theory import moves
 from vibrosweep.model.parameters import NOISE, PARAMETERS, dimensionless

@@ -39,11 +39,17 @@ from vibrosweep.model.forcing import (
     only_parameters,
     refuse_extreme,
 )
-from vibrosweep.model.measures import ALWAYS, IMPACTS, MEASURES, RECORD
+from vibrosweep.model.measures import (
+    ALWAYS,
+    IMPACTS,
+    MEASURES,
+    RECORD,
+    Status,
+    ragged_columns,
+    wasted,
+)
 from vibrosweep.model.parameters import NOISE, STREAM
-from vibrosweep.model.ragged_arrays import ragged_columns, wasted
 from vibrosweep.model.restitution_laws import VISCOELASTIC, speed_mistakes
-from vibrosweep.model.status import Status
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import (
     KERNELS,
@@ -57,9 +63,8 @@ from vibrosweep.runs.result import (
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import batch, checked
-from vibrosweep.store.arranged import REALIZATION, require_dataset
-from vibrosweep.store.kinds import KIND, SWEEP
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import REALIZATION, flat, require_dataset
+from vibrosweep.store.reading import KIND, SWEEP
 
 __all__ = ["simulate"]
 

@@ -18,7 +18,7 @@ from vibrosweep.errors import (
     ParameterError,
     ShortObservationWarning,
 )
-from vibrosweep.kernels.observer import compiled
+from vibrosweep.kernels.statistics import compiled
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import (
@@ -35,7 +35,7 @@ from vibrosweep.runs.driver import (
 from vibrosweep.runs.progress import showing
 from vibrosweep.scene.sweep import Sweep, keyword_spec, read_spec
 from vibrosweep.store.disk import check_output, path_of
-from vibrosweep.store.rundir import replaces
+from vibrosweep.store.parts import replaces
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from vibrosweep.mistakes import cut
 from vibrosweep.system import MOST_THREADS
@@ -46,43 +46,6 @@ def directory(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("'' is not the name of a directory")
     return Path(text)
-
-
-def add_sweep(parser: argparse.ArgumentParser) -> None:
-    """Add the sweep file and the result that is computed from it."""
-    parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="OUT.h5",
-        type=output_file,
-        help="default: the name of the sweep file",
-    )
-
-
-def output_of(options: argparse.Namespace) -> Path:
-    """Return the result that the options of `add_sweep` name."""
-    output: Path = options.output or Path(f"{options.spec.stem}.h5")
-    return output
-
-
-def add_lines(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that decide which lines of orbits are followed, and how far."""
-    for name, words, default in (
-        ("impacts", "largest number of impacts of an orbit", 1),
-        ("periods", "largest number of its forcing periods", 1),
-        ("doublings", "number of successive doublings whose new orbits are followed", 0),
-        ("points", "largest number of points of a line in each direction", 1000),
-    ):
-        kind = whole if default == 0 else positive
-        text = f"{words}; default: {default}"
-        parser.add_argument(f"--{name}", metavar="N", type=kind, default=default, help=text)
-
-
-def lines_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `add_lines`, as the analyses of lines take them."""
-    wanted = options.impacts, options.periods
-    return {"wanted": wanted, "doublings": options.doublings, "points": options.points}
 
 
 def some(number: int, thing: str) -> str:

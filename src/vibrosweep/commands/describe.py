@@ -10,18 +10,23 @@ from typing import Any, Final
 import numpy as np
 
 from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.measures import RESERVED
+from vibrosweep.model.measures import RESERVED, Status
 from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE_NAME
-from vibrosweep.model.status import Status
 from vibrosweep.runs.result import SETTLING, summary_of, unsettled
-from vibrosweep.store.kinds import SWEEP, ResultKind, kind_of, load_dataset
-from vibrosweep.store.parts import Parts, read_manifest
-from vibrosweep.store.reading import no_result, result_file, using
-from vibrosweep.store.rows import read_rows, row_count, slices
-from vibrosweep.store.rundir import run_directory
-from vibrosweep.store.seal import State, state_of
+from vibrosweep.store.arranged import read_rows, row_count, slices
+from vibrosweep.store.disk import State, state_of
+from vibrosweep.store.parts import Parts, read_manifest, run_directory
+from vibrosweep.store.reading import (
+    SWEEP,
+    ResultKind,
+    kind_of,
+    load_dataset,
+    no_result,
+    result_file,
+    using,
+)
 
 # Largest number of incomplete realizations that are listed
 LISTED: Final = 20

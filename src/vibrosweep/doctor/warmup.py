@@ -25,8 +25,8 @@ from vibrosweep.kernels import _jit
 from vibrosweep.kernels._numba import HAS_CACHE
 from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.model.forcing import AMPLITUDE
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import LAWS, SPRUNG
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import batch, keyword_spec
 

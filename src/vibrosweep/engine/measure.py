@@ -18,54 +18,59 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.errors import ParameterError, RunError
-from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import Base, fitted, lifts, lowest
 from vibrosweep.kernels.cycles import CYCLE, Cycles, empty_rests
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.memory import require_written
 from vibrosweep.kernels.noise import noise_of
-from vibrosweep.kernels.observer import Observer, compiled, observer_scratch
-from vibrosweep.kernels.ordering import workspace
-from vibrosweep.kernels.record import Units
-from vibrosweep.kernels.recorder import KINDS_RECORDED, Recorder, recorder_scratch
+from vibrosweep.kernels.ordering import Orders, empty_orders, empty_turns, workspace
+from vibrosweep.kernels.record import KINDS_RECORDED, Recorder, Units, recorder_scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, find_order, separate
-from vibrosweep.kernels.sequence import Orders, empty_orders, empty_turns
-from vibrosweep.kernels.settle import SAME_ORBIT, Orbits, Search, empty_orbits, settle
-from vibrosweep.kernels.shape_types import motion
+from vibrosweep.kernels.settle import GROWTH_SIZE, SAME_ORBIT, Orbits, Search, empty_orbits, settle
 from vibrosweep.kernels.statistics import (
     IMPACT_SPEED,
     KINDS,
     UNCOUNTED,
     Kinds,
+    Observer,
     Statistics,
+    combine,
+    compiled,
     empty_sums,
+    observer_scratch,
+    scratch,
     statistic_of,
 )
-from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
-from vibrosweep.kernels.unwritten import require_written
-from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
+from vibrosweep.kernels.waveforms import motion
+from vibrosweep.model.measures import RESOLUTION, UNDETERMINED, Regime, Status
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import (
     SPRUNG,
     Dimensionless,
     Launches,
+    Periods,
+    Time,
+    amount,
     dimensionless,
+    in_periods,
+    in_seconds,
     launches,
     representable,
     taken,
 )
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.model.status import Regime, Status
-from vibrosweep.model.times import Periods, Time, amount, in_periods, in_seconds
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
     from vibrosweep.engine.workers import Workers
     from vibrosweep.scene.scene import Scene
+
+__all__ = ["measure_all"]
 
 
 def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
@@ -321,7 +326,7 @@ def settled(
     plain = found._replace(kinds=())  # the same machine code for any choice of statistics
 
     def task(first: int, last: int) -> None:
-        settle(first, last, batch, plain, cycles, search, np.empty(growth.SIZE), orbits)
+        settle(first, last, batch, plain, cycles, search, np.empty(GROWTH_SIZE), orbits)
 
     workers.run(task, found.status.size, TRAJECTORIES_PER_TASK // 64, orbits)
     return orbits

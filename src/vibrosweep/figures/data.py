@@ -21,11 +21,10 @@ from vibrosweep.analysis.records import moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
-from vibrosweep.model.measures import known
+from vibrosweep.model.measures import Status, known
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
-from vibrosweep.model.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -72,7 +71,7 @@ SYMBOLS: Final = {
 
 
 @dataclass(frozen=True)
-class Needs:
+class Requirements:
     """Requirements of a figure."""
 
     variables: tuple[str, ...]  # variables or coordinates that are all needed

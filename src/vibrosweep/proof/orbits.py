@@ -56,7 +56,7 @@ from vibrosweep.proof.report import Judgement, Outcome, Report, State, judge
 from vibrosweep.runs.driver import count
 from vibrosweep.runs.progress import Advance
 from vibrosweep.scene.scene import Scene, stored
-from vibrosweep.store.kinds import load_dataset
+from vibrosweep.store.reading import load_dataset
 
 if TYPE_CHECKING:
     import xarray as xr

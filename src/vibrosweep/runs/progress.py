@@ -10,6 +10,8 @@ from typing import Any, Final, Protocol, TextIO
 
 from vibrosweep.waiting import is_watched
 
+__all__ = ["Advance", "silent"]
+
 SECONDS_BETWEEN_LINES: Final = 10.0
 SECONDS_BEFORE_BAR: Final = 0.5
 

@@ -9,12 +9,15 @@ the forcing; the damping ratio of the mount.
 
 from __future__ import annotations
 
-from vibrosweep.model.coupled_cycles import CoupledBase, Cycle, spectral_radius, staggered
 from vibrosweep.model.coupled_theory import (
+    CoupledBase,
+    Cycle,
     landing_phase,
     locked_acceleration_min,
     recoil_deviation,
     reversing_separation,
+    spectral_radius,
+    staggered,
 )
 
 __all__ = [
