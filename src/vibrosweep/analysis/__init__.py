@@ -54,16 +54,6 @@ _HOMES: Final = {
     ),
 }
 _REPLACED: Final = {
-    **dict.fromkeys(
-        (
-            "crossings",
-            "energy_balance",
-            "first_shared_base",
-            "order_of_landings",
-            "separation_changes",
-        ),
-        "only claims of the study ask for it: study.records, beside src/ in the repository, has it",
-    ),
     "Scene": "vibrosweep.windows, bifurcation and basins take its keywords themselves",
     "find_windows": "call vibrosweep.windows, with the keywords of a scene",
 }
