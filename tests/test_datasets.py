@@ -79,6 +79,7 @@ OF_SWEEPS = {
     "separation_distribution": analysis.separation_distribution,
     "separations": vs.separations,
     "separations_against_chance": analysis.separations_against_chance,
+    "share_against": lambda sweep: analysis.share_against(sweep, "restitution", of="locked"),
     "simulate": vs.simulate,
 }
 OF_OTHERS = {"capacity": (analysis.capacity, "basins")}
@@ -100,6 +101,7 @@ DRAWN = {
 DERIVED = {
     "separation_distributions",
     "separations_over_chance",
+    "share_curves",
 }
 # No analysis of results: for a writer of analyses, and for records without padding
 APART = {"require", "flat", "Condition"}

@@ -358,11 +358,12 @@ def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:
     try:
         check_output(output, force=replace or replaces(output), inputs=spec.inputs)
     except ExistingOutputError as error:
-        from vibrosweep.runs.driver import cleared, is_of, origin
+        from vibrosweep.runs.driver import added, cleared, is_of, origin
 
         if is_of(spec, output) and cleared(spec, output):
             return False
-        raise ExistingOutputError(output, origin(spec, output)) from error
+        if not added(spec, output):
+            raise ExistingOutputError(output, origin(spec, output)) from error
     return True
 
 
