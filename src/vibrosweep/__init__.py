@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
-    from vibrosweep.explorer import Explorer, explore
+    from vibrosweep.explorer import explore
     from vibrosweep.model.landing import Landing
     from vibrosweep.model.observables import Observable
     from vibrosweep.model.outside_laws import Law, register_law
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 __all__ = [
     "LANDINGS_OF_AN_EXPONENT",
     "PARAMETERS",
-    "Explorer",
     "Landing",
     "Law",
     "Observable",
@@ -86,7 +85,7 @@ __all__ = [
 
 _HOMES = {
     **{name: f"vibrosweep.{name}" for name in ("analysis", "errors", "figures", "lab", "theory")},
-    **dict.fromkeys(("Explorer", "explore"), "vibrosweep.explorer"),
+    "explore": "vibrosweep.explorer",
     "Landing": "vibrosweep.model.landing",
     **dict.fromkeys(("Law", "register_law"), "vibrosweep.model.outside_laws"),
     "Observable": "vibrosweep.model.observables",

@@ -105,13 +105,14 @@ def explore(result: str | os.PathLike[str] | xr.Dataset, *, port: int = 0) -> Ex
     require_bokeh()
     from vibrosweep.explorer.points import open_points, points_of
 
-    points = (
-        open_points(Path(result)) if isinstance(result, str | os.PathLike) else points_of(result)
-    )
+    if isinstance(result, str | os.PathLike):
+        points = open_points(Path(result))
+    else:
+        points = points_of(result)
     if HUB in os.environ:
         from vibrosweep.explorer.static import page_text
 
-        page = html.escape(page_text(points)[0])
+        page = html.escape(page_text(points, "the page")[0])
         return Explorer(f'{BEHIND_A_HUB}<iframe srcdoc="{page}" {FRAME}></iframe>')
     from vibrosweep.explorer.server import serve, serve_beside
 

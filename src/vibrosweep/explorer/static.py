@@ -73,14 +73,14 @@ def write_page(points: Points, output: Path, *, force: bool, limits: Limits = US
     than its limit.
     """
     check_output(output, force=force, inputs=(points.path,))
-    text, contents = page_text(points, limits)
+    text, contents = page_text(points, output, limits)
     with replacing(output, force=force) as disk:
         disk.write(text.encode())
     return f"written to {output} ({len(text.encode()) / 1e6:.2g} MB): {contents}"
 
 
-def page_text(points: Points, limits: Limits = USUAL) -> tuple[str, str]:
-    """Return a page, and a sentence about its contents.
+def page_text(points: Points, name: object, limits: Limits = USUAL) -> tuple[str, str]:
+    """Return a page, and a sentence about its contents; `name` is that of its errors.
 
     Raises an OutputError if it would be larger than its limit.
     """
@@ -91,8 +91,8 @@ def page_text(points: Points, limits: Limits = USUAL) -> tuple[str, str]:
         text = page.html().encode()
     if len(text) > limits.size:
         raise OutputError(
-            f"the page would have {len(text)} bytes, more than {limits.size}; explore a result "
-            f"with fewer particles or a shorter duration"
+            f"{name}: would have {len(text)} bytes, more than {limits.size}; explore a "
+            f"result with fewer particles or a shorter duration"
         )
     return text.decode(), page.contents
 
