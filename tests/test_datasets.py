@@ -8,6 +8,7 @@ import xarray as xr
 from matplotlib import pyplot
 
 import vibrosweep as vs
+from tests.scenes import TWO_TONES
 from vibrosweep import analysis, figures
 from vibrosweep.errors import DataError
 from vibrosweep.model.measures import UNDETERMINED
@@ -78,6 +79,7 @@ OF_SWEEPS = {
     "separation_distribution": analysis.separation_distribution,
     "separations": vs.separations,
     "separations_against_chance": analysis.separations_against_chance,
+    "share_against": lambda sweep: analysis.share_against(sweep, "restitution", of="locked"),
     "simulate": vs.simulate,
 }
 OF_OTHERS = {"capacity": (analysis.capacity, "basins")}
@@ -99,6 +101,7 @@ DRAWN = {
 DERIVED = {
     "separation_distributions",
     "separations_over_chance",
+    "share_curves",
 }
 # No analysis of results: for a writer of analyses, and for records without padding
 APART = {"require", "flat", "Condition"}
@@ -265,7 +268,7 @@ OTHERS = {
     "base": ({}, {"base": "moving"}),
     "seed": (NOISY, {**NOISY, "noise_seed": 4}),
     "law": ({}, {"rebound": "reflect"}),
-    "waveform": ({}, {"waveform": "parabolic"}),
+    "waveform": ({}, {"waveform": TWO_TONES}),
 }
 
 
@@ -277,7 +280,7 @@ def test_sweeps_of_different_scenes_are_not_followed(first, second):
         vs.simulate(both)
 
 
-@pytest.mark.parametrize("base", [{"base": "moving"}, {"waveform": "parabolic", "base": "moving"}])
+@pytest.mark.parametrize("base", [{"base": "moving"}, {"waveform": TWO_TONES, "base": "moving"}])
 @pytest.mark.parametrize("name", ["positions", "return_map"])
 def test_records_of_different_bases_are_not_analysed(name, base):
     scene = {"amplitude": 2.0, **LAUNCHES}

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import scipy.stats
 import xarray as xr
 
 from vibrosweep import sobol, sweep
@@ -77,22 +76,6 @@ def test_indices_of_one_impact_follow_from_its_height():
     np.testing.assert_allclose(found["total_order"][0], whole, atol=0.02)
     speed = 9.81 * 2  # mean height e^2 v0^2 / 2g
     np.testing.assert_allclose(found["mean"], [m1 * m2 / speed], rtol=1e-2)
-
-
-def test_a_scipy_that_changes_what_it_is_given_changes_no_mean(monkeypatch):
-    """As SciPy 1.11 does, whose indices of a copy are the same."""
-    genuine = scipy.stats.sobol_indices
-
-    def in_place(func, n):
-        found = genuine(func={name: values.copy() for name, values in func.items()}, n=n)
-        for values in func.values():
-            values -= values.mean(axis=-1, keepdims=True)
-        return found
-
-    asks = {"duration": 3.0, "outputs": ["rebound_height_max"], "realizations": 64}
-    expected = indices(**asks)
-    monkeypatch.setattr(scipy.stats, "sobol_indices", in_place)
-    xr.testing.assert_identical(indices(**asks), expected)
 
 
 def test_the_base_sample_is_a_power_of_2():

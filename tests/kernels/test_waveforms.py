@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from tests.scenes import TWO_TONES
 from vibrosweep.kernels.waveforms import (
     Parabolic,
     Sine,
@@ -17,7 +18,6 @@ from vibrosweep.kernels.waveforms import (
 )
 from vibrosweep.model.shapes import Waveform
 
-TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
 # two rises of the kick through the threshold of rest in every period
 RISES = {"harmonics": [[1, 0.3, 0.0], [2, 1.0, 0.5]]}
 NAMES = ("landing_time", "liftoff_time", "rebound_velocity", "rested", "impact_count")

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         separation_distribution,
         separations_against_chance,
     )
+    from vibrosweep.analysis.shares import share_against
     from vibrosweep.store.arranged import flat
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "separation_against",
     "separation_distribution",
     "separations_against_chance",
+    "share_against",
 ]
 
 _HOMES: Final = {
@@ -41,6 +43,7 @@ _HOMES: Final = {
         ("order_against_chance", "separations_against_chance"), "vibrosweep.analysis.separations"
     ),
     "Condition": "vibrosweep.analysis.conditions",
+    "share_against": "vibrosweep.analysis.shares",
     "flat": "vibrosweep.store.arranged",
     **dict.fromkeys(("landing_phases", "landing_separations"), "vibrosweep.analysis.records"),
     "require": "vibrosweep.analysis.datasets",
@@ -51,17 +54,11 @@ _HOMES: Final = {
     ),
 }
 _REPLACED: Final = {
-    **dict.fromkeys(
-        (
-            "crossings",
-            "energy_balance",
-            "first_shared_base",
-            "order_of_landings",
-            "separation_changes",
-        ),
-        "only claims of the study ask for it: study.records, beside src/ in the repository, has it",
-    ),
     "Scene": "vibrosweep.windows, bifurcation and basins take its keywords themselves",
     "find_windows": "call vibrosweep.windows, with the keywords of a scene",
 }
 __getattr__ = lazily(__name__, _HOMES, _REPLACED)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -16,7 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.common import States, reached, settle_from
-from vibrosweep.analysis.datasets import require, variable
+from vibrosweep.analysis.datasets import require, shares, variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure, orbit_variables, statistics
 from vibrosweep.engine.workers import Workers
@@ -62,7 +62,6 @@ TRAJECTORIES_AT_A_TIME: Final = 1 << 18
 FIXED_PER_TASK: Final = 256
 REPLICAS: Final = 100
 NEAR: Final = 0.25  # forcing periods by which a flight of a locked particle may differ from k
-LEVEL: Final = 0.95  # confidence level of the interval of a share
 DIMS: Final = ("condition", "direction", "restitution", "scan")
 COMMENT: Final = (
     "for locked(k) the share of replicas and particles that begin on the orbit and are locked at "
@@ -390,16 +389,8 @@ class Share(NamedTuple):
         return np.where(self.tried > 0.0, half, UNDETERMINED)
 
     def variables(self, shape: tuple[int, ...]) -> dict[str, xr.Variable]:
-        """Shares with their intervals (Clopper & Pearson 1934), as variables of a dataset."""
-        from scipy.stats import beta  # slow to import
-
-        missed = self.tried - self.held
-        with np.errstate(invalid="ignore"):
-            share = self.held / self.tried
-        tail = 0.5 * (1.0 - LEVEL)
-        low = np.where(self.held > 0.0, beta.ppf(tail, self.held, missed + 1.0), 0.0)
-        high = np.where(missed > 0.0, beta.ppf(1.0 - tail, self.held + 1.0, missed), 1.0)
-        share, low, high = np.where(self.tried > 0.0, (share, low, high), np.nan).reshape(3, *shape)
+        """Shares with their intervals, as variables of a dataset."""
+        share, low, high = (one.reshape(shape) for one in shares(self.held, self.tried))
         words = "share of replicas in which the condition holds"
         ends = "end of the 95 % interval of the share"
         return {

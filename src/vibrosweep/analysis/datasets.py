@@ -126,29 +126,50 @@ def table(dim: str, **columns: tuple[Any, ...]) -> xr.Dataset:
 
 
 def equal_parts(
-    sweep: xr.Dataset, parameter: str, bins: int, analysis: str, fewest: int = 1
+    sweep: xr.Dataset, parameter: str, bins: int, analysis: str
 ) -> tuple[list[NDArray[np.bool_]], dict[str, xr.Variable]]:
     """Bins of a parameter that hold equally many realizations: the members of each, and its ends.
 
-    The ends are coordinates along the dim ``part``.  Raises a DataError that names the `analysis`
-    if the parameter takes too few values for the `fewest` bins.  Realizations without results, as
-    behind a mask, belong to no bin.
+    A parameter that takes no more values than there are bins has one for each value.  The ends are
+    coordinates along the dim ``part``.  Raises a DataError that names the `analysis` if the
+    parameter is the same everywhere.  Realizations without results, as behind a mask, belong to no
+    bin.
     """
     values = per_realization(sweep, parameter)
     held = np.isfinite(values)
     if "status" in sweep.variables:
         held &= sweep["status"].values != Status.REFUSED
-    levels = np.linspace(0.0, 1.0, bins + 1)
-    edges = np.unique(np.quantile(values[held], levels)) if held.any() else np.empty(0)
-    if edges.size <= fewest:
+    own = np.unique(values[held])
+    if own.size < 2:
         raise DataError(f"{analysis} needs {differing(parameter)}")
-    part = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+    low = high = own
+    if own.size > bins:
+        edges = np.unique(np.quantile(values[held], np.linspace(0.0, 1.0, bins + 1)))
+        low, high = edges[:-1], edges[1:]
+    part = np.clip(np.searchsorted(low, values, side="right") - 1, 0, low.size - 1)
     units = str(sweep[parameter].attrs.get("units", "1"))
     ends = {
-        f"{parameter}_low": variable("part", edges[:-1], f"lower end, {parameter}", units),
-        f"{parameter}_high": variable("part", edges[1:], f"upper end, {parameter}", units),
+        f"{parameter}_low": variable("part", low, f"lower end, {parameter}", units),
+        f"{parameter}_high": variable("part", high, f"upper end, {parameter}", units),
     }
-    return [held & (part == i) for i in range(edges.size - 1)], ends
+    return [held & (part == i) for i in range(low.size)], ends
+
+
+def shares(held: Array, tried: Array) -> tuple[Array, Array, Array]:
+    """Shares of trials, and the ends of their 95 % intervals (Clopper & Pearson 1934).
+
+    NaN where there is no trial.
+    """
+    from scipy.stats import beta  # slow to import
+
+    missed = tried - held
+    with np.errstate(invalid="ignore"):
+        share = held / tried
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    low = np.where(held > 0.0, beta.ppf(tail, held, missed + 1.0), 0.0)
+    high = np.where(missed > 0.0, beta.ppf(1.0 - tail, held + 1.0, missed), 1.0)
+    share, low, high = np.where(tried > 0.0, (share, low, high), np.nan)
+    return share, low, high
 
 
 def share_interval(counts: NDArray[np.int64], total: int) -> dict[str, Array]:

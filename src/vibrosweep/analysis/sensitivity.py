@@ -149,7 +149,6 @@ def _indices(parts: Array) -> Array:
     """First-order and total indices, shape (2, output, parameter)."""
     from scipy.stats import sobol_indices as scipy_indices
 
-    parts = parts.copy()  # SciPy 1.11 subtracts the means in place
     functions: dict[Literal["f_A", "f_B", "f_AB"], Array] = {
         "f_A": parts[:, 0],
         "f_B": parts[:, 1],

@@ -22,6 +22,7 @@ from vibrosweep.kernels.statistics import compiled
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import (
+    added,
     cleared,
     count,
     is_of,
@@ -179,8 +180,9 @@ def run(
         Path of the sweep file (TOML), or a mapping of the keywords of `sweep`, or of the tables of
         a sweep file, as `tomllib` reads them.
     output
-        Path of the result.  An existing result of the same sweep is opened; another existing file
-        is an error, unless `force`.
+        Path of the result.  An existing result of the same sweep is opened.  One with fewer
+        realizations is continued, if its design is uniform or a Sobol' sequence.  Another existing
+        file is an error, unless `force`.
     observables
         As for `sweep`.  An unfinished run is continued only with functions that compute the same.
     threads
@@ -225,7 +227,8 @@ def run(
         if is_of(checked, path):
             cleared(checked, path)
             return open_sweep(path)
-        raise ExistingOutputError(path, origin(checked, path)) from error
+        if not added(checked, path):
+            raise ExistingOutputError(path, origin(checked, path)) from error
     with showing(progress) as advance:
         run_sweep(
             checked, path, threads=thread_count(threads), chunk=chunk, force=force, advance=advance

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     )
     from vibrosweep.figures.records import height_time, return_map
     from vibrosweep.figures.registry import available, save_all
+    from vibrosweep.figures.shares import share_curves
     from vibrosweep.figures.sweeps import (
         height_against_restitution,
         parameter_plane,
@@ -58,6 +59,7 @@ __all__ = [
     "save_all",
     "separation_distributions",
     "separations_over_chance",
+    "share_curves",
     "sobol_bars",
     "stability_windows",
     "style",
@@ -67,6 +69,7 @@ _HOMES: Final = {
     name: f"vibrosweep.figures.{home}"
     for home, names in {
         "style": ["style"],
+        "shares": ["share_curves"],
         "records": ["height_time", "return_map"],
         "sweeps": [
             "height_against_restitution",
@@ -89,3 +92,7 @@ _HOMES: Final = {
     for name in names
 }
 __getattr__ = lazily(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

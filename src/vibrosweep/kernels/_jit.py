@@ -199,7 +199,7 @@ def uncached(function: F) -> F:
     """Return an entry point without disk cache, for arguments such as functions of this process."""
     if numba.config.DISABLE_JIT:
         return function
-    return Deferred(function.py_func)  # type: ignore[attr-defined,return-value]
+    return Deferred(function.py_func, njit(**OPTIONS))  # type: ignore[attr-defined,return-value]
 
 
 _implementations: dict[Any, dict[type, Any]] = {}

@@ -172,6 +172,11 @@ DESIGNS: Final[dict[str, Drawn]] = {
 }
 
 
+def begins_alike(name: str) -> bool:
+    """Return whether a design begins with the same points, however many realizations it has."""
+    return name in DESIGNS and DESIGNS[name].points in (_uniform, _sobol)
+
+
 def register_design(name: str, place: Place, points: str | Points = "uniform") -> Place:
     """Register a design that draws realizations in its own way.
 

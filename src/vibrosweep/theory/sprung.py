@@ -30,3 +30,7 @@ __all__ = [
     "spectral_radius",
     "staggered",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
