@@ -11,6 +11,7 @@ errors of b.  Inputs that are known within a range are columns of X with a prior
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ ZOOMS: Final = 3
 FAINT: Final = 9.0  # a node whose log density is lower by as much does not matter
 # Scale of the prior (Cauchy) of what differs from drop to drop, which two drops hardly determine
 DROP_SCALE: Final = 0.01
+DEVIATES: Final = np.linspace(-4.0, 4.0, 25)  # at which a column has nodes
 LEAST: Final = 1e-6  # error of e that is as good as none
 COMPONENTS: Final = ("timing", "scatter", "drop_scatter")
 
@@ -46,6 +48,7 @@ class Fit(NamedTuple):
     mean: Array  # (node, column)
     covariance: Array  # (node, column, column)
     edges: tuple[Array, ...]  # of the cells around the nodes, for each component
+    evidence: float  # logarithm of the likelihood, averaged over the prior
 
     @property
     def components(self) -> Array:
@@ -70,11 +73,33 @@ class Fit(NamedTuple):
         low, high = (self.mean[:, column] - 60 * sd).min(), (self.mean[:, column] + 60 * sd).max()
         return float(brentq(lambda x: self.share_below(column, x) - share, low, high))
 
+    def reweighted(self, column: int, log_factor: Callable[[Array], Array]) -> Fit:
+        """Multiply the prior of a column by a factor: its values become nodes."""
+        mean, sd = self.mean[:, column], np.sqrt(self.covariance[:, column, column])
+        seen = self.weight > np.exp(-FAINT) * self.weight.max()
+        at = mean[seen, None] + sd[seen, None] * DEVIATES
+        density = np.log(self.weight[seen, None]) - 0.5 * DEVIATES**2 + log_factor(at)
+        weight = np.exp(density - density.max())
+        slope = self.covariance[seen, :, column] / sd[seen, None]
+        means = self.mean[seen, None] + slope[:, None] * DEVIATES[:, None]
+        left = self.covariance[seen] - slope[:, :, None] * slope[:, None, :]
+        n, size = means.shape[:2]
+        kept = (weight > np.exp(-FAINT) * weight.max()).ravel()
+        return Fit(
+            weight.ravel()[kept] / weight.ravel()[kept].sum(),
+            np.repeat(self.nodes[seen], size, axis=0)[kept],
+            means.reshape(n * size, -1)[kept],
+            np.repeat(left, size, axis=0)[kept],
+            self.edges,
+            self.evidence,
+        )
+
     def component_quantile(self, which: int, share: float) -> float:
         """Return the value below which a component lies with this probability."""
-        _, cell = np.unique(self.nodes[:, which], return_inverse=True)
-        total = np.concatenate([[0.0], np.cumsum(np.bincount(cell, self.weight))])
-        return float(np.interp(share, total, self.edges[which]))
+        edges = self.edges[which]
+        cell = np.searchsorted(edges, self.nodes[:, which]) - 1
+        total = np.cumsum(np.bincount(cell, self.weight, edges.size - 1))
+        return float(np.interp(share, np.append(0.0, total), edges))
 
 
 def covariance_of(rows: Rows, nodes: Array) -> Array:
@@ -100,16 +125,18 @@ def solve(rows: Rows, nodes: Array, prior: Array) -> tuple[Array, ...]:
     return -0.5 * (logs + np.linalg.slogdet(normal)[1] + square), mean, covariance, square
 
 
-def fit_components(rows: Rows, prior: Array, free: tuple[bool, bool, bool]) -> Fit:
+def fit_components(
+    rows: Rows, prior: Array, free: tuple[bool, bool, bool], zooms: int = ZOOMS
+) -> Fit:
     """Average over the components that are `free`; `prior` holds the precision of each column."""
     typical = _typical(rows)
     scales = np.array([0.01 / typical[1], 0.01, 0.01])  # of timing, and of e
     low, high = 1e-4 * scales, 30.0 * scales
-    for zoom in range(ZOOMS):
+    for zoom in range(zooms):
         # even in the logarithm at first, then in the square root, so that 0 is resolved
         steps = np.linspace(0.0, 1.0, NODES + 1) ** 2
         edges = tuple(
-            np.geomspace(a, b, 2 * NODES + 1) if zoom == 0 else a + (b - a) * steps
+            np.geomspace(a, b, NODES + 1) if zoom == 0 else a + (b - a) * steps
             for a, b in zip(low, high, strict=True)
         )
         axes = [
@@ -122,13 +149,16 @@ def fit_components(rows: Rows, prior: Array, free: tuple[bool, bool, bool]) -> F
         loglik, mean, covariance, _ = (np.concatenate(p) for p in zip(*parts, strict=True))
         density = loglik + _log_prior(nodes, free, typical) + np.log(cells)
         seen = density > density.max() - FAINT
-        if zoom < ZOOMS - 1:
+        if zoom < zooms - 1:
             for k in np.flatnonzero(free):
                 near = np.flatnonzero(np.isin(axes[k], nodes[seen, k]))
-                low[k] = edges[k][near[0]] if near[0] else (0.0 if zoom == 0 else low[k])
-                high[k] = edges[k][near[-1] + 1]
+                # with a cell on either side, as the density may be higher between the nodes
+                first, last = max(near[0] - 1, 0), min(near[-1] + 2, axes[k].size)
+                low[k] = edges[k][first] if first else (0.0 if zoom == 0 else low[k])
+                high[k] = edges[k][last]
     weight = np.exp(density - density.max())
-    return Fit(weight / weight.sum(), nodes, mean, covariance, edges)
+    evidence = float(density.max() + np.log(weight.sum()))
+    return Fit(weight / weight.sum(), nodes, mean, covariance, edges, evidence)
 
 
 def _typical(rows: Rows) -> tuple[float, float]:
@@ -147,12 +177,17 @@ def _log_prior(nodes: Array, free: tuple[bool, bool, bool], typical: tuple[float
     return -0.5 * number * np.log(single) - np.log1p((nodes[:, 2] / DROP_SCALE) ** 2)
 
 
+def weighted_residuals(rows: Rows, fit: Fit) -> tuple[Array, Array]:
+    """Return residuals divided by their covariance, and the inverse of the covariance."""
+    inverse = np.linalg.inv(covariance_of(rows, fit.components[None])[0])
+    left = rows.value - rows.design @ fit.moments()[0]
+    return np.einsum("drs,ds->dr", inverse, left), inverse
+
+
 def odd_row(rows: Rows, fit: Fit) -> tuple[float, int, int]:
     """Return the bounce that is farthest from what the others say: how far, its drop, its row."""
-    mean, _ = fit.moments()
-    inverse = np.linalg.inv(covariance_of(rows, fit.components[None])[0])
-    left = rows.value - rows.design @ mean
-    far = np.einsum("drs,ds->dr", inverse, left) / np.sqrt(np.einsum("drr->dr", inverse))
+    pulled, inverse = weighted_residuals(rows, fit)
+    far = pulled / np.sqrt(np.einsum("drr->dr", inverse))
     far = np.abs(far) * rows.bounce
     drop, row = np.unravel_index(far.argmax(), far.shape)
     return float(far[drop, row]), int(drop), int(row)

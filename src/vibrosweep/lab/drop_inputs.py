@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -19,12 +20,15 @@ class Input(NamedTuple):
 
     value: float
     error: float = 0.0
+    ends: tuple[float, float] | None = None  # of a range, in which it is even in the logarithm
 
 
 # Contact of any ball: 0.2 to 5 ms; drag of any ball: terminal speeds of 10 to 100 m/s
 CONTACT: Final = (2e-4, 5e-3)
 DRAG: Final = (1e-4, 1e-2)
 GRAVITY: Final = Input(9.81)
+# A contact lasts as long as (impact speed)^-p: p is 0 for a linear spring, 0.2 for Hertz's contact
+POWER: Final = Input(0.1, 0.1)
 
 
 def from_range(low: float, high: float) -> Input:
@@ -32,7 +36,8 @@ def from_range(low: float, high: float) -> Input:
     if not low < high:
         return Input(low)
     mean = (high - low) / np.log(high / low)
-    return Input(mean, float(np.sqrt(mean * (high + low) / 2.0 - mean**2)))
+    error = float(np.sqrt(mean * (high + low) / 2.0 - mean**2))
+    return Input(mean, error, (low, high))
 
 
 def given(name: str, value: float | tuple[float, float]) -> Input:
@@ -94,8 +99,17 @@ class Bounces(NamedTuple):
     # Covariance of the restitutions and then of what the recording itself says about inputs
     fixed: Array  # (row, row)
     timing: Array  # (row, row) for a standard deviation of 1 s of the click times
-    inputs: dict[str, Array]  # derivative of each row by an input
+    inputs: dict[str, Array]  # what each row gains where an input is larger by one unit
     found: dict[str, float]  # deviation of each input that the recording measures from its mean
     speed_known: bool
     gravity: Input | None  # apparent, in units of the file per s2
     remarks: tuple[str, ...]
+    group: str = ""  # of drops that belong together
+    # Of times: derivatives by the clicks (row, click); the interval before each bounce, infinite
+    # for a first fall, and the median one; the step to which clicks are rounded; the same bounces
+    # linearized about clicks that are moved and other values of the inputs
+    clicks: Array | None = None
+    before: Array | None = None
+    middle: float = 1.0
+    rounding: float = 0.0
+    about: Callable[[Array | float, Mapping[str, float]], Bounces] | None = None

@@ -24,6 +24,18 @@ def restitution_lines(found: xr.Dataset) -> list[str]:
     lines = [
         f"restitution {with_error(e, error)} at an impact speed of {float(found['speed']):.3g}"
         f"{unit}, from {counted}; 95 %: {low:.4f} to {high:.4f}",
+        *(
+            f"  {name or 'the other recordings'}: {with_error(float(one), float(error))} at "
+            f"{float(speed):.3g}{unit}"
+            for name, one, error, speed in zip(
+                found["group"].values,
+                *(
+                    found[f"group_{k}"].values
+                    for k in ("restitution", "restitution_error", "speed")
+                ),
+                strict=True,
+            )
+        ),
         *_dependence(found),
         *_scatter(found, drops),
         *_inputs(found),
@@ -79,6 +91,9 @@ def _scatter(found: xr.Dataset, drops: int) -> list[str]:
         else:
             low, high = found[f"{name}_quantile"].values[[1, 2]]
             lines.append(f"scatter from {words} {value:.2g} (68 %: {low:.2g} to {high:.2g})")
+    another = float(found["prediction_error"])
+    if np.isfinite(another):
+        lines.append(f"the mean restitution of another drop is known to ± {another:.2g}")
     if np.isfinite(float(found["timing"])):
         lines.append(f"times of clicks are off by {1e3 * float(found['timing']):.2g} ms")
     return lines

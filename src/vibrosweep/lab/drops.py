@@ -58,8 +58,10 @@ def restitution(
         ``restitution`` at the impact speed ``speed`` with ``restitution_error``, half of the 68 %
         interval, and ``restitution_quantile``; its ``slope`` with the speed; ``scatter`` from
         bounce to bounce and ``drop_scatter`` from drop to drop with quantiles (NaN: not
-        determined); the laws that fit, along ``law``; each bounce, along ``bounce``; the effect of
-        each input, along ``input``; ``correlation``.
+        determined); the laws that fit, along ``law``; each bounce, along ``bounce``; each drop by
+        itself, along ``drop``, and the ``prediction_error`` with which the mean restitution of
+        another drop is known; the groups that files name, along ``group``; the effect of each
+        input, along ``input``; ``correlation``.
 
     Raises
     ------
@@ -82,15 +84,26 @@ def restitution(
     drops, remarks = bounces_of_clicks([r for r in used if r.height is None], inputs)
     for recording in used:
         if recording.height is not None:
-            found, fit, remark = bounces_of_film(recording, inputs)
+            filmed, fit, remark = bounces_of_film(recording, inputs)
             remarks += [*recording.remarks, *([remark] if remark else [])]
-            if found and fit:
-                drops.append(found)
+            if filmed and fit:
+                drops.append(filmed)
                 fits.append(fit)
     if not drops:
         raise TrackError("; ".join(remarks) or "no recordings were given")
     first = len(drops) - len(fits)
-    return Pool(drops, inputs).result(remarks).assign(_samples(fits, first))
+    owners = np.array([drop.group for drop in drops])
+    found = Pool(list(drops), inputs).result(remarks).assign(_samples(fits, first))
+    names = list(dict.fromkeys(owners.tolist()))
+    parts = [
+        Pool([drop for drop in drops if drop.group == name], inputs).result([])
+        for name in (names if len(names) > 1 else [])
+    ]
+    of_groups = {
+        f"group_{key}": ("group", [float(part[key]) for part in parts])
+        for key in ("restitution", "restitution_error", "speed")
+    }
+    return found.assign(of_groups).assign_coords(group=names if parts else [])
 
 
 def _samples(fits: list[FilmFit], first: int) -> dict[str, Any]:

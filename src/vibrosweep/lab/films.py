@@ -6,6 +6,7 @@ the drag as common parameters, so that a landing follows from the flight before 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -15,15 +16,22 @@ from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of
-from vibrosweep.lab.drop_inputs import DRAG, BallInputs, Bounces, Input, from_range
-from vibrosweep.lab.free_fall import FAR, LEAST_SAMPLES, Stretch, chains_of, find_flights
+from vibrosweep.lab.drop_inputs import DRAG, POWER, BallInputs, Bounces, Input, from_range
+from vibrosweep.lab.free_fall import (
+    FAR,
+    LEAST_SAMPLES,
+    Stretch,
+    chains_of,
+    contacts_of,
+    find_flights,
+    slope_of_floor,
+)
 from vibrosweep.lab.recording import Recording
 
 SLACK: Final = 0.02  # s: wide prior of the contact in one film, which the pooled fit narrows
-# A contact lasts as long as (impact speed)^-p: p is 0 for a linear spring, 0.2 for Hertz's contact
-POWER: Final = Input(0.1, 0.1)
 BLURRED: Final = 0.1  # error of e of a bounce that is not resolved
-COMMON: Final = 5  # parameters of all flights: curvature, level, contact, drag, p
+DRIFT: Final = 0.005  # of a level in a film, in units of the range of heights
+COMMON: Final = 6  # parameters of all flights: curvature, level, contact, drag, p, drift
 
 
 class FilmFit(NamedTuple):
@@ -41,9 +49,10 @@ class FilmFit(NamedTuple):
 class _Problem:
     """Samples of chains of flights, and what they should be.
 
-    Parameters: curvature, level, contact (at the median speed), drag, and the power p of the
-    contact; then for each chain the time of its first apex and
-    the nominal speeds of its flights.  Times are in s from the middle, heights in the unit.
+    Parameters: curvature, level, contact (at the median speed), drag, the power p of the
+    contact, and the drift of the camera, by which all heights grow; then for each chain the time
+    of its first apex and the nominal speeds of its flights.  Times are in s from the middle,
+    heights in the unit.
     """
 
     def __init__(
@@ -52,7 +61,7 @@ class _Problem:
         height: Array,
         chains: list[list[Stretch]],
         curvature: float,
-        priors: tuple[Input, Input, Input],
+        priors: tuple[Input, ...],
     ) -> None:
         self.time, self.height, self.priors = time, height, priors
         self.chains, self.noise = chains, 1.0
@@ -119,7 +128,8 @@ class _Problem:
         parts = []
         for (_, speed, _, apex, _), samples in zip(self.pieces(p), members, strict=True):
             rise = speed**2 / (2.0 * p[0])
-            parts.append(p[1] + rise - drop_from_apex(self.time[samples] - apex, p[0], p[3]))
+            fallen = drop_from_apex(self.time[samples] - apex, p[0], p[3])
+            parts.append(p[1] + p[5] * self.time[samples] + rise - fallen)
         return np.concatenate(parts)
 
     def solve(self) -> tuple[Array, Array, list[NDArray[np.intp]], Array, float]:
@@ -156,7 +166,7 @@ class _Problem:
 
 
 def bounces_of_film(
-    recording: Recording, inputs: BallInputs
+    recording: Recording, inputs: BallInputs, tilt: float = 0.0
 ) -> tuple[Bounces | None, FilmFit | None, str]:
     """Return the bounces of a film, its fit, and a remark if it has none."""
     track = np.asarray(recording.height, np.float64)
@@ -169,7 +179,13 @@ def bounces_of_film(
     flights, curvature, noise = find_flights(time, height, recording.name)
     if not flights:
         return None, None, f"{recording.name}: no flight was found"
-    chains = [[flights[k] for k in chain] for chain in chains_of(flights, time, curvature, noise)]
+    contacts = contacts_of(flights, time, curvature)
+    if recording.horizontal is not None and not tilt:
+        beside = recording.horizontal[seen]
+        slope = slope_of_floor(contacts, time, beside, noise)
+        if slope:
+            return bounces_of_film(*_along_normal(recording, inputs, slope), np.arctan(slope))
+    chains = [[flights[k] for k in chain] for chain in chains_of(contacts, curvature, noise)]
     if not chains:
         longest = max(flights, key=lambda f: f.samples.size)
         used = np.concatenate([f.samples for f in flights])
@@ -179,7 +195,20 @@ def bounces_of_film(
             time[used] + middle, height[used], height[used] - fitted, fitted, noise, np.nan, g
         )
         return None, fit, f"{recording.name}: no bounce; {_scale_text(recording, g, inputs)}"
-    return _measured(recording, inputs, (time, height, middle), chains, curvature)
+    return _measured(recording, inputs, (time, height, middle), chains, curvature, tilt)
+
+
+def _along_normal(
+    recording: Recording, inputs: BallInputs, slope: float
+) -> tuple[Recording, BallInputs]:
+    """Return heights along the normal of an inclined floor, and what of gravity is along it."""
+    cosine = 1.0 / np.hypot(1.0, slope)
+    normal = (np.asarray(recording.height) - slope * np.asarray(recording.horizontal)) * cosine
+    g = inputs.gravity
+    return (
+        replace(recording, height=normal),
+        replace(inputs, gravity=Input(g.value * cosine, g.error * cosine)),
+    )
 
 
 def _scale_text(recording: Recording, g: Input, inputs: BallInputs) -> str:
@@ -204,6 +233,7 @@ def _measured(
     track: tuple[Array, Array, float],
     chains: list[list[Stretch]],
     curvature: float,
+    tilt: float,
 ) -> tuple[Bounces | None, FilmFit | None, str]:
     time, height, middle = track
     # m per unit for the inputs; from gravity unless the file has one that is used
@@ -214,7 +244,8 @@ def _measured(
     step = float(np.median(np.diff(time)))
     frames = Input(0.5 * step, 2.0 * step)  # where the length of a frame is not known
     contact = Input(inputs.contact.value, SLACK) if recording.rate_known else frames
-    problem = _Problem(time, height, chains, curvature, (contact, wide, POWER))
+    drift = Input(0.0, DRIFT * float(np.ptp(height) / np.ptp(time)))
+    problem = _Problem(time, height, chains, curvature, (contact, wide, POWER, drift))
     try:
         p, covariance, members, left, noise = problem.solve()
     except (np.linalg.LinAlgError, ValueError):
@@ -252,6 +283,7 @@ def _measured(
     seen = kept[:n]
     bounces = Bounces(
         name=recording.name,
+        group=recording.group,
         restitution=rows[:n][seen],
         speed=v[seen] * unit,
         time=(np.array(landings) + middle)[seen],
@@ -261,7 +293,10 @@ def _measured(
         found={"contact": rows[n] - means["contact"].value, "drag": rows[n + 1] - drag.value},
         speed_known=recording.rate_known and (recording.scale_known or inputs.scale_from_gravity),
         gravity=g,
-        remarks=(_scale_text(recording, g, inputs),),
+        remarks=(
+            _scale_text(recording, g, inputs),
+            *([f"the floor is inclined by {abs(np.degrees(tilt)):.2f} degrees"] if tilt else []),
+        ),
     )
     return bounces, fit, ""
 

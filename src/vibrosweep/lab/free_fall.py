@@ -18,6 +18,7 @@ from vibrosweep.errors import TrackError
 LEAST_SAMPLES: Final = 5  # of a flight
 SHARPNESS: Final = 0.2  # largest relative error of the curvature of a part of a flight
 RESOLVED: Final = 0.06  # and of a flight: a rise of some fifteen times the noise
+STEEP: Final = 8.0  # rise of an inclined floor between contacts, in their deviations
 FAR: Final = 4.5  # distance of an odd sample, in standard deviations
 # A contact takes at most 20 ms and as many frames
 CONTACT_FRAMES: Final = 3.5
@@ -49,24 +50,29 @@ def noise_of(height: Array) -> float:
     return float(1.48 * np.median(moving) / np.sqrt(20.0)) if moving.size else 0.0
 
 
-def _parabola(time: Array, height: Array, samples: NDArray[np.intp], noise: float) -> Stretch:
-    centre = float(time[samples].mean())
-    since = time[samples] - centre
-    design = np.stack([np.ones_like(since), since, -0.5 * since**2], axis=1)
-    covariance = np.linalg.pinv(design.T @ design)
-    terms = covariance @ (design.T @ height[samples])
-    length = float(time[samples[-1]] - time[samples[0]])
-    return Stretch(samples, centre, length, terms, noise * np.sqrt(np.diag(covariance)))
+def _parabolas(
+    time: Array, height: Array, samples: NDArray[np.intp], noise: float
+) -> list[Stretch]:
+    """Fit a parabola to each row of samples."""
+    t, y = time[samples], height[samples]
+    centre, length = t.mean(axis=1), t[:, -1] - t[:, 0]
+    # in units of the length, so that the equations are well conditioned
+    since = (t - centre[:, None]) / length[:, None]
+    design = np.stack([np.ones_like(since), since, -0.5 * since**2], axis=2)
+    inverse = np.linalg.inv(np.einsum("wni,wnj->wij", design, design))
+    unit = length[:, None] ** -np.arange(3.0)
+    terms = np.einsum("wij,wnj,wn->wi", inverse, design, y) * unit
+    errors = noise * np.sqrt(np.einsum("wii->wi", inverse)) * unit
+    return [Stretch(*row) for row in zip(samples, centre, length, terms, errors, strict=True)]
 
 
 def _windows(time: Array, height: Array, noise: float) -> list[Stretch]:
     """Return stretches of many lengths that are parabolas but for the noise, long ones first."""
     found, length = [], LEAST_SAMPLES
     while length <= time.size:
-        for first in range(0, time.size - length + 1, max(1, length // 4)):
-            samples = np.arange(first, first + length)
-            one = _parabola(time, height, samples, noise)
-            left = height[samples] - one.height(time[samples], one.terms[2])
+        starts = np.arange(0, time.size - length + 1, max(1, length // 4))
+        for one in _parabolas(time, height, starts[:, None] + np.arange(length), noise):
+            left = height[one.samples] - one.height(time[one.samples], one.terms[2])
             if (left @ left) < 1.7**2 * noise**2 * (length - 3) + 1e-300:
                 found.append(one)
         length = max(length + 1, int(1.25 * length))
@@ -134,19 +140,26 @@ def _grown(
             spread = np.hypot(noise, now.errors @ np.abs([1.0, since, 0.5 * since**2]))
             if abs(height[place] - now.height(time[place], now.terms[2])) < FAR * spread:
                 samples = np.sort(np.append(now.samples, place))
-                now, skipped = _parabola(time, height, samples, noise), 0
+                (now,), skipped = _parabolas(time, height, samples[None], noise), 0
             else:
                 skipped += 1
             place += side
     return now
 
 
-def chains_of(
-    flights: list[Stretch], time: Array, curvature: float, noise: float
-) -> list[list[int]]:
-    """Return runs of flights with a bounce between each and the next."""
+class Contact(NamedTuple):
+    """Where a flight and the next meet."""
+
+    flight: int  # number of the flight that ends
+    time: float
+    height: float
+    speed: float  # of arrival
+
+
+def contacts_of(flights: list[Stretch], time: Array, curvature: float) -> list[Contact]:
+    """Return the contacts between neighbouring flights, wherever the floor is."""
     step = float(np.median(np.diff(time)))
-    links = []
+    found = []
     for k, (one, two) in enumerate(pairwise(flights)):
         middle = 0.5 * (one.centre + two.centre)
         up, down = (
@@ -158,14 +171,21 @@ def chains_of(
         fast = -(down[1] - curvature * (meeting - middle)), up[1] - curvature * (meeting - middle)
         near = end - 2 * step < meeting < start + 2 * step
         if near and 0.0 < fast[1] < 1.1 * fast[0] and start - end < 0.02 + CONTACT_FRAMES * step:
-            links.append((k, float(one.height(meeting, curvature)), fast[0]))
-    if not links:
+            found.append(Contact(k, meeting, float(one.height(meeting, curvature)), fast[0]))
+    return found
+
+
+def chains_of(contacts: list[Contact], curvature: float, noise: float) -> list[list[int]]:
+    """Return runs of flights with a contact with the floor between each and the next."""
+    if not contacts:
         return []
     # a contact with a hand is at another height; a long contact crosses below the floor
-    levels, speeds = np.array([k[1] for k in links]), np.array([k[2] for k in links])
+    levels, speeds = (
+        np.array([getattr(c, name) for c in contacts]) for name in ("height", "speed")
+    )
     near_floor = np.abs(levels - np.median(levels)) < 8.0 * noise + 0.2 * speeds**2 / curvature
     chains: list[list[int]] = []
-    for (k, _, _), good in zip(links, near_floor, strict=True):
+    for (k, *_), good in zip(contacts, near_floor, strict=True):
         if not good:
             continue
         if chains and chains[-1][-1] == k:
@@ -173,3 +193,20 @@ def chains_of(
         else:
             chains.append([k, k + 1])
     return chains
+
+
+def slope_of_floor(contacts: list[Contact], time: Array, beside: Array, noise: float) -> float:
+    """Return the slope of the line on which contacts lie; 0 unless they show one."""
+    x, y = (
+        np.interp([c.time for c in contacts], time, beside),
+        np.array([c.height for c in contacts]),
+    )
+    if x.size < 3 or np.ptp(x) < 20.0 * noise:
+        return 0.0
+    # pairs of contacts, so that one with a hand does not decide
+    one, two = np.triu_indices(x.size, 1)
+    wide = np.abs(x[two] - x[one]) > 0.2 * np.ptp(x)
+    slope = float(np.median((y[two] - y[one])[wide] / (x[two] - x[one])[wide]))
+    left = y - slope * x
+    spread = max(1.48 * float(np.median(np.abs(left - np.median(left)))), noise)
+    return slope if abs(slope) * np.ptp(x) > STEEP * spread else 0.0

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
-from vibrosweep.lab.components import Fit, Rows, fit_components, odd_row, solve, stack, without
-from vibrosweep.lab.drop_inputs import DRAG, BallInputs, Bounces, Input, from_range
+from vibrosweep.lab.components import (
+    ZOOMS,
+    Fit,
+    Rows,
+    covariance_of,
+    fit_components,
+    odd_row,
+    solve,
+    stack,
+    weighted_residuals,
+    without,
+)
+from vibrosweep.lab.drop_inputs import DRAG, POWER, BallInputs, Bounces, Input, from_range
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
     LEAST_VISCOELASTIC,
@@ -25,8 +37,24 @@ FALLS: Final = 0.01  # size of the one-sided test of an e that falls with speed
 RISES: Final = 0.001  # and of one that rises, which no law of this package does
 EQUAL: Final = 6.63  # deviances that differ by less fit equally (1 %, one parameter)
 LINE: Final = "line"
+EDGE: Final = 0.1  # of the logarithm, to which a range is exact
 TERMINAL: Final = 20.0  # m s-1, a terminal speed whose effect is stated
+LINEARIZED: Final = 3  # times that clicks are adjusted
+STARTS: Final = 7  # contacts that are tried first
+ROUGH: Final = 2  # zooms of a fit that is only a step
 SMOOTH: Final = 1e4  # precision that stands for an input without error
+
+
+def _even(one: Input, deviate: Array) -> Array:
+    """Return the logarithm of a prior that is even in the logarithm, over a normal one.
+
+    Beyond the ends of the range it falls off smoothly.
+    """
+    low, high = one.ends or (0.0, np.inf)
+    value = np.maximum(one.value + one.error * deviate, 1e-3 * low)
+    logs = np.log(value)
+    beyond = np.maximum(np.log(low) - logs, 0.0) + np.maximum(logs - np.log(high), 0.0)
+    return np.asarray(-logs - 0.5 * (beyond / EDGE) ** 2 + 0.5 * deviate**2)
 
 
 class Pool:
@@ -36,6 +64,8 @@ class Pool:
         self.drops = drops
         every: dict[str, Input] = {"contact": inputs.contact, "gravity": inputs.gravity}
         filmed = any(drop.gravity for drop in drops)
+        if any(drop.about for drop in drops):
+            every["contact_power"] = POWER
         if inputs.drag or filmed:
             every["drag"] = inputs.drag or from_range(*DRAG)
         if inputs.drop_height:
@@ -47,9 +77,9 @@ class Pool:
         }
         self.prior = [1.0 if one.error > 0.0 else SMOOTH for one in self.inputs.values()]
         self.speed = np.concatenate([drop.speed for drop in drops])
+        self.odd: list[tuple[int, int]] = []
         self.reference = float(np.median(self.speed))
         self.rows = self._rows()
-        self.odd: list[tuple[int, int]] = []
 
     def _rows(self) -> Rows:
         blocks = []
@@ -72,25 +102,105 @@ class Pool:
     def _unit(one: Input) -> float:
         return one.error or max(abs(one.value), 1e-6) * 1e-3
 
-    def fit(self, rows: Rows, slope: bool) -> Fit:
-        """Fit with or without a slope, which a precision then holds at 0."""
+    @staticmethod
+    def _free(rows: Rows, slope: bool) -> tuple[bool, bool, bool]:
+        """Return which components the bounces can tell."""
         bounces = int(rows.bounce.sum())
         heard, many = bool(rows.timing.any()), int((rows.bounce.sum(1) > 0.0).sum()) > 1
-        free = (heard and bounces > 2, bounces > 1 + slope, many)
-        return fit_components(rows, np.array([0.0, 0.0 if slope else 1e12, *self.prior]), free)
+        return heard and bounces > 2, bounces > 1 + slope, many
+
+    def fit(self, rows: Rows, slope: bool, zooms: int = ZOOMS) -> Fit:
+        """Fit with or without a slope, which a precision then holds at 0."""
+        prior = np.array([0.0, 0.0 if slope else 1e12, *self.prior])
+        fit = fit_components(rows, prior, self._free(rows, slope), zooms)
+        for k, (name, one) in enumerate(self.inputs.items()):
+            if one.ends and not any(name in drop.found for drop in self.drops):
+                fit = fit.reweighted(2 + k, partial(self._prior, name, one))
+        return fit
+
+    def _prior(self, name: str, one: Input, deviate: Array) -> Array:
+        """Return the logarithm of the prior of an input over a normal one.
+
+        Scatter is one of restitutions, which follow from intervals: with the contact changes by
+        how much an interval changes a restitution, and so the probability of the interval.
+        """
+        factor = _even(one, deviate)
+        if name == "contact":
+            contact = one.value + one.error * deviate
+            left = {k: set(range(drop.speed.size)) for k, drop in enumerate(self.drops)}
+            for k, row in self.odd:
+                left[k].discard(row)
+            for k, drop in enumerate(self.drops):
+                if drop.before is None:
+                    continue
+                before = drop.before[sorted(left[k])]
+                before = before[np.isfinite(before)]
+                lasting = contact[..., None] * (before / drop.middle) ** -POWER.value
+                flight = np.maximum(before - lasting, 0.1 * before)
+                factor = factor - np.log(flight / before).sum(-1)
+        return factor
+
+    def _start(self) -> None:
+        """Linearize about the contact, of a few in its range, that describes times best."""
+        one = self.inputs.get("contact")
+        if one is None or not one.ends:
+            return
+        column, best = 2 + list(self.inputs).index("contact"), -np.inf
+        first = list(self.drops)
+        for contact in np.geomspace(*one.ends, STARTS):
+            drops = [d.about(0.0, {"contact": contact}) if d.about else d for d in first]
+            self.drops, deviate = drops, (contact - one.value) / one.error
+            rows = self._rows()
+            held = rows._replace(value=rows.value - rows.design[..., column] * deviate)
+            prior = np.array([0.0, 0.0, *self.prior])
+            prior[column] = 1e12
+            fit = fit_components(held, prior, self._free(rows, slope=True), 1)
+            evidence = fit.evidence + float(self._prior("contact", one, np.array(deviate)))
+            evidence -= 0.5 * deviate**2
+            if evidence > best:
+                best, kept = evidence, drops
+        self.drops = kept
+        self.rows = self._rows()
+
+    def _linearize(self, fit: Fit) -> None:
+        """Linearize about the clicks as the fit adjusts them.
+
+        Ratios of noisy intervals are biased, and more so their errors with which they are weighted.
+        """
+        pulled, _ = weighted_residuals(self.rows, fit)
+        off = fit.moments()[0][2:]
+        at = {
+            name: max(one.value + self._unit(one) * d, 0.1 * one.value)
+            for (name, one), d in zip(self.inputs.items(), off, strict=True)
+        }
+        for k, drop in enumerate(self.drops):
+            if drop.about is None or drop.clicks is None:
+                continue
+            variance = fit.components[0] ** 2 + drop.rounding**2 / 12.0
+            shift = -variance * drop.clicks.T @ pulled[k, : len(drop.clicks)]
+            self.drops[k] = drop.about(shift, at)
+        self.rows = self._rows()
+        for drop_row in self.odd:
+            self.rows = without(self.rows, *drop_row)
 
     def _without_odd(self) -> Fit:
         limit = MOST_ODD * self.rows.bounce.sum()
         slope = self.rows.bounce.sum() > 3 and float(np.ptp(self.speed)) > 0.0
-        fit = self.fit(self.rows, slope)
+        heard = any(drop.about for drop in self.drops)
+        if heard and slope:
+            self._start()
+        fit = self.fit(self.rows, slope, ROUGH)
+        for _ in range(LINEARIZED if heard else 0):
+            self._linearize(fit)
+            fit = self.fit(self.rows, slope, ROUGH)
         while len(self.odd) + 1 <= limit:
             far, drop, row = odd_row(self.rows, fit)
             if far < ODD:
                 break
             self.odd.append((drop, row))
             self.rows = without(self.rows, drop, row)
-            fit = self.fit(self.rows, slope)
-        return fit
+            fit = self.fit(self.rows, slope, ROUGH)
+        return self.fit(self.rows, slope)
 
     def result(self, remarks: list[str]) -> xr.Dataset:
         """Return the result of the pool."""
@@ -132,6 +242,7 @@ class Pool:
             "law_restitution": ("law", [law[1] for law in laws]),
             "law_speed": ("law", [law[2] for law in laws]),
             "law_deviance": ("law", [law[3] for law in laws]),
+            **self._drop_variables(chosen, error),
             "drop_gravity": ("drop", [g.value for g in apparent]),
             "drop_gravity_error": ("drop", [g.error for g in apparent]),
             **self._budget(chosen, full),
@@ -194,16 +305,33 @@ class Pool:
             "bounce_drop": ("bounce", np.repeat(np.arange(len(counts)), counts)),
         }
 
+    def _drop_variables(self, fit: Fit, error: float) -> dict[str, Any]:
+        """Return the restitution of each drop by itself, and with what error another is known."""
+        mean, (timing, scatter, _) = fit.moments()[0], fit.components
+        alone = covariance_of(self.rows, np.array([[timing, scatter, 0.0]]))[0]
+        columns = np.stack([self.rows.bounce, self.rows.value - self.rows.design @ mean], axis=2)
+        ones, left = np.moveaxis(np.linalg.solve(alone, columns), 2, 0)
+        size = np.einsum("dr,dr->d", self.rows.bounce, ones)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.einsum("dr,dr->d", self.rows.bounce, left) / size
+        many = len(self.drops) > 1
+        drops = float(fit.weight @ fit.nodes[:, 2] ** 2) if many else np.nan
+        return {
+            "drop_restitution": ("drop", np.where(size > 0.0, mean[0] + off, np.nan)),
+            "drop_restitution_error": ("drop", np.where(size > 0.0, size, np.nan) ** -0.5),
+            "prediction_error": float(np.sqrt(error**2 + drops)),
+        }
+
     def _budget(self, fit: Fit, covariance: Array) -> dict[str, Any]:
         """State each input as the data leave it, and what it contributes to the error of e."""
         mean = fit.moments()[0]
         names = list(self.inputs)
         ones = list(self.inputs.values())
         scales = np.array([self._unit(one) for one in ones])
-        after = np.sqrt(np.diag(covariance))[2:]
+        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        after = spread[2:]
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = covariance[0, 2:] / after
-            spread = np.sqrt(np.diag(covariance))
             correlation = covariance / np.outer(spread, spread)
         parameters = ["restitution", "slope", *names]
         bare = np.concatenate(
@@ -219,7 +347,7 @@ class Pool:
             else ("input", [np.nan]),
             "input_error": ("input", after * scales if names else [np.nan]),
             "input_effect": ("input", np.abs(shares) if names else [np.nan]),
-            "drag_effect": float(bare.mean()) / TERMINAL**2
+            "drag_effect": -float(bare.mean()) / TERMINAL**2
             if heard and "drag" not in self.inputs
             else np.nan,
             "correlation": (("parameter", "other"), correlation),
