@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from vibrosweep.lab.recordings import read_recordings
     from vibrosweep.lab.relative_errors import QUANTITIES, READINGS, comparable, prediction_errors
     from vibrosweep.lab.repeats import agreement, quantities
+    from vibrosweep.lab.shaken_times import times_on_shaker
     from vibrosweep.lab.traces import read_trace
     from vibrosweep.lab.track_files import read_tracks, tracks_from_frame
     from vibrosweep.lab.tracks import make_tracks
@@ -50,6 +51,7 @@ __all__ = [
     "read_trace",
     "read_tracks",
     "restitution",
+    "times_on_shaker",
     "tracks_from_frame",
 ]
 
@@ -67,6 +69,7 @@ _HOMES: Final = {
     **dict.fromkeys(
         ("FloorExperiment", "film_drops", "hear_drops"), "vibrosweep.lab.virtual_drops"
     ),
+    "times_on_shaker": "vibrosweep.lab.shaken_times",
     "find_impacts": "vibrosweep.lab.impacts",
     **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.repeats"),
     "Recording": "vibrosweep.lab.recording",

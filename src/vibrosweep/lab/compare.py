@@ -23,6 +23,7 @@ from vibrosweep.lab.prediction import (
     predict,
 )
 from vibrosweep.lab.relative_errors import (
+    MEASURED_AS,
     QUANTITIES,
     READINGS,
     comparable,
@@ -30,7 +31,7 @@ from vibrosweep.lab.relative_errors import (
     measured_means,
 )
 from vibrosweep.lab.speed_laws import law_text
-from vibrosweep.lab.twin import camera_shares
+from vibrosweep.lab.twin import camera_shares, predicted_motions
 from vibrosweep.lab.variables import with_units
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import LAWS, OF_RESTITUTION, PARAMETERS
@@ -43,6 +44,7 @@ from vibrosweep.model.restitution_laws import (
 )
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.runs.driver import thread_count
+from vibrosweep.scene.scene import Scene
 
 __all__ = ["compare", "compare_tracks"]
 
@@ -52,6 +54,12 @@ KNOWN: Final = {
     for name, parameter in {**PARAMETERS, **OF_RESTITUTION}.items()
     if name != "launch_velocity"
 }
+# Flights of two predictions, whose starts differ by the error of a measurement, are as far apart as
+# this share of the standard deviation of the flights of one: they are irregular
+APART: Final = 0.5
+REGULAR: Final = 1e-3  # relative standard deviation of flights that are all alike
+FEWEST: Final = 8  # flights with which this can be told
+CHANCE: Final = 1.36  # distance of two samples, over sqrt(1/n + 1/m), that chance exceeds in 5 %
 SHARES: Final = ("frames", "pixels", "parameters")
 
 
@@ -101,7 +109,11 @@ def compare_tracks(
         measured``, its mean over the repeats, and the contributions of ``frames``, ``pixels``
         and ``parameters`` (in per cent of the measured value), which add in quadrature.
         Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).
-        Dim case: ``particles``, ``repeats``, ``compared``, and the parameters used.  Attributes:
+        ``distribution_distance``, the largest difference of the cumulative distributions of
+        measured and predicted flights, which counts where the motion is irregular.
+        Dim case: ``irregular``, the share of particles whose single flights cannot be predicted;
+        ``distribution_chance``, the distance that chance exceeds in 5 %;
+        ``particles``, ``repeats``, ``compared``, and the parameters used.  Attributes:
         the base, the ``waveform`` and the ``restitution_law`` of the prediction.
 
     Raises
@@ -224,6 +236,9 @@ def _compare_recording(
     both = [[np.nanmean(mean[q][among]) for q in QUANTITIES] for mean in (means, best)]
     columns = _parameter_columns(estimated, used, scene.waveform)
     columns["compared"] = among.mean(), "1", "share of the particles that could be compared"
+    irregular, distances, chance = _distributions(by_fit, used, scene, among)
+    columns["irregular"] = irregular, "1", "share of the particles whose single flights are chaotic"
+    columns["distribution_chance"] = chance, "1", "distance that chance exceeds in 5 %"
     texts = {
         "method": options.method,
         "warning": "; ".join(warnings),
@@ -233,7 +248,47 @@ def _compare_recording(
         "restitution_law": scene.restitution_law,
         "law": "" if estimated is None else law_text(estimated),
     }
-    return _table(errors, both, columns).assign_coords(particles=among.size).assign_attrs(texts)
+    words = {"long_name": "largest difference of the distributions of flights", "units": "1"}
+    table = _table(errors, both, columns)
+    table["distribution_distance"] = "quantity", distances, words
+    return table.assign_coords(particles=among.size).assign_attrs(texts)
+
+
+def _distributions(
+    impacts: xr.Dataset, used: dict[str, float], scene: Scene, among: Flags
+) -> tuple[float, Array, float]:
+    """Compare flights as a whole.
+
+    Returns the share of particles whose single flights cannot be predicted, because a start that
+    differs by the error of its measurement leads to others; the largest differences of the
+    cumulative distributions of heights and of periods; and that which chance exceeds in 5 %.
+    """
+    error = impacts.attrs["gravity"] * float(np.nanmedian(impacts["landing_time_error"]))
+    nudged = impacts.assign(impact_speed=impacts["impact_speed"] + max(error, 1e-6))
+    pairs = [predicted_motions(found, used, scene) for found in (impacts, nudged)]
+    particles = np.flatnonzero(np.isfinite(impacts["flight_time"].values).any(axis=1))
+    irregular, flights = [], []
+    for particle, one, two in zip(particles, *pairs, strict=True):
+        if not among[particle]:
+            continue
+        seen = one.end <= impacts.attrs["end"]
+        flights.append(np.stack([one.apex[seen], (one.end - one.start)[seen]]))
+        number = min(int(seen.sum()), int((two.end <= impacts.attrs["end"]).sum()))
+        late = slice(number // 2, number)
+        first, second = ((motion.end - motion.start)[late] for motion in (one, two))
+        if number >= FEWEST:
+            apart, spread = float(np.std(first - second)), float(first.std())
+            irregular.append(apart > APART * spread > APART * REGULAR * float(first.mean()))
+    predicted = np.concatenate(flights, axis=1)
+    distances, chance = [], np.nan
+    for sample, name in zip(predicted, MEASURED_AS.values(), strict=True):
+        measured = impacts[name].values[among]
+        measured = np.sort(measured[np.isfinite(measured)])
+        every = np.concatenate([measured, sample])
+        below = (np.searchsorted(np.sort(x), every, "right") / x.size for x in (measured, sample))
+        distances.append(float(np.abs(next(below) - next(below)).max()))
+        chance = CHANCE * float(np.sqrt(1.0 / measured.size + 1.0 / sample.size))
+    return float(np.mean(irregular)) if irregular else 0.0, np.array(distances), chance
 
 
 def _table(

@@ -20,7 +20,7 @@ from scipy.special import ndtr
 
 from vibrosweep.arrays import Array
 
-NODES: Final = 10  # of the grid, for each component
+NODES: Final = 8  # of the grid, for each component
 ZOOMS: Final = 3
 FAINT: Final = 9.0  # a node whose log density is lower by as much does not matter
 # Scale of the prior (Cauchy) of what differs from drop to drop, which two drops hardly determine

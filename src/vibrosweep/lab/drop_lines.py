@@ -15,7 +15,9 @@ SHOWN: Final = 20  # remarks
 
 
 def restitution_lines(found: xr.Dataset) -> list[str]:
-    """Describe the restitution of a ball on a floor."""
+    """Describe the restitution of a ball on a floor, or over a shaken base."""
+    if "frequency" in found:
+        return _shaken_lines(found)
     unit = " m/s" if found.attrs["speed_known"] else " (scale or frame rate not known)"
     e, error = float(found["restitution"]), float(found["restitution_error"])
     bounces, drops = int(found.attrs["bounces"]), found.sizes["drop"]
@@ -47,6 +49,34 @@ def restitution_lines(found: xr.Dataset) -> list[str]:
     if len(remarks) > SHOWN:
         lines.append(f"  and {len(remarks) - SHOWN} more remarks")
     return lines
+
+
+def _shaken_lines(found: xr.Dataset) -> list[str]:
+    """Describe what times tell of a ball over a shaken base."""
+    values = {
+        name: with_error(float(found[name]), float(found[f"{name}_error"]))
+        for name in ("restitution", "frequency", "base_acceleration", "phase")
+    }
+    attributes, name = found.attrs, str(found["drop"].values[0])
+    lines = [f"{name}: {attributes['bounces']} bounces over a base that moves"]
+    if int(found["determined"]):
+        given = " (given)" if attributes["frequency_known"] else ""
+        frequency = f"{float(found['frequency']):.6g}" if given else values["frequency"]
+        lines += [
+            f"  frequency {frequency} Hz{given}, acceleration {values['base_acceleration']} of "
+            f"gravity, phase {values['phase']} rad at t = 0; restitution {values['restitution']}",
+            f"  correlation of restitution and acceleration {float(found['correlation']):.2f}",
+        ]
+    else:
+        lines.append(f"  restitution and acceleration are not determined: {attributes['warning']}")
+    lines += [f"  {line}" for line in _scatter(found, 1) if "drop to drop" not in line]
+    if not attributes["contact_known"]:
+        of_e, gamma = found["contact_effect"].values
+        lines.append(
+            f"  contacts are taken as instantaneous: for each ms that they last e would be "
+            f"{of_e:+.2g} and the acceleration {gamma:+.2g} different; state --contact"
+        )
+    return lines + [f"  {text}" for text in attributes["remarks"].split("\n") if text]
 
 
 def _dependence(found: xr.Dataset) -> list[str]:

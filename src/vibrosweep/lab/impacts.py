@@ -125,6 +125,11 @@ def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method:
         owner, columns = _landings_by_fit(flights, gravity)
     else:
         owner, columns = _landings_by_sign(fitted, tracks.attrs["frame_rate"], gravity)
+    if not owner.size:
+        raise TrackError(
+            f"{tracks.attrs['source']}: no landing is seen: the track holds no two flights with a "
+            f"bounce between them"
+        )
     poor = np.bincount(flights.particle[flights.poor], minlength=particles)
     exchanged = np.bincount(np.array([p for _, *pair in swaps for p in pair], int), None, particles)
     of_particles = coverage(tracks) | {

@@ -138,10 +138,14 @@ def table_lines(table: xr.Dataset) -> list[str]:
         "error = |measured - predicted| / measured: the mean over particles; other readings:"
     )
     for case in table["case"].values:
+        irregular = "irregular" in table and float(table["irregular"].sel(case=case)) > 0.0
+        readings = [r for r in READINGS if not (irregular and r == "flight")]
         for q in table["quantity"].values:
             error = table["error"].sel(case=case, quantity=q)
-            shown = ", ".join(f"{r} {float(error.sel(reading=r)):.2f} %" for r in READINGS)
+            shown = ", ".join(f"{r} {float(error.sel(reading=r)):.2f} %" for r in readings)
             lines.append(f"  {case} {q}: {shown}")
+        if irregular:
+            lines += _distribution_lines(table.sel(case=case), str(case))
     moves = table.attrs["base_motion"] == "moving"
     forcing = "base_acceleration" if moves else "amplitude"
     law = str(table.attrs.get("restitution_law", CONSTANT))
@@ -158,6 +162,21 @@ def table_lines(table: xr.Dataset) -> list[str]:
         lines.append(f"restitution_law {law}")
     lines.append(f"base favoured by the landings: {_favoured(table)}")
     return lines + [table.attrs[name] for name in ("law", "warning") if table.attrs.get(name)]
+
+
+def _distribution_lines(row: xr.Dataset, case: str) -> list[str]:
+    """Compare the flights of an irregular motion as a whole."""
+    share, chance = float(row["irregular"]), float(row["distribution_chance"])
+    apart = ", ".join(
+        f"of {name} {float(value):.2g}"
+        for name, value in zip(row["quantity"].values, row["distribution_distance"], strict=True)
+    )
+    return [
+        f"  {case}: the motion of {100.0 * share:.0f} % of the particles is irregular: errors of "
+        f"the start grow, so that single flights cannot be predicted;",
+        f"  largest difference of the distributions of flights {apart}; by chance up to "
+        f"{chance:.2g} (95 %, independent flights)",
+    ]
 
 
 def _favoured(found: xr.Dataset) -> str:

@@ -35,6 +35,9 @@ def read_tracks(
     axis: str | None = None,
     base: float | None = None,
     base_track: str | None = None,
+    column: str | None = None,
+    particle: str | None = None,
+    sheet: str | None = None,
 ) -> xr.Dataset:
     """Read the tracks of one recording; the first lines of a file show its format.
 
@@ -56,6 +59,8 @@ def read_tracks(
     base_track
         Name of a particle that is a mark on the base.  Its track becomes the variable
         ``base_height`` (m), to which `find_impacts` fits the harmonics of the base.
+    column, particle, sheet
+        As in `read_recordings`.
 
     Returns
     -------
@@ -80,7 +85,7 @@ def read_tracks(
     ('frame', 'particle')
     """
     files = [Path(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
-    how = Reading(scale, frame_rate, axis, base=base)
+    how = Reading(scale, frame_rate, axis, column, particle, sheet, base)
     found = [read_file(path, how) for path in files]
     if len(found) > 1:
         shared = set.intersection(*({r.label for r in own} for own in found))

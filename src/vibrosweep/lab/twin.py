@@ -44,7 +44,7 @@ def camera_shares(
     Their shape is (2, quantity, reading).  `numbers` are the parameters of the prediction, and the
     `scene` is one of `scene_of`.
     """
-    motions = _twin(impacts, numbers, scene)
+    motions = predicted_motions(impacts, numbers, scene)
     time = tracks["time"].values
     true = heights(motions, time, options.setup.exposure)
     means = [motion.means(time[0], time[-1]) for motion in motions]
@@ -79,7 +79,9 @@ def _exact_trace(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
     )
 
 
-def _twin(impacts: xr.Dataset, numbers: Mapping[str, float], scene: Scene) -> list[Motion]:
+def predicted_motions(
+    impacts: xr.Dataset, numbers: Mapping[str, float], scene: Scene
+) -> list[Motion]:
     """Predict the motion of each particle with a whole flight, on the clock of the recording."""
     best = {name: np.array([value]) for name, value in numbers.items()}
     _, start, speed, sets = first_flights(impacts, best)
