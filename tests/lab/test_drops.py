@@ -12,7 +12,7 @@ from vibrosweep.cli import main
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab import FloorExperiment, Recording, film_drops, hear_drops, restitution
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of, nominal_of
-from vibrosweep.lab.drop_lines import restitution_lines
+from vibrosweep.lab.lines import restitution_lines
 
 BALL = {"mass": 0.046, "diameter": 0.043}  # terminal speed 33 m/s
 

@@ -8,7 +8,7 @@ import vibrosweep as vs
 from vibrosweep.cli import main
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab import Recording, times_on_shaker
-from vibrosweep.lab.drop_lines import restitution_lines
+from vibrosweep.lab.lines import restitution_lines
 
 SHAKEN = {"frequency": 20.0, "restitution": 0.8, "phase": 0.7, "base": "moving"}
 GAMMA = 2.0 * np.pi * 20.0 * 0.35 / 1.8 / 9.81

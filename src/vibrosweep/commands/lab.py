@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from vibrosweep.figures.canvas import Panels
     from vibrosweep.lab.fitting import Setup
-    from vibrosweep.lab.recording import Recording
+    from vibrosweep.lab.recordings import Recording
     from vibrosweep.store.kinds import ResultKind
 
 
@@ -181,7 +181,7 @@ def perform(options: argparse.Namespace) -> None:
 
 
 def _synthesize(options: argparse.Namespace) -> None:
-    from vibrosweep.lab.spec import read_experiments
+    from vibrosweep.lab.experiment import read_experiments
     from vibrosweep.lab.trials import write_experiments
 
     spec = read_experiments(options.spec)
@@ -194,7 +194,7 @@ def _synthesize(options: argparse.Namespace) -> None:
 
 def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     """Read the tracks; refuse impossible options before anything is computed."""
-    from vibrosweep.lab.track_files import read_tracks
+    from vibrosweep.lab.recordings import read_tracks
     from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
     from vibrosweep.store.disk import check_output
 
@@ -255,7 +255,7 @@ def _lists_of_times(options: argparse.Namespace) -> list[list[Recording]] | None
 def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> None:
     """Measure a shaken base from times alone."""
     from vibrosweep.api.result_kinds import RESTITUTION
-    from vibrosweep.lab.drop_lines import restitution_lines
+    from vibrosweep.lab.lines import restitution_lines
     from vibrosweep.lab.shaken_times import times_on_shaker
     from vibrosweep.store.disk import check_output
 
@@ -282,9 +282,8 @@ def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> 
 def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import IMPACTS
     from vibrosweep.lab.fitting import fit_tracks
-    from vibrosweep.lab.impacts import impacts_of
+    from vibrosweep.lab.impacts import agreement, impacts_of, quantities
     from vibrosweep.lab.lines import agreement_lines, flights_of, impact_lines
-    from vibrosweep.lab.repeats import agreement, quantities
 
     try:
         recordings = _recordings(options)
@@ -318,9 +317,8 @@ def _impacts(options: argparse.Namespace) -> None:
 def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import COMPARISON
     from vibrosweep.engine.workers import Workers
-    from vibrosweep.lab.compare import compare
+    from vibrosweep.lab.compare import ComparisonOptions, compare
     from vibrosweep.lab.lines import table_lines
-    from vibrosweep.lab.prediction import ComparisonOptions
     from vibrosweep.runs.driver import available_threads
 
     recordings = _recordings(options)
@@ -341,8 +339,8 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _restitution(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import RESTITUTION
-    from vibrosweep.lab.drop_lines import numbers_of, restitution_lines
     from vibrosweep.lab.drops import restitution
+    from vibrosweep.lab.lines import numbers_of, restitution_lines
     from vibrosweep.lab.recordings import read_recordings
     from vibrosweep.store.disk import check_output
 

@@ -15,9 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.lab.ballistics import flight_of, nominal_of
-from vibrosweep.lab.drop_inputs import POWER, BallInputs, Bounces, Input
-from vibrosweep.lab.recording import Recording
+from vibrosweep.lab.ballistics import POWER, BallInputs, Bounces, Input, flight_of, nominal_of
+from vibrosweep.lab.recordings import Recording
 
 RATIOS: Final = (0.3, 1.0)  # of intervals, at which a restitution is sought first
 EVENT: Final = 12.0  # cost of a missed or false click: a ratio that is off by 3.5 deviations

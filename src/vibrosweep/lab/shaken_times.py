@@ -18,7 +18,9 @@ from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.components import (
+from vibrosweep.lab.ballistics import given
+from vibrosweep.lab.drops import (
+    QUANTILES,
     Fit,
     Rows,
     fit_components,
@@ -27,9 +29,7 @@ from vibrosweep.lab.components import (
     weighted_residuals,
     without,
 )
-from vibrosweep.lab.drop_inputs import given
-from vibrosweep.lab.pool import QUANTILES
-from vibrosweep.lab.recording import Recording
+from vibrosweep.lab.recordings import Recording
 from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["times_on_shaker"]

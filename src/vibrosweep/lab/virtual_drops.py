@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from vibrosweep.arrays import Array
 from vibrosweep.errors import require_one_of
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of
-from vibrosweep.lab.recording import Recording
+from vibrosweep.lab.recordings import Recording
 from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
 
 __all__ = ["FloorExperiment", "Truth", "film_drops", "hear_drops"]
