@@ -201,7 +201,7 @@ def test_machine_code_is_kept_on_disk_and_never_stale(package):
     assert use(package) == (2.0, 1.0, [0, 0])
     assert use(package) == (2.0, 1.0, [1, 1])
     # a constant that a kernel inlines from another module
-    edit(package / "kernels" / "sine.py", "C0_HIGH = 6.28", "C0_HIGH = 7.28")
+    edit(package / "kernels" / "arithmetic.py", "C0_HIGH = 6.28", "C0_HIGH = 7.28")
     value, _, hits = use(package)
     assert value == pytest.approx(2.25, abs=1e-12)
     assert hits == [0, 0]

@@ -358,7 +358,9 @@ def _write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -
     """Write the statistics of the trajectory in place j to its own slot."""
     # arrays are used last outside branches: otherwise numba counts references at every call
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
-    if lane < 0:  # never true; the compiler learns that no index below is negative
+    # Never true.  Here and in `advance` this tells the compiler that no index is negative: without
+    # both, short runs took 3 % (12 periods) to 9 % (3 periods) longer to wrap negative indices
+    if lane < 0:
         return
     over = False
     fixed = take(base, s, j)
