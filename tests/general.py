@@ -14,12 +14,14 @@ import numpy as np
 
 from vibrosweep.engine import measure
 from vibrosweep.kernels import _jit
-from vibrosweep.kernels._python import as_python
+from vibrosweep.kernels._jit import as_python
 from vibrosweep.kernels.bases.high_bounce import HighBounce
+from vibrosweep.kernels.coupled.follow import follow_uncached
 from vibrosweep.kernels.cycles import CYCLE, empty_rests
-from vibrosweep.kernels.laws import Rest
+from vibrosweep.kernels.restitution import Rest
 
-FITTED, ADVANCE, CALL = measure.fitted, measure.advance, _jit.Piece.__call__
+FITTED, ADVANCE, CALL = measure.fitted, measure.advance, _jit.Deferred.__call__
+UNCACHED = measure.advance_uncached, follow_uncached
 
 
 @wraps(ADVANCE)
@@ -41,12 +43,10 @@ def fitted(base, problem):
 plain = cache(as_python)
 
 
-def call(piece, *arguments):
-    """Call a piece of a kernel in plain Python."""
-    function = piece._call
-    if isinstance(function, _jit.Deferred):
-        function = plain(function.py_func)
-    return function(*arguments)
+def call(function, *arguments):
+    """Call a piece of a kernel in plain Python, and a kernel as it is."""
+    piece = function._compiler is _jit.ALONE and function not in UNCACHED
+    return plain(function.py_func)(*arguments) if piece else CALL(function, *arguments)
 
 
 def evaluate(intrinsic, *arguments):
@@ -58,7 +58,7 @@ def in_tests():
     """Take general machine code and plain pieces in this process."""
     measure.advance, measure.fitted = advance, fitted
     if not numba.config.DISABLE_JIT:
-        _jit.Piece.__call__ = call
+        _jit.Deferred.__call__ = call
         type(_jit.fma).__call__ = evaluate
 
 
@@ -66,4 +66,4 @@ def as_the_engine_chooses(monkeypatch):
     """Take special machine code and compiled pieces again until the test ends."""
     monkeypatch.setattr(measure, "advance", ADVANCE)
     monkeypatch.setattr(measure, "fitted", FITTED)
-    monkeypatch.setattr(_jit.Piece, "__call__", CALL)
+    monkeypatch.setattr(_jit.Deferred, "__call__", CALL)

@@ -22,7 +22,8 @@ def find_windows(scene, e, scan, conditions, *, forcing="amplitude", threads=1, 
 
 
 def bifurcation(scene, scan, *, forcing="amplitude", observable="rebound_velocity", samples=64):
-    return of_bifurcation.bifurcation(over(scene, **{forcing: scan}), observable, samples, 1)
+    sweep = over(scene, **{forcing: scan})
+    return of_bifurcation.bifurcation(sweep, observable, samples, 1, 1)
 
 
 def basins(scene, times, speeds):

@@ -572,12 +572,13 @@ PLACES = {
     **{
         name: AT_IMPORT.format(name=name)
         for name in (
-            *("vibrosweep.cli", "vibrosweep.errors", "vibrosweep.commands.figures"),
+            *("vibrosweep.cli", "vibrosweep.errors", "vibrosweep.commands.results"),
             *("numpy.linalg", "h5py._hl", "matplotlib.figure", "xarray.core.dataset"),
         )
     },
     "parse": "import argparse; argparse.ArgumentParser.parse_args = interrupted",
-    "command": "import vibrosweep.commands.figures as c; c.perform = interrupted",
+    "command": "import vibrosweep.commands.results as c\n"
+    "c.COMMANDS['figures'] = (c.add_figures, interrupted)",
     "draw": "import matplotlib.axes as m; m.Axes.draw = interrupted",
     "save": "import matplotlib.backends.backend_agg as m; m.FigureCanvasAgg.draw = interrupted",
     "compile": "import numba.core.typeinfer as n; n.TypeInferer.propagate = interrupted",
@@ -588,8 +589,8 @@ def perform(options):
     Closing()
     while True:
         time.sleep(0.01)
-import vibrosweep.commands.figures as c
-c.perform = perform
+import vibrosweep.commands.results as c
+c.COMMANDS["figures"] = (c.add_figures, perform)
 """,
 }
 

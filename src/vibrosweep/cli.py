@@ -25,8 +25,8 @@ from typing import Any, Final, NoReturn
 
 from vibrosweep._version import __version__
 from vibrosweep.commands import COMMANDS
-from vibrosweep.errors import Interruption, VibrosweepError
-from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text
+from vibrosweep.errors import Interruption, ParameterError, VibrosweepError
+from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text, cut, nearest
 from vibrosweep.system import ENDINGS, POLL
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
@@ -70,7 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _perform(arguments: Sequence[str]) -> int:
     options = argparse.Namespace()
     try:
-        _parser().parse_args(arguments, options)
+        _refuse_unknown(arguments)
+        _parser(arguments).parse_args(arguments, options)
         code: int | None = options.perform(options)
         sys.stdout.flush()
     except VibrosweepError as error:
@@ -170,16 +171,32 @@ def _leave() -> NoReturn:
     os._exit(INTERRUPTED)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _refuse_unknown(arguments: Sequence[str]) -> None:
+    """Raise a ParameterError for a command that there is not, with the one that was meant."""
+    if not arguments or arguments[0].startswith("-") or arguments[0] in COMMANDS:
+        return
+    guess = nearest(arguments[0], COMMANDS)
+    hint = f'did you mean "{guess}"?' if guess else f"there are {', '.join(COMMANDS)}"
+    raise ParameterError(f"{cut(repr(arguments[0]))} is not a command; {hint}")
+
+
+def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """Return the parser, with the arguments of the command that is called."""
     parser = argparse.ArgumentParser(
         prog="vibrosweep", description="Parameter sweeps of the bouncing ball (vibro-impact)."
     )
     parser.add_argument("--version", action="version", version=f"vibrosweep {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    for name, words in COMMANDS.items():
-        command = import_module(f"vibrosweep.commands.{name}")
-        added = commands.add_parser(name, help=words, description=words)
-        command.add_arguments(added)
-        added.set_defaults(perform=command.perform)
+    called = next((word for word in arguments if not word.startswith("-")), None)
+    for name, command in COMMANDS.items():
+        example = f"example: {command.example}" if command.example else None
+        added = commands.add_parser(
+            name, help=command.words, description=command.words, epilog=example
+        )
+        if name == called:
+            module = import_module(f"vibrosweep.commands.{command.module}")
+            add_arguments, perform = module.COMMANDS[name]
+            add_arguments(added)
+            added.set_defaults(perform=perform)
     return parser

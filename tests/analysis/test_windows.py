@@ -13,11 +13,11 @@ from tests.scans import find_windows
 from tests.scenes import STILL
 from vibrosweep import theory, windows
 from vibrosweep.analysis.conditions import NAMED, Condition, named
-from vibrosweep.analysis.window_codes import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW, summary
+from vibrosweep.analysis.windows import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW, summary
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.scene.sweep import keyword_spec
 
 MODES = (1, 2, 3, 4)

@@ -9,8 +9,7 @@ import vibrosweep as vs
 from tests.scenes import STILL_MOVING
 from vibrosweep.errors import DataError, OtherKernelsWarning, ParameterError
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.mount import OF_MOUNT
-from vibrosweep.model.parameters import NOISE
+from vibrosweep.model.parameters import NOISE, OF_MOUNT
 
 MOUNT = {"base": "sprung", "mass_ratio": (0.01, 0.1), "mount_frequency": 7.0}
 SCENES = {

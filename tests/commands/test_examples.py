@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from vibrosweep.cli import main
-from vibrosweep.commands.examples import examples_in
+from vibrosweep.commands.sweeps import examples_in
 from vibrosweep.errors import DataError
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"

@@ -6,8 +6,8 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.engine.measure import impact_speeds
 from vibrosweep.kernels.statistics import IMPACT_SPEED, KINDS, Statistics
+from vibrosweep.model.measures import Status
 from vibrosweep.model.restitution_laws import fastest_in_range, range_of
-from vibrosweep.model.status import Status
 
 LIMITED = {"restitution_law": "viscoelastic", "restitution": 0.8, "restitution_speed": 0.01}
 

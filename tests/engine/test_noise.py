@@ -7,7 +7,7 @@ import pytest
 
 import vibrosweep as vs
 from tests.scenes import STILL
-from vibrosweep.kernels.deviates import OF_DRIVE, OF_KICK, OF_RESTITUTION, deviate, key_of
+from vibrosweep.kernels.noise import OF_DRIVE, OF_KICK, OF_RESTITUTION, deviate, key_of
 
 ALL = {"restitution_noise": 0.05, "kick_noise": 0.1, "drive_noise": 0.4}
 SCENE = {"restitution": (0.5, 0.95), "amplitude": (0.0, 2.0), "realizations": 60, "particles": 2}

@@ -25,10 +25,10 @@ from tests.figures.drawn import (
 )
 from vibrosweep import figures
 from vibrosweep.analysis.basins import name_of
-from vibrosweep.analysis.closed_orbits import cycle_name
-from vibrosweep.analysis.orbit_lines import EVENTS
+from vibrosweep.analysis.branches import EVENTS
+from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.errors import DataError
-from vibrosweep.figures.lines import KINDS, TIES
+from vibrosweep.figures.orbits import KINDS, TIES
 
 PLAIN = {"phase": 0.0, "gravity": 9.81, "contact_time": 1e-4, "frequency": 1.0}
 BLACK, WHITE = to_rgba("black"), to_rgba("white")
@@ -483,13 +483,13 @@ def test_motions_and_return_maps(random, make_record):
         t = one.landing_time.values[k]
         t = t[np.isfinite(t)]
         v = np.concatenate([[5.0], one.rebound_velocity.values[k, : t.size]])
-        flights = path.vertices.reshape(-1, 5, 2)
+        flights = path.vertices.reshape(-1, 3, 2)
         start = np.concatenate([[float(one.launch_time[k])], t])
         np.testing.assert_array_equal(flights[:, 0, 0], start)
         np.testing.assert_allclose(flights[:-1, -1, 0], t, rtol=1e-13)
-        up = flights[:-1, 2]
-        np.testing.assert_allclose(up[:, 1], v[:-1] ** 2 / (2.0 * 9.81), rtol=1e-13)
-        np.testing.assert_allclose(up[:, 0], start[:-1] + v[:-1] / 9.81, rtol=1e-13)
+        meet = flights[:-1, 1]  # twice as high as the apex, above it
+        np.testing.assert_allclose(meet[:, 1], v[:-1] ** 2 / 9.81, rtol=1e-12)
+        np.testing.assert_allclose(meet[:, 0], start[:-1] + v[:-1] / 9.81, rtol=1e-13)
     (plot,) = drawn(figures.return_map, record, realization=i)
     names, expected = legend(plot), []
     for k in range(3):

@@ -5,20 +5,18 @@ import pytest
 import xarray as xr
 from matplotlib.collections import FillBetweenPolyCollection, LineCollection, PathCollection
 
-from vibrosweep.analysis.base_motion import BaseMotion
-from vibrosweep.analysis.record_flights import base_motion
+from vibrosweep.analysis.records import BaseMotion, Course, base_motion, course
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.figures import height_time
-from vibrosweep.figures.height_curves import readable_until
-from vibrosweep.figures.motion import Motion, highest, motions, parabolas
+from vibrosweep.figures.records import highest, parabolas, readable_until
 
 STILL = BaseMotion(0.0, 1.0, 0.0)
 
 
 def curves_of(figure):
-    """Control points of every drawn flight, shape (flight, 5, 2)."""
+    """Control points of every drawn flight, shape (flight, 3, 2)."""
     (flights,) = [c for c in figure.axes[0].collections if isinstance(c, PathCollection)]
-    return np.concatenate([path.vertices for path in flights.get_paths()]).reshape(-1, 5, 2)
+    return np.concatenate([path.vertices for path in flights.get_paths()]).reshape(-1, 3, 2)
 
 
 def rests_of(figure):
@@ -36,45 +34,32 @@ def test_parabolas_begin_and_end_on_the_base_at_the_recorded_events(make_record)
     landing = record.landing_time.values[0, 0]
     liftoff = record.liftoff_time.values[0, 0]
     # the last flight is cut by the end of the observation
-    np.testing.assert_allclose(flights[:, 4, 0], [*landing, 12.0][: len(flights)], rtol=1e-14)
+    np.testing.assert_allclose(flights[:, 2, 0], [*landing, 12.0][: len(flights)], rtol=1e-14)
     np.testing.assert_array_equal(flights[:, 0, 0], [0.0, *liftoff][: len(flights)])
     np.testing.assert_array_equal(flights[:, 0, 1], 0.0)
-    np.testing.assert_allclose(flights[: landing.size, 4, 1], 0.0, atol=1e-12)
-
-
-def test_the_apex_is_half_way_and_v_squared_over_2g_high(make_record):
-    record = make_record(np.arange(5) / 5)
-    one = record.isel(realization=0)
-    for i, motion in enumerate(motions(one, STILL, 12.0)):
-        whole = motion.end < 12.0
-        flights = parabolas(motion, 9.81)[whole]
-        middle = (motion.start + motion.end)[whole] / 2
-        np.testing.assert_allclose(flights[:, 2, 0], middle, rtol=1e-13)
-        np.testing.assert_allclose(flights[:, 2, 1], motion.velocity[whole] ** 2 / (2 * 9.81))
-        assert motion.velocity[0] == 5.0, i
+    np.testing.assert_allclose(flights[: landing.size, 2, 1], 0.0, atol=1e-12)
 
 
 def test_every_point_of_a_drawn_curve_obeys_the_law_of_free_fall(make_record):
-    one = make_record(amplitude=3.0).isel(realization=0)
-    (motion,) = motions(one, STILL, 7.3)
-    assert motion.end[-1] == 7.3
-    for flight, start, v in zip(
-        parabolas(motion, 9.81), motion.start, motion.velocity, strict=True
-    ):
-        for half in (flight[:3], flight[2:]):
-            for s in np.linspace(0, 1, 7):
-                t, y = bezier(half, s)
-                assert y == pytest.approx(v * (t - start) - 9.81 * (t - start) ** 2 / 2, abs=1e-12)
+    one = make_record(np.arange(5) / 5, amplitude=3.0).isel(realization=0)
+    flown = course(one, STILL, 7.3)
+    start, v = flown.start[flown.flies], flown.velocity[flown.flies]
+    assert flown.end[flown.flies].max() == 7.3
+    curves = parabolas(flown, 9.81)
+    assert len(curves) == np.count_nonzero(flown.flies) > 20
+    for s in np.linspace(0, 1, 7):
+        t, y = bezier(curves.swapaxes(0, 1), s).T
+        since = t - start
+        np.testing.assert_allclose(y, v * since - 9.81 * since**2 / 2, atol=1e-12)
 
 
 def test_a_flight_cut_before_its_apex_ends_there(make_record):
-    one = make_record().isel(realization=0)
-    (motion,) = motions(one, STILL, 0.25)
-    (flight,) = parabolas(motion, 9.81)
-    assert flight[4] == pytest.approx([0.25, 5.0 * 0.25 - 9.81 * 0.25**2 / 2], rel=1e-14)
     figure = height_time(make_record(), until=0.25).figure
+    (flight,) = curves_of(figure)
+    top = 5.0 * 0.25 - 9.81 * 0.25**2 / 2
+    assert flight[2] == pytest.approx([0.25, top], rel=1e-14)
     assert figure.axes[0].get_xlim() == (0.0, 0.25)
-    assert figure.axes[0].get_ylim()[1] == pytest.approx(1.05 * flight[4, 1])
+    assert figure.axes[0].get_ylim()[1] == pytest.approx(1.05 * top)
 
 
 def test_rests_are_drawn_on_the_base_from_landing_to_liftoff(make_record):
@@ -110,7 +95,7 @@ def test_particles_and_realization_are_picked(make_record):
     assert flights[0, 0, 0] == 0.5
     landing = record.landing_time.values[1, 2]
     landing = landing[np.isfinite(landing)]
-    np.testing.assert_allclose(flights[: landing.size, 4, 0], landing)
+    np.testing.assert_allclose(flights[: landing.size, 2, 0], landing)
     names = [t.get_text() for t in height_time(record, [2, 0]).get_legend().get_texts()]
     assert names[-2:] == ["particle 0", "particle 2"]
 
@@ -168,9 +153,9 @@ def test_a_moving_base_is_drawn_under_the_flights(moving_record):
     figure = height_time(record, mark_landings=True).figure
     axes = figure.axes[0]
     flights, landed = curves_of(figure), record.landing_time.values[0]
-    whole = flights[:, 4, 0] < 12.0
+    whole = flights[:, 2, 0] < 12.0
     np.testing.assert_allclose(flights[:, 0, 1], base.height(flights[:, 0, 0]), atol=1e-12)
-    np.testing.assert_allclose(flights[whole, 4, 1], base.height(flights[whole, 4, 0]), atol=1e-12)
+    np.testing.assert_allclose(flights[whole, 2, 1], base.height(flights[whole, 2, 0]), atol=1e-12)
     rests = rests_of(figure)
     assert len(rests) == np.count_nonzero(record.rested.values) > 3
     for ride in rests:
@@ -188,11 +173,11 @@ def test_a_moving_base_is_drawn_under_the_flights(moving_record):
 
 
 def test_a_flight_that_begins_downwards_has_its_highest_point_there():
-    motion = Motion(np.array([1.0]), np.array([1.5]), np.array([-0.5]), np.array([0.3]), [], [])
-    (flight,) = parabolas(motion, 9.81)
-    for half in (flight[:3], flight[2:]):
-        for s in np.linspace(0, 1, 7):
-            t, y = bezier(half, s)
-            since = t - 1.0
-            assert y == pytest.approx(0.3 - 0.5 * since - 9.81 * since**2 / 2, abs=1e-12)
-    assert highest(motion, 9.81) == 0.3
+    numbers = (np.array([[one]]) for one in (1.0, 1.5, -0.5, 0.3))
+    flown = Course(*numbers, np.array([[True]]))
+    (flight,) = parabolas(flown, 9.81)
+    for s in np.linspace(0, 1, 7):
+        t, y = bezier(flight, s)
+        since = t - 1.0
+        assert y == pytest.approx(0.3 - 0.5 * since - 9.81 * since**2 / 2, abs=1e-12)
+    assert highest(flown, 9.81) == 0.3

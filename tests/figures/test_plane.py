@@ -12,9 +12,9 @@ import vibrosweep as vs
 from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import parameter_plane
-from vibrosweep.figures.cells import commonest, equal_cells, grid_cells, median
+from vibrosweep.figures.paint import commonest, equal_cells, grid_cells, median
 from vibrosweep.figures.style import for_file
-from vibrosweep.figures.window_curves import Forcing, window_curves
+from vibrosweep.figures.windows import Forcing, window_curves
 
 
 def numbers_of(figure):

@@ -8,7 +8,7 @@ from matplotlib.collections import FillBetweenPolyCollection, PathCollection, Qu
 from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import height_against_restitution
-from vibrosweep.figures.restitution import plateaus
+from vibrosweep.figures.sweeps import plateaus
 
 
 def dots_of(figure, label):

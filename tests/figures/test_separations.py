@@ -6,11 +6,10 @@ import xarray as xr
 
 from vibrosweep.errors import DataError
 from vibrosweep.figures.registry import FIGURES
-from vibrosweep.figures.sensitivity import sobol_bars
-from vibrosweep.figures.separations import (
-    decay_in_a_slot,
+from vibrosweep.figures.sweeps import (
     separation_distributions,
     separations_over_chance,
+    sobol_bars,
 )
 
 FLAGS = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "a b c"}
@@ -65,11 +64,6 @@ def test_a_noise_that_varies_has_a_curve_for_each_quarter_of_its_range():
     (band,) = axes.patches  # of contact times, which differ
     assert (band.get_x(), band.get_x() + band.get_width()) == pytest.approx((1e-5, 1e-3))
     assert len(axes.lines) == 4
-
-
-def test_a_dataset_that_is_no_decay_is_refused():
-    with pytest.raises(DataError, match=r"result of slot_decay.*modulus_predicted"):
-        decay_in_a_slot(OTHER)
 
 
 def test_a_dataset_without_indices_is_refused():

@@ -11,11 +11,10 @@ import vibrosweep as vs
 from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import theory
 from vibrosweep.errors import DataError
-from vibrosweep.figures.basins import basins_of_attraction
-from vibrosweep.figures.bifurcation import bifurcation_diagram
-from vibrosweep.figures.window_bands import stability_windows
+from vibrosweep.figures.orbits import basins_of_attraction, bifurcation_diagram
+from vibrosweep.figures.windows import stability_windows
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.scene.sweep import keyword_spec
 from vibrosweep.theory import FIXED
 

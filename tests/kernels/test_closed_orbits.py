@@ -9,9 +9,16 @@ from hypothesis import strategies as st
 
 from vibrosweep.kernels.bases import Flight, after_rest, constants, fly
 from vibrosweep.kernels.bases.chords import chord, clearing, height
-from vibrosweep.kernels.closed import ADMISSIBLE, begin_shortest, primitive, same
+from vibrosweep.kernels.closed import (
+    ADMISSIBLE,
+    Wanted,
+    begin_shortest,
+    empty_closed,
+    find_closed,
+    primitive,
+    same,
+)
 from vibrosweep.kernels.impact import base_of, impact
-from vibrosweep.kernels.orbit_search import Wanted, empty_closed, find_closed
 from vibrosweep.model.parameters import dimensionless
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE, Waveform
 

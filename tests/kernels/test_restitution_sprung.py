@@ -6,8 +6,7 @@ import pytest
 import vibrosweep as vs
 from tests.scenes import STILL_MOVING
 from vibrosweep.kernels.bases.sprung import mount, recoil, recoil_share
-from vibrosweep.kernels.falling import restitution_of
-from vibrosweep.kernels.restitution import ratio, slope
+from vibrosweep.kernels.restitution import ratio, restitution_of, slope
 from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.parameters import dimensionless, mounts
 

@@ -9,7 +9,7 @@ from accuracy import bare_problem
 from shaped_roots import drawn, judge
 from tests.scenes import TWO_TONES
 from vibrosweep.kernels import bases
-from vibrosweep.kernels.bases.moving_jacobian import along
+from vibrosweep.kernels.bases.moving_errors import along
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.proof.report import State

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from vibrosweep.engine.landings import record_landings
+from vibrosweep.kernels.arithmetic import sin_turns
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.sine import sin_turns
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.wander import phase_walk, wandering_record
 from vibrosweep.model.parameters import dimensionless, launches

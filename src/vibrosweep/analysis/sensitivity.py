@@ -10,14 +10,20 @@ import xarray as xr
 
 from vibrosweep.abilities import refusal
 from vibrosweep.analysis.common import require_ability
-from vibrosweep.analysis.records import table, variable
+from vibrosweep.analysis.datasets import table, variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.mistakes import RANGE
-from vibrosweep.model.measures import MEASURE_OF, OF_REALIZATIONS, UNDETERMINED, VARIABLES, known
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import (
+    MEASURE_OF,
+    OF_REALIZATIONS,
+    UNDETERMINED,
+    VARIABLES,
+    Status,
+    known,
+)
 from vibrosweep.runs.result import observation_of_orbits
 from vibrosweep.scene.design import Range
 from vibrosweep.scene.realizations import open_design

@@ -18,7 +18,7 @@ from vibrosweep.errors import (
     ParameterError,
     ShortObservationWarning,
 )
-from vibrosweep.kernels.observer import compiled
+from vibrosweep.kernels.statistics import compiled
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import (
@@ -35,7 +35,7 @@ from vibrosweep.runs.driver import (
 from vibrosweep.runs.progress import showing
 from vibrosweep.scene.sweep import Sweep, keyword_spec, read_spec
 from vibrosweep.store.disk import check_output, path_of
-from vibrosweep.store.rundir import replaces
+from vibrosweep.store.parts import replaces
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,7 +65,7 @@ def sweep(
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
         is taken; keywords beside a result complete it.
     observables
-        Functions of your own that are called at every landing.
+        Functions that are called at every landing.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     progress
@@ -131,7 +131,7 @@ def sweep(
         Measured variables with units and meanings as attributes, and parameters as coordinates.
         The dims are the axes of a grid, for other designs ``realization``; and ``particle`` for
         measures of each particle.  The attribute ``notes`` says which defaults were taken, and
-        whether the observation is too short for the regimes or exponents asked for.
+        whether the observation is too short for the requested regimes or exponents.
 
     Raises
     ------

@@ -74,21 +74,24 @@ def perform(options: argparse.Namespace) -> None:
 
 
 def _explore(options: argparse.Namespace) -> None:
-    from vibrosweep.explore.points import open_points
+    from vibrosweep.explorer.points import open_points
 
     points = open_points(options.result)
     if options.boundaries is not None:
-        from vibrosweep.explore.borders import with_borders
+        from vibrosweep.explorer.points import with_borders
 
         points = with_borders(points, options.boundaries)
     if options.output is not None:
-        from vibrosweep.explore.static import write_page
+        from vibrosweep.explorer.static import write_page
 
         print(write_page(points, options.output, force=options.force))
         return
-    from vibrosweep.explore.server import serve
+    from vibrosweep.explorer.server import serve
 
     def started(address: str) -> None:
         print(f"{points.title}: {address} (Ctrl-C ends it)", flush=True)
 
     serve(points, options.port, started, options.frame_in)
+
+
+COMMANDS: Final = {"explore": (add_arguments, perform)}

@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.commands.arguments import directory, output_file, positive, some, whole
-from vibrosweep.commands.picture import drawing
+from vibrosweep.commands.pictures import drawing
 from vibrosweep.errors import ParameterError, TrackError
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from vibrosweep.figures.canvas import Panels
+    from vibrosweep.figures.style import Panels
     from vibrosweep.lab.fitting import Setup
-    from vibrosweep.store.kinds import ResultKind
+    from vibrosweep.store.reading import ResultKind
 
 
 # Options that are physical parameters of a scene
@@ -306,13 +306,13 @@ def _restitution(options: argparse.Namespace) -> None:
     print(json.dumps(numbers_of(found), indent=1) if options.json else "\n".join(lines))
 
     def draw() -> Axes:
-        from vibrosweep.figures.drops import restitution_by_speed
+        from vibrosweep.figures.laboratory import restitution_by_speed
 
         return restitution_by_speed(found)
 
     _keep(options, found, RESTITUTION, draw, RESTITUTION.stem)
     if options.figures is not None and "sample_time" in found:
-        from vibrosweep.figures.drops import film_of_drop
+        from vibrosweep.figures.laboratory import film_of_drop
         from vibrosweep.figures.registry import save_formats
         from vibrosweep.figures.style import for_file
 
@@ -329,7 +329,7 @@ def _keep(
 ) -> None:
     """Write a result and draw its figure, if the options ask for them."""
     if options.output is not None:
-        from vibrosweep.store.saving import write_dataset
+        from vibrosweep.store.writing import write_dataset
 
         write_dataset(result, options.output, kind, force=options.force)
         print(f"written to {options.output}")
@@ -340,3 +340,6 @@ def _keep(
         with drawing(options.output):
             for path in save_formats(for_file(draw), options.figures, stem):
                 print(path)
+
+
+COMMANDS: Final = {"lab": (add_arguments, perform)}

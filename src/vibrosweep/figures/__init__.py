@@ -24,29 +24,30 @@ if "MPLBACKEND" in os.environ:
 
 if TYPE_CHECKING:
     from vibrosweep.figures import style
-    from vibrosweep.figures.basins import basin_shares, basins_of_attraction
-    from vibrosweep.figures.bifurcation import bifurcation_diagram
-    from vibrosweep.figures.height_curves import height_time
-    from vibrosweep.figures.lines import orbit_boundaries, orbit_branches
-    from vibrosweep.figures.orbits import periodic_orbits
-    from vibrosweep.figures.plane import parameter_plane
+    from vibrosweep.figures.orbits import (
+        basin_shares,
+        basins_of_attraction,
+        bifurcation_diagram,
+        orbit_boundaries,
+        orbit_branches,
+        periodic_orbits,
+    )
+    from vibrosweep.figures.records import height_time, return_map
     from vibrosweep.figures.registry import available, save_all
-    from vibrosweep.figures.restitution import height_against_restitution
-    from vibrosweep.figures.returns import return_map
-    from vibrosweep.figures.sensitivity import sobol_bars
-    from vibrosweep.figures.separations import (
-        decay_in_a_slot,
+    from vibrosweep.figures.sweeps import (
+        height_against_restitution,
+        parameter_plane,
         separation_distributions,
         separations_over_chance,
+        sobol_bars,
     )
-    from vibrosweep.figures.window_bands import stability_windows
+    from vibrosweep.figures.windows import stability_windows
 
 __all__ = [
     "available",
     "basin_shares",
     "basins_of_attraction",
     "bifurcation_diagram",
-    "decay_in_a_slot",
     "height_against_restitution",
     "height_time",
     "orbit_boundaries",
@@ -63,21 +64,32 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "style": "vibrosweep.figures.style",
-    **dict.fromkeys(("basin_shares", "basins_of_attraction"), "vibrosweep.figures.basins"),
-    "bifurcation_diagram": "vibrosweep.figures.bifurcation",
-    "height_time": "vibrosweep.figures.height_curves",
-    "parameter_plane": "vibrosweep.figures.plane",
-    **dict.fromkeys(("orbit_boundaries", "orbit_branches"), "vibrosweep.figures.lines"),
-    "periodic_orbits": "vibrosweep.figures.orbits",
-    **dict.fromkeys(("available", "save_all"), "vibrosweep.figures.registry"),
-    "height_against_restitution": "vibrosweep.figures.restitution",
-    "return_map": "vibrosweep.figures.returns",
-    "sobol_bars": "vibrosweep.figures.sensitivity",
-    **dict.fromkeys(
-        ("decay_in_a_slot", "separation_distributions", "separations_over_chance"),
-        "vibrosweep.figures.separations",
-    ),
-    "stability_windows": "vibrosweep.figures.window_bands",
+    name: f"vibrosweep.figures.{home}"
+    for home, names in {
+        "style": ["style"],
+        "records": ["height_time", "return_map"],
+        "sweeps": [
+            "height_against_restitution",
+            "parameter_plane",
+            "separation_distributions",
+            "separations_over_chance",
+            "sobol_bars",
+        ],
+        "windows": ["stability_windows"],
+        "orbits": [
+            "basin_shares",
+            "basins_of_attraction",
+            "bifurcation_diagram",
+            "orbit_boundaries",
+            "orbit_branches",
+            "periodic_orbits",
+        ],
+        "registry": ["available", "save_all"],
+    }.items()
+    for name in names
 }
 __getattr__ = lazily(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

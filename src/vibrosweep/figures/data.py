@@ -10,17 +10,21 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import moves, recoils
-from vibrosweep.analysis.records import completed, per_realization
-from vibrosweep.analysis.requirements import differing, refused_ragged, remedy
+from vibrosweep.analysis.datasets import (
+    completed,
+    differing,
+    per_realization,
+    refused_ragged,
+    remedy,
+)
+from vibrosweep.analysis.records import moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
-from vibrosweep.model.measures import known
+from vibrosweep.model.measures import Status, known
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
-from vibrosweep.model.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,7 +71,7 @@ SYMBOLS: Final = {
 
 
 @dataclass(frozen=True)
-class Needs:
+class Requirements:
     """Requirements of a figure."""
 
     variables: tuple[str, ...]  # variables or coordinates that are all needed

@@ -1,31 +1,34 @@
-"""Periodic orbits, stable and unstable: in the plane of states, along a parameter, over a plane."""
+"""Attractors and periodic orbits: orbits, branches, boundaries, basins, bifurcations."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.patheffects import withStroke
 
-from vibrosweep.analysis.closed_orbits import cycle_name
+from vibrosweep.analysis.basins import UNSETTLED, name_of
+from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
-from vibrosweep.figures.basins import basins_of_attraction
-from vibrosweep.figures.cells import between
-from vibrosweep.figures.paint import paint_grid
+from vibrosweep.figures.paint import between, paint_grid
+from vibrosweep.figures.style import Panels
+from vibrosweep.figures.sweeps import parameter_plane
+from vibrosweep.model.measures import Regime
 from vibrosweep.model.parameters import OF_RESTITUTION
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "periodic_orbits"]
-
-NEEDS: Final = data.Needs(
+ORBIT_NEEDS: Final = data.Requirements(
     ("cycle_impacts", "cycle_periods", "stable", "admissible", "impact_phase", "rebound_velocity")
 )
 # Parameters that set the orbits and the basins alike
-SHARED: Final = (
+SHARED_BY_ORBITS: Final = (
     "restitution",
     "amplitude",
     "frequency",
@@ -34,6 +37,33 @@ SHARED: Final = (
     *OF_RESTITUTION,
 )
 ORBIT_DIMS: Final = frozenset(("orbit", "impact", "impacts", "periods", "multiplier"))
+LINE_NEEDS: Final = data.Requirements(
+    ("bifurcation", "cycle_impacts", "cycle_periods", "admissible")
+)
+# Parameters apart from the plane of restitution and forcing that set the boundaries
+SHARED_BY_BOUNDARIES: Final = ("frequency", "gravity", "contact_time", *OF_RESTITUTION)
+TIES: Final = (2, 3, 7)  # grazes and rest among the codes of `bifurcation`
+THIN, THICK = 0.6, 1.8  # lines of unstable and of stable orbits
+AT_BORDER: Final = 1e-9  # by which a modulus may exceed 1 where a stable part of a branch ends
+# By the codes of `bifurcation`: the marker of a point, the dashes of a curve, and the name
+KINDS: Final = (
+    ("s", "-", "saddle-node"),
+    ("o", "--", "period doubling"),
+    ("^", "-.", "grazing"),
+    ("v", ":", "rest"),
+    ("o", "--", "period doubling"),
+    ("D", "-", "corner"),
+    ("P", ":", "yielding"),
+    ("<", "-.", "grazing at a landing"),
+)
+BASIN_NEEDS: Final = data.Requirements(
+    ("basin", "fraction", "regime", "cycle_impacts", "cycle_periods")
+)
+COLOURS: Final = (*style.OKABE_ITO, "0.75")
+NAMED: Final = len(COLOURS)  # attractors that the legend names one by one
+DIAGRAM_NEEDS: Final = data.Requirements(("direction", "lyapunov_largest", "regime"))
+# Larger dots for the downward direction, under the upward ones, so that both stay visible
+ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.7))
 
 
 @style.styled
@@ -76,7 +106,7 @@ def periodic_orbits(
     >>> periodic_orbits(found).get_xlabel()
     'phase of the impact, turns'
     """
-    NEEDS.check("periodic_orbits", orbits)
+    ORBIT_NEEDS.check("periodic_orbits", orbits)
     varied = [str(dim) for dim in orbits["stable"].dims if dim not in ORBIT_DIMS]
     if "realization" in varied or len(varied) > 2 or (varied and basins is not None):
         raise DataError(
@@ -84,7 +114,7 @@ def periodic_orbits(
             f"basins only one realization: choose with .isel() along {', '.join(varied)}"
         )
     if basins is not None:
-        data.require_same_scene("periodic_orbits", orbits, basins, SHARED)
+        data.require_same_scene("periodic_orbits", orbits, basins, SHARED_BY_ORBITS)
         axes = basins_of_attraction(basins, ax=ax)
         _draw_over(axes, orbits, _launch_times(orbits, basins))
         style.beside(axes, data.conditions(basins))
@@ -174,3 +204,377 @@ def _draw_numbers(axes: Axes, orbits: xr.Dataset, plane: list[str]) -> None:
     drawn = paint_grid(axes, number, across, up, cmap=style.SEQUENTIAL_MAP, **scale)
     data.name_axes(axes, orbits, across, up)
     axes.figure.colorbar(drawn, ax=axes, label="stable orbits")
+
+
+@style.styled
+def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
+    """Draw the speeds of periodic orbits along a parameter, and where they bifurcate.
+
+    Lines are thick where the orbit is stable, and coloured by the numbers of impacts and forcing
+    periods.
+
+    Parameters
+    ----------
+    branches
+        Result of `vibrosweep.branches`.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import orbit_branches
+    >>> found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], doublings=3)
+    >>> orbit_branches(found).get_xlabel()
+    'amplitude of the kick $A$ (m s$^{-1}$)'
+    """
+    LINE_NEEDS.check("orbit_branches", branches)
+    along = str(branches.attrs["along"])
+    axes = style.axes_on(ax, style.PAGE, 3.6)
+    kinds = _by_kind(branches, "branch")
+    for colour, (kind, rows) in zip(style.colours(len(kinds)), kinds.items(), strict=True):
+        for i in rows:
+            one = branches.isel(branch=i)
+            at, speed = one[along].values, one["rebound_velocity"].values[:, : kind[0]]
+            modulus = np.hypot(one["multiplier_real"].values, one["multiplier_imaginary"].values)
+            stable = modulus[:, :1] <= 1.0 + AT_BORDER
+            axes.plot(at, speed, color=colour, linewidth=THIN)
+            axes.plot(at, np.where(stable, speed, np.nan), color=colour, linewidth=THICK)
+        axes.plot([], [], color=colour, label=cycle_name(*kind))
+    for width, name in ((THICK, "stable"), (THIN, "unstable")) if kinds else ():
+        axes.plot([], [], color=style.GREY, linewidth=width, label=name)
+    _mark_events(axes, branches, along)
+    data.name_axes(axes, branches, along, "rebound_velocity")
+    style.beside(axes, data.conditions(branches.drop_dims("point")))
+    return axes
+
+
+def _mark_events(axes: Axes, branches: xr.Dataset, along: str) -> None:
+    """Mark each bifurcation, at the speeds of the nearest point of its branch."""
+    seen = set()
+    for i in range(branches.sizes["branch"]):
+        one = branches.isel(branch=i)
+        values, p = one[along].values, int(one["cycle_impacts"])
+        phases = one["impact_phase"].values[:, 0]
+        for code, at, phase in zip(
+            one["bifurcation"].values,
+            one[f"bifurcation_{along}"].values,
+            one["bifurcation_phase"].values[:, 0],
+            strict=True,
+        ):
+            if code < 0:
+                continue
+            marker, _, name = KINDS[code]
+            off = np.abs(values - at) + np.abs((phases - phase + 0.5) % 1.0 - 0.5)
+            speed = one["rebound_velocity"].values[np.nanargmin(off), :p]
+            axes.plot(
+                np.full(p, at),
+                speed,
+                marker,
+                markersize=4.0,
+                markerfacecolor="white",
+                markeredgecolor="black",
+                markeredgewidth=0.7,
+                label="" if name in seen else name,
+                zorder=4.0,
+            )
+            seen.add(name)
+
+
+@style.styled
+def orbit_boundaries(
+    boundaries: xr.Dataset,
+    *,
+    sweep: xr.Dataset | None = None,
+    variable: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the curves on which periodic orbits are born, double their period, graze or rest.
+
+    Curves are thin where no particle can follow the orbit, since it would land earlier or rest.
+
+    Parameters
+    ----------
+    boundaries
+        Result of `vibrosweep.boundaries`.
+    sweep
+        Result of a sweep over restitution and amplitude, or acceleration, in the same scene with
+        the same frequency, gravity and contact time; the curves are drawn over its plane.
+    variable
+        Variable of that sweep, as `vibrosweep.figures.parameter_plane` takes it.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable, or contradicts the sweep.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import orbit_boundaries
+    >>> found = vs.boundaries(restitution=[0.5, 0.9], amplitude=[0.1, 5.0])
+    >>> orbit_boundaries(found).get_xlabel()
+    'restitution $e$'
+    """
+    LINE_NEEDS.check("orbit_boundaries", boundaries)
+    forcing = str(boundaries.attrs["forcing"])
+    if sweep is None:
+        axes = style.axes_on(ax, style.PAGE, 3.6)
+        data.name_axes(axes, boundaries, "restitution", forcing)
+    else:
+        data.require_same_scene("orbit_boundaries", boundaries, sweep, SHARED_BY_BOUNDARIES)
+        forcing = data.drawn_forcing(sweep) or forcing
+        data.Requirements((forcing,)).check("orbit_boundaries", boundaries)
+        axes = parameter_plane(sweep, variable, ax=ax)
+    view = axes.axis()
+    kinds, seen = _by_kind(boundaries, "curve"), set()
+    colours = style.colours(len(kinds))
+    if sweep is not None:  # white is seen on every colour of a plane
+        colours = ["white", *colours[:-1]]
+    for colour, (kind, rows) in zip(colours, kinds.items(), strict=True):
+        for i in rows:
+            one = boundaries.isel(curve=i)
+            code = int(one["bifurcation"])
+            name = f"{cycle_name(*kind)}, {KINDS[code][2]}"
+            # at a graze or rest, rounding decides whether the orbit is admissible
+            admissible = (one["admissible"].values == 1) | (code in TIES)
+            for chosen, width in ((np.ones_like(admissible), 0.5), (admissible, 1.3)):
+                edge = [withStroke(linewidth=width + 1.0, foreground="black")]
+                axes.plot(
+                    one["restitution"].values,
+                    np.where(chosen, one[forcing].values, np.nan),
+                    color=colour,
+                    linestyle=KINDS[code][1],
+                    linewidth=width,
+                    label=name if width > 1.0 and name not in seen else "",
+                    zorder=3.0,
+                    path_effects=edge if colour == "white" else None,
+                )
+            seen.add(name)
+    if sweep is None:
+        style.beside(axes, data.conditions(boundaries.drop_dims("point")))
+    else:
+        axes.axis(view)
+        style.head(axes, style.remark_of(axes), columns=1)
+    return axes
+
+
+def _by_kind(lines: xr.Dataset, dim: str) -> dict[tuple[int, int], list[int]]:
+    """Indices of lines by their impacts and periods."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for i in range(lines.sizes[dim]):
+        kind = int(lines["cycle_impacts"][i]), int(lines["cycle_periods"][i])
+        found.setdefault(kind, []).append(i)
+    return dict(sorted(found.items()))
+
+
+@style.styled
+def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
+    """Draw the attractor that each launch leads to, with the fraction of launches in each basin.
+
+    Parameters
+    ----------
+    basins
+        Result of `vibrosweep.basins`.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable, or holds basins along a parameter.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import basins_of_attraction
+    >>> found = vs.basins(launch_velocity=[3.0, 4.0, 5.0], particles=20, duration=2000.0)
+    >>> basins_of_attraction(found).get_xlabel()
+    'time of launch (s)'
+    """
+    BASIN_NEEDS.check("basins_of_attraction", basins)
+    if "along" in basins.attrs:
+        along = basins.attrs["along"]
+        raise DataError(
+            f"figure basins_of_attraction draws basins at one value of {along}: compute them with "
+            f"a single value, or draw basin_shares"
+        )
+    axes = style.axes_on(ax, style.PAGE, 3.6)
+    names, shares = _named(basins)
+    reached = basins["basin"].values
+    unsettled = float((reached == UNSETTLED).mean())
+    drawn = basins["basin"].clip(max=NAMED - 1)
+    colours = ListedColormap(["white", *COLOURS])
+    scale = {"vmin": UNSETTLED - 0.5, "vmax": NAMED - 0.5}
+    paint_grid(axes, drawn, "launch_time", "launch_velocity", cmap=colours, **scale)
+    for name, share, colour in zip(names, shares, COLOURS, strict=False):
+        label = f"{name}, {100.0 * float(share):.3g} %"
+        axes.plot([], [], "s", color=colour, label=label, markersize=5.0)
+    if unsettled > 0.0:
+        label = f"unsettled, {100.0 * unsettled:.3g} %"
+        axes.plot([], [], "s", color="white", markeredgecolor="0.5", label=label, markersize=5.0)
+    data.name_axes(axes, basins, "launch_time", "launch_velocity")
+    style.beside(axes, data.conditions(basins))
+    return axes
+
+
+@style.styled
+def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
+    """Draw the share of the launches that leads to each attractor, along a parameter.
+
+    Shares are stacked; the white remainder up to 1 is the share of unsettled launches.
+
+    Parameters
+    ----------
+    basins
+        Result of `vibrosweep.basins` along a parameter.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable, or holds basins at one value only.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import basin_shares
+    >>> found = vs.basins(amplitude=[0.6, 1.2], launch_velocity=[3.0, 5.0], duration=2000.0)
+    >>> basin_shares(found).get_xlabel()
+    'amplitude of the kick $A$ (m s$^{-1}$)'
+    """
+    BASIN_NEEDS.check("basin_shares", basins)
+    if "along" not in basins.attrs:
+        raise DataError(
+            "figure basin_shares draws basins along a parameter: compute them with a list of "
+            "amplitudes or restitutions beside launch_velocity"
+        )
+    along = str(basins.attrs["along"])
+    axes = style.axes_on(ax, style.PAGE, 3.6)
+    basins = basins.sortby(along)
+    names, shares = _named(basins)
+    values = basins[along].values
+    if values.size == 1:
+        values, shares = between(values), np.repeat(shares, 2, axis=1)
+    axes.stackplot(values, shares, colors=COLOURS[: len(names)], labels=names, linewidth=0.0)
+    if (basins["basin"].values == UNSETTLED).any():
+        axes.plot([], [], "s", color="white", markeredgecolor="0.5", label="unsettled")
+    axes.set(xlim=(values[0], values[-1]), ylim=(0.0, 1.0), ylabel="share of the launches")
+    axes.set_xlabel(data.label(basins, along))
+    style.beside(axes, data.conditions(basins))
+    return axes
+
+
+def _named(basins: xr.Dataset) -> tuple[list[str], Array]:
+    """Names of attractors and their fractions, shape (name, ...); the rarest share one name."""
+    fraction = basins["fraction"].transpose("attractor", ...).values
+    names = [name_of(basins.isel(attractor=i)) for i in range(fraction.shape[0])]
+    if len(names) <= NAMED:
+        return names, fraction
+    kept = NAMED - 1
+    shares = np.concatenate([fraction[:kept], fraction[kept:].sum(axis=0, keepdims=True)])
+    return [*names[:kept], f"{len(names) - kept} others"], shares
+
+
+@style.styled
+def bifurcation_diagram(
+    diagram: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None
+) -> Panels:
+    """Draw the impacts of all particles along the forcing, up and down, above their exponents.
+
+    The axis is the forcing as given.  An orbit with rests has the exponent minus infinity,
+    drawn at the lower edge.  The head of the figure states the share of unsettled orbits, whose
+    impacts need not belong to an attractor.
+
+    Parameters
+    ----------
+    diagram
+        Result of `vibrosweep.bifurcation`.
+    ax
+        Two axes to draw on; by default those of a new figure of pyplot.
+
+    Returns
+    -------
+    numpy.ndarray of matplotlib.axes.Axes
+        The axes of the impacts and of the exponents.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import bifurcation_diagram
+    >>> found = vs.bifurcation(amplitude=[0.6, 0.7, 0.8], samples=4, duration_periods=2000)
+    >>> len(bifurcation_diagram(found))
+    2
+    """
+    DIAGRAM_NEEDS.check("bifurcation_diagram", diagram)
+    layout = {"sharex": True, "height_ratios": (2.0, 1.0)}
+    upper, lower = panels = style.panels_on(ax, style.PAGE, 5.0, [[0], [1]], **layout)
+    name, along = str(diagram.attrs["observable"]), str(diagram.attrs["forcing"])
+    words = along.removeprefix("base_")
+    for direction, colour, size in ORDER:
+        values = diagram[name].sel(direction=direction)
+        x, y = np.broadcast_arrays(
+            diagram[along].values[:, np.newaxis], values.values.reshape(values.shape[0], -1)
+        )
+        upper.scatter(x, y, s=size, color=colour, linewidths=0.0, rasterized=True)
+        upper.plot([], [], ".", color=colour, markersize=6.0, label=f"{words} {direction}")
+    _exponents(lower, diagram, diagram[along].values)
+    upper.set_ylabel(data.label(diagram, name))
+    lower.set_xlabel(data.label(diagram, along))
+    if upper.get_position().x0 != lower.get_position().x0:  # a user has put them side by side
+        upper.set_xlabel(data.label(diagram, along))
+    lower.set_ylabel("largest Lyapunov\nexponent per impact")
+    drawn = {along, "amplitude", "base_acceleration"}
+    head = data.conditions(diagram.drop_vars(drawn, errors="ignore"))
+    unsettled = np.mean(diagram["regime"].values == Regime.UNSETTLED)
+    style.head(upper, f"{head}, {unsettled:.2g} of the orbits unsettled" if unsettled else head)
+    return panels
+
+
+def _exponents(axes: Axes, diagram: xr.Dataset, x: Array) -> None:
+    exponents = diagram["lyapunov_largest"]
+    known = exponents.values[np.isfinite(exponents.values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (-1.0, 0.0)
+    floor = low - 0.25 * max(high - low, 0.1)
+    for direction, colour, size in ORDER:
+        values = exponents.sel(direction=direction).values
+        values = np.where(values == -np.inf, floor, values)
+        for particle in range(values.shape[1]):
+            axes.plot(x, values[:, particle], ".", color=colour, markersize=size + 0.8)
+    axes.axhline(0.0, color=style.GREY, linewidth=0.7, zorder=0.5)
+    axes.set_ylim(floor - 0.03 * (high - floor), max(high, 0.0) + 0.08 * (high - floor))
+    if np.any(exponents.values == -np.inf):
+        axes.text(0.005, 0.06, data.MINUS_INFINITY, transform=axes.transAxes, fontsize=7.5)

@@ -15,20 +15,26 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize, TwoSlopeNorm, to_rgba
 from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import ColorType
+from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.figures import cells as gathering
 from vibrosweep.figures import style
-from vibrosweep.figures.cells import Cells
 
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["Cells", "between", "commonest", "equal_cells", "grid_cells", "median", "scale_ends"]
+
+MOST_VALUES: Final = (0.01, 0.99)  # quantiles between which a scale of colours shows differences
+
 APART: Final = ("0.72", "0.35")  # colours of values apart from the scale
+PER_CELL: Final = 20
+MOST_CELLS: Final = 200
+ALONE: Final = 0.01  # half the width of the cell of a single value, relative to it unless it is 0
 
 
 @dataclass(frozen=True)
-class Points:
+class Places:
     """Realizations in the plane; ``cells`` is None if each of them is drawn as a dot."""
 
     x: Array
@@ -41,17 +47,17 @@ class Points:
         return self.cells is not None and self.x.size > int(np.prod(self.cells.shape))
 
 
-def scatter_points(x: Array, y: Array) -> Points:
+def scatter_points(x: Array, y: Array) -> Places:
     """Place realizations: in the cells of their grid, in equal cells if many, else as dots."""
-    cells = gathering.grid_cells(x, y)
+    cells = grid_cells(x, y)
     if cells is None and x.size > style.MANY:
-        cells = gathering.equal_cells(x, y)
-    return Points(x, y, cells)
+        cells = equal_cells(x, y)
+    return Places(x, y, cells)
 
 
 def paint_numbers(
     axes: Axes,
-    points: Points,
+    points: Places,
     values: Array,
     label: str,
     apart: Mapping[float, str],
@@ -63,7 +69,7 @@ def paint_numbers(
     `apart` names the values that have colours apart from the scale.  With zero among them the scale
     is logarithmic; a scale of signed numbers is diverging, with zero in its middle.
     """
-    drawn = values if points.cells is None else gathering.median(points.cells, values)
+    drawn = values if points.cells is None else median(points.cells, values)
     for (value, name), colour in zip(apart.items(), APART, strict=False):
         _paint_one_colour(axes, points, drawn == value, colour, name, marker="x")
     _paint_nothing(axes, points, drawn)
@@ -89,7 +95,7 @@ def paint_numbers(
 
 
 def paint_codes(
-    axes: Axes, points: Points, values: Array, codes: Array, meanings: Sequence[str]
+    axes: Axes, points: Places, values: Array, codes: Array, meanings: Sequence[str]
 ) -> None:
     """Paint every code in its colour, with a legend entry for each code that occurs."""
     colours = style.colours(len(codes))
@@ -98,7 +104,7 @@ def paint_codes(
         for i, code in enumerate(codes):
             position[values == code] = i
     else:
-        position = gathering.commonest(points.cells, values, codes)
+        position = commonest(points.cells, values, codes)
     for i, meaning in enumerate(meanings):
         _paint_one_colour(axes, points, position == i, colours[i], meaning.replace("_", " "))
     _paint_nothing(axes, points, position)
@@ -107,11 +113,11 @@ def paint_codes(
 def paint_grid(axes: Axes, values: xr.DataArray, across: str, up: str, **look: Any) -> QuadMesh:
     """Paint the values at the points of two axes as cells around them; axes may be unsorted."""
     cells = values.sortby([across, up]).transpose(up, across)
-    edges = (gathering.between(cells[name].values) for name in (across, up))
+    edges = (between(cells[name].values) for name in (across, up))
     return axes.pcolormesh(*edges, cells.values, rasterized=True, **look)
 
 
-def _paint_nothing(axes: Axes, points: Points, drawn: Array) -> None:
+def _paint_nothing(axes: Axes, points: Places, drawn: Array) -> None:
     """Paint the places without a value."""
     nothing = "white" if points.cells is not None else "0.8"
     _paint_one_colour(axes, points, np.isnan(drawn), nothing, "no value", marker="+")
@@ -119,7 +125,7 @@ def _paint_nothing(axes: Axes, points: Points, drawn: Array) -> None:
 
 def _around_zero(known: Array) -> Normalize:
     """Scale with zero in its middle, over both signs even if only one occurs."""
-    low, high = style.scale_ends(known)
+    low, high = scale_ends(known)
     most = max(abs(low), abs(high)) or 1.0
     return TwoSlopeNorm(0.0, low if low < 0.0 else -most, high if high > 0.0 else most)
 
@@ -146,12 +152,12 @@ def _norm(known: Array, *, logarithmic: bool) -> Normalize:
         # a few almost coincident landings would stretch the scale to the limits of precision
         low = max(low, float(np.quantile(known, 0.01, method="lower")), 1e-6 * high)
         return LogNorm(low, high) if low < high else LogNorm(low / 2.0, low * 2.0)
-    low, high = style.scale_ends(known)
+    low, high = scale_ends(known)
     return Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
 
 
 def _paint(
-    axes: Axes, points: Points, drawn: Array, cmap: Colormap, norm: Normalize, marker: str = "o"
+    axes: Axes, points: Places, drawn: Array, cmap: Colormap, norm: Normalize, marker: str = "o"
 ) -> ScalarMappable:
     if points.cells is not None:
         return axes.pcolormesh(
@@ -179,7 +185,7 @@ def _paint(
 
 def _paint_one_colour(
     axes: Axes,
-    points: Points,
+    points: Places,
     chosen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
     colour: ColorType,
     name: str,
@@ -199,3 +205,86 @@ def _paint_one_colour(
         markeredgecolor="0.6" if colour == "white" else colour,
         label=name,
     )
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of a plane; ``index`` is the cell of each point in row-major order, y first."""
+
+    x_edges: Array
+    y_edges: Array
+    index: NDArray[np.int64]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows (y) and columns (x)."""
+        return self.y_edges.size - 1, self.x_edges.size - 1
+
+
+def grid_cells(x: Array, y: Array) -> Cells | None:
+    """Return the cells of a grid design, one around each of its points; None for other designs."""
+    columns, column = np.unique(x, return_inverse=True)
+    rows, row = np.unique(y, return_inverse=True)
+    if min(columns.size, rows.size) < 2 or columns.size * rows.size > x.size:
+        return None
+    index = row * columns.size + column
+    if np.unique(index).size != columns.size * rows.size:
+        return None
+    return Cells(between(columns), between(rows), index)
+
+
+def equal_cells(x: Array, y: Array) -> Cells:
+    """Return equal cells over the range of the points, about twenty points to a cell."""
+    count = int(np.clip(np.sqrt(x.size / PER_CELL), 2, MOST_CELLS))
+    x_edges = np.linspace(x.min(), x.max(), count + 1)
+    y_edges = np.linspace(y.min(), y.max(), count + 1)
+    column = np.clip(np.searchsorted(x_edges, x, side="right") - 1, 0, count - 1)
+    row = np.clip(np.searchsorted(y_edges, y, side="right") - 1, 0, count - 1)
+    return Cells(x_edges, y_edges, row * count + column)
+
+
+def median(cells: Cells, values: Array) -> Array:
+    """Lower median of the values in each cell, NaN where there are none.
+
+    The lower median is always one of the values: zeros and infinities, which have a special
+    meaning, are not averaged with other values.
+    """
+    known = ~np.isnan(values)
+    index, kept = cells.index[known], values[known]
+    order = np.lexsort((kept, index))
+    count = np.bincount(index, minlength=int(np.prod(cells.shape)))
+    middle = np.cumsum(count) - count + (np.maximum(count, 1) - 1) // 2
+    result = np.full(count.size, np.nan)
+    result[count > 0] = kept[order][middle[count > 0]]
+    return result.reshape(cells.shape)
+
+
+def commonest(cells: Cells, values: Array, codes: Array) -> Array:
+    """Position in ``codes`` of the commonest code in each cell, NaN in empty cells."""
+    of_code = [
+        np.bincount(cells.index[values == code], minlength=int(np.prod(cells.shape)))
+        for code in codes
+    ]
+    counts = np.stack(of_code)
+    best = np.where(counts.sum(axis=0) > 0, counts.argmax(axis=0), np.nan)
+    return np.asarray(best.reshape(cells.shape), dtype=np.float64)
+
+
+def between(values: Array) -> Array:
+    """Edges half-way between sorted values; the outer cells are symmetric about their values."""
+    if values.size == 1:
+        half = ALONE * (abs(float(values[0])) or 1.0)
+        return np.array([values[0] - half, values[0] + half])
+    middle = (values[1:] + values[:-1]) / 2.0
+    first, last = values[0] - (middle[0] - values[0]), values[-1] + (values[-1] - middle[-1])
+    return np.concatenate([[first], middle, [last]])
+
+
+def scale_ends(values: Array) -> tuple[float, float]:
+    """Return ends of a scale of colours that a few values far from the others do not spoil."""
+    low, high = float(values.min()), float(values.max())
+    least, most = (float(end) for end in np.quantile(values, MOST_VALUES))
+    if most > least:  # the extreme values take no more of the scale than all others
+        low = low if least - low <= most - least else least
+        high = high if high - most <= most - least else most
+    return low, high

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibrosweep.figures import data, height_curves, plane, restitution, returns, separations, style
-from vibrosweep.figures.data import Needs
+from vibrosweep.figures import data, records, style, sweeps
+from vibrosweep.figures.data import Requirements
 from vibrosweep.model.parameters import NOISE
+from vibrosweep.store.arranged import flat
 from vibrosweep.store.disk import make_directory, replacing
-from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,7 +41,7 @@ class FigureEntry:
 
     name: str  # in messages
     source: Literal["record", "sweep"]  # dataset from which it is drawn
-    needs: Needs  # requirements on that dataset
+    needs: Requirements  # requirements on that dataset
     draw: Callable[[xr.Dataset], Axes]
     number: int = 0  # of the figure in the study, 0 if it is in none
 
@@ -57,11 +57,11 @@ class FigureEntry:
 
 
 def _height_time_one(record: xr.Dataset) -> Axes:
-    return height_curves.height_time(record, [0], height_curves.readable_until(record))
+    return records.height_time(record, [0], records.readable_until(record))
 
 
 def _height_time_all(record: xr.Dataset) -> Axes:
-    return height_curves.height_time(record, None, height_curves.readable_until(record))
+    return records.height_time(record, None, records.readable_until(record))
 
 
 def _separation_distribution(sweep: xr.Dataset) -> Axes:
@@ -74,7 +74,7 @@ def _separation_distribution(sweep: xr.Dataset) -> Axes:
         _counted(name, int(one["known"]), part.sizes["realization"])
         for (name, part), one in zip(parts.items(), found, strict=True)
     ]
-    return separations.separation_distributions(found, names, sweep["contact_time"].values)
+    return sweeps.separation_distributions(found, names, sweep["contact_time"].values)
 
 
 def _counted(name: str, known: int, many: int) -> str:
@@ -106,31 +106,31 @@ def _by_noise(sweep: xr.Dataset) -> dict[str, xr.Dataset]:
 
 
 def _separation_over_chance(sweep: xr.Dataset) -> Axes:
-    from vibrosweep.analysis.chance import separations_against_chance
+    from vibrosweep.analysis.separations import separations_against_chance
 
-    return separations.separations_over_chance([separations_against_chance(sweep)], ["this sweep"])
+    return sweeps.separations_over_chance([separations_against_chance(sweep)], ["this sweep"])
 
 
 FIGURES: Final[Mapping[str, FigureEntry]] = {
     entry.name: entry
     for entry in (
-        FigureEntry("height_time", "record", height_curves.NEEDS, _height_time_one, number=1),
-        FigureEntry("height_time_all", "record", height_curves.NEEDS, _height_time_all, number=2),
+        FigureEntry("height_time", "record", records.HEIGHT_NEEDS, _height_time_one, number=1),
+        FigureEntry("height_time_all", "record", records.HEIGHT_NEEDS, _height_time_all, number=2),
         FigureEntry(
             "height_against_restitution",
             "sweep",
-            restitution.NEEDS,
-            restitution.height_against_restitution,
+            sweeps.RESTITUTION_NEEDS,
+            sweeps.height_against_restitution,
             number=3,
         ),
-        FigureEntry("return_map", "record", returns.NEEDS, returns.return_map, number=4),
+        FigureEntry("return_map", "record", records.RETURN_NEEDS, records.return_map, number=4),
         FigureEntry(
-            "separation_distribution", "sweep", separations.NEEDS, _separation_distribution
+            "separation_distribution", "sweep", sweeps.SEPARATION_NEEDS, _separation_distribution
         ),
         FigureEntry(
-            "separation_over_chance", "sweep", separations.NEEDS_FOR_CHANCE, _separation_over_chance
+            "separation_over_chance", "sweep", sweeps.CHANCE_NEEDS, _separation_over_chance
         ),
-        FigureEntry("parameter_plane", "sweep", plane.NEEDS, plane.parameter_plane),
+        FigureEntry("parameter_plane", "sweep", sweeps.PLANE_NEEDS, sweeps.parameter_plane),
     )
 }
 

@@ -1,28 +1,27 @@
-"""Sizes, fonts and colours of every figure, set without touching global state."""
+"""Look of figures and the axes that they are drawn on, without touching global state."""
 
 from __future__ import annotations
 
 import functools
 import inspect
 import re
+import warnings
 from collections.abc import Callable, Sequence
+from contextvars import ContextVar
 from typing import Any, Final, ParamSpec, TypeVar
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotParams
+from matplotlib.layout_engine import PlaceHolderLayoutEngine
 from matplotlib.typing import ColorType
+from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.figures.canvas import (
-    axes_on,
-    for_file,
-    has_room,
-    load_backend,
-    make_room,
-    panels_on,
-)
+from vibrosweep.errors import ParameterError
 from vibrosweep.store.arranged import arranged, require_dataset, require_datasets
 
 __all__ = [
@@ -40,8 +39,14 @@ __all__ = [
     "styled",
 ]
 
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 P = ParamSpec("P")
 R = TypeVar("R")
+Panels = NDArray[np.object_]  # axes of a figure, shape (panel,)
 
 # What an argument of a figure must be, by its annotation
 DOORS: Final[dict[object, Callable[[object], None]]] = {
@@ -52,22 +57,16 @@ DOORS: Final[dict[object, Callable[[object], None]]] = {
 COLUMN: Final = 3.5
 MEDIUM: Final = 5.0
 PAGE: Final = 7.0
-
 # Above this number, points are gathered in cells instead of drawn one by one
 MANY: Final = 20_000
-
 LETTERS_PER_INCH: Final = 14  # of a remark
 BESIDE: Final = 0.5  # inches of the width of a figure that a remark cannot use
 INSIDE: Final = 0.7  # share of the remaining width for a remark inside the axes
-
-MOST_VALUES: Final = (0.01, 0.99)  # quantiles between which a scale of colours shows differences
-
 SEQUENTIAL_MAP: Final = "viridis"
 DIVERGING_MAP: Final = "coolwarm"  # of signed numbers
 DENSITY_MAP: Final = "cividis_r"
 GREY: Final = "0.45"
 DASHED: Final = (0, (5, 2))
-
 # The palette of Okabe and Ito, distinct under every common colour blindness, without its yellow,
 # in which thin lines vanish on white
 OKABE_ITO: Final = (
@@ -79,7 +78,6 @@ OKABE_ITO: Final = (
     "#56B4E9",  # sky blue
     "#000000",
 )
-
 # The keys are typed loosely because matplotlib names each of them in a type, from 3.11 on
 RC: Final[dict[Any, Any]] = {
     "font.family": "sans-serif",
@@ -116,6 +114,7 @@ RC: Final[dict[Any, Any]] = {
     "pdf.fonttype": 42,  # journals want embedded TrueType, not Type 3
     "savefig.bbox": None,  # keeps the designed sizes
 }
+_FOR_FILE: Final = ContextVar("for_file", default=False)
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
@@ -191,16 +190,6 @@ def colours(count: int) -> list[ColorType]:
     if count <= len(OKABE_ITO):
         return list(OKABE_ITO[:count])
     return [mpl.colormaps[SEQUENTIAL_MAP](i / (count - 1)) for i in range(count)]
-
-
-def scale_ends(values: Array) -> tuple[float, float]:
-    """Return ends of a scale of colours that a few values far from the others do not spoil."""
-    low, high = float(values.min()), float(values.max())
-    least, most = (float(end) for end in np.quantile(values, MOST_VALUES))
-    if most > least:  # the extreme values take no more of the scale than all others
-        low = low if least - low <= most - least else least
-        high = high if high - most <= most - least else most
-    return low, high
 
 
 def halo() -> list[patheffects.AbstractPathEffect]:
@@ -292,3 +281,152 @@ def _in_lines(remark: str, width: float) -> str:
         else:
             lines[-1:] = [longer]
     return "\n".join(lines)
+
+
+def load_backend() -> None:
+    """Load the backend of pyplot, unless for a file, so that its settings outlast the style."""
+    if not _FOR_FILE.get():
+        from matplotlib import pyplot
+
+        pyplot.draw_if_interactive()  # type: ignore[no-untyped-call]
+
+
+def axes_on(ax: Axes | None, width: float, height: float) -> Axes:
+    """Return the axes to draw on: those given, or those of a new figure.
+
+    Parameters
+    ----------
+    ax
+        Axes that a user gave; None for a new figure of pyplot, which a notebook shows.
+    width, height
+        Inches of the new figure; figures of this package are `COLUMN`, `MEDIUM` or `PAGE` wide.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+
+    Raises
+    ------
+    ParameterError
+        The argument is not an Axes.
+
+    Examples
+    --------
+    >>> from vibrosweep.figures import style
+    >>> axes = style.axes_on(None, style.MEDIUM, 3.0)
+    >>> style.axes_on(axes, style.MEDIUM, 3.0) is axes
+    True
+    """
+    axes: Axes = panels_on(ax, width, height, [[0]])[0]
+    return axes
+
+
+def panels_on(
+    ax: Axes | Sequence[Axes] | Panels | None,
+    width: float,
+    height: float,
+    mosaic: Sequence[Sequence[int]],
+    **arrangement: Any,
+) -> Panels:
+    """Return the axes of several panels: those given, or those of a new figure.
+
+    Parameters
+    ----------
+    ax
+        Axes that a user gave, one for each panel; None for a new figure of pyplot.
+    width, height
+        Inches of the new figure.
+    mosaic
+        Rows of the numbers of panels, from 0 on: ``[[0, 0], [1, 2]]`` puts the first above two.
+    **arrangement
+        Further arguments of ``matplotlib.figure.Figure.subplot_mosaic``, for a new figure.
+
+    Returns
+    -------
+    numpy.ndarray of matplotlib.axes.Axes
+        The axes, shape (panel,).
+
+    Raises
+    ------
+    ParameterError
+        The arguments are not Axes, or not one for each panel.
+
+    Examples
+    --------
+    >>> from vibrosweep.figures import style
+    >>> style.panels_on(None, style.PAGE, 3.0, [[0, 1]], sharey=True).shape
+    (2,)
+    """
+    count = len({panel for row in mosaic for panel in row})
+    if ax is not None:
+        given = np.asarray(ax, dtype=object).ravel()
+        if given.size != count or not all(isinstance(one, Axes) for one in given):
+            wanted = "axes of matplotlib" if count == 1 else f"{count} axes, one for each panel"
+            raise ParameterError(f"ax = {ax}: give {wanted}")
+        return given
+    size: dict[str, Any] = {"figsize": (width, height), "layout": "constrained"}
+    if _FOR_FILE.get():
+        figure = Figure(**size)
+    else:
+        from matplotlib import pyplot  # chooses a backend, which files do not need
+
+        figure = pyplot.figure(**size)
+    panels = figure.subplot_mosaic([list(row) for row in mosaic], **arrangement)
+    return np.array([panels[i] for i in range(count)], dtype=object)
+
+
+def has_room(axes: Axes) -> bool:
+    """Return whether a layout engine or `make_room` provides room around the axes."""
+    figure = axes.get_figure(root=True)
+    if figure is None or _arranges(figure):
+        return figure is not None
+    arranged = isinstance(figure.get_layout_engine(), PlaceHolderLayoutEngine)  # by make_room
+    by_hand = not arranged and vars(figure.subplotpars) != vars(SubplotParams())
+    return axes.figure is figure and axes.get_subplotspec() is not None and not by_hand
+
+
+def make_room(axes: Axes) -> None:
+    """Make room for labels and legends in a user's figure that no layout engine arranges."""
+    figure = axes.get_figure(root=True)
+    if figure and has_room(axes) and not _arranges(figure):
+        with warnings.catch_warnings():  # the figure is too small, or has axes placed by hand
+            warnings.simplefilter("ignore", UserWarning)
+            figure.tight_layout()
+
+
+def _arranges(figure: Figure) -> bool:
+    engine = figure.get_layout_engine()
+    return engine is not None and not isinstance(engine, PlaceHolderLayoutEngine)
+
+
+def for_file(draw: Callable[P, Axes | Panels], *args: P.args, **kwargs: P.kwargs) -> Figure:
+    """Draw for a file, on a figure without pyplot, so that no window opens.
+
+    Parameters
+    ----------
+    draw
+        Function of `vibrosweep.figures`, or any that takes its axes from `axes_on` or `panels_on`.
+    *args, **kwargs
+        Its arguments.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; ``savefig`` writes it.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import height_time, style
+    >>> figure = style.for_file(height_time, vs.simulate())
+    >>> len(figure.axes)
+    1
+    """
+    token = _FOR_FILE.set(True)
+    try:
+        drawn = draw(*args, **kwargs)
+    finally:
+        _FOR_FILE.reset(token)
+    figure: Figure = np.ravel(np.asarray(drawn, dtype=object))[0].get_figure(root=True)
+    return figure

@@ -30,11 +30,11 @@ from vibrosweep.model.parameters import (
     OF_RESTITUTION,
     PARAMETERS,
     SPRUNG,
+    amount,
     dimensionless,
     launches,
 )
 from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC, VISCOELASTIC
-from vibrosweep.model.times import amount
 from vibrosweep.scene.scene import Scene
 from vibrosweep.store.disk import check_output, make_directory, replacing
 

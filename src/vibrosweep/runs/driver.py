@@ -66,17 +66,28 @@ from vibrosweep.runs.result import (
 )
 from vibrosweep.scene.realizations import Realizations, open_design
 from vibrosweep.scene.sweep import Sweep
+from vibrosweep.store.arranged import read_rows
 from vibrosweep.store.disk import check_output, reporting
-from vibrosweep.store.kinds import SWEEP, kind_of
-from vibrosweep.store.parts import Columns, Manifest, Parts, kinds, read_manifest, write_manifest
-from vibrosweep.store.reading import result_file
-from vibrosweep.store.rows import read_rows
-from vibrosweep.store.rundir import abandon, empty, holding, run_directory
-from vibrosweep.store.writer import Attributes, Writer
+from vibrosweep.store.parts import (
+    Columns,
+    Manifest,
+    Parts,
+    abandon,
+    empty,
+    holding,
+    kinds,
+    read_manifest,
+    run_directory,
+    write_manifest,
+)
+from vibrosweep.store.reading import SWEEP, kind_of, result_file
+from vibrosweep.store.writing import Attributes, Writer
 from vibrosweep.system import MOST_THREADS, physical_memory
 
 if TYPE_CHECKING:
     import xarray as xr
+
+__all__ = ["count"]
 
 
 def available_threads() -> int:

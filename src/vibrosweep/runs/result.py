@@ -25,25 +25,33 @@ from vibrosweep.model.forcing import (
     only_parameters,
     sources,
 )
-from vibrosweep.model.measures import OF_REALIZATIONS, OPTIONS, RECORD, VARIABLES, Variable, known
+from vibrosweep.model.measures import (
+    IN_FILE,
+    LANDINGS_OF_AN_EXPONENT,
+    OF_REALIZATIONS,
+    OPTIONS,
+    RECORD,
+    VARIABLES,
+    Column,
+    Status,
+    Variable,
+    known,
+    ragged_columns,
+    wasted,
+)
 from vibrosweep.model.orbit_theory import FIXED, recognition_periods
-from vibrosweep.model.parameters import STREAM, Parameter
-from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
+from vibrosweep.model.parameters import STREAM, Parameter, Periods, in_periods
 from vibrosweep.model.restitution_laws import CONSTANT, range_of
-from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Status
-from vibrosweep.model.times import Periods, in_periods
 from vibrosweep.runs.chunks import Stream, batch_size, identity, no_rows
 from vibrosweep.scene.realizations import Realizations
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.arranged import REALIZATION
-from vibrosweep.store.dataset import Group, creating
-from vibrosweep.store.kinds import KIND, SWEEP
-from vibrosweep.store.parts import kinds
-from vibrosweep.store.provenance import provenance
-from vibrosweep.store.rows import read_rows, row_count, slices
-from vibrosweep.store.rundir import run_directory
-from vibrosweep.store.writer import Writer
+from vibrosweep.store.arranged import REALIZATION, read_rows, row_count, slices
+from vibrosweep.store.parts import kinds, run_directory
+from vibrosweep.store.reading import KIND, SWEEP
+from vibrosweep.store.writing import Group, Writer, creating, provenance
+
+__all__ = ["identity_in"]
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -110,7 +118,7 @@ def write_result(
     Parameters
     ----------
     output, force
-        Arguments of `vibrosweep.store.dataset.creating`; the run directory of the output holds the
+        Arguments of `vibrosweep.store.writing.creating`; the run directory of the output holds the
         unfinished file.
     spec, design
         The sweep.
@@ -421,6 +429,12 @@ class _Spread:
             self.low = min(self.low, float(finite.min()))
             self.high = max(self.high, float(finite.max()))
 
+    def facts(self) -> dict[str, float | None]:
+        """Return the numbers by name."""
+        known = {"min": self.low, "mean": self.total / self.count, "max": self.high}
+        empty = dict.fromkeys(("min", "mean", "max"))
+        return {**(known if self.count else empty), "finite": self.count}
+
 
 @dataclass
 class Summary:
@@ -467,6 +481,23 @@ class Summary:
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+    def facts(self) -> dict[str, Any]:
+        """Return the summary as numbers and texts by name."""
+        return {
+            "realizations": self.realizations,
+            "landings": self.landings,
+            "kept": self.kept,
+            "repaired": self.repaired,
+            "notes": self.notes,
+            "variables": {
+                **{name: spread.facts() for name, spread in self.spreads.items()},
+                **{
+                    name: {dict(OF_REALIZATIONS[name].flags)[code]: n for code, n in counts.items()}
+                    for name, counts in self.codes.items()
+                },
+            },
+        }
 
     def _spread(self, spread: _Spread) -> str:
         """Write smallest, mean and largest finite value, and the number of other realizations."""

@@ -21,8 +21,7 @@ from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.functions import parts
 from vibrosweep.model.parameters import refuse_masked
-from vibrosweep.store.arranged import REALIZATION
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import REALIZATION, flat
 
 if TYPE_CHECKING:
     import xarray as xr

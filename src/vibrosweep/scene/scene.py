@@ -22,9 +22,19 @@ from vibrosweep.model.forcing import (
     inputs_of,
     only_parameters,
 )
-from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, NOISE, STAGGERED, STREAM
+from vibrosweep.model.observables import Measures
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    LAWS,
+    NOISE,
+    STAGGERED,
+    STREAM,
+    Periods,
+    Time,
+    amount,
+    in_seconds,
+)
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.shapes import (
     FORMS,
     HARMONICS_NAME,
@@ -37,7 +47,8 @@ from vibrosweep.model.shapes import (
     harmonics_of,
     name_in,
 )
-from vibrosweep.model.times import Periods, Time, amount, in_seconds
+
+__all__ = ["Launch", "Scene", "stored"]
 
 Launch = str | tuple[float, ...]
 

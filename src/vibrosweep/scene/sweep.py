@@ -22,15 +22,22 @@ from vibrosweep.abilities import WITHOUT_MEANING
 from vibrosweep.arrays import Array
 from vibrosweep.errors import SpecError, refuse
 from vibrosweep.mistakes import PYTHON, RANGE, TOML, Mistakes, Text, nearest, toml
-from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
-from vibrosweep.model.limits import another_name, answer_to, likely_parameter
-from vibrosweep.model.observables import Observable, observables_of
+from vibrosweep.model.forcing import (
+    FORCINGS,
+    INPUTS,
+    another_name,
+    answer_to,
+    inputs_of,
+    likely_parameter,
+)
+from vibrosweep.model.observables import Measures, Observable, observables_of
 from vibrosweep.model.parameters import NOISE, STREAM, STREAMS, refuse_masked
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene import keys
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS, Tables, read_tables
 from vibrosweep.scene.scene import Scene, Traced
+
+__all__ = ["Sweep", "batch", "parse_spec"]
 
 # Fields of a scene, apart from its inputs, that [record] takes from [scene] by default
 SHARED: Final = (

@@ -1,0 +1,292 @@
+"""Stability windows: computed ones as bands, closed forms of locked orbits as curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, to_rgb
+from matplotlib.typing import ColorType
+
+from vibrosweep import theory
+from vibrosweep.analysis.records import base_name, has_closed_forms
+from vibrosweep.arrays import Array
+from vibrosweep.figures import data, style
+from vibrosweep.figures.paint import between
+from vibrosweep.figures.style import Panels
+from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.model.locked_theory import lower_end
+from vibrosweep.model.measures import UNDETERMINED
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["per_amplitude"]
+
+WINDOW_NEEDS: Final = ("window_ends", "restitution", "scan", "frequency", "gravity")
+PANEL_HEIGHT: Final = 3.2
+LEGEND_LINE: Final = 0.18
+NONE_FOUND: Final = ": no window found"
+BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0}
+MODES: Final = (1, 2, 3)
+SAMPLES: Final = 201
+# Where a lower and an upper end is named, as a share of its visible part: the lower ends meet at
+# e = 1, the upper ones at both sides
+NAMED_AT: Final = (0.45, 0.25)
+SHORTEST: Final = SAMPLES // 20  # visible part that has room for a name
+
+
+@style.styled
+def stability_windows(
+    windows: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None = None
+) -> Panels:
+    """Draw the intervals of the forcing in which conditions hold against restitution.
+
+    All locked orbits share the first panel; every other condition has a panel.  Where orbits were
+    continued along the forcing, both directions are drawn over each other, and a window that
+    appears in only one of them is hysteretic.  A window may continue beyond a bar that reaches the
+    end of the scan, or that ends at grey points, where the condition is undetermined.  Curves are
+    the closed forms of locked orbits without reflection: the orbit exists above the solid curve and
+    is stable up to the dashed one.
+
+    Parameters
+    ----------
+    windows
+        Result of `vibrosweep.windows`.
+    ax
+        Axes to draw on, one for each panel; by default those of a new figure of pyplot.
+
+    Returns
+    -------
+    numpy.ndarray of matplotlib.axes.Axes
+        The axes, shape (panel,).
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import stability_windows
+    >>> found = vs.windows(restitution=[0.8, 0.9], amplitude=[0.1, 1.0, 2.0, 4.0])
+    >>> stability_windows(found)[0].get_xlabel()
+    'restitution $e$'
+    """
+    symbol = FORCINGS[_scanned(windows)].symbol
+    needs = data.Requirements((f"{symbol}_min", f"{symbol}_max", *WINDOW_NEEDS))
+    needs.check("stability_windows", windows)
+    windows = windows.sortby("restitution")
+    names = [str(name) for name in windows["condition"].values]
+    locked = [name for name in names if name.startswith("locked(")]
+    panels = ([locked] if locked else []) + [[name] for name in names if name not in locked]
+    height = PANEL_HEIGHT * len(panels) + LEGEND_LINE * max(0, len(locked) - 4)
+    rows = [[i] for i in range(len(panels))]
+    all_axes = style.panels_on(ax, style.MEDIUM, height, rows, sharex=True)
+    for axes, panel in zip(all_axes, panels, strict=True):
+        _panel(axes, windows, panel, is_locked=panel is locked)
+    for axes in all_axes if ax is not None else all_axes[-1:]:  # a user's axes may be side by side
+        axes.set_xlabel("restitution $e$")
+    return all_axes
+
+
+def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool) -> None:
+    e, scan = windows["restitution"].values, windows["scan"].values
+    axes.set_xlim(*between(e)[[0, -1]])
+    # existence and stability of a locked orbit do not depend on the direction
+    directions = windows["direction"].values[: 1 if is_locked else None]
+    shown = [(name, direction) for name in names for direction in directions]
+    top = 0.0
+    colours = style.colours(len(shown))
+    for (name, direction), colour in zip(shown, colours, strict=True):
+        chosen = windows.sel(condition=name, direction=direction)
+        label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
+        top = max(top, _bands(axes, chosen, scan, colour, label))
+    _undetermined(axes, windows.sel(condition=names, direction=directions))
+    if len(directions) == 2 and top > 0.0:
+        axes.plot([], [], "s", color=_over(*colours), label="in both directions")
+    axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
+    name = _scanned(windows)
+    axes.set_ylabel(data.label(windows, name))
+    modes = [int(name[len("locked(") : -1]) for name in names] if is_locked else MODES
+    scene = base_name(windows), float(windows["frequency"]), float(windows["gravity"])
+    forcing = Forcing(data.SYMBOLS[name], *scene, name)
+    if has_closed_forms(windows):
+        draw_windows(axes, forcing, over=True, modes=modes)
+    # labels with `NONE_FOUND` or a direction are long: only two fit in a row
+    lacking = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
+    turned = is_locked and windows.attrs.get("rebound") == "reflect"
+    remark = "; curves: orbits without reflection" if turned else ""
+    few = lacking or len(directions) == 2
+    style.head(axes, data.conditions(windows) + remark, columns=2 if few else 4)
+
+
+def _over(lower: ColorType, upper: ColorType) -> Array:
+    """Colour of a band that is drawn over another one on white."""
+    mixed = np.ones(3)
+    for colour in (lower, upper):
+        mixed += BAND["alpha"] * (np.array(to_rgb(colour)) - mixed)
+    return mixed
+
+
+def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label: str) -> float:
+    """Draw a bar for each window, as wide as the distance between restitutions.
+
+    A window that reaches an end of the scan is drawn up to it.  Returns the highest end, or 0.
+    """
+    edges = between(chosen["restitution"].values)
+    exists = chosen["window_ends"].values >= 0
+    symbol = FORCINGS[_scanned(chosen)].symbol
+    lower, upper = (chosen[f"{symbol}_{end}"].values for end in ("min", "max"))
+    lower = np.where(exists & np.isnan(lower), scan[0], lower)
+    upper = np.where(exists & np.isnan(upper), scan[-1], upper)
+    if not exists.any():
+        label += NONE_FOUND
+    for window, (low, high) in enumerate(zip(lower.T, upper.T, strict=True)):
+        axes.bar(
+            edges[:-1],
+            high - low,
+            width=np.diff(edges),
+            bottom=low,
+            align="edge",
+            color=colour,
+            label=label if window == 0 else None,
+            **BAND,
+        )
+    return float(np.max(upper, initial=0.0, where=exists))
+
+
+def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
+    """Draw grey cells around points of the scan at which some condition is undetermined.
+
+    Results of earlier versions lack ``holds``, and so these points.
+    """
+    if "holds" not in chosen:
+        return
+    undetermined = (chosen["holds"] == UNDETERMINED).any(("condition", "direction"))
+    unknown = undetermined.transpose("scan", "restitution").values
+    if not unknown.any():
+        return
+    axes.pcolormesh(
+        between(chosen["restitution"].values),
+        between(chosen["scan"].values),
+        np.ma.masked_array(unknown, ~unknown),
+        cmap=ListedColormap([style.GREY]),
+        alpha=0.3,
+        linewidth=0.0,
+        zorder=0.5,
+        rasterized=True,
+    )
+    axes.plot([], [], "s", color=style.GREY, alpha=0.3, label="undetermined")
+
+
+def _scanned(windows: xr.Dataset) -> str:
+    """Name of the scanned forcing."""
+    return str(windows.attrs.get("forcing", "amplitude"))
+
+
+@dataclass(frozen=True)
+class Forcing:
+    """Form in which the forcing is drawn."""
+
+    symbol: str  # in mathtext, without dollar signs
+    base: str  # one of `vibrosweep.model.parameters.BASES`
+    # frequency, gravity: Hz and m s-2; with the defaults an amplitude is the dimensionless kick
+    frequency: float = 1.0
+    gravity: float = 2.0
+    name: str = "amplitude"  # name of the forcing, one of `vibrosweep.model.forcing.FORCINGS`
+
+
+@dataclass(frozen=True)
+class Curve:
+    """An end of the window of mode k: the onset of existence, or of instability, of the orbit."""
+
+    mode: int
+    is_upper: bool
+    restitution: Array
+    forcing: Array
+
+
+def window_curves(
+    x_range: tuple[float, float],
+    y_range: tuple[float, float],
+    forcing: Forcing,
+    modes: Sequence[int] = MODES,
+) -> list[Curve]:
+    """Return the ends of the windows of the modes that cross the view.
+
+    The view is a range of the restitution and one of the forcing.
+    """
+    e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
+    scale = per_amplitude(forcing.name, e, forcing.frequency, forcing.gravity)
+    ends = (False, lower_end), (True, theory.amplitude_max)
+    curves = [
+        Curve(k, is_upper, e, end(k, e, forcing.frequency, forcing.gravity, forcing.base) * scale)
+        for is_upper, end in ends
+        for k in modes
+    ]
+    low, high = y_range
+    return [c for c in curves if np.any((c.forcing > low) & (c.forcing < high))]
+
+
+def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float | Array) -> Array:
+    """Return the ratio of a forcing to its amplitude A = (1 + e) V0."""
+    if name == "amplitude":
+        return np.ones_like(e)
+    omega = 2.0 * np.pi * frequency
+    units = {
+        "base_velocity": 1.0,
+        "base_displacement": 1.0 / omega,
+        "base_acceleration": omega / gravity,
+    }
+    return np.asarray(units[name] / (1.0 + e))
+
+
+def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:
+    """Draw the ends of the windows into the present view and name each on its curve.
+
+    With `over` the curves are drawn over cells, with a halo; otherwise they lie under the dots, and
+    only their names lie over them.
+    """
+    curves = window_curves(axes.get_xlim(), axes.get_ylim(), forcing, modes)
+    for curve in curves:
+        axes.plot(
+            curve.restitution,
+            curve.forcing,
+            color="black",
+            linewidth=1.0,
+            linestyle=(0, (4, 1.5)) if curve.is_upper else "-",
+            path_effects=style.halo() if over else None,
+            zorder=3.0 if over else 0.9,
+        )
+    low, high = axes.get_ylim()
+    for curve in curves:
+        seen = np.flatnonzero((curve.forcing > low) & (curve.forcing < high))
+        if seen.size < SHORTEST:
+            continue
+        at = int(np.clip(seen[int(NAMED_AT[curve.is_upper] * seen.size)], 1, SAMPLES - 2))
+        end = r"\mathrm{max}" if curve.is_upper else r"\mathrm{min}"
+        axes.text(
+            curve.restitution[at],
+            curve.forcing[at],
+            rf"${{{forcing.symbol}}}_{{{end}}}({curve.mode})$",
+            rotation=_slope(curve, at),
+            rotation_mode="anchor",
+            transform_rotates_text=True,
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.4},
+            zorder=4.0,
+            clip_on=True,
+        )
+
+
+def _slope(curve: Curve, at: int) -> float:
+    """Angle of a curve in degrees of data space; the text turns with the scale of the axes."""
+    run = curve.restitution[at + 1] - curve.restitution[at - 1]
+    return float(np.degrees(np.arctan2(curve.forcing[at + 1] - curve.forcing[at - 1], run)))
