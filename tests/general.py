@@ -4,7 +4,7 @@ Without a window, without cycles, or without lift-offs the engine takes machine 
 which gives the same bits.  Over the high-bounce base, with constant restitution, a sine and no
 noise, the tests use all of it; elsewhere that which serves every case.  Pieces of kernels that a
 test calls by themselves run as plain Python, which gives the same bits as well.
-`tests/kernels/test_bases.py` compares all of them.
+`tests/kernels/test_machine_code.py` and `tests/kernels/test_bases.py` compare them.
 """
 
 from functools import cache, wraps
