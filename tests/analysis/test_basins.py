@@ -1,18 +1,23 @@
-"""Basins against the regimes that a sweep finds, and against the symmetry of the model."""
+"""Basins and slots."""
+
+import math
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
 from tests.scans import basins
 from vibrosweep import simulate
-from vibrosweep.analysis.basins import summary
+from vibrosweep.analysis.basins import basin_measures, capacity, share_interval, summary
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.figures import basin_shares, basins_of_attraction
 from vibrosweep.model.measures import Regime
 from vibrosweep.scene.sweep import keyword_spec
+
+# Basins against the regimes that a sweep finds, and against the symmetry of the model.
 
 SCENE = keyword_spec(
     {"amplitude": 3.4, "restitution": 0.95, "phase": 0.7, "duration": 4000.0}
@@ -201,3 +206,92 @@ def test_the_figures_of_one_value_and_along_a_parameter_refuse_each_other(along)
         basins_of_attraction(found)
     with pytest.raises(DataError, match="amplitudes"):
         basin_shares(alone[1.2])
+
+
+# Capacity: slots of known attractors.
+
+
+def test_table_1_has_three_slots_to_lock_in():
+    # modes 1 and 2 exist (a / (1 - e) = 2.4): one slot and two; the orbit with rests has one
+    found = capacity(
+        basins(
+            keyword_spec({"duration": 4000.0}).scene, np.arange(20) / 20, np.linspace(1.0, 11.0, 11)
+        )
+    )
+    assert int(found["capacity_without_rests"]) == 3
+    assert int(found["capacity"]) == 4
+    assert float(found["unsettled_fraction"]) == 0.0
+    assert sorted(found["slots"].values) == [1, 1, 2]
+
+
+def test_without_excitation_there_is_no_slot():
+    found = capacity(
+        basins(keyword_spec({"amplitude": 0.0, "duration": 100.0}).scene, [0.0], [1.0, 5.0])
+    )
+    assert int(found["capacity"]) == 0
+    assert float(found["unsettled_fraction"]) == 1.0
+
+
+def test_a_missing_variable_is_named():
+    with pytest.raises(DataError, match=r"^capacity .*basins.*cycle_periods"):
+        capacity(xr.Dataset({"regime": ("attractor", [2])}))
+
+
+# Measures of basins against cases whose values are known.
+
+SPEEDS = np.linspace(0.0, 10.0, 200)
+
+
+def measures(index, speeds=SPEEDS):
+    return {name: value[1] for name, value in basin_measures(np.asarray(index), speeds).items()}
+
+
+def test_one_basin_has_no_entropy_and_no_boundary():
+    found = measures(np.zeros((200, 50), int))
+    assert found["basin_entropy"] == 0.0
+    assert math.isnan(found["boundary_entropy"])
+    assert math.isnan(found["uncertainty_exponent"])
+
+
+def test_a_smooth_boundary_has_the_exponent_one():
+    """The share of launches within some distance of a line grows with that distance."""
+    index = (SPEEDS[:, np.newaxis] > 5.1 + 0.0 * np.arange(50)).astype(int)
+    found = measures(index)
+    assert found["uncertainty_exponent"] == pytest.approx(1.0, abs=1e-12)
+    assert 0.0 < found["boundary_entropy"] <= math.log(2.0)
+
+
+def test_basins_mixed_at_random_have_the_exponent_zero_and_the_entropy_of_a_coin():
+    index = np.random.default_rng(1).integers(0, 2, (200, 400))
+    found = measures(index)
+    assert found["uncertainty_exponent"] == pytest.approx(0.0, abs=0.01)
+    # mean of the entropy of 25 fair coins: log 2 less 1 / (2 * 25), to first order
+    assert found["basin_entropy"] == pytest.approx(math.log(2.0) - 0.02, abs=2e-3)
+
+
+def test_unsettled_launches_are_no_attractor():
+    index = -np.random.default_rng(2).integers(0, 2, (200, 50))
+    found = measures(index)
+    assert found["basin_entropy"] == 0.0
+    assert found["unsettled_fraction"] == pytest.approx((index == -1).mean())
+
+
+def test_intervals_hold_the_share_and_stay_within_0_and_1():
+    ends = share_interval(np.array([0, 3, 10]), 10)
+    assert (ends["low"] <= [0.0, 0.3, 1.0]).all()
+    assert (ends["high"] >= [0.0, 0.3, 1.0]).all()
+    assert ends["low"][0] == 0.0 < ends["high"][0]
+    assert ends["high"][2] == 1.0 > ends["low"][2]
+
+
+def test_uneven_or_few_speeds_have_no_exponent():
+    index = np.random.default_rng(3).integers(0, 2, (200, 50))
+    assert math.isnan(measures(index, speeds=SPEEDS**2)["uncertainty_exponent"])
+    assert math.isnan(measures(index[:20], speeds=SPEEDS[:20])["uncertainty_exponent"])
+
+
+def test_basins_hold_the_measures():
+    found = vs.basins(launch_velocity=[3.0, 4.0, 5.0], particles=20, duration=2000.0)
+    assert (found.fraction_low <= found.fraction).all()
+    assert (found.fraction_high >= found.fraction).all()
+    assert float(found.unsettled_fraction) == 0.0

@@ -1,15 +1,32 @@
-"""Bifurcation diagrams against closed forms and the landings that `simulate` records."""
+"""Bifurcation diagrams, and continued orbits over a moving base."""
+
+import dataclasses
+import math
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import vibrosweep as vs
-from tests.scans import bifurcation
-from vibrosweep import simulate, theory
+from tests.scans import basins, bifurcation, find_windows
+from vibrosweep import simulate, sobol, sweep, theory
+from vibrosweep.analysis.basins import capacity
 from vibrosweep.analysis.bifurcation import OBSERVABLES, summary
+from vibrosweep.analysis.common import launch_states, reached, settle_from
+from vibrosweep.analysis.conditions import NAMED
 from vibrosweep.analysis.records import base_motion
+from vibrosweep.engine import landings
+from vibrosweep.engine import measure as engine
+from vibrosweep.engine.landings import all_parameters, record_landings
+from vibrosweep.engine.measure import measure
 from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.lab.compare import predict, scene_of
+from vibrosweep.model.measures import Regime
+from vibrosweep.model.shapes import SINE
+from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import keyword_spec
+
+# Bifurcation diagrams against closed forms and the landings that `simulate` records.
 
 # launched close to the locked orbit at the end of its window
 LOCKED = keyword_spec({"duration": 20_000.0, "launch": [0.47], "launch_velocity": 4.905}).scene
@@ -186,3 +203,254 @@ def test_where_no_exponent_is_positive_none_is_placed():
     assert np.isnan(calm.chaos_high)
     assert np.isnan(calm.chaos_low)
     assert list(summary(calm))[-1].endswith("none was found")
+
+
+# Analyses that keep no landings skip what is known already, and find the same.
+
+SCAN = np.linspace(0.3, 3.5, 9)
+IMPACTS = xr.Dataset(
+    {
+        "flight_time": (("particle", "impact"), np.ones((3, 2))),
+        "liftoff_time": (("particle", "impact"), np.arange(3.0)[:, np.newaxis] / [3.0, 3.0]),
+        "impact_speed": (("particle", "impact"), np.full((3, 2), 5.0)),
+    },
+    attrs={"end": 60.0, "base_motion": "level"},
+)
+ANALYSES = {
+    **{
+        f"windows of {name}": lambda workers, name=name: find_windows(
+            keyword_spec({"particles": 3, "duration": 300.0}).scene,
+            [0.85, 0.9],
+            SCAN,
+            [name],
+            tolerance=1e-3,
+        )
+        for name in NAMED
+    },
+    "sweep": lambda workers: sweep(amplitude=SCAN, separation=True, particles=20, duration=300.0),
+    "sensitivity": lambda workers: sobol(amplitude=(0.3, 3.5), particles=5, realizations=64),
+    "lab compare": lambda workers: predict(
+        IMPACTS,
+        all_parameters({"amplitude": SCAN}),
+        [SINE] * SCAN.size,
+        scene_of(IMPACTS, "rest", SINE, "constant"),
+        workers,
+    ),
+}
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Observations that the engine and a recorder of landings are called with."""
+    seen = []
+    for module, name in ((engine, "follow"), (landings, "statistics")):
+        function = getattr(module, name)
+
+        def watched(*arguments, function=function, **others):
+            seen.extend(a for a in arguments if hasattr(a, "skip"))
+            return function(*arguments, **others)
+
+        monkeypatch.setattr(module, name, watched)
+    return seen
+
+
+@pytest.mark.parametrize("name", ANALYSES)
+def test_an_analysis_that_keeps_no_landing_skips_what_is_known(name, asked, workers):
+    ANALYSES[name](workers)
+    assert asked
+    assert all(one.skip for one in asked)
+
+
+def test_a_record_follows_every_landing(asked, workers):
+    observation = Scene(2, "staggered", 12.0, "rest").recorded(1000)
+    record_landings(all_parameters({}), observation, workers)
+    assert asked
+    assert not any(one.skip for one in asked)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_skips_do_not_change_a_window(name):
+    scene = keyword_spec({"particles": 3, "duration": 300.0}).scene
+    skipped, followed = (
+        find_windows(dataclasses.replace(scene, skip=skip), [0.85, 0.9], SCAN, [name])
+        for skip in (True, False)
+    )
+    assert followed.identical(skipped)
+
+
+def test_skips_do_not_change_a_count(workers):
+    random = np.random.default_rng(3)
+    ranges = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5)}
+    parameters = all_parameters({n: random.uniform(*ends, 24) for n, ends in ranges.items()})
+    observation = Scene(6, "staggered", 3000.0, "rest").recorded(10_000_000)
+    assert observation.measures.transient == -math.inf
+    skipped, followed = (
+        engine.measure(parameters, dataclasses.replace(observation, skip=skip), workers)
+        for skip in (True, False)
+    )
+    assert np.array_equal(skipped["impact_count"], followed["impact_count"])
+    assert np.array_equal(skipped["rebound_height_max"], followed["rebound_height_max"])
+
+
+# Windows, continuation and basins over a moving base.
+
+MODES = (1, 2, 3)
+
+
+def gamma_of(amplitude, e):
+    return 2.0 * np.pi * amplitude / ((1.0 + e) * 9.81)
+
+
+def test_locked_windows_end_where_the_closed_forms_say():
+    e = np.array([0.0, 0.0205, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.99])
+    names = [f"locked({k})" for k in MODES]
+    found = find_windows(
+        keyword_spec({"duration": 2000.0, "base": "moving"}).scene,
+        e,
+        np.linspace(0.02, 16.0, 40),
+        names,
+        threads=1,
+    )
+    assert (found["window_count"] == 1).all()
+    for k, name in zip(MODES, names, strict=True):
+        one = found.sel(condition=name, direction="launch").isel(window=0)
+        ends = (end(k, e, base="moving") for end in (theory.amplitude_min, theory.amplitude_max))
+        for lower, end in zip(("A_min", "A_max"), ends, strict=True):
+            assert one[lower].values == pytest.approx(end, rel=1e-8)
+
+
+@pytest.mark.parametrize("e", [1e-4, 0.005, 0.015])
+def test_a_window_begins_where_the_flight_first_clears_the_base(e):
+    name, scan = ["locked(1)"], np.linspace(3.0, 8.0, 30)
+    one = find_windows(
+        keyword_spec({"duration": 2000.0, "base": "moving"}).scene, [e], scan, name, threads=1
+    ).squeeze()
+    gamma = gamma_of(float(one["A_min"]), e)
+    lowest = np.pi * (1.0 - e) / (1.0 + e)
+    s = np.linspace(1e-5, 0.9, 100_001)
+    clearance = []
+    for side in (-1e-5, 1e-5):
+        x = 0.5 - np.arcsin(lowest / (gamma * (1.0 + side))) / (2.0 * np.pi)
+        base = np.cos(2.0 * np.pi * (x + s)) - np.cos(2.0 * np.pi * x)
+        sunk = gamma * (1.0 + side) / (4.0 * np.pi**2) * base
+        clearance.append((s * (1.0 - s) / 2.0 + sunk).min())
+    assert clearance[0] < 0.0 < clearance[1]
+    assert gamma > 1.0001 * lowest
+    upper = theory.amplitude_max(1, e, base="moving")
+    assert float(one["A_max"]) == pytest.approx(upper, rel=1e-8)
+
+
+def test_a_continued_orbit_stays_locked_down_to_the_end_of_its_window():
+    middle = float(theory.locked_phase(1, 0.8, 1.3))
+    scene = keyword_spec(
+        {
+            "base": "moving",
+            "restitution": 0.8,
+            "duration": 3000.0,
+            "launch_velocity": 4.905,
+            "launch": [middle],
+        }
+    ).scene
+    axis = np.linspace(0.7, 1.3, 25)
+    found = find_windows(scene, [0.8], axis, ["ordered"], continuation=True, tolerance=1e-5)
+    down = found.sel(direction="down").squeeze()
+    lower = float(theory.amplitude_min(1, 0.8))
+    assert float(down["A_min"]) == pytest.approx(lower, rel=1e-4)
+    diagram = bifurcation(scene, axis[axis > lower], samples=3).sel(direction="down")
+    np.testing.assert_allclose(diagram["rebound_velocity"], 4.905, rtol=1e-9)
+    np.testing.assert_allclose(diagram["lyapunov_largest"][3:], np.log(0.8), atol=1e-3)
+
+
+@pytest.mark.parametrize("changed", [{}, {"restitution": 0.3, "amplitude": 3.0}])
+def test_an_orbit_goes_on_from_its_own_state(changed, workers):
+    scene = keyword_spec(
+        {"base": "moving", "duration": 2000.0, "particles": 4, "phase": 0.3, **changed}
+    ).scene
+    parameters = scene.parameters({})
+    first = settle_from(scene, parameters, launch_states(scene, parameters), workers)
+    again = settle_from(scene, parameters, reached(first, 4), workers)
+    assert np.all((first.impacts > 0) | (first.regime == Regime.AT_REST))
+    assert (first.impacts > 0).sum() > 2
+    for name in ("regime", "impacts", "periods", "rests"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
+    np.testing.assert_allclose(first.flight, again.flight, atol=1e-9)
+    # the launches are those of a sweep
+    measured = measure(parameters, scene.only(regimes=True), workers)
+    np.testing.assert_array_equal(measured["regime"].ravel(), first.regime)
+    np.testing.assert_array_equal(measured["cycle_impacts"].ravel(), first.impacts)
+
+
+SCENE = keyword_spec(
+    {"base": "moving", "amplitude": 1.4, "restitution": 0.9, "phase": 0.7, "duration": 1500.0}
+).scene
+TIMES = np.linspace(0.0, 1.0, 12, endpoint=False)
+
+
+@pytest.fixture(scope="module")
+def plane():
+    return basins(SCENE, np.concatenate([TIMES, TIMES + 1.0]), np.linspace(0.5, 14.0, 10))
+
+
+def test_every_launch_is_on_the_attractor_that_a_record_shows(plane):
+    found = plane.isel(launch_time=slice(0, 12))
+    seen = set()
+    for i, j in ((0, 0), (3, 5), (6, 2), (9, 7), (8, 11)):
+        one = found.isel(launch_velocity=i, launch_time=j)
+        attractor = found.isel(attractor=int(one["basin"]))
+        seen.add(int(attractor["regime"]))
+        if int(attractor["regime"]) != Regime.LOCKED:
+            continue
+        record = simulate(
+            base="moving",
+            amplitude=1.4,
+            restitution=0.9,
+            phase=0.7,
+            launch_time=float(one["launch_time"]),
+            launch_velocity=float(one["launch_velocity"]),
+            duration=1500.0,
+        )
+        count = int(attractor["cycle_impacts"])
+        speed = record["rebound_velocity"].values[0, 0]
+        last = speed[np.isfinite(speed)][-count:]
+        assert np.abs(last - float(attractor["rebound_velocity"])).min() < 1e-8
+        assert not record["rested"].values[0, 0, -count:].any()
+    assert Regime.LOCKED in seen
+
+
+def test_locked_attractors_are_those_of_the_theory(plane):
+    for i in range(plane.sizes["attractor"]):
+        one = plane.isel(attractor=i)
+        if int(one["regime"]) == Regime.LOCKED and int(one["cycle_impacts"]) == 1:
+            mode = int(one["cycle_periods"])
+            speed, phase = theory.locked_velocity(mode), theory.locked_phase(mode, 0.9, 1.4)
+            assert float(one["rebound_velocity"]) == pytest.approx(float(speed), rel=1e-9)
+            assert float(one["impact_phase"]) == pytest.approx(float(phase), abs=1e-9)
+            leading = np.abs(theory.multipliers(mode, 0.9, 1.4, base="moving")).max()
+            assert float(one["lyapunov_largest"]) == pytest.approx(np.log(leading), abs=1e-9)
+    locked = plane["regime"].values == Regime.LOCKED
+    slots = plane["cycle_periods"].values[locked].sum()
+    assert int(capacity(plane)["capacity_without_rests"]) == slots > 0
+
+
+def test_a_launch_one_period_later_is_one_slot_further(plane):
+    now, later = plane.isel(launch_time=slice(0, 12)), plane.isel(launch_time=slice(12, 24))
+    recurs = now["slot"].values >= 0
+    assert recurs.mean() > 0.3
+    np.testing.assert_array_equal(now["basin"], later["basin"])
+    periods = plane["cycle_periods"].values[now["basin"].values]
+    shifted = np.mod(now["slot"].values + 1, np.maximum(periods, 1))
+    np.testing.assert_array_equal(later["slot"].values[recurs], shifted[recurs])
+
+
+def test_states_are_relative_to_the_base_as_it_moves():
+    """Also under harmonics: the states of continued scans and basins depend on the waveform."""
+    shape = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
+    scene = keyword_spec({"base": "moving", "waveform": shape, "particles": 3}).scene
+    parameters = scene.parameters({"amplitude": np.array([1.2, 2.0])})
+    states = launch_states(scene, parameters)
+    phase, speed = np.moveaxis(states, -1, 0)
+    kick = 2.0 * parameters["amplitude"] / parameters["gravity"]
+    base = kick / (1.0 + parameters["restitution"])
+    launched = 2.0 * parameters["launch_velocity"] / parameters["gravity"]
+    w = scene.waveform.velocity(phase)
+    assert speed == pytest.approx(launched[:, np.newaxis] - base[:, np.newaxis] * w, abs=1e-14)

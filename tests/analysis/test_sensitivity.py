@@ -1,14 +1,17 @@
-"""Sobol' indices of functions whose indices are known."""
+"""Indices of sensitivity, and analyses over a base of finite mass."""
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from vibrosweep import sobol, sweep
+from vibrosweep.analysis.records import moves, recoils
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.scene.sweep import keyword_spec
+
+# Sobol' indices of functions whose indices are known.
 
 RANGES = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "gravity": (9.0, 10.0)}
 
@@ -128,3 +131,16 @@ def test_codes_and_variables_of_particles_have_no_indices(output):
         sobol(
             **ranges, realizations=4, outputs=[output], duration=3.0, launch=[0.0, 0.3], **COUPLED
         )
+
+
+# Bases that move, and those that recoil.
+
+SPRUNG = xr.Dataset(attrs={"base": "sprung"})
+
+
+def test_a_sprung_base_moves_and_recoils():
+    assert moves(SPRUNG)
+    assert recoils(SPRUNG)
+    for base, moving in (("high-bounce", False), ("moving", True)):
+        other = SPRUNG.assign_attrs(base=base)
+        assert (moves(other), recoils(other)) == (moving, False)

@@ -1,4 +1,4 @@
-"""Stability windows against closed forms, and against the engine on both sides of every edge."""
+"""Stability windows and conditions."""
 
 import re
 from dataclasses import replace
@@ -6,19 +6,31 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.scans import find_windows
-from tests.scenes import STILL
 from vibrosweep import theory, windows
-from vibrosweep.analysis.conditions import NAMED, Condition, named
-from vibrosweep.analysis.windows import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW, summary
+from vibrosweep.analysis.conditions import FAILS, HOLDS, NAMED, UNDETERMINED, Condition, named
+from vibrosweep.analysis.windows import (
+    ENDS,
+    NO_WINDOW,
+    OPEN_ABOVE,
+    OPEN_BELOW,
+    UNDETERMINED_ABOVE,
+    UNDETERMINED_BELOW,
+    find_edges,
+    summary,
+    windows_of_row,
+)
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.measures import Regime
+from vibrosweep.model.measures import VARIABLES, Regime, Status
 from vibrosweep.scene.sweep import keyword_spec
+
+# Stability windows against closed forms, and against the engine on both sides of every edge.
 
 MODES = (1, 2, 3, 4)
 PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459")
@@ -438,7 +450,6 @@ def test_windows_under_a_law_of_restitution():
 
 
 NOISY = {"restitution": 0.9, "kick_noise": 1e-3, "duration_periods": 60.0, "noise_replicas": 5}
-NOISY = {**STILL, **NOISY}
 
 
 def test_windows_under_noise_are_shares_of_replicas():
@@ -463,10 +474,225 @@ def test_windows_under_noise_are_shares_of_replicas():
         ({"continuation": True}, "continuation = True: looks for orbits that repeat"),
         ({"prove": True}, "prove = True: looks for orbits that repeat"),
         ({"conditions": ["ordered"]}, "conditions = 'ordered': looks for orbits that repeat"),
-        (dict.fromkeys(STILL, 0.0), "noise_replicas = 5: has no meaning, since nothing is random"),
+        ({"kick_noise": 0.0}, "noise_replicas = 5: has no meaning, since nothing is random"),
         ({"noise_replicas": 0}, "noise_replicas = 0.*at least 1"),
     ],
 )
 def test_requests_that_do_not_fit_noise_replicas_are_refused(given, words):
     with pytest.raises(SpecError, match=words):
         windows(NOISY | {"amplitude": [1.0, 2.0]} | given)
+
+
+# Edges of codes that are known exactly: every one is bracketed, in either direction.
+
+AXIS = np.linspace(0.0, 1.0, 21)
+
+
+def between(*ends):
+    """Code 1 between the first and the second end, the third and the fourth, and so on."""
+
+    def evaluate(rows, at, states):
+        return np.searchsorted(np.array(ends), at, side="right") % 2, states
+
+    return evaluate
+
+
+@given(st.lists(st.floats(0.01, 0.99), min_size=1, max_size=6, unique=True), st.booleans())
+def test_every_edge_between_points_of_different_code_is_bracketed(ends, upward):
+    ends = sorted(ends)
+    codes, edges = find_edges(between(*ends), 1, AXIS, 1e-10, upward=upward)
+    assert codes[0].tolist() == between(*ends)(None, AXIS, None)[0].tolist()
+    assert edges.low.size == np.count_nonzero(np.diff(codes[0]))
+    for low, high in zip(edges.low, edges.high, strict=True):
+        assert 0.0 < high - low <= 1e-10 * high
+        assert sum(low < end <= high for end in ends) % 2 == 1
+    windows = windows_of_row(codes, edges, 0, {1})
+    assert len(windows) == np.count_nonzero(np.diff(np.concatenate([[0], codes[0]])) > 0)
+
+
+def test_all_windows_of_a_row_are_kept_and_an_end_of_the_scan_is_no_edge():
+    codes, edges = find_edges(between(0.21, 0.43, 0.77), 1, AXIS, 1e-12)
+    first, second = windows_of_row(codes, edges, 0, {1})
+    assert first[:2] == pytest.approx((0.21, 0.43), rel=1e-11)
+    assert max(first[2:4]) < 1e-12
+    assert (first.below, first.above, second.below, second.above) == (0, 0, 0, None)
+    assert second[0] == pytest.approx(0.77, rel=1e-11)
+    assert np.isnan(second[1])
+    assert np.isnan(second[3])
+    outside = windows_of_row(codes, edges, 0, {0})
+    assert [w[0] for w in outside] == pytest.approx([np.nan, 0.43], rel=1e-11, nan_ok=True)
+    assert np.isnan(outside[0][2])
+    (whole,) = windows_of_row(codes, edges, 0, {0, 1})
+    assert np.isnan(whole[:4]).all()
+    assert whole[4:] == (None, None)
+
+
+def test_a_middle_code_narrower_than_the_scan_is_found():
+    def evaluate(rows, at, states):
+        return np.where(at < 0.5123, 0, np.where(at < 0.5124, 2, 1)), states
+
+    codes, edges = find_edges(evaluate, 1, AXIS, 1e-9)
+    assert 2 not in codes
+    (window,) = windows_of_row(codes, edges, 0, {2})
+    assert window[:2] == pytest.approx((0.5123, 0.5124), rel=1e-9)
+
+
+def test_rows_are_bisected_together():
+    calls = []
+
+    def evaluate(rows, at, states):
+        calls.append(at.size)
+        return (at > 0.1 + 0.08 * rows).astype(np.int64), states
+
+    _, edges = find_edges(evaluate, 10, AXIS, 1e-9)
+    assert edges.row.tolist() == list(range(10))
+    assert edges.low == pytest.approx(0.1 + 0.08 * np.arange(10), rel=1e-8)
+    assert calls[0] == 210
+    assert len(calls) < 40
+
+
+@pytest.mark.parametrize(("upward", "end"), [(True, 0.7), (False, 0.3)])
+def test_a_scan_that_goes_on_from_its_states_sees_hysteresis(upward, end):
+    # a switch that turns on above 0.7, off below 0.3, and stays as it is between
+    def evaluate(rows, at, states):
+        on = np.where(at > 0.7, 1.0, np.where(at < 0.3, 0.0, states[:, 0]))
+        return on.astype(np.int64), on[:, np.newaxis]
+
+    start = np.array([[0.0 if upward else 1.0]])
+    codes, edges = find_edges(evaluate, 1, AXIS, 1e-9, start=start, upward=upward)
+    (window,) = windows_of_row(codes, edges, 0, {1})
+    assert window[0] == pytest.approx(end, rel=1e-8)
+
+
+# Conditions hold, fail or are undetermined, and ends next to undetermined points say so.
+
+AT_REST, RESTING, LOCKED, UNSETTLED, APERIODIC = Regime
+SCAN = np.linspace(0.2, 3.4, 30)
+
+
+def held(particles=2, **values):
+    """One realization with these measured values."""
+    data = {
+        name: (VARIABLES[name].dims, np.asarray([value], VARIABLES[name].dtype))
+        for name, value in {"status": Status.COMPLETED, **values}.items()
+    }
+    return xr.Dataset(data, {"contact_time": ("realization", [1e-4])}, {"particles": particles})
+
+
+@pytest.mark.parametrize(
+    ("name", "measured", "code"),
+    [
+        ("ordered", {"regime": [LOCKED, LOCKED]}, HOLDS),
+        ("ordered", {"regime": [LOCKED, RESTING]}, FAILS),
+        ("ordered", {"regime": [LOCKED, UNSETTLED]}, UNDETERMINED),
+        ("ordered", {"regime": [LOCKED, UNDETERMINED]}, UNDETERMINED),
+        ("ordered", {"regime": [APERIODIC, UNSETTLED]}, FAILS),
+        ("periodic", {"regime": [LOCKED, RESTING]}, HOLDS),
+        ("periodic", {"regime": [RESTING, UNSETTLED]}, UNDETERMINED),
+        ("periodic", {"regime": [AT_REST, UNSETTLED]}, FAILS),
+        ("regular", {"regime": [LOCKED, RESTING], "lyapunov_largest": [-0.1, -np.inf]}, HOLDS),
+        ("regular", {"regime": [LOCKED, APERIODIC], "lyapunov_largest": [-0.1, 0.3]}, FAILS),
+        ("regular", {"regime": [UNSETTLED] * 2, "lyapunov_largest": [-0.1, -0.2]}, UNDETERMINED),
+        ("regular", {"regime": [LOCKED] * 2, "lyapunov_largest": [-0.1, np.nan]}, UNDETERMINED),
+        ("separated", {"dt_min": 2e-4, "base_shared": 0}, HOLDS),
+        ("separated", {"dt_min": 1e-5, "base_shared": 1}, FAILS),
+        ("separated", {"dt_min": np.nan, "base_shared": 0}, HOLDS),
+        ("separated", {"dt_min": np.nan, "base_shared": UNDETERMINED}, UNDETERMINED),
+        ("collision_free", {"collision_free": 1}, HOLDS),
+        ("collision_free", {"collision_free": 0}, FAILS),
+        ("collision_free", {"collision_free": UNDETERMINED}, UNDETERMINED),
+    ],
+    ids=str,
+)
+def test_a_named_condition_has_three_codes(name, measured, code):
+    assert named(name).judge(held(**measured)).tolist() == [code]
+
+
+@pytest.mark.parametrize("name", ["separated", "collision_free"])
+def test_one_particle_is_separated_and_free_of_collisions(name):
+    lost = {"dt_min": np.nan, "base_shared": UNDETERMINED, "collision_free": UNDETERMINED}
+    assert named(name).judge(held(1, **lost)).tolist() == [HOLDS]
+    # it may land, never land, or be given up
+    for changes in ({"duration": 12.0}, {"duration": 0.1}, {"duration": 12.0, "impact_budget": 6}):
+        for base in ("high-bounce", "moving"):
+            found = find_windows(
+                keyword_spec({"duration": 2000.0, "base": base, **changes}).scene,
+                [0.9],
+                [0.5, 1.0, 3.0],
+                [name],
+            )
+            assert found["window_count"].item() == 1
+            assert found[ENDS.name].item() == OPEN_BELOW + OPEN_ABOVE
+
+
+@pytest.mark.parametrize(
+    ("measured", "code"),
+    [
+        ({"rebound_height_max": 1.0}, HOLDS),
+        ({"rebound_height_max": 3.0}, FAILS),
+        ({"rebound_height_max": np.nan}, UNDETERMINED),
+        ({"rebound_height_max": 1.0, "status": Status.BUDGET_EXCEEDED}, UNDETERMINED),
+    ],
+    ids=str,
+)
+def test_booleans_of_ones_own_are_undetermined_where_nothing_is_known(measured, code):
+    low = Condition("low", lambda ds: ds["rebound_height_max"] < 2.0, ("rebound_height_max",))
+    assert low.judge(held(**measured)).tolist() == [code]
+    flags = Condition("free", lambda ds: ds["collision_free"] == 0, ("collision_free",))
+    assert flags.judge(held(collision_free=UNDETERMINED)).tolist() == [UNDETERMINED]
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("ordered", {"duration": 60.0}),
+        ("periodic", {"duration": 60.0, "base": "moving"}),
+        ("regular", {"duration": 150.0}),
+        ("collision_free", {"duration": 12.0, "launch": [0.0, 0.3], "impact_budget": 24}),
+        ("separated", {"duration": 12.0, "base": "moving", "impact_budget": 18}),
+    ],
+)
+def test_beyond_an_end_the_condition_fails_or_the_end_says_that_it_is_undetermined(
+    name, changes, workers
+):
+    scene, condition = (
+        keyword_spec({"duration": 2000.0, "particles": 2, **changes}).scene,
+        named(name),
+    )
+    windows = find_windows(scene, [0.5, 0.95], SCAN, [name], tolerance=1e-6)
+    found = windows.isel(condition=0, direction=0)
+    observation = scene.only(**condition.measures)
+
+    def codes(e, *amplitudes):
+        parameters = scene.parameters(
+            {"restitution": np.full(len(amplitudes), e), "amplitude": np.array(amplitudes)}
+        )
+        measured = measure(parameters, observation, workers)
+        data = {n: (VARIABLES[n].dims, v) for n, v in measured.items()}
+        times = {"contact_time": ("realization", parameters["contact_time"])}
+        return condition.judge(xr.Dataset(data, times, {"particles": 2})).tolist()
+
+    def around(e, amplitude):
+        """Codes at an end of a bracket and at the doubles next to it."""
+        return codes(e, *(np.nextafter(amplitude, to) for to in (0.0, amplitude, np.inf)))
+
+    unknown = 0
+    for i, e in enumerate(found["restitution"].values.tolist()):
+        row = found.isel(restitution=i)
+        expected = codes(e, *SCAN)
+        assert row["holds"].values.tolist() == expected
+        unknown += expected.count(UNDETERMINED)
+        for j in range(int(row["window_count"])):
+            one = row.isel(window=j)
+            for end, sign, bit in (
+                ("A_min", -1.0, UNDETERMINED_BELOW),
+                ("A_max", 1.0, UNDETERMINED_ABOVE),
+            ):
+                edge, half = float(one[end]), 0.5 * float(one[f"{end}_bracket"])
+                if np.isfinite(edge):
+                    beyond = UNDETERMINED if int(one[ENDS.name]) & bit else FAILS
+                    assert HOLDS in around(e, edge - sign * half)
+                    assert beyond in around(e, edge + sign * half)
+    assert unknown
+    (line,) = summary(windows)
+    assert f"undetermined at {unknown} of 60 points of the scan" in line

@@ -1,6 +1,11 @@
-"""Analyses from Python give the same as those of a sweep file, with any number of threads."""
+"""Analyses from Python."""
 
+import inspect
+import math
+
+import cloudpickle
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -9,16 +14,29 @@ from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.bifurcation import bifurcation
 from vibrosweep.analysis.separations import separation_against, separation_distribution
 from vibrosweep.analysis.windows import find_windows
+from vibrosweep.api import keyword_types
+from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.cli import main
+from vibrosweep.commands.describe import describe
 from vibrosweep.errors import (
     DataError,
+    ExistingOutputError,
     ParameterError,
+    RunError,
     ShortObservationWarning,
     SpecError,
     TableError,
 )
+from vibrosweep.lab.experiment import LABORATORY, Experiment
+from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.measures import UNDETERMINED
-from vibrosweep.scene.sweep import parse_spec
+from vibrosweep.proof.sampling import read_sample
+from vibrosweep.runs.chunks import in_process
+from vibrosweep.runs.driver import retry_failed, run_sweep
+from vibrosweep.scene.keys import SECTIONS
+from vibrosweep.scene.sweep import keyword_spec, parse_spec
+
+# Analyses from Python give the same as those of a sweep file, with any number of threads.
 
 TITLE = 'title = "x"\n'
 
@@ -212,3 +230,208 @@ def test_the_command_line_prints_the_note_once(command, tmp_path, monkeypatch, c
     assert not complained
     with xr.open_dataset(tmp_path / f"x_{command}.h5", engine="h5netcdf") as found:
         assert "such orbits may be called unsettled" in found.attrs["notes"]
+
+
+# An editor completes the keys of a sweep file, in every function that takes them.
+
+KEYS = {"title", *SECTIONS["scene"], *SECTIONS["sample"], *SECTIONS["measure"]}
+EXPECTED = {
+    "BatchKeywords": {*SECTIONS["scene"], "launch_time", "noise_stream", *SECTIONS["measure"]},
+    "RealizationKeywords": KEYS,
+    "SweepKeywords": KEYS | {*SECTIONS},
+    "WindowKeywords": KEYS | {*SECTIONS} | {*SECTIONS["windows"]},
+}
+FUNCTIONS = {
+    name: getattr(vs, name).__annotations__["keywords"].removeprefix("Unpack[").removesuffix("]")
+    for name in vs.__all__
+    if inspect.isfunction(getattr(vs, name)) and "keywords" in getattr(vs, name).__annotations__
+}
+
+
+@pytest.mark.parametrize("name", keyword_types.__all__)
+def test_typed_keywords_are_the_keys_of_a_sweep_file(name):
+    assert getattr(keyword_types, name).__optional_keys__ == EXPECTED[name]
+
+
+def test_every_function_states_the_type_of_its_keywords():
+    assert {"sweep", "simulate", "windows", "bifurcation", "basins", "sobol"} <= FUNCTIONS.keys()
+    assert {*FUNCTIONS.values()} == {*keyword_types.__all__}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_signatures_name_every_keyword_so_that_notebooks_complete_it(name):
+    """IPython completes what a signature names; it does not look into types."""
+    shown = inspect.signature(getattr(vs, name)).parameters
+    keys = getattr(keyword_types, FUNCTIONS[name]).__optional_keys__
+    assert {one for one, p in shown.items() if p.kind is p.KEYWORD_ONLY} >= keys
+    assert "keywords" not in shown
+
+
+# The laboratory by its public names: parameters from files of tracks and of the base.
+
+FREQUENCY, ACCELERATION, RESTITUTION = LABORATORY["frequency"], 0.6, 0.9
+
+
+def test_from_files_to_parameters(tmp_path):
+    turn = 2.0 * math.pi * FREQUENCY
+    peak = ACCELERATION * LABORATORY["gravity"]
+    scene = {**LABORATORY, "amplitude": (1.0 + RESTITUTION) * peak / turn}
+    film = perform_trials(
+        Experiment(**scene, base="moving", particles=2, repeats=1, transient=0.0, duration=2.0)
+    )[0]
+    table = film.tracks["height"].to_dataframe().reset_index().dropna()
+    table[["time", "particle", "height"]].to_csv(tmp_path / "tracks.csv", index=False)
+    time = np.arange(0.0, 2.0, 1e-3)
+    shaken = {"time": time, "acceleration": peak * np.cos(turn * time)}
+    pd.DataFrame(shaken).to_csv(tmp_path / "base.csv", index=False)
+
+    trace = vs.lab.read_trace(tmp_path / "base.csv")
+    found = vs.lab.find_impacts(vs.lab.read_tracks(tmp_path / "tracks.csv"), trace=trace)
+    one = vs.lab.estimate(found)
+    assert abs(float(one["base_acceleration"]) / ACCELERATION - 1.0) < 1e-3
+    own = one.sel(parameter="restitution")
+    assert abs(float(own["estimate"]) - RESTITUTION) < 5.0 * float(own["error"]) < 0.05
+
+
+# Observables from Python: in memory, in files, in chunks, and after an interruption.
+
+BINS = 8
+SWEEP = {
+    "restitution": (0.8, 0.98),
+    "amplitude": (0.2, 3.5),
+    "realizations": 40,
+    "particles": 3,
+    "seed": 4,
+}
+
+
+def count(totals, landing):
+    totals[int((landing.phase + 0.5) * BINS) % BINS] += 1.0
+
+
+def count_more(totals, landing):
+    totals[int((landing.phase + 0.5) * BINS) % BINS] += 2.0
+
+
+def phases(function=count, **changes):
+    given = {"along": "landing_phase", "values": (np.arange(BINS) + 0.5) / BINS - 0.5} | changes
+    return vs.Observable("landings_at_phase", function, "landings by phase", **given)
+
+
+@pytest.fixture(scope="module")
+def in_memory():
+    return vs.sweep(SWEEP, observables=[phases()])
+
+
+def test_a_histogram_of_phases(in_memory):
+    found = in_memory.landings_at_phase
+    assert found.dims == ("realization", "landing_phase")
+    assert found.attrs == {"long_name": "landings by phase", "units": "1"}
+    np.testing.assert_array_equal(found.landing_phase, phases().values)
+    np.testing.assert_array_equal(found.sum("landing_phase"), in_memory.impact_count)
+    assert in_memory.attrs["source_of_landings_at_phase"].startswith("def count(")
+
+
+def test_a_file_in_chunks_holds_the_same(in_memory, tmp_path):
+    """Also after an interruption, if the run is continued with the same function."""
+    path = tmp_path / "out.h5"
+
+    def interrupted(job, indices, tick):
+        in_process(1)(job, indices[:2], tick)
+        raise KeyboardInterrupt
+
+    spec = as_sweep(SWEEP, {}).with_observables([phases()])
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(spec, path, threads=1, chunk=10, runner=interrupted)
+    with pytest.raises(RunError, match=r"landings_at_phase\.code: was"):
+        vs.run(SWEEP, path, observables=[phases(count_more)])
+    with vs.run(SWEEP, path, observables=[phases()]) as found:
+        assert found.landings_at_phase.identical(
+            in_memory.landings_at_phase.assign_coords(found.landings_at_phase.coords)
+        )
+    vs.run(SWEEP, path, observables=[phases()]).close()  # opened: it holds this sweep
+    for others in ([phases(count_more)], [phases(initial=1.0)], []):
+        with pytest.raises(ExistingOutputError, match="landings_at_phase"):
+            vs.run(SWEEP, path, observables=others)
+
+
+def test_a_retry_without_the_observable_is_refused(tmp_path):
+    path = tmp_path / "out.h5"
+    vs.run(SWEEP, path, observables=[phases()]).close()
+    with pytest.raises(RunError, match=r"landings_at_phase\.code: "):
+        retry_failed(keyword_spec(SWEEP), path, threads=1)
+
+
+def test_an_observable_reaches_workers_of_a_cluster():
+    """Functions of a script or a notebook are sent by value, with the numbers that they use."""
+
+    def bins(number):
+        def function(totals, landing):
+            totals[int((landing.phase + 0.5) * number) % BINS] += math.fabs(1.0)
+
+        return function
+
+    spec = keyword_spec(SWEEP).with_observables([phases(bins(BINS))])
+    sent = cloudpickle.loads(cloudpickle.dumps(spec))
+    assert sent == spec
+    assert sent.scene.measures.observables[0].code == spec.scene.measures.observables[0].code
+    assert spec != keyword_spec(SWEEP).with_observables([phases(bins(BINS + 1))])
+
+
+def test_an_observable_that_cannot_be_compiled_leaves_no_file(tmp_path):
+    def function(totals, landing):
+        totals[0] += landing.colour
+
+    one = vs.Observable("seen", function, "no such quantity")
+    with pytest.raises(ParameterError, match="numba cannot compile"):
+        vs.run(SWEEP, tmp_path / "out.h5", chunk=10, observables=[one])
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_that_are_taken_are_refused(tmp_path):
+    with pytest.raises(ParameterError, match="name"):
+        vs.sweep(SWEEP, observables=[phases(), phases()])
+    table = tmp_path / "pairs.csv"
+    table.write_text("restitution,amplitude,landing_phase\n0.9,1.2,3\n", encoding="utf-8")
+    with pytest.raises(TableError, match="landing_phase"):
+        vs.sweep(design=str(table), observables=[phases()])
+
+
+def test_a_description_lists_an_observable_and_verification_does_not_compare_it(tmp_path):
+    path = tmp_path / "out.h5"
+    table = {"restitution": [0.8, 0.9], "amplitude": [1.0, 2.0], "ball": ["brass", "steel"]}
+    vs.run({"design": table}, path, observables=[phases()]).close()
+    told = [line.split(maxsplit=1) for line in describe(path)]
+    assert ["landings_at_phase", "landings by phase (realization, landing_phase)"] in told
+    assert ["ball", "(realization)"] in told
+    assert "landings_at_phase" in read_sample(path, 2, 0)[0].others
+
+
+ABSURD = [1, None, "x", 3.5, [], {}, 1j, b"x", float("nan"), 10**400]
+
+
+@pytest.mark.parametrize("value", ABSURD)
+def test_what_is_registered_has_its_type(value):
+    for register in (
+        lambda: vs.register_law(value),
+        lambda: vs.register_kind(value),
+        lambda: vs.register_kind(vs.ResultKind("absurd", "x", draw=value or 1)),
+        lambda: vs.register_design(value, value),
+        lambda: vs.register_design("absurd", value),
+        lambda: vs.Observable(value, value, value),
+        lambda: vs.Law(value, value, value, value),
+    ):
+        with pytest.raises(ParameterError):
+            register()
+
+
+@pytest.mark.parametrize("threads", [10**400, 10**20, 0, -1, 1.5, "2", True])
+def test_a_number_of_threads_that_no_machine_has(threads):
+    with pytest.raises(ParameterError, match=r"threads = .*at least 1 and at most 4096"):
+        vs.sweep(amplitude=1.0, duration=5.0, threads=threads)
+
+
+def test_an_observable_that_is_not_real():
+    imaginary = vs.Observable("absurd", lambda landing: 1j * landing.arrival, "x", landings="sum")
+    with pytest.raises(ParameterError, match="complex128; it must be a real number"):
+        vs.sweep(amplitude=1.0, duration=5.0, observables=[imaginary])

@@ -1,16 +1,28 @@
-"""Running statistics against the full record, and results that no division of the work changes."""
+"""Running statistics of a batch."""
 
+from dataclasses import replace
+
+import numba
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import vibrosweep as vs
+from vibrosweep.commands.describe import describe
 from vibrosweep.engine import measure as engine
-from vibrosweep.engine.measure import measure
+from vibrosweep.engine.measure import impact_speeds, measure, measure_all
 from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.advance import LOOK_AFTER
+from vibrosweep.kernels.statistics import IMPACT_SPEED, KINDS, Statistics, compiled
 from vibrosweep.model.measures import Status
+from vibrosweep.model.observables import Landing, Observable
+from vibrosweep.model.restitution_laws import fastest_in_range, range_of
+
+# Running statistics against the full record, and results that no division of the work changes.
 
 LAWS = ["rest", "reflect"]
 TIMES = (0.0, 0.31, -4.75, 2.0, 30.0)
@@ -280,3 +292,297 @@ def test_tasks_cover_everything_once(total, size, workers):
     covered = [n for first, last in sorted(seen) for n in range(first, last)]
     assert covered == list(range(total))
     assert all(last - first <= size for first, last in seen)
+
+
+# Greatest speed of impact, and whether the law of restitution holds there.
+
+LIMITED = {"restitution_law": "viscoelastic", "restitution": 0.8, "restitution_speed": 0.01}
+
+
+def test_the_restitution_at_the_fastest_impact_of_the_range_is_the_least():
+    e = np.array([0.46, 0.6, 0.8, 0.99])
+    fastest = fastest_in_range("viscoelastic", e, np.full(4, 0.2))
+    assert fastest[0] == pytest.approx(0.2, rel=1e-14)
+    assert vs.theory.restitution_at(fastest, e, "viscoelastic", 0.2) == pytest.approx(0.46)
+    unlimited = fastest_in_range("viscoelastic", np.ones(1), np.ones(1))
+    assert np.isinf(unlimited)
+    assert np.isinf(fastest_in_range("plastic", e, e)).all()
+
+
+def test_results_without_landings_state_the_range_of_the_law():
+    inputs = {"restitution": 0.8, "restitution_speed": 0.01}
+    limit = fastest_in_range("viscoelastic", np.array([0.8]), np.array([0.01])).item()
+    assert f"up to {limit:.4g} m s-1" in range_of("viscoelastic", inputs)
+    assert "e(v) is at least 0.46;" in range_of("viscoelastic", {})
+    assert range_of("plastic", inputs) == ""
+    found = vs.windows({**LIMITED, "amplitude": [0.4, 0.5], "conditions": ["locked(1)"]})
+    assert found.restitution_law_range == range_of("viscoelastic", inputs)
+
+
+def test_impacts_outside_the_range_are_always_flagged():
+    """On a base that does not kick, the first impact is the fastest: it has the launch speed."""
+    limit = fastest_in_range("viscoelastic", np.array([0.8]), np.array([0.01])).item()
+    speeds = [0.1 * limit, 0.999 * limit, 1.001 * limit]
+    found = vs.sweep(**LIMITED, amplitude=0.0, launch_velocity=speeds, duration=20.0)
+    assert found.impact_speed_max.values.ravel() == pytest.approx(speeds, rel=1e-14)
+    assert found.law_in_range.values.ravel().tolist() == [1, 1, 0]
+    every = vs.simulate(**LIMITED, amplitude=0.0, launch_velocity=speeds, duration=20.0)
+    assert every.law_in_range.values.tolist() == [1, 1, 0]
+    assert f"up to {limit:.4g} m s-1" in every.restitution_law_range
+
+
+def test_incomplete_realizations_are_undetermined_unless_they_left_the_range():
+    totals = np.zeros((len(KINDS) + 1, 4))
+    totals[0], totals[-1] = [3, 3, 0, 3], [1.0, 9.0, -np.inf, 9.0]
+    spent, lost = Status.BUDGET_EXCEEDED, Status.NON_FINITE
+    status = np.array([spent, spent, Status.COMPLETED, lost], np.int8)
+    found = Statistics((*KINDS, IMPACT_SPEED), totals, np.zeros(4, np.int64), status)
+    given = {"gravity": 2.0, "frequency": 0.5, "restitution": 0.46, "restitution_speed": 4.0}
+    arrays = {name: np.full(4, value) for name, value in given.items()}
+    measured = impact_speeds(found, arrays, "viscoelastic")
+    assert measured["law_in_range"].tolist() == [-1, 0, 1, -1]
+    assert np.array_equal(measured["impact_speed_max"], [2.0, 18.0, np.nan, np.nan], equal_nan=True)
+
+
+# Absurd parameters get a status, and harm no other realization.
+
+TABLE = """restitution,amplitude,frequency
+0.9,0.0,1.0
+0.9,1e30,1e9
+0.8,0.0,1.0
+0.9,1.0,1e9
+"""
+ROWS = """
+[scene]
+particles = 2
+duration = 1e7
+launch = [0.0, 0.25]
+[sample]
+design = "table.csv"
+[measure]
+transient = 0.5
+separation = true
+per_particle = true
+regimes = true
+trust = true
+"""
+
+
+@pytest.mark.parametrize("chunk", [1, 2, None])
+def test_absurd_rows_are_refused_and_harm_no_other(compute, tmp_path, chunk):
+    (tmp_path / "table.csv").write_text(TABLE)
+    mixed = xr.load_dataset(compute(ROWS, chunk=chunk))
+    assert mixed["status"].values.tolist() == [0, 3, 0, 3]
+    refused = mixed.isel(realization=[1, 3])
+    measured = (n for n, v in refused.data_vars.items() if "realization" in v.dims)
+    for name, variable in ((n, refused[n]) for n in measured):
+        if name in ("status", "particle_status"):
+            assert (variable == 3).all()
+        elif variable.dtype.kind == "f":
+            assert np.isnan(variable).all(), name
+        else:
+            assert (variable == -1).all(), name
+            assert -1 in variable.attrs.get("flag_values", [-1])
+    (tmp_path / "table.csv").write_text("restitution,amplitude,frequency\n0.9,0,1\n0.8,0,1\n")
+    alone = xr.load_dataset(compute(ROWS))
+    xr.testing.assert_identical(mixed.isel(realization=[0, 2]).drop_attrs(), alone.drop_attrs())
+
+
+def test_a_retry_is_offered_for_those_that_a_larger_budget_may_complete(compute, tmp_path):
+    (tmp_path / "table.csv").write_text(TABLE)
+    lines = list(describe(compute(f"{ROWS}impact_budget = 3")))
+    retry = "vibrosweep run --retry-failed --impact-budget N for 2 of them"
+    assert f"realizations that did not complete: 4; {retry}" in lines
+
+
+def test_refused_rows_are_listed_and_not_verified(compute, tmp_path):
+    pytest.importorskip("flint")
+    from vibrosweep.proof.verifying import verify
+
+    (tmp_path / "table.csv").write_text(TABLE)
+    path = compute(ROWS)
+    lines = list(describe(path))
+    assert (
+        "realizations that did not complete: 2; a larger impact budget helps none of them" in lines
+    )
+    assert lines[-2].split()[:2] == ["1", "refused,"]
+    assert lines[-2].endswith("restitution 0.9, amplitude 1e+30, frequency 1e+09")
+    report = verify(path)
+    assert report.passed
+    assert [o.state.name for o in report.outcomes] == ["COMPARED", "NOT_COMPLETED"] * 2
+
+
+# Observables in the streaming kernel, compared with the record of every landing.
+
+QUANTITIES = ("count", "phase", "flight_time", "arrival", "rebound", "rests")
+LANDING = Landing(0.1, 1.0, 1.0, 0.9, False)
+DURATION, TRANSIENT = 40.0, 7.3
+
+
+def everything(totals, landing):
+    """Sum each quantity; the phase is squared, so that signs do not cancel."""
+    totals[0] += 1.0
+    totals[1] += landing.phase * landing.phase
+    totals[2] += landing.flight_time
+    totals[3] += landing.arrival
+    totals[4] += landing.rebound
+    totals[5] += 1.0 if landing.rests else 0.0
+
+
+def beyond(totals, landing):
+    totals[1] += 1.0
+
+
+def of_no_type(totals, landing):
+    totals[0] += landing.colour
+
+
+def without_limits(text, **outside):
+    """A function g compiled by the user, without checks of indices."""
+    names = dict(outside)
+    exec(text, names)
+    return numba.njit(names["g"])
+
+
+ALL = Observable(
+    "everything", everything, "sums", along="quantity", values=range(6), particles="each"
+)
+
+
+@pytest.fixture(scope="module")
+def scenes(parameters):
+    """Scenes of which some lock, some rest and some rest for good; none is chaotic for long."""
+    rng = np.random.default_rng(5)
+    return parameters(
+        restitution=rng.uniform(0.3, 0.95, 12),
+        amplitude=np.concatenate([rng.uniform(0.2, 2.0, 10), [0.0, 4.0]]),
+        phase=rng.uniform(-3.0, 3.0, 12),
+        frequency=rng.uniform(0.8, 1.5, 12),
+    )
+
+
+def sums_of(inputs, scene, found, base):
+    """The same sums from a record, in its order; landings before the transient are left out."""
+    f, g = (inputs[name][:, np.newaxis, np.newaxis] for name in ("frequency", "gravity"))
+    e, a = (inputs[name][:, np.newaxis, np.newaxis] for name in ("restitution", "amplitude"))
+    turn, shift, unit = 2.0 * np.pi, inputs["phase"][:, np.newaxis, np.newaxis], g / (2.0 * f)
+    down, up, rested = found["landing_time"], found["liftoff_time"], found["rested"] == 1
+    alpha = a / (1.0 + e) if base == "moving" else 0.0 * a
+
+    def platform(time):
+        return alpha * np.sin(turn * f * time + shift)
+
+    particles = scene.particles
+    launch = np.arange(particles)[np.newaxis, :, np.newaxis] / (particles * f)
+    before = np.concatenate([launch, up[..., :-1]], axis=-1)
+    rise = np.concatenate(
+        [np.broadcast_to(inputs["launch_velocity"][:, np.newaxis, np.newaxis], launch.shape),
+         found["rebound_velocity"][..., :-1]],
+        axis=-1,
+    )  # fmt: skip
+    phase = f * down + shift / turn
+    seen = np.isfinite(down) & (down >= scene.measures.transient)
+    arrival = g * (down - before) - rise + platform(down)
+    rebound = np.nan_to_num(found["rebound_velocity"] - platform(up))
+    each = [
+        np.ones_like(down),
+        (phase - np.round(phase)) ** 2,
+        f * (down - before),
+        arrival / unit,
+        rebound / unit,
+        rested,
+    ]
+    return np.stack([np.where(seen, q, 0.0).sum(axis=-1) for q in each], axis=-1)
+
+
+@pytest.mark.parametrize(("base", "transient"), [("high-bounce", TRANSIENT), ("moving", 0.0)])
+def test_every_landing_in_the_window_is_seen(base, transient, scenes, observe, record, workers):
+    scene = observe(
+        particles=5, transient=transient, observables=(ALL,), base=base, duration=DURATION
+    )
+    found = measure(scenes, scene, workers)
+    expected = sums_of(scenes, scene, record(scenes, scene), base)
+    np.testing.assert_array_equal(found["everything"][..., 0], found["particle_impact_count"])
+    np.testing.assert_array_equal(found["everything"][..., 5], found["particle_rest_count"])
+    np.testing.assert_allclose(found["everything"], expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+def test_other_measures_and_threads_change_no_bit(base, scenes, observe):
+    """In 400 periods most orbits repeat; other measures count cycles, observables follow them."""
+    plain = observe(particles=5, duration=400.0, base=base, regimes=True)
+    asked = plain.with_measures(observables=(ALL,))
+    with Workers(1) as one, Workers(3) as three:
+        without = measure(scenes, plain, one)
+        found, again = measure(scenes, asked, one), measure(scenes, asked, three)
+    assert found.keys() == without.keys() | {"everything"}
+    for name, values in found.items():
+        assert values.tobytes() == again[name].tobytes()
+        assert name not in without or values.tobytes() == without[name].tobytes()
+    np.testing.assert_array_equal(found["everything"][..., 0], found["particle_impact_count"])
+    assert (found["locked_count"] + found["resting_count"] > 0).any()
+
+
+def test_units_and_sums_over_particles(scenes, observe, workers):
+    whole = replace(ALL, name="arrivals", units="m s-1", particles="sum")
+    found = measure(scenes, observe(particles=5, observables=(ALL, whole)), workers)
+    unit = scenes["gravity"] / (2.0 * scenes["frequency"])
+    expected = unit[:, np.newaxis] * found["everything"].sum(axis=1)
+    np.testing.assert_allclose(found["arrivals"], expected, rtol=1e-13)
+
+
+def test_realizations_that_cannot_be_computed_are_nan(parameters, observe, workers):
+    inputs = parameters(amplitude=[1.0, 1e300], restitution=0.9)
+    found = measure_all(inputs, observe(particles=2, observables=(ALL,)), workers)
+    assert found["status"].tolist() == [0, 3]
+    assert np.isfinite(found["everything"][0]).all()
+    assert np.isnan(found["everything"][1]).all()
+
+
+def test_mistakes_in_a_function(scenes, observe, workers):
+    one = Observable("seen", beyond, "one index too far")
+    with pytest.raises(ParameterError, match="'seen': its function raised IndexError: index"):
+        measure(scenes, observe(particles=2, observables=(one,)), workers)
+    one = Observable("seen", of_no_type, "no such quantity")
+    with pytest.raises(ParameterError, match=r"^[^:]*'seen': its function: numba cannot .*colour"):
+        measure(scenes, observe(particles=2, observables=(one,)), workers)
+
+
+def test_division_by_zero_is_an_error_as_in_python():
+    def divided(totals, landing):
+        totals[0] += 1 // int(landing.rests)
+
+    with pytest.raises(ZeroDivisionError):
+        compiled(Observable("seen", divided, "without remainder"))(np.zeros(1), LANDING)
+
+
+def test_functions_that_it_calls_are_compiled_with_it():
+    """A number that they use may have changed since, and bad indices must raise an error."""
+    helper = without_limits("def g(totals, k): totals[k] += K", K=1.0)
+    room = np.zeros(4)
+    helper(room, 0)
+
+    def calling(k):
+        def function(totals, landing):
+            helper(totals, k)
+
+        return function
+
+    helper.py_func.__globals__["K"] = 2.0
+    first, beyond = (compiled(Observable("seen", calling(k), "one number")) for k in (0, 1))
+    first(room[:1], LANDING)
+    assert room.tolist() == [3.0, 0.0, 0.0, 0.0]
+    with pytest.raises(IndexError):
+        beyond(room[:1], LANDING)
+
+
+def test_functions_that_it_calls_may_be_plain_python_and_recursive():
+    def factorial(n):
+        return 1 if n < 2 else n * factorial(n - 1)
+
+    def function(totals, landing):
+        totals[0] += factorial(5)
+
+    totals = np.zeros(1)
+    compiled(Observable("seen", function, "a number"))(totals, LANDING)
+    assert totals.tolist() == [120.0]

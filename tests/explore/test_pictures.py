@@ -1,13 +1,32 @@
-"""Pictures of a record agree with `simulate`: true parabolas that end on the base."""
+"""Pictures of the page."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import vibrosweep as vs
+from vibrosweep.api.result_kinds import BOUNDARIES, WINDOWS
+from vibrosweep.errors import DataError
 from vibrosweep.explorer import pictures
-from vibrosweep.explorer.points import of_result
+from vibrosweep.explorer.pictures import (
+    Axis,
+    View,
+    evenly,
+    nearest,
+    raster,
+    spread_out,
+    visible_rows,
+    window_ends,
+)
+from vibrosweep.explorer.points import Column, of_result, with_borders
+from vibrosweep.explorer.views import PlaneView
+from vibrosweep.store.writing import save_result
+
+# Pictures of a record agree with `simulate`: true parabolas that end on the base.
 
 LOCKED = {"restitution": 0.9, "amplitude": 1.2, "launch_time": [0.125]}
 
@@ -105,3 +124,215 @@ def test_the_smallest_separation_is_that_of_the_sweep(results):
 
 def test_one_particle_has_no_separations():
     assert vs.analysis.landing_separations(vs.simulate(**LOCKED)).sizes["landing"] == 0
+
+
+# Points gathered in pixels, compared with plain loops.
+
+VIEW = View((0.2, 0.9), (0.1, 0.7), 5, 4)
+
+
+def pixels(x, y):
+    """Point numbers in each pixel of the view."""
+    found = {}
+    for i, (a, b) in enumerate(zip(x, y, strict=True)):
+        column = int(np.floor((a - 0.2) / 0.7 * 5))
+        row = int(np.floor((b - 0.1) / 0.6 * 4))
+        if 0 <= column < 5 and 0 <= row < 4:
+            found.setdefault((row, column), []).append(i)
+    return found
+
+
+@pytest.fixture
+def scattered():
+    rng = np.random.default_rng(3)
+    return rng.random(60), rng.random(60), rng.random(60)
+
+
+def test_a_pixel_holds_the_mean_of_its_finite_numbers(scattered):
+    x, y, values = scattered
+    values[::7] = np.nan
+    values[3] = -np.inf
+    found = raster(x, y, values, VIEW)
+    assert (found.x, found.y) == (VIEW.x, VIEW.y)
+    there = pixels(x, y)
+    for place, value in np.ndenumerate(found.values):
+        inside = values[there.get(place, [])]
+        known = inside[np.isfinite(inside)]
+        if known.size:
+            assert value == pytest.approx(known.mean(), rel=1e-14)
+        else:
+            assert np.isneginf(value) if np.isneginf(inside).any() else np.isnan(value)
+
+
+def test_a_pixel_holds_its_commonest_code(scattered):
+    x, y, values = scattered
+    codes = np.round(2.0 * values)
+    found = raster(x, y, codes, VIEW, np.arange(3.0))
+    there = pixels(x, y)
+    for place, value in np.ndenumerate(found.values):
+        inside = codes[there.get(place, [])].tolist()
+        if inside:
+            assert inside.count(value) == max(map(inside.count, inside))
+        else:
+            assert np.isnan(value)
+
+
+def test_each_point_of_a_grid_has_a_cell():
+    x, y = (axis.ravel() for axis in np.meshgrid([0.0, 1.0, 2.0], [5.0, 7.0], indexing="ij"))
+    found = raster(x, y, np.arange(6.0), VIEW)
+    assert (found.x, found.y) == ((-0.5, 2.5), (4.0, 8.0))
+    assert found.values.tolist() == [[0.0, 2.0, 4.0], [1.0, 3.0, 5.0]]
+
+
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1), st.floats(-1, 1))
+@settings(max_examples=50)
+def test_none_is_nearer_than_the_nearest(places, at):
+    x, y = np.array(places).T
+    found = nearest(x, y, (at, 0.5), (0.1, 2.0))
+    far = np.hypot((x - at) / 0.1, (y - 0.5) / 2.0)
+    assert far[found] <= far.min() * (1.0 + 1e-12)
+
+
+def test_a_sample_spreads_from_coarse_to_fine(scattered):
+    x, y, _ = scattered
+    order = list(spread_out(x, y))
+    assert sorted(order) == sorted(set(order))
+    middle = np.argmin(np.hypot((x - x.min()) / np.ptp(x) - 0.5, (y - y.min()) / np.ptp(y) - 0.5))
+    assert order[0] == middle
+    # the first five points are one for the plane and one for each quarter of it
+    quarters = {(x[i] > np.median(x), y[i] > np.median(y)) for i in order[1:5]}
+    assert len(quarters) == 4
+
+
+def test_a_sample_of_many_points_is_even():
+    assert evenly(7, 100).tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert evenly(1000, 4).tolist() == [0, 333, 666, 999]
+
+
+# Closed forms of window ends, drawn over planes of any axes.
+
+
+def drawn(points, axes, **columns):
+    more = {name: Column(name, np.asarray(values, float)) for name, values in columns.items()}
+    return window_ends(replace(points, columns={**points.columns, **more}), axes)
+
+
+def test_ends_of_windows_over_restitution_and_amplitude(points):
+    ends, reason = drawn(points, ("restitution", "amplitude"))
+    assert reason == ""
+    assert {(end.mode, end.is_upper) for end in ends} >= {(1, False), (1, True)}
+    for end in ends:
+        closed = vs.theory.amplitude_max if end.is_upper else vs.theory.amplitude_min
+        assert np.array_equal(end.y, closed(end.mode, end.x))
+
+
+def test_axes_may_be_exchanged(points):
+    along, _ = drawn(points, ("restitution", "amplitude"))
+    across, _ = drawn(points, ("amplitude", "restitution"))
+    for one, other in zip(along, across, strict=True):
+        assert np.array_equal(one.x, other.y)
+        assert np.array_equal(one.y, other.x)
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+def test_ends_against_base_acceleration_are_those_of_the_base(points, base):
+    moved = replace(points, base_choice=points.base_choice.over(base))
+    gamma = np.linspace(0.01, 2.0, points.count)
+    ends, _ = drawn(moved, ("restitution", "base_acceleration"), base_acceleration=gamma)
+    assert any(end.is_upper for end in ends)
+    for end in ends:
+        least = np.pi * end.mode * (1.0 - end.x) / (1.0 + end.x)
+        steepest = 2.0 * (1.0 + end.x**2) / (1.0 + end.x) ** 2 if base == "moving" else 1.0
+        expected = np.hypot(least, steepest) if end.is_upper else least
+        assert np.allclose(end.y, expected, rtol=1e-12, atol=0.0)
+
+
+def test_the_reason_is_given_where_no_ends_are_drawn(points):
+    assert "an axis is the forcing" in drawn(points, ("restitution", "dt_min"))[1]
+    frequency = np.linspace(1.0, 2.0, points.count)
+    ends, reason = drawn(points, ("restitution", "amplitude"), frequency=frequency)
+    assert not ends
+    assert "depend on frequency, which differs" in reason
+    coupled = replace(points, base_choice=points.base_choice.over("sprung"))
+    assert "particles do not act on" in drawn(coupled, ("restitution", "amplitude"))[1]
+
+
+# Curves of bifurcations over the plane of the page.
+
+
+@pytest.fixture(scope="module")
+def curves():
+    return vs.boundaries(restitution=[0.8, 0.9], amplitude=[0.5, 3.5])
+
+
+@pytest.fixture
+def plane(tmp_path):
+    found = vs.sweep(restitution=[0.8, 0.9], amplitude=[0.5, 2.0, 3.5], particles=5)
+    return of_result(found, tmp_path / "plane.h5", "sweep")
+
+
+def test_curves_are_drawn_over_restitution_and_forcing_and_nothing_else(curves, plane, tmp_path):
+    path = save_result(curves, tmp_path / "borders.h5", BOUNDARIES)
+    view = PlaneView(with_borders(plane, path))
+    view.x, view.y = "restitution", "amplitude"
+    view.show()
+    shown = view.borders.data
+    assert sorted(shown["name"]) == ["1 in 1 period: period doubling", "1 in 1 period: saddle node"]
+    assert sorted(shown["dash"]) == ["dashed", "solid"]
+    born = shown["name"].index("1 in 1 period: saddle node")
+    e, a = shown["xs"][born], shown["ys"][born]
+    known = np.isfinite(e)
+    assert a[known] == pytest.approx(vs.theory.amplitude_min(1, e[known]), rel=1e-12)
+    view.y = "rebound_height_max"
+    view.show()
+    assert not view.borders.data["xs"]
+
+
+def test_curves_of_another_scene_are_refused(curves, plane, tmp_path):
+    for name, wrong in (
+        ("base", curves.assign_attrs(base="moving")),
+        ("frequency", curves.assign(frequency=2.0)),
+    ):
+        path = save_result(wrong, tmp_path / f"{name}.h5", BOUNDARIES)
+        with pytest.raises(DataError, match=f"its {name} is "):
+            with_borders(plane, path)
+    path = save_result(curves, tmp_path / "windows.h5", WINDOWS)
+    with pytest.raises(DataError, match="vibrosweep boundaries"):
+        with_borders(replace(plane), path)
+
+
+# Points left out of a picture cover the same pixels as others that are drawn.
+
+COUNTS = st.integers(0, 60)
+SEEDS = st.integers(0, 2**32 - 1)
+X, Y = Axis(1.0, 3.0, 20), Axis(1e-3, 1.0, 10, log=True)
+
+
+@settings(max_examples=60, deadline=None)
+@given(COUNTS, SEEDS)
+def test_the_last_of_the_dots_in_a_pixel_is_kept(count, seed):
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(1.0, 3.0, count), 10.0 ** rng.uniform(-3.0, 0.0, count)
+    last = {}
+    for i in range(count):  # by the definition of a pixel
+        last[int((x[i] - 1.0) * 10.0), int((np.log10(y[i]) + 3.0) / 0.3)] = i
+    assert visible_rows([x], y, X, Y).tolist() == sorted(last.values())
+
+
+@settings(max_examples=60, deadline=None)
+@given(COUNTS, SEEDS)
+def test_the_last_of_the_lines_in_the_same_pixels_is_kept(count, seed):
+    rng = np.random.default_rng(seed)
+    start, length, up = rng.uniform(-1.0, 5.0, count), rng.uniform(0.0, 3.0, count), np.ones(count)
+    shown = visible_rows([start, start + length], up, X, Axis(0.0, 2.0, 10))
+    reaches = (start + length > 1.0) & (start < 3.0)
+    for i in np.flatnonzero(reaches):
+        like = shown[shown >= i]
+        near = np.abs(start[like] - start[i]) + np.abs(length[like] - length[i])
+        assert near.min() <= 0.3  # three pixels of 0.1: one for each end, one for their difference
+    assert set(shown) <= set(np.flatnonzero((start + length > 0.0) & (start < 4.0)))
+
+
+def test_values_without_a_logarithm_are_left_out():
+    gaps = np.array([0.0, 0.1, np.nan, -1.0])
+    assert visible_rows([np.full(4, 2.0)], gaps, X, Y).tolist() == [1]

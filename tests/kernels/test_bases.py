@@ -1,4 +1,4 @@
-"""Generic functions of each base and law, against exact arithmetic and their declarations."""
+"""Impacts, rests, and the interface of a base."""
 
 import math
 import os
@@ -14,18 +14,20 @@ from hypothesis import strategies as st
 
 from proved_pieces import step
 from tests.general import as_the_engine_chooses
+from vibrosweep import simulate, theory
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.arithmetic import COSINE_ERROR, HALF_ULP, ROUNDING
-from vibrosweep.kernels.bases import StateError
-from vibrosweep.kernels.impact import base_of, impact
+from vibrosweep.kernels.bases import StateError, after_rest, lift_off, rebound
+from vibrosweep.kernels.impact import base_of, impact, land
 from vibrosweep.kernels.memory import LANES, ROW, STRIDE
 from vibrosweep.kernels.statistics import OF_LANDINGS, scratch
 from vibrosweep.model.parameters import LAWS
 
+# Generic functions of each base and law, against exact arithmetic and their declarations.
+
 BITS = 400
 TURN = 2.0 * math.pi
-
 laws = st.sampled_from(LAWS)
 restitutions = st.sampled_from([0.0, 1.0]) | st.floats(0.0, 1.0)
 kicks = st.just(0.0) | st.floats(1e-6, 10.0)
@@ -238,3 +240,286 @@ def fly_compiled(fixed, x, u):
 def test_an_unknown_base_is_named(ask, wrong):
     with pytest.raises(TypeError, match=r"^fly has no .*(Unknown|[Ff]loat)"):
         ask(wrong, 0.1, 1.0)
+
+
+# One impact against proved balls, and the two decisions that follow it.
+
+STATES = 3_000  # checks/map_error.py draws millions
+HALF_ULP_IMPACT = 2.0**-53
+SINE_ERROR = 2.4e-16  # see test_sine.py
+
+
+@pytest.fixture(scope="module")
+def impacts(constants_of):
+    """Random states, their images by the kernel, and proved balls."""
+    rng = np.random.default_rng(11)
+    e = rng.choice([0.0, 1.0, 0.9], STATES)
+    e[::2] = rng.uniform(0.0, 1.0, STATES // 2)
+    a = rng.choice([0.0, 1.0], STATES) * 10.0 ** rng.uniform(-6.0, 2.0, STATES)
+    x = rng.uniform(-0.5, 0.5, STATES)
+    x[::5] = rng.choice([-0.5, -0.25, 0.0, 0.25, 0.5], x[::5].size)
+    u = 10.0 ** rng.uniform(-9.0, 6.0, STATES)
+    u[::7] = rng.integers(0, 9, u[::7].size) / 4.0
+    rows = []
+    for state in np.stack([e, a, x, u], axis=1).tolist():
+        fixed = constants_of("rest", *state[:2])
+        hit = impact(fixed, 0.0, *state[2:])
+        w = rebound(fixed, hit.x, hit.v)
+        rows.append((state, (hit.x, hit.n, w), step(*state, bits=128)))
+    return rows
+
+
+def test_a_landing_is_reduced_and_rounded_once(impacts):
+    for (_, _, _, u), (phase, count, _), (exact_phase, exact_count, _) in impacts:
+        assert -0.5 <= phase <= 0.5
+        assert count in (math.floor(u) - 1, math.floor(u), math.ceil(u), math.ceil(u) + 1)
+        # x and u - round(u) are exact, their sum is below 1; -1/2 and 1/2 are one instant
+        off = (exact_phase - phase) + (exact_count - int(count))
+        assert float(abs(off).abs_upper()) <= HALF_ULP_IMPACT / 2.0
+
+
+def test_a_rebound_is_rounded_as_its_terms_are(impacts):
+    for (e, a, _, u), (phase, _, w), (_, _, exact) in impacts:
+        # roundings of the landing, the sine, the product and the sum
+        sine, slope = abs(math.sin(2 * math.pi * phase)), 2 * math.pi * HALF_ULP_IMPACT / 2.0
+        allowed = a * (SINE_ERROR + HALF_ULP_IMPACT * sine + slope) + HALF_ULP_IMPACT * abs(w)
+        assert float(abs(exact - w).abs_upper()) <= allowed * (1.0 + 1e-9) + 1e-300
+        assert abs(w - e * u) <= a * (1.0 + 2.0**-50) + HALF_ULP_IMPACT * (abs(w) + e * u) * 2.0
+
+
+def test_reflect_turns_a_particle_back(impacts, constants_of):
+    for (e, a, _, u), (phase, _, w), _ in impacts[:2000]:
+        assert rebound(constants_of("reflect", e, a), phase, u) == abs(w)
+
+
+def test_the_determinant_of_an_impact_is_the_restitution(impacts, constants_of):
+    h = 2.0**-18
+    for (e, a, x, u), _, _ in impacts:
+        if u > 100.0 or a > 10.0:
+            continue
+        fixed = constants_of("rest", e, a)
+
+        def image(dx, du, fixed=fixed, x=x, u=u):
+            # the phase may leave the reduced interval by h, which the map allows
+            hit = impact(fixed, 0.0, x + dx, u + du)
+            return hit.x + hit.n, rebound(fixed, hit.x, hit.v)
+
+        right, left, up, down = image(h, 0.0), image(-h, 0.0), image(0.0, h), image(0.0, -h)
+        by_x = [(p - q) / (2 * h) for p, q in zip(right, left, strict=True)]
+        by_u = [(p - q) / (2 * h) for p, q in zip(up, down, strict=True)]
+        determinant = by_x[0] * by_u[1] - by_x[1] * by_u[0]
+        # central differences leave (2 pi)^3 a h^2 / 6 in each slope, which cancel in the
+        # determinant of the exact map; rounding of values up to e u + a leaves their ulp over h
+        assert determinant == pytest.approx(e, rel=0, abs=1e-15 * (u + 10 * a + 1) / h)
+
+
+@pytest.fixture
+def resting(constants_of):
+    """A scene with a threshold of rest of 0.1, which the kick passes at a phase of 0.05."""
+    fixed = constants_of("rest", 0.9, 0.1 / math.sin(0.1 * math.pi), 0.1)
+    assert after_rest(fixed) == (pytest.approx(0.05), 0.1)
+    return fixed
+
+
+@pytest.mark.parametrize("x", [-0.5, -0.2, 0.0, 0.1])
+def test_a_particle_above_the_threshold_leaves_at_once(x, resting):
+    w = float(np.nextafter(0.1, 1.0))
+    assert lift_off(resting, 7.0, x, w) == (7.0, x, w, True)
+
+
+def test_a_rest_ends_at_the_next_rise_of_the_kick(resting):
+    rise, _ = after_rest(resting)
+    behind = float(np.nextafter(rise, 1.0))
+    for x, later in ((-0.5, 0), (-0.2, 0), (rise, 0), (behind, 1), (0.5, 1)):
+        for w in (0.1, -3.0):  # w = r rests
+            assert lift_off(resting, 7.0, x, w) == (7.0 + later, rise, 0.1, False)
+
+
+def test_without_excitation_a_rest_never_ends(constants_of):
+    still = constants_of("rest", 0.9, 0.0, 0.1)
+    assert lift_off(still, 7.0, -0.2, 0.0) == (math.inf, 0.0, 0.0, False)
+
+
+def test_whole_periods_do_not_change_a_landing():
+    for u in (0.3, 0.75, 0.015625):
+        for whole in (1.0, 1e6, 2.0**40):
+            later = whole + u
+            kept = later - whole  # u as rounded in a double of that size
+            assert land(0.2, later) == (land(0.2, kept)[0], land(0.2, kept)[1] + whole)
+
+
+# Locked orbits of the kernel against their closed forms, and the determinant of any orbit.
+
+FORCING = {"frequency": 1.7, "gravity": 9.81}
+
+
+def flights_locked(found):
+    """Phases of impact in turns, and flight times in forcing periods, of the only particle."""
+    one = found[{"realization": 0, "particle": 0}]
+    f, g = one.frequency.item(), one.gravity.item()
+    turns = one.landing_time.values * f + one.phase.item() / (2.0 * math.pi)
+    return turns - np.rint(turns), one.rebound_velocity.values * 2.0 * f / g
+
+
+@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+@pytest.mark.parametrize("e", [0.8, 0.9])
+def test_a_locked_orbit_attracts_to_its_closed_form(k, e, rebound):
+    low, high = theory.amplitude_min(k, e, **FORCING), theory.amplitude_max(k, e, **FORCING)
+    amplitude, phi = float(low + 0.5 * (high - low)), 0.3
+    x = float(theory.locked_phase(k, e, amplitude, **FORCING))
+    impacts = 600  # errors of 1e-3 shrink by sqrt(e) each: 0.9^300 1e-3 = 2e-17
+    found = simulate(
+        restitution=e,
+        amplitude=amplitude,
+        phase=phi,
+        launch_velocity=float(theory.locked_velocity(k, **FORCING)) * 1.002,
+        launch_time=(x - 1e-3 - phi / (2.0 * math.pi)) / FORCING["frequency"],
+        duration=impacts * k / FORCING["frequency"],
+        rebound=rebound,
+        **FORCING,
+    )
+    phase, flight = flights_locked(found)
+    assert not found.rested.any()
+    assert phase.size in (impacts - 1, impacts)
+    assert abs(phase[0] - x) > 1e-4
+    # 2400 periods are rounded to 3e-13
+    assert phase[-5:] == pytest.approx(x, rel=0, abs=1e-12)
+    assert flight[-5:] == pytest.approx(k, rel=2e-12)
+    height = found.rebound_velocity.values[0, 0, -5:] ** 2 / (2.0 * FORCING["gravity"])
+    assert height == pytest.approx(float(theory.locked_height(k, **FORCING)), rel=4e-12)
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_errors_of_a_locked_orbit_shrink_by_its_multipliers(k):
+    e = 0.9
+    low, high = theory.amplitude_min(k, e), theory.amplitude_max(k, e)
+    # close below the upper edge the multipliers are real
+    amplitude = float(high - 1e-4 * (high - low))
+    x = float(theory.locked_phase(k, e, amplitude))
+    found = simulate(
+        restitution=e,
+        amplitude=amplitude,
+        launch_velocity=float(theory.locked_velocity(k)),
+        launch_time=x + 1e-7,
+        duration=200.5 * k,
+    )
+    leading = theory.multipliers(k, e, amplitude)[0]
+    assert leading.imag == 0.0
+    apart = flights_locked(found)[0] - x
+    # the other multiplier, near -e, has died out; the rounding of times is 1e-13 against 1e-7
+    rate = (apart[190] / apart[150]) ** (1.0 / 40.0)
+    assert rate == pytest.approx(abs(leading.real), abs=1e-6)
+
+
+@pytest.mark.parametrize("k", [1, 3])
+@pytest.mark.parametrize(("side", "grows"), [(-1, False), (1, True)])
+def test_the_upper_edge_divides_decay_from_growth(k, side, grows):
+    e, relative = 0.9, 1e-7
+    # an alternation of 1e-6 is far above rounding (1e-16 per impact), and small enough for its
+    # own square, 1e-12, not to move the edge by 1e-7; in 20,000 impacts it changes by 1e-3
+    impacts, alternation = 20_000, 1e-6
+    amplitude = float(theory.amplitude_max(k, e)) * (1.0 + side * relative)
+    found = simulate(
+        restitution=e,
+        amplitude=amplitude,
+        launch_velocity=float(theory.locked_velocity(k)),
+        launch_time=float(theory.locked_phase(k, e, amplitude)) + alternation,
+        duration=(impacts + 0.5) * k,
+    )
+    _, flight = flights_locked(found)
+    swing = np.abs(np.diff(flight))
+    early, late = swing[1000], swing[-2]
+    assert late / early == pytest.approx(1.0, abs=0.1)
+    assert (late > early * (1.0 + 1e-5)) == grows
+    assert (late < early * (1.0 - 1e-5)) != grows
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_locked_orbit_lives_only_above_the_lower_edge(side):
+    k, e = 1, 0.9
+    amplitude = float(theory.amplitude_min(k, e)) * (1.0 + side * 1e-3)
+    found = simulate(
+        restitution=e,
+        amplitude=amplitude,
+        launch_velocity=float(theory.locked_velocity(k)),
+        launch_time=0.26,
+        duration=2000.0,
+    )
+    _, flight = flights_locked(found)
+    stays = bool(np.all(np.abs(flight[-100:] - k) < 1e-6))
+    assert stays == (side > 0)
+
+
+def images(launches, flights_, kept, **scene):
+    """Time and flight time after some landings of particles with each launch and first flight."""
+    found = simulate(
+        launch_time=launches,
+        launch_velocity=flights_,  # gravity 2 and frequency 1: a speed is its flight time
+        gravity=2.0,
+        frequency=1.0,
+        duration=100.0,
+        **scene,
+    )
+    assert not found.rested[..., :kept].any()
+    return found.landing_time.values[..., kept - 1], found.rebound_velocity.values[..., kept - 1]
+
+
+@pytest.mark.parametrize(
+    ("rebound", "e", "amplitude", "t", "u", "kept"),
+    [
+        ("rest", 0.9, 0.25, 0.4, 1.03, 12),
+        ("reflect", 0.9, 0.25, 0.4, 1.03, 12),
+        ("reflect", 0.8, 0.7, 0.1, 0.9, 5),  # turned back at the second and third landing
+    ],
+)
+def test_areas_of_states_shrink_by_the_restitution_at_each_impact(
+    rebound, e, amplitude, t, u, kept
+):
+    h = 2.0**-22
+    times, speeds = images(
+        [t - h, t, t + h],
+        [u - h, u, u + h],
+        kept,
+        restitution=e,
+        amplitude=amplitude,
+        rebound=rebound,
+    )
+    jacobian = np.array(
+        [
+            [v[1, 2] - v[1, 0] for v in (times, speeds)],
+            [v[2, 1] - v[0, 1] for v in (times, speeds)],
+        ]
+    ) / (2.0 * h)
+    stretch = np.linalg.norm(jacobian)
+    # a central difference is off by the square of 2 pi h stretch, and by some 1e-15 / h
+    share = (2.0 * math.pi * h * stretch) ** 2 + 1e-14 / h / stretch
+    assert stretch**2 * share < 1e-2 * e**kept
+    determinant = abs(np.linalg.det(jacobian))
+    assert determinant == pytest.approx(e**kept, rel=0, abs=stretch**2 * share)
+
+
+@pytest.mark.parametrize(
+    ("rebound", "e", "amplitude"),
+    [("reflect", 0.9, 3.2), ("reflect", 0.5, 8.0), ("rest", 0.9, 0.8), ("rest", 0.9, 1.2)],
+)
+def test_lyapunov_exponents_sum_to_the_logarithm_of_the_restitution(rebound, e, amplitude):
+    found = simulate(
+        restitution=e, amplitude=amplitude, launch_time=0.41, duration=400.0, rebound=rebound
+    )
+    one = found[{"realization": 0, "particle": 0}]
+    landings = np.argmax(one.rested.values) or one.sizes["impact"]
+    phase, flight = flights_locked(found)
+    kick = 2.0 * amplitude / 9.81
+    frame, grown = np.eye(2), np.zeros(2)
+    arrival = np.concatenate([[2.0 * 5.0 / 9.81], flight[:-1]])
+    for n in range(landings):
+        slope = 2.0 * math.pi * kick * math.cos(2.0 * math.pi * phase[n])
+        w = e * arrival[n] + kick * math.sin(2.0 * math.pi * phase[n])
+        assert abs(abs(w) - flight[n]) < 1e-9
+        jacobian = np.array([[1.0, 1.0], [slope, e + slope]])
+        frame, triangle = np.linalg.qr(jacobian @ frame)
+        grown += np.log(np.abs(np.diag(triangle)))
+    assert landings > 50
+    # each factor is rounded a few times relative to its largest entry
+    assert grown.sum() / landings == pytest.approx(math.log(e), abs=1e-12)

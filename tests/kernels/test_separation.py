@@ -1,11 +1,33 @@
-"""Separations against all pairs of recorded landings."""
+"""Landings in the order of time: separations and order."""
 
-from itertools import combinations
+import itertools
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import vibrosweep as vs
+from study.records import order_of_landings
 from vibrosweep.engine.measure import measure
+from vibrosweep.kernels.bases import Instant
+from vibrosweep.kernels.coupled.follow import clear, close, lacks_memory, note
+from vibrosweep.kernels.coupled.follow import landings as landings_sequence
+from vibrosweep.kernels.ordering import (
+    FARTHEST,
+    NARROWEST,
+    ORDERED,
+    Listed,
+    closest,
+    empty_orders,
+    put_in_order,
+    workspace,
+    write_order,
+)
+from vibrosweep.kernels.ordering import HARMONICS as HARMONICS_SEQUENCE
+
+# Separations against all pairs of recorded landings.
 
 LAWS = ["rest", "reflect"]
 
@@ -299,3 +321,218 @@ def test_late_separations_are_as_accurate_as_early_ones(parameters, observe, wor
     assert 0.0 < early["dt_min"] < 1e-2
     for name in ("dt_min", "dt_min_same_index", "base_shared", "impact_count"):
         assert early[name] == late[name]
+
+
+# Smallest gaps in a list of landings, against all pairs.
+
+
+def listed(whole, phase, who):
+    """A list that holds these landings, and room for cells."""
+    work = workspace(len(who))
+    work.listed[:ORDERED, : len(who)] = whole, phase, np.zeros(len(who)), who
+    return work.listed, work.cells
+
+
+def all_pairs_ordering(whole, phase, who):
+    apart = np.abs(np.subtract.outer(whole, whole) + np.subtract.outer(phase, phase))
+    inside = (who >= 0)[:, None] & (who >= 0) & ~np.eye(len(who), dtype=bool)
+    return np.min(apart, where=inside, initial=np.inf)
+
+
+@st.composite
+def landings(draw):
+    """Landings, each of another particle, alone, in clusters and at the same instant."""
+    seed = draw(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    number = draw(st.integers(2, 200))
+    centres = rng.uniform(-0.5, 0.5, draw(st.integers(1, number)))
+    width = 10.0 ** -draw(st.integers(0, 17))
+    phase = rng.choice(centres, number) + width * rng.uniform(-0.5, 0.5, number)
+    phase = np.clip(phase, -0.5, 0.5)
+    whole = -1e6 + np.round(rng.uniform(0, draw(st.sampled_from([0.0, 2.0, 300.0])), number))
+    early = rng.random(number) < draw(st.sampled_from([0.0, 0.0, 0.5, 1.0]))
+    who = np.where(early, -1 - np.arange(number), np.arange(number))
+    return whole, phase, who
+
+
+@given(landings(), st.floats(-14.0, 1.0))
+def test_the_closest_of_landings_that_are_not_in_order(given_landings, exponent):
+    whole, phase, who = given_landings
+    gap = 10.0**exponent
+    found = closest(*listed(whole, phase, who), len(who), gap)
+    if gap < NARROWEST:
+        assert np.isnan(found)
+    else:
+        assert found == min(gap, all_pairs_ordering(whole, phase, who))
+
+
+@pytest.mark.parametrize("gap", [np.inf, 0.0, NARROWEST / 2])
+def test_gaps_that_only_sorted_landings_can_give_are_nan(gap):
+    phase = np.linspace(-0.4, 0.4, 9)
+    assert np.isnan(closest(*listed(np.zeros(9), phase, np.arange(9)), 9, gap))
+
+
+def test_the_gap_of_landings_that_are_too_far_apart_is_nan():
+    whole = np.array([0.0, FARTHEST + 1.0])
+    assert np.isnan(closest(*listed(whole, np.zeros(2), np.arange(2)), 2, 0.1))
+
+
+@given(landings(), st.floats(0.0, 400.0))
+def test_any_cells_give_the_order_of_time(given_landings, span):
+    whole, phase, who = given_landings
+    landings_listed, cells = listed(whole, phase, who)
+    put_in_order(landings_listed, cells, len(who), whole[0], phase[0], span)
+    ordered = landings_listed[ORDERED:, : len(who)]
+    assert sorted(ordered[3]) == sorted(who)
+    assert np.all(np.diff(ordered[0]) + np.diff(ordered[1]) >= 0.0)
+    for values, original in zip(ordered[:2], (whole, phase), strict=True):
+        place = np.argsort(who)
+        assert np.array_equal(values[np.argsort(ordered[3])], original[place])
+
+
+# Order of the landings of independent particles, from recorded landings by plain code.
+
+HARMONICS = {"order_1": 1, "order_2": 2, "order_3": 3, "order_half": 1 / 2, "order_third": 1 / 3}
+LAUNCH = (0.0, 0.2, 0.2, 0.7)  # two particles coincide from the beginning
+
+
+def plain(times, frequency, begin, end):
+    """Order of landings at these times, shape (particle, impact), between begin and end."""
+    landings = sorted((t, p) for p, own in enumerate(times) for t in own[~np.isnan(own)])
+    last, changes = {}, 0
+    for number, (time, particle) in enumerate(landings):
+        waits = particle in last and last[particle] > min(last.values())
+        changes += waits and time >= begin
+        last[particle] = number
+    late = max(begin, end - 1.0 / frequency)
+    gaps = [b[0] - a[0] for a, b in pairwise(landings) if a[1] != b[1] and b[0] >= late]
+    turns = frequency * np.array([landings[number][0] for number in last.values()])
+    found = {name: abs(np.exp(2j * np.pi * h * turns).mean()) for name, h in HARMONICS.items()}
+    found |= {"gap_median": np.median(gaps), "gap_min": min(gaps)} if gaps else {}
+    return found | {"order_changes": changes}
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+@pytest.mark.parametrize("transient", [0.0, 3.1])
+def test_order_is_that_of_the_recorded_landings(
+    base, transient, parameters, observe, workers, record
+):
+    rng = np.random.default_rng(3)
+    drawn = {"restitution": rng.uniform(0.3, 0.95, 30), "amplitude": rng.uniform(0.3, 4.0, 30)}
+    drawn["frequency"] = rng.uniform(0.8, 1.2, 30)
+    given = parameters(**{name: np.tile(values, 2) for name, values in drawn.items()})
+    scene = observe(LAUNCH, duration=7.0, transient=transient, base=base, ordering=True)
+    found, landed = measure(given, scene, workers), record(given, scene)["landing_time"]
+    for i in range(60):  # the second half equals the first and is not computed
+        for name, value in plain(landed[i], given["frequency"][i], transient, 7.0).items():
+            assert found[name][i] == pytest.approx(value, rel=0.0, abs=1e-12), name
+    assert found["order_changes"].max() > 20
+
+
+def test_particles_that_keep_their_order_keep_their_sequence():
+    found = vs.simulate(
+        base="moving",
+        restitution=0.9,
+        base_acceleration=np.linspace(0.2, 0.7, 20),
+        launch_velocity=9.81,  # into the slots of mode 2
+        launch_time=[0.4, 1.42],
+        duration=40.0,
+        transient=20.0,
+        ordering=True,
+    )
+    kept = found.order_changes.values == 0
+    assert 0 < kept.sum() < 20
+    assert not order_of_landings(found, since=20.0).sequence_changes.values[kept].any()
+
+
+def test_the_order_is_unknown_beyond_the_impact_budget(parameters, observe, workers):
+    # the cycle is counted to the end, and landings are not followed that far
+    given = parameters(restitution=0.5, amplitude=5.1, launch_velocity=9.81)
+    scene = observe((0.3, 1.3), duration=1e5, ordering=True, impact_budget=1000, base="moving")
+    found = measure(given, scene, workers)
+    assert found["status"] == 0
+    assert found["impact_count"] > 10_000
+    assert found["order_changes"] == -1
+    assert np.isnan([found[name] for name in (*HARMONICS, "gap_median", "gap_min")]).all()
+
+
+# Separations and order of landings, taken one by one in order of time, against all pairs.
+
+BEGIN = 2.0  # of the window, periods
+LATE = 3.0  # beginning of its last period
+
+
+@st.composite
+def scenes(draw):
+    """Particles and times, in their order, and stays that end before the particle lands again.
+
+    One particle may land far more often than another, so that equal impact numbers are far apart.
+    """
+    particles = draw(st.integers(1, 4))
+    share = np.array(draw(st.lists(st.sampled_from([1, 3, 30]), min_size=4, max_size=4)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    size = draw(st.integers(0, 60))
+    who = rng.choice(particles, size, p=(share / share[:particles].sum())[:particles])
+    ticks = draw(st.sampled_from([2**3, 2**8, 2**20]))
+    times = np.sort(rng.integers(0, ticks, size)) * (2.0 * BEGIN / ticks)
+    stays = rng.choice([2.0**-7, 0.25, 2.0], size)  # all sums are exact
+    for j in range(particles):
+        own = np.flatnonzero(who == j)
+        stays[own[:-1]] = np.minimum(stays[own[:-1]], np.diff(times[own]))
+    return who, times, stays
+
+
+def one_by_one(who, times, stays, places):
+    """Note all landings, with as much memory of numbers as is needed."""
+    memory = landings_sequence(4, places)
+    noted = clear(memory)
+    for j, time, stay in zip(who, times, stays, strict=True):
+        seen = time >= BEGIN
+        if lacks_memory(memory, j, seen):
+            return one_by_one(who, times, stays, 2 * places)
+        name = float(j if seen else -1 - j)
+        landing = Listed(0.0, time, stay, name)
+        noted = note(memory, noted, landing, time >= LATE, Instant(0.0, BEGIN))
+    return close(memory, noted, Instant(0.0, BEGIN)), memory.turns
+
+
+@given(scenes(), st.integers(1, 5))
+def test_separations_and_order_are_those_of_all_pairs(scene, places):
+    who, times, stays = scene
+    number = np.array([np.count_nonzero(who[:k] == who[k]) for k in range(who.size)])
+    pairs = [p for p in itertools.combinations(range(who.size), 2) if who[p[0]] != who[p[1]]]
+    inside = [(k, m) for k, m in pairs if times[k] >= BEGIN]
+    found, turns = one_by_one(who, times, stays, places)
+    assert found.gap == min((times[m] - times[k] for k, m in inside), default=np.inf)
+    equal = (times[m] - times[k] for k, m in inside if number[k] == number[m])
+    assert found.same == min(equal, default=np.inf)
+    ends = times + stays
+    shared = any(max(times[k], times[m], BEGIN) <= min(ends[k], ends[m]) for k, m in pairs)
+    assert found.shared == int(shared)
+    out = empty_orders(1)
+    write_order(out, 0, turns, found.order, True)
+    assert out.changes[0] == sum(
+        time >= BEGIN and j in who[:k] and j != longest_ago(who[:k])
+        for k, (j, time) in enumerate(zip(who, times, strict=True))
+    )
+    late = (times[1:] >= LATE) & (np.diff(who) != 0)
+    gaps = np.diff(times)[late]
+    assert out.gap_median[0] == np.median(gaps) if gaps.size else np.isnan(out.gap_median[0])
+    assert out.gap_least[0] == gaps.min() if gaps.size else np.isnan(out.gap_least[0])
+    last = [times[who == j].max() for j in set(who)]
+    for h, harmonic in enumerate(HARMONICS_SEQUENCE):
+        mean = np.exp(2j * np.pi * harmonic * np.array(last)).mean() if last else np.nan
+        assert out.phases[h, 0] == pytest.approx(abs(mean), abs=1e-14, nan_ok=True)
+
+
+def longest_ago(who):
+    """Return the particle whose last landing was longest ago."""
+    return min(set(who), key=lambda j: np.flatnonzero(who == j).max())
+
+
+def test_the_order_of_landings_that_are_not_all_known_is_undetermined():
+    found, turns = one_by_one(np.array([0, 1]), np.array([2.5, 3.5]), np.zeros(2), 2)
+    out = empty_orders(1)
+    write_order(out, 0, turns, found.order, False)
+    assert out.changes[0] == -1
+    assert np.isnan([*out.gap_median, *out.gap_least, *out.phases[:, 0]]).all()

@@ -1,5 +1,6 @@
-"""A sound dataset passes; whatever cannot be compared or read is reported."""
+"""Results compared with proved trajectories."""
 
+import itertools
 import math
 import subprocess
 import sys
@@ -8,17 +9,33 @@ from importlib.metadata import version
 import h5py
 import numpy as np
 import pytest
+from flint import arb
 
+import vibrosweep as vs
 from honest import random_spec
+from tests.scenes import RIGID
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.measures import MEASURE_OF, MEASURES, OF_TRAJECTORIES, RECORD, Regime
+from vibrosweep.model.measures import MEASURE_OF, MEASURES, OF_TRAJECTORIES, RECORD, Regime, Status
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import NOISE, OF_MOUNT, OF_RESTITUTION, STREAM
+from vibrosweep.proof.measures import Rounded, prove_measures
+from vibrosweep.proof.reference.arithmetic import arb as arb_observed
+from vibrosweep.proof.reference.motion import Flight, Impact, Trajectory
 from vibrosweep.proof.report import State
-from vibrosweep.proof.sampling import RECORD_COORDINATES, SWEEP_COORDINATES, VARIABLES, read_sample
+from vibrosweep.proof.sampling import (
+    RECORD_COORDINATES,
+    SWEEP_COORDINATES,
+    VARIABLES,
+    Realization,
+    read_sample,
+)
 from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.driver import run_sweep
+from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import parse_spec
+
+# A sound dataset passes; whatever cannot be compared or read is reported.
 
 
 def everything(path, **options):
@@ -523,3 +540,282 @@ def test_changes_of_a_dataset_of_the_moving_base_are_found(moving, moving_report
     complaints = list(everything(path).complaints())
     for name, place in places.items():
         assert any(c.startswith(place) and name in c for c in complaints), name
+
+
+# Definitions of measures against plain code: all pairs, in doubles, on random landings.
+
+PARAMETERS = {
+    "restitution": 0.9,
+    "amplitude": 1.2,
+    "frequency": 1.0,
+    "phase": 0.0,
+    "gravity": 9.81,
+    "launch_velocity": 5.0,
+    "contact_time": 0.03,
+}
+
+
+def scene(particles, transient=0.0):
+    measures, launch = Measures(transient=transient), tuple(j / particles for j in range(particles))
+    made = Scene(particles=particles, launch=launch, duration=10.0, measures=measures)
+    return Realization(made, PARAMETERS)
+
+
+def flight(velocity):
+    periods = 2.0 * velocity / 9.81
+    return Flight(arb(periods), arb(velocity**2 / 2.0 / 9.81), arb(periods), None)
+
+
+LAUNCH = flight(5.0)
+
+
+def trajectory(rng, landings, at_rest):
+    """Random landings; every other one is followed by a stay, the last one for good on request."""
+    times = np.sort(rng.uniform(0.0, 10.0, landings))
+    stays = np.diff(times, append=10.5) * rng.uniform(0.0, 1.0, landings)
+    impacts = []
+    for n, (time, stay) in enumerate(zip(times.tolist(), stays.tolist(), strict=True)):
+        for_good = at_rest and n == landings - 1
+        rested = for_good or n % 2 == 0
+        velocity = float(rng.uniform(0.0, 6.0))
+        impacts.append(
+            Impact(
+                landing_time=arb(time),
+                liftoff_time=None if for_good else arb(time + stay * rested),
+                rebound_velocity=None if for_good else arb(velocity),
+                rested=rested,
+                count=0,
+                phase=arb(0),
+                flight=None if for_good else flight(velocity),
+                arrival=arb(1),
+            )
+        )
+    return Trajectory(LAUNCH, tuple(impacts), at_rest, Status.COMPLETED, 128)
+
+
+def stays_of(trajectories):
+    for particle, t in enumerate(trajectories):
+        for number, impact in enumerate(t.impacts):
+            land = float(impact.landing_time)
+            leave = math.inf if impact.liftoff_time is None else float(impact.liftoff_time)
+            yield particle, number, land, max(leave, land + PARAMETERS["contact_time"]), impact
+
+
+def expected(trajectories, begin):
+    stays = list(stays_of(trajectories))
+    seen = [s for s in stays if s[2] >= begin]
+    pairs = [(a, b) for a, b in itertools.combinations(seen, 2) if a[0] != b[0]]
+    gaps = [abs(a[2] - b[2]) for a, b in pairs]
+    same = [abs(a[2] - b[2]) for a, b in pairs if a[1] == b[1]]
+    overlaps = [
+        min(a[3], b[3]) - max(a[2], b[2], begin)
+        for a, b in itertools.combinations([s for s in stays if s[3] >= begin], 2)
+        if a[0] != b[0]
+    ]
+    speeds = [float(s[4].rebound_velocity) for s in seen if s[4].rebound_velocity is not None]
+    return {
+        "impact_count": len(seen),
+        "rest_count": sum(s[4].rested for s in seen),
+        "at_rest_count": sum(t.at_rest for t in trajectories),
+        "rebound_height_mean": np.mean(np.square(speeds)) / 2 / 9.81 if speeds else None,
+        "rebound_height_max": max(speeds) ** 2 / 2 / 9.81 if speeds else None,
+        "flight_time_mean": 2 * np.mean(speeds) / 9.81 if speeds else None,
+        "dt_min": min(gaps, default=None),
+        "dt_min_same_index": min(same, default=None),
+        "base_shared": int(max(overlaps, default=-1.0) >= 0.0),
+        "collision_free": int(max(overlaps, default=-1.0) < 0.0),
+    }, max(overlaps, default=None)
+
+
+def agree(proved, plain):
+    if plain is None:
+        return proved is None
+    return proved is not None and math.isclose(float(proved), plain, rel_tol=1e-9, abs_tol=1e-12)
+
+
+@pytest.mark.parametrize("transient", [0.0, 4.0])
+@pytest.mark.parametrize("seed", range(60))
+def test_definitions(seed, transient):
+    rng = np.random.default_rng(seed)
+    particles, most = int(rng.integers(1, 6)), int(rng.integers(1, 8))
+    trajectories = [
+        trajectory(rng, int(rng.integers(0, most + 1)), bool(rng.random() < 0.3 and most > 3))
+        for _ in range(particles)
+    ]
+    found = prove_measures(scene(particles, transient), trajectories)
+    plain, overlap = expected(trajectories, transient or -math.inf)
+    for name, value in plain.items():
+        assert agree(found.values[name], value), name
+    assert agree(found.overlap, overlap)
+    for particle, t in enumerate(trajectories):
+        own, _ = expected([t], transient or -math.inf)
+        for name in ("impact_count", "rest_count", "rebound_height_mean", "flight_time_mean"):
+            assert agree(found.values[f"particle_{name}"][particle], own[name])
+
+
+def test_launch_counts_for_the_height_only_inside_the_window():
+    rng = np.random.default_rng(1)
+    launched = 25.0 / (2.0 * 9.81)
+    low = trajectory(rng, 3, False)
+    for transient, counts in ((0.0, True), (0.5, True), (0.51, False)):
+        heights = prove_measures(scene(2, transient), [low, low]).values
+        own = heights["rebound_height_max"]
+        top = max(float(own), launched) if counts else float(own)
+        assert float(heights["flight_height_max"]) == pytest.approx(top, rel=1e-15)
+
+
+def test_no_landing_at_all():
+    nothing = Trajectory(LAUNCH, (), False, Status.COMPLETED, 128)
+    values = prove_measures(scene(2), [nothing, nothing]).values
+    undefined = {"rebound_height_mean", "rebound_height_max", "flight_time_mean", "dt_min"}
+    assert {n for n in undefined if values[n] is None} == undefined
+    assert values["impact_count"] == values["base_shared"] == 0
+    assert float(values["flight_height_max"]) == pytest.approx(25.0 / (2.0 * 9.81))
+
+
+def test_squares_beyond_doubles_are_not_finite():
+    fast = Impact(arb(1), arb(1), arb(1e200), False, 1, arb(0), flight(1e100), arb(1e100))
+    values = prove_measures(
+        scene(1), [Trajectory(LAUNCH, (fast,), False, Status.COMPLETED, 128)]
+    ).values
+    assert values["status"] == Status.NON_FINITE
+
+
+# Observables in `verify`: combinations, estimates, and functions other than those of the file.
+
+SPRUNG = {"mass_ratio": 0.05, "mount_frequency": 4.0, "mount_damping": 0.1, "duration": 4.0}
+BASES = {"high-bounce": {}, "moving": {}, "sprung": SPRUNG}
+SWEEP = {
+    "restitution": [0.6, 0.8],
+    "amplitude": [1.2, 3.0],
+    "duration": 6.0,
+    "transient": 2.0,
+    "particles": 3,
+}
+
+
+def lost(landing):
+    return landing.arrival**2 - landing.rebound * landing.rebound
+
+
+def root(landing):
+    return math.sqrt(landing.arrival)
+
+
+def late(landing):
+    return 1.0 if landing.phase > 0.1 else 0.0
+
+
+def arrival(landing):
+    return landing.arrival
+
+
+def rests(landing):
+    return landing.rests
+
+
+OBSERVABLES = [
+    vs.Observable("lost", lost, "sum of squares lost", "m2 s-2", landings="sum"),
+    vs.Observable("root", root, "least root", landings="min"),
+    vs.Observable("late", late, "late landings", landings="sum", particles="max"),
+    vs.Observable("fastest", arrival, "fastest arrival", "m s-1", landings="max", particles="each"),
+    vs.Observable("rests_seen", rests, "rests", landings="sum"),
+]
+
+
+def computed(path, observables, **more):
+    vs.run(SWEEP | more, path, observables=observables).close()
+    return path
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_every_field_and_combination_over_every_base(base, tmp_path):
+    path = computed(tmp_path / "out.h5", OBSERVABLES, base=base, **BASES[base])
+    report = vs.verify(path, observables=OBSERVABLES)
+    assert report.passed
+    compared = report.variables()
+    for one in OBSERVABLES:
+        assert len(compared[one.name].errors) == (12 if one.particles == "each" else 4)
+        assert max(compared[one.name].claims) < 1e-3
+    assert [*report.estimated] == ["root"]
+
+
+def test_some_observables_can_be_left_out(tmp_path):
+    path = computed(tmp_path / "out.h5", OBSERVABLES)
+    report = vs.verify(path, observables=OBSERVABLES[:1])
+    assert report.passed
+    assert {*report.not_compared()} == {one.name for one in OBSERVABLES[1:]}
+
+
+def test_no_landing_has_no_maximum_and_a_sum_of_zero(tmp_path):
+    path = computed(tmp_path / "out.h5", OBSERVABLES, duration=0.5, transient=0.0)
+    with vs.open_sweep(path) as found:
+        assert np.isnan(found.root).all()
+        assert (found.lost == 0.0).all()
+    assert vs.verify(path, observables=OBSERVABLES).passed
+
+
+def test_another_function_than_that_of_the_file_is_refused(tmp_path):
+    path = computed(tmp_path / "out.h5", OBSERVABLES[3:])
+    other = vs.Observable("fastest", root, "root", "m s-1", landings="max", particles="each")
+    for wrong in (other, OBSERVABLES[0]):
+        with pytest.raises(vs.errors.DataError, match=wrong.name):
+            vs.verify(path, observables=[wrong])
+
+
+def test_a_function_that_changes_totals_is_refused(tmp_path):
+    def count(totals, landing):
+        totals[0] += landing.rests
+
+    one = vs.Observable("counted", count, "rests")
+    path = computed(tmp_path / "out.h5", [one])
+    assert "counted" in vs.verify(path).not_compared()
+    with pytest.raises(vs.errors.ParameterError, match="counted"):
+        vs.verify(path, observables=[one])
+
+
+def test_a_ball_contains_the_result_in_doubles():
+    def formula(a, b, c):
+        return (a * b - c) ** 3 / (1.5 + abs(b)) - 2 * a / c + max(a, b, 0.1) - (-c if a < b else c)
+
+    for numbers in np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 3)):
+        found = formula(*(Rounded(arb_observed(x)) for x in numbers.tolist()))
+        assert found.ball.contains(arb_observed(formula(*numbers.tolist())))
+        assert found.ball.rad() < 1e-9
+
+
+# Results with noise: trajectories under the stored noise stream are proved like any others.
+
+NOISE_NOISE = {"restitution_noise": 0.3, "kick_noise": 0.2}
+RECORD_NOISE = {"restitution": 0.4, "amplitude": 0.3, "duration": 2.5}
+# noise reverses some kicks, and the kick jumps where a forcing period begins
+DRIVE = {"drive_noise": 0.9, "contact_time": 0.06, "record": RECORD_NOISE}
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        DRIVE,
+        {**DRIVE, "phase": 8.0, "trust": True},
+        {"base": "moving"},
+        {"base": "sprung", "mass_ratio": 0.05, "mount_frequency": 2.3, **RIGID},
+    ],
+    ids=["high-bounce", "turned", "moving", "sprung"],
+)
+def test_the_stored_stream_is_proved(scene, tmp_path):
+    path = tmp_path / "noisy.h5"
+    asked = {"restitution": (0.5, 0.95), "amplitude": (0.2, 2.0), "realizations": 4, "seed": 1}
+    asked |= {**NOISE_NOISE, **scene, "particles": 2, "duration": 2.5, "noise_seed": 5}
+    vs.run(asked, path).close()
+    report = vs.verify(path)
+    assert report.passed
+    assert report.count(State.COMPARED) == report.total == 4
+    assert not report.not_compared()
+    for name, found in report.variables().items():
+        assert found.errors, name
+        assert not found.undecided
+    with h5py.File(path, "r+") as file:
+        file["noise_stream"][2] += 1.0
+    outside = vs.verify(path).variables()
+    assert outside["noise_stream"].outside
+    assert outside["rebound_height_mean"].outside == {"realization 2"}

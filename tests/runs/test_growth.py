@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
-from tests.runs.test_retry import SWEEP, bits, ending
+from tests.runs.test_survival import SWEEP_RETRY, bits, ending_retry
 from vibrosweep.errors import ExistingOutputError, Interruption
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import run_sweep
@@ -16,7 +16,7 @@ from vibrosweep.store.parts import run_directory
 
 
 def sweep(realizations, design="uniform", budget=32):
-    text = SWEEP.format(budget=budget, design=design, regimes="")
+    text = SWEEP_RETRY.format(budget=budget, design=design, regimes="")
     return parse_spec(text.replace("realizations = 16", f"realizations = {realizations}"))
 
 
@@ -54,7 +54,7 @@ def test_a_run_that_adds_realizations_and_is_ended_continues(output, tmp_path):
     run_sweep(sweep(16), output, threads=1)
     old = output.read_bytes()
     with pytest.raises(Interruption, match="2 of 4"):
-        run_sweep(sweep(20), output, threads=1, chunk=1, runner=ending)
+        run_sweep(sweep(20), output, threads=1, chunk=1, runner=ending_retry)
     assert output.read_bytes() == old
     assert run_sweep(sweep(20), output, threads=1).kept == 18
     run_sweep(sweep(20), tmp_path / "large.h5", threads=1)

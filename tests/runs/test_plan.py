@@ -1,19 +1,29 @@
-"""A plan: chunks of bounded work, and estimates that a run bears out."""
+"""Plans, chunks and the identity of a run."""
 
+import json
 import subprocess
 import sys
-from dataclasses import replace
+import tomllib
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import vibrosweep
 from vibrosweep.cli import main
 from vibrosweep.engine import landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
+from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.observables import Observable
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.runs import chunks, plan
-from vibrosweep.runs.chunks import in_process
+from vibrosweep.runs.chunks import EXEMPT, differences, identity, in_process, sources
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.plan import (
     UNKNOWN,
@@ -24,7 +34,12 @@ from vibrosweep.runs.plan import (
     require_disk,
     require_memory,
 )
-from vibrosweep.scene.sweep import parse_spec, read_spec
+from vibrosweep.scene.design import Design
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import Sweep, parse_spec, read_spec
+
+# A plan: chunks of bounded work, and estimates that a run bears out.
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"
 WIDE = """title = "x"
@@ -303,3 +318,248 @@ def test_a_run_spends_little_on_a_plan(workers):
     cost = make_plan(spec, workers).cost
     assert cost.columns["status"].size < 20
     assert cost.columns["impact_count"].sum() < 0.1 * spec.design.realizations * cost.impacts.mean()
+
+
+# Realizations that are computed at once.
+
+SPEC = parse_spec(
+    'title = "x"\n[sample]\nrealizations = 10_000_000\nrestitution = [0.8, 0.98]\n'
+    "amplitude = [0.2, 3.5]\n"
+)
+DESIGN = open_design(SPEC)
+
+
+@given(
+    particles=st.integers(1, 10**7),
+    rows=st.integers(1, 10**7),
+    threads=st.integers(1, 64),
+    duration=st.floats(1e-3, 1e12),
+)
+def test_pieces_are_neither_too_many_nor_too_large(particles, rows, threads, duration):
+    spec = replace(SPEC, scene=replace(SPEC.scene, particles=particles, duration=duration))
+    size, apart = chunks.rows_at_once(spec, DESIGN, rows, threads)
+    assert 1 <= size <= min(rows, chunks.batch_size(spec))
+    if apart:
+        assert rows // size >= chunks.PIECES_PER_THREAD * threads
+        assert chunks.LEAST_PER_PIECE // particles <= size <= chunks.MOST_PER_PIECE // particles
+
+
+@pytest.mark.parametrize(
+    ("rows", "particles", "duration", "cut"),
+    [
+        (200, 20, 12.0, (200, False)),  # too little to share out
+        (100_000, 20, 12.0, (6553, True)),
+        (100_000, 20, 1000.0, (819, True)),  # as much work in fewer
+        (1000, 10**6, 12.0, (1, False)),  # very many particles: on all threads together
+    ],
+)
+def test_a_sweep_is_cut_by_its_work(rows, particles, duration, cut):
+    spec = replace(SPEC, scene=replace(SPEC.scene, particles=particles, duration=duration))
+    assert chunks.rows_at_once(spec, DESIGN, rows, 2) == cut
+
+
+# The identity of a sweep holds every field of its spec on which numbers depend.
+
+FULL = """title = "x"
+[scene]
+gravity = 9.8
+particles = 2
+{launch}
+[sample]
+design = {design}
+restitution = [0.8, 0.98]
+[measure]
+{switches}
+[record]
+restitution = 0.5
+[windows]
+conditions = ["periodic"]
+"""
+SWITCHES = "\n".join(f"{name} = true" for name, one in MEASURES.items() if not one.coupled)
+TABLE = 'title = "x"\n[sample]\ndesign = "table.csv"\ncolumns = ["restitution", "amplitude"]\n'
+SPECS = {
+    "drawn": FULL.format(design='"sobol"\nrealizations = 8', launch="", switches=SWITCHES),
+    "grid": FULL.format(design='"grid"', launch="launch = [0.0, 0.5]", switches=""),
+    "bare": 'title = "x"\n',
+    "table": TABLE,
+}
+
+
+@pytest.fixture(params=SPECS)
+def spec_identity(request, tmp_path):
+    (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1.2\n")
+    return parse_spec(SPECS[request.param], tmp_path / "sweep.toml")
+
+
+def changed(value):
+    """Yield other values of the kind of a field, each with the name of the part that differs."""
+    if is_dataclass(value):
+        for field in fields(value):
+            for name, other in changed(getattr(value, field.name)):
+                if field.name == "waveform" and other is None:  # a scene always has one
+                    continue
+                with suppress(ParameterError):  # an unknown law
+                    yield f".{field.name}{name}", replace(value, **{field.name: other})
+        if not isinstance(value, Waveform):  # a scene always has one
+            yield "", None
+    elif isinstance(value, Mapping):
+        for key, member in value.items():
+            for name, other in changed(member):
+                yield f".{key}{name}", {**value, key: other}
+            yield f".{key} left out", {k: v for k, v in value.items() if k != key}
+    elif isinstance(value, tuple):
+        for place, member in enumerate(value):
+            for name, other in changed(member):
+                yield f"[{place}]{name}", (*value[:place], other, *value[place + 1 :])
+        yield " shorter", value[:-1]
+    elif isinstance(value, bool):
+        yield "", not value
+    elif isinstance(value, int | float):
+        yield "", value * (1 + 2.0**-52) if isinstance(value, float) and value else value + 1
+    elif isinstance(value, str):
+        yield "", value + "x"
+    elif isinstance(value, frozenset):
+        yield "", value | {"another"}
+    elif isinstance(value, Path):
+        yield "", value.with_name("other.csv")
+    else:
+        assert value is None, f"a {type(value).__name__} in a spec is unknown to this test"
+        yield "", 1
+
+
+def test_every_field_is_in_the_identity_or_cannot_change_a_number(spec_identity, tmp_path):
+    (tmp_path / "other.csv").write_bytes((tmp_path / "table.csv").read_bytes())
+    before = identity(spec_identity)
+    for field in fields(Sweep):
+        value = getattr(spec_identity, field.name)
+        for name, other in changed(value):
+            path = f"{field.name}{name}"
+            impossible = path == "design.table" and value.table is None
+            if other == value or impossible:  # a measure that another one requires stays
+                continue
+            if is_dataclass(value) and name == "":  # the record: there is one or none
+                assert field.name == "record" or other is None
+                continue
+            now = identity(replace(spec_identity, **{field.name: other}))
+            assert (now != before) is not any(path.startswith(one) for one in EXEMPT), path
+
+
+def test_every_exempt_path_is_a_field_and_has_a_reason():
+    kinds = {"scene": Scene, "record": Scene, "design": Design}
+    for path, reason in EXEMPT.items():
+        room, _, name = path.rpartition(".")
+        assert name in {field.name for field in fields(kinds[room] if room else Sweep)}
+        assert len(reason) > 10
+
+
+def test_a_field_of_an_unknown_kind_is_an_error(spec_identity):
+    with pytest.raises(TypeError, match=r"^title: .* object"):
+        identity(replace(spec_identity, title=object()))
+
+
+def test_differences_are_told_in_the_words_of_a_sweep_file(tmp_path):
+    before, now = (parse_spec(SPECS[name], tmp_path / "x.toml") for name in ("bare", "drawn"))
+    told = differences(identity(before), identity(now))
+    for line in (
+        "scene.particles: was 1, is 2",
+        "measure.lyapunov: was false, is true",
+        "sample.design: was uniform, is sobol",
+        "restitution: was 0.9, is [0.8, 0.98]",
+        "record.restitution: was not given, is 0.5",
+    ):
+        assert line in told
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        (
+            "restitution = [0.8, 0.9]",
+            "restitution = { start = 0.1, stop = 0.9, num = 30 }",
+            "restitution: was [0.8, 0.9], is { start = 0.1, stop = 0.9, num = 30 }",
+        ),
+        (
+            "launch = [0.0, 0.5]",
+            'launch = "staggered"\nparticles = 2',
+            "scene.launch: was [0.0, 0.5], is staggered",
+        ),
+        (
+            "duration = 9",
+            "duration_periods = 9",
+            "scene.duration: was 9.0, is 9.0 forcing periods",
+        ),
+        (
+            "transient = 1",
+            "transient_periods = 2",
+            "measure.transient: was 1.0, is 2.0 forcing periods",
+        ),
+    ],
+)
+def test_a_change_is_told_as_a_sweep_file_gives_it(old, new, line):
+    text = """title = "x"
+[scene]
+launch = [0.0, 0.5]
+duration = 9
+[sample]
+design = "grid"
+restitution = [0.8, 0.9]
+[measure]
+transient = 1
+"""
+    before, now = identity(parse_spec(text)), identity(parse_spec(text.replace(old, new)))
+    others = [one for one in differences(before, now) if not one.startswith("sample.realizations")]
+    assert others == [line]
+
+
+def count(totals, landing):
+    totals[0] += 1.0
+
+
+def test_only_the_fields_that_an_observable_gains_are_reported():
+    spec = parse_spec(SPECS["bare"])
+    plain, spread = (
+        identity(spec.with_observables([Observable("number", count, "landings", **more)]))
+        for more in ({}, {"along": "place", "values": [0.0, 1.0]})
+    )
+    assert differences(plain, spread) == [
+        "measure.observables.number.along: was not given, is place",
+        "measure.observables.number.values: was not given, is [0.0, 1.0]",
+    ]
+
+
+NUMBER = st.floats(0.0, 1.0)
+SEVERAL = st.lists(NUMBER, min_size=2, max_size=6, unique=True).map(sorted)
+
+
+@given(
+    st.tuples(st.just("uniform"), NUMBER)
+    | st.tuples(st.just("uniform"), SEVERAL.map(lambda ends: [ends[0], ends[-1]]))
+    | st.tuples(st.just("grid"), NUMBER | SEVERAL)
+)
+def test_a_value_is_held_as_it_was_given(drawn):
+    design, value = drawn
+    count = "realizations = 3" if design == "uniform" else ""
+    sample = f'[sample]\ndesign = "{design}"\n{count}\nrestitution = {json.dumps(value)}\n'
+    held = identity(parse_spec(f'title = "x"\n{sample}'))
+    assert tomllib.loads(f"value = {held['restitution']}")["value"] == value
+    assert held["sample.design"] == design
+
+
+def test_every_module_that_a_sweep_loads_is_in_the_digest(tmp_path):
+    spec = tmp_path / "sweep.toml"
+    spec.write_text(SPECS["drawn"] + "\n")
+    program = f"""
+import json, sys
+from pathlib import Path
+from vibrosweep.runs.driver import run_sweep
+from vibrosweep.scene.sweep import read_spec
+run_sweep(read_spec({str(spec)!r}), Path({str(tmp_path / "out.h5")!r}), threads=1)
+modules = [m for name, m in sys.modules.items() if name.partition(".")[0] == "vibrosweep"]
+print(json.dumps([m.__file__ for m in modules]))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    loaded = {Path(name) for name in json.loads(done.stdout)}
+    assert len(loaded) > 40
+    package = Path(vibrosweep.__file__).parent
+    kinds = {package / "api" / name for name in ("__init__.py", "result_kinds.py")}
+    assert loaded - set(sources()) <= kinds  # these only say how results are shown

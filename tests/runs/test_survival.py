@@ -1,4 +1,4 @@
-"""Finished chunks survive any end of a run, and nothing wrong is kept with them."""
+"""Runs that are interrupted or fail."""
 
 import errno
 import os
@@ -14,14 +14,19 @@ import xarray as xr
 
 import vibrosweep
 from vibrosweep.cli import main
+from vibrosweep.commands.describe import describe
 from vibrosweep.engine import measure as engine
-from vibrosweep.errors import Interruption, OutputError, RunError
+from vibrosweep.errors import DataError, Interruption, OutputError, RunError
 from vibrosweep.model.observables import Measures
 from vibrosweep.runs import chunks, result
-from vibrosweep.runs.driver import run_sweep
-from vibrosweep.scene.sweep import read_spec
+from vibrosweep.runs.chunks import in_process
+from vibrosweep.runs.driver import retry_failed, run_sweep
+from vibrosweep.runs.result import unsettled
+from vibrosweep.scene.sweep import parse_spec, read_spec
 from vibrosweep.store.disk import Disk
 from vibrosweep.store.parts import Parts, holding, read_manifest, run_directory
+
+# Finished chunks survive any end of a run, and nothing wrong is kept with them.
 
 SWEEP = """title = "A sweep of a test"
 [scene]
@@ -46,7 +51,7 @@ class Killed(BaseException):
 
 
 @pytest.fixture
-def sweep(tmp_path, monkeypatch):
+def sweep_survival(tmp_path, monkeypatch):
     """Run the sweep in chunks of two; the time and the threads in the file are fixed."""
     monkeypatch.setattr(result, "provenance", lambda threads: {"threads": 1})
 
@@ -61,9 +66,9 @@ def sweep(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def expected(sweep, tmp_path):
+def expected(sweep_survival, tmp_path):
     """The bytes of the result of a run that nothing disturbs."""
-    sweep(output="whole.h5", chunk=None)
+    sweep_survival(output="whole.h5", chunk=None)
     return (tmp_path / "whole.h5").read_bytes()
 
 
@@ -107,21 +112,21 @@ def parts(tmp_path):
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("chunk", [1, 7, 1000])
-def test_the_same_file_however_it_is_cut(sweep, expected, tmp_path, threads, chunk):
-    sweep(threads=threads, chunk=chunk)
+def test_the_same_file_however_it_is_cut(sweep_survival, expected, tmp_path, threads, chunk):
+    sweep_survival(threads=threads, chunk=chunk)
     assert (tmp_path / "out.h5").read_bytes() == expected
     assert not run_directory(tmp_path / "out.h5").exists()
 
 
 @pytest.mark.parametrize("after", [0, 3, CHUNKS - 1])
-def test_a_run_continues_with_what_is_missing(sweep, expected, computed, tmp_path, after):
-    with unfinished(sweep, after):
+def test_a_run_continues_with_what_is_missing(sweep_survival, expected, computed, tmp_path, after):
+    with unfinished(sweep_survival, after):
         assert len(parts(tmp_path)) == after
         assert not (tmp_path / "out.h5").exists()
     # other threads and chunks are asked for, but the run keeps its division into chunks
     told = []
     runner = noting(computed, threads=2)
-    sweep(threads=2, chunk=5, runner=runner, advance=lambda *now: told.append(now))
+    sweep_survival(threads=2, chunk=5, runner=runner, advance=lambda *now: told.append(now))
     assert computed == list(range(after, CHUNKS))
     assert told[0] == (2 * after, 11)
     assert told[-1] == (11, 11)
@@ -129,67 +134,65 @@ def test_a_run_continues_with_what_is_missing(sweep, expected, computed, tmp_pat
     assert not run_directory(tmp_path / "out.h5").exists()
 
 
-def test_noise_is_the_same_however_a_run_is_cut_and_continued(sweep, tmp_path):
+def test_noise_is_the_same_however_a_run_is_cut_and_continued(sweep_survival, tmp_path):
     noise = "restitution_noise = 0.05\nkick_noise = 0.1\ndrive_noise = 0.4\nnoise_seed = 3\n"
     noisy = SWEEP.replace("[sample]", f"{noise}[sample]")
-    sweep(noisy, output="whole.h5", chunk=None)
+    sweep_survival(noisy, output="whole.h5", chunk=None)
     expected = (tmp_path / "whole.h5").read_bytes()
-    with unfinished(sweep, text=noisy):
+    with unfinished(sweep_survival, text=noisy):
         assert len(parts(tmp_path)) == 3
-    sweep(noisy, threads=2)
+    sweep_survival(noisy, threads=2)
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
-def test_an_interruption_says_what_is_kept(sweep):
+def test_an_interruption_says_what_is_kept(sweep_survival):
     runner = ending(2, KeyboardInterrupt())
     with pytest.raises(Interruption, match=r"2 of 6 chunks are finished.*same command again"):
-        sweep(runner=runner)
+        sweep_survival(runner=runner)
     with pytest.raises(Interruption, match=r"without force=True"):
-        sweep(runner=runner, force=True)
+        sweep_survival(runner=runner, force=True)
 
 
-def test_a_replacing_run_continues_without_force(sweep, expected, computed, tmp_path):
+def test_a_replacing_run_continues_without_force(sweep_survival, expected, computed, tmp_path):
     old = tmp_path / "out.h5"
     old.write_bytes(b"old")
-    with unfinished(sweep, 4, force=True):
+    with unfinished(sweep_survival, 4, force=True):
         assert old.read_bytes() == b"old"
-    sweep(runner=noting(computed))
+    sweep_survival(runner=noting(computed))
     assert computed == [4, 5]
     assert old.read_bytes() == expected
 
 
-def test_an_output_that_appeared_meanwhile_is_kept(sweep, tmp_path):
-    with unfinished(sweep):
+def test_an_output_that_appeared_meanwhile_is_kept(sweep_survival, tmp_path):
+    with unfinished(sweep_survival):
         (tmp_path / "out.h5").write_bytes(b"other")
     with pytest.raises(OutputError, match="is kept"):
-        sweep()
+        sweep_survival()
     assert len(parts(tmp_path)) == 3
 
 
 @pytest.mark.parametrize("place", [0.0, 0.4, 0.999])
-def test_a_flipped_bit_is_noticed(sweep, expected, computed, tmp_path, place):
-    with unfinished(sweep, 5):
+def test_a_flipped_bit_is_noticed(sweep_survival, expected, computed, tmp_path, place):
+    with unfinished(sweep_survival, 5):
         directory = run_directory(tmp_path / "out.h5")
         path = directory / parts(tmp_path)[1]
         data = bytearray(path.read_bytes())
         data[int(place * len(data))] ^= 4
         path.write_bytes(data)
-    summary = sweep(runner=noting(computed))
+    summary = sweep_survival(runner=noting(computed))
     assert summary.repaired == 1
     assert computed == [5]
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
-def test_a_disk_that_changes_its_data_is_reported(sweep, tmp_path, monkeypatch):
+def test_a_disk_that_changes_its_data_is_reported(sweep_survival, tmp_path, monkeypatch):
     monkeypatch.setattr(Parts, "read", lambda *arguments: None)
     with pytest.raises(OutputError, match="damaged"):
-        sweep()
+        sweep_survival()
     assert not (tmp_path / "out.h5").exists()
 
 
 # identity
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -205,53 +208,55 @@ def test_a_disk_that_changes_its_data_is_reported(sweep, tmp_path, monkeypatch):
         ),
     ],
 )
-def test_a_changed_sweep_does_not_continue(sweep, tmp_path, old, new, words):
+def test_a_changed_sweep_does_not_continue(sweep_survival, tmp_path, old, new, words):
     assert old in SWEEP
-    with unfinished(sweep):
+    with unfinished(sweep_survival):
         before = parts(tmp_path)
     with pytest.raises(RunError, match=r"3 of 6 chunks finished") as caught:
-        sweep(SWEEP.replace(old, new))
+        sweep_survival(SWEEP.replace(old, new))
     lines = [line.strip() for line in str(caught.value).splitlines()]
     assert all(any(line.startswith(word) for line in lines) for word in words)
     assert "kernels" not in str(caught.value)
     assert "force=True" in lines[-1]
     assert parts(tmp_path) == before
-    sweep(SWEEP.replace(old, new), force=True)
+    sweep_survival(SWEEP.replace(old, new), force=True)
     assert (tmp_path / "out.h5").exists()
 
 
-def test_a_change_that_affects_no_number_does_not_prevent_continuing(sweep, computed, tmp_path):
-    with unfinished(sweep):
+def test_a_change_that_affects_no_number_does_not_prevent_continuing(
+    sweep_survival, computed, tmp_path
+):
+    with unfinished(sweep_survival):
         text = "# a comment\n" + SWEEP.replace("[sample]", 'rebound = "rest"\n[sample]')
-    sweep(text, runner=noting(computed))
+    sweep_survival(text, runner=noting(computed))
     assert computed == [3, 4, 5]
     assert xr.load_dataset(tmp_path / "out.h5").attrs["sweep_file"].startswith("# a comment")
 
 
 @pytest.mark.parametrize("name", ["programs", "version"])
-def test_another_version_does_not_continue(sweep, tmp_path, monkeypatch, name):
-    with unfinished(sweep):
+def test_another_version_does_not_continue(sweep_survival, tmp_path, monkeypatch, name):
+    with unfinished(sweep_survival):
         monkeypatch.setattr(chunks, name, lambda *arguments: "another")
     with pytest.raises(RunError, match="is another"):
-        sweep()
+        sweep_survival()
     assert len(parts(tmp_path)) == 3
 
 
-def test_the_contents_of_a_table_are_part_of_the_sweep(sweep, tmp_path):
+def test_the_contents_of_a_table_are_part_of_the_sweep(sweep_survival, tmp_path):
     table = tmp_path / "table.csv"
     rows = "restitution,amplitude\n" + "".join(f"0.9,{k}\n" for k in range(1, 9))
     text = 'title = "x"\n[sample]\ndesign = "table.csv"\n'
     table.write_text(rows)
-    with unfinished(sweep, text=text):
+    with unfinished(sweep_survival, text=text):
         table.write_text(rows.replace("0.9,8", "0.9,7"))
     with pytest.raises(RunError, match=r"table: was digest \w+, is digest \w+"):
-        sweep(text)
+        sweep_survival(text)
     table.write_text(rows)
-    sweep(text)
+    sweep_survival(text)
     assert xr.load_dataset(tmp_path / "out.h5")["amplitude"].values.tolist() == list(range(1, 9))
 
 
-def test_a_table_that_changes_while_it_runs_is_noticed(sweep, tmp_path):
+def test_a_table_that_changes_while_it_runs_is_noticed(sweep_survival, tmp_path):
     """As a worker on another machine may see it; here another process does."""
     (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1\n0.9,2\n0.9,3\n")
 
@@ -261,33 +266,31 @@ def test_a_table_that_changes_while_it_runs_is_noticed(sweep, tmp_path):
             workers.submit(chunks.compute_chunk, job, numbers[0], threads=1).result()
 
     with pytest.raises(RunError, match=r"another sweep.* table"):
-        sweep('title = "x"\n[sample]\ndesign = "table.csv"\n', runner=elsewhere)
+        sweep_survival('title = "x"\n[sample]\ndesign = "table.csv"\n', runner=elsewhere)
     assert parts(tmp_path) == []
 
 
-def test_two_runs_on_one_output(sweep, expected, tmp_path):
+def test_two_runs_on_one_output(sweep_survival, expected, tmp_path):
     with (
         holding(tmp_path / "out.h5"),
         pytest.raises(RunError, match="another run"),
     ):
-        sweep(force=True)
-    sweep()
+        sweep_survival(force=True)
+    sweep_survival()
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
-def test_a_damaged_manifest_needs_force(sweep, expected, tmp_path):
-    with unfinished(sweep):
+def test_a_damaged_manifest_needs_force(sweep_survival, expected, tmp_path):
+    with unfinished(sweep_survival):
         (run_directory(tmp_path / "out.h5") / "manifest.json").write_bytes(b"{}")
     with pytest.raises(RunError, match=r"manifest.json: is damaged.*force=True"):
-        sweep()
-    sweep(force=True)
+        sweep_survival()
+    sweep_survival(force=True)
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
 # failures
-
-
-def test_a_chunk_that_fails_once_is_computed_again(sweep, expected, tmp_path, monkeypatch):
+def test_a_chunk_that_fails_once_is_computed_again(sweep_survival, expected, tmp_path, monkeypatch):
     def measure(*arguments):
         failed.append(arguments)
         if len(failed) == 6:
@@ -296,15 +299,15 @@ def test_a_chunk_that_fails_once_is_computed_again(sweep, expected, tmp_path, mo
 
     failed, original = [], engine.measure
     monkeypatch.setattr(engine, "measure", measure)
-    sweep()
+    sweep_survival()
     assert len(failed) > 6
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
 @pytest.fixture
-def failing(sweep, tmp_path):
+def failing(sweep_survival, tmp_path):
     """Make every batch that holds certain realizations fail, while a block lasts."""
-    sweep(output="column.h5")
+    sweep_survival(output="column.h5")
     restitution = xr.load_dataset(tmp_path / "column.h5")["restitution"].values
     (tmp_path / "column.h5").unlink()
 
@@ -326,50 +329,50 @@ def failing(sweep, tmp_path):
 
 @pytest.mark.parametrize("pilot", [4, 0], ids=["planned", "unplanned"])
 def test_a_chunk_that_fails_does_not_end_the_others(
-    sweep, expected, computed, failing, tmp_path, pilot
+    sweep_survival, expected, computed, failing, tmp_path, pilot
 ):
     with (
         failing(4, 9, but_for=pilot),
         pytest.raises(RunError, match=r"2 of 6 chunks failed twice \(numbers 2, 4; .*Floating"),
     ):
-        sweep()
+        sweep_survival()
     assert len(parts(tmp_path)) == 4
     assert not (tmp_path / "out.h5").exists()
-    sweep(runner=noting(computed))
+    sweep_survival(runner=noting(computed))
     assert computed == [2, 4]
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
-def test_a_sweep_of_one_chunk_that_fails(sweep, failing, tmp_path):
+def test_a_sweep_of_one_chunk_that_fails(sweep_survival, failing, tmp_path):
     with failing(4, but_for=4), pytest.raises(RunError, match=r"failed twice after 0 of 11 .*Floa"):
-        sweep(chunk=11)
+        sweep_survival(chunk=11)
     assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml"}
 
 
-def test_a_sweep_whose_sample_fails_is_cut(sweep, failing, tmp_path):
+def test_a_sweep_whose_sample_fails_is_cut(sweep_survival, failing, tmp_path):
     with failing(3), pytest.raises(RunError, match=r"1 of 11 chunks failed twice \(numbers 3"):
-        sweep(chunk=None)
+        sweep_survival(chunk=None)
     assert len(parts(tmp_path)) == 10
 
 
 @pytest.mark.parametrize("room", [1000, 12_000])
-def test_a_full_disk_loses_nothing(sweep, expected, computed, tmp_path, room, limited):
+def test_a_full_disk_loses_nothing(sweep_survival, expected, computed, tmp_path, room, limited):
     """It fills up while parts are written, or while the result is."""
-    with unfinished(sweep):
+    with unfinished(sweep_survival):
         before = parts(tmp_path)
         largest = max(p.stat().st_size for p in run_directory(tmp_path / "out.h5").iterdir())
         assert 1000 < largest < 12_000 < len(expected)
     with limited(room), pytest.raises(OutputError, match=r"too large.*\d of 6 chunks are finished"):
-        sweep()
+        sweep_survival()
     assert set(before) <= set(parts(tmp_path))
     assert not (tmp_path / "out.h5").exists()
     assert not list(tmp_path.rglob("*.partial"))
-    sweep(runner=noting(computed))
+    sweep_survival(runner=noting(computed))
     assert len(computed) == (3 if room == 1000 else 0)
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
-def test_a_directory_that_becomes_read_only(sweep, expected, computed, tmp_path):
+def test_a_directory_that_becomes_read_only(sweep_survival, expected, computed, tmp_path):
     """Simulated, because the tests may run as a user whom no permission stops."""
 
     def refuse(self, partial, path):
@@ -381,14 +384,14 @@ def test_a_directory_that_becomes_read_only(sweep, expected, computed, tmp_path)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Disk, "__init__", refuse)
         with pytest.raises(OutputError, match=r"Read-only file system.*4 of 6 chunks are finished"):
-            sweep()
-    sweep(runner=noting(computed))
+            sweep_survival()
+    sweep_survival(runner=noting(computed))
     assert computed == [4, 5]
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
 @pytest.mark.parametrize("what", ["out.h5.parts", "."])
-def test_a_directory_that_is_removed(sweep, expected, tmp_path, what):
+def test_a_directory_that_is_removed(sweep_survival, expected, tmp_path, what):
     place = tmp_path / "place"
     place.mkdir()
 
@@ -398,10 +401,10 @@ def test_a_directory_that_is_removed(sweep, expected, tmp_path, what):
         return chunks.in_process(1)(job, indices[3:], tick)
 
     with pytest.raises(OutputError, match=r"was removed.* chunks were removed"):
-        sweep(output="place/out.h5", runner=removing)
+        sweep_survival(output="place/out.h5", runner=removing)
     assert not run_directory(place / "out.h5").exists()
     place.mkdir(exist_ok=True)
-    sweep(output="place/out.h5")
+    sweep_survival(output="place/out.h5")
     assert (place / "out.h5").read_bytes() == expected
 
 
@@ -414,7 +417,7 @@ LEFT = {
 
 
 @pytest.fixture
-def left(sweep, tmp_path):
+def left(sweep_survival, tmp_path):
     """Kill a run after its result got its name, and leave only these files in its directory."""
 
     def leave(kept, **options):
@@ -423,7 +426,7 @@ def left(sweep, tmp_path):
                 "vibrosweep.runs.driver.abandon", lambda path: exec("raise Killed", globals())
             )
             with pytest.raises(Killed):
-                sweep(**options)
+                sweep_survival(**options)
         directory = run_directory(tmp_path / "out.h5")
         for path in [path for pattern in LEFT[kept] for path in directory.glob(pattern)]:
             path.unlink()
@@ -449,17 +452,19 @@ def test_killed_after_the_result_had_its_name(left, expected, tmp_path, capsys, 
     assert not directory.exists()
 
 
-def test_killed_after_a_result_was_replaced(left, sweep, expected, tmp_path):
+def test_killed_after_a_result_was_replaced(left, sweep_survival, expected, tmp_path):
     (tmp_path / "out.h5").write_bytes(b"old")
     directory = left("all", force=True)
-    sweep()
+    sweep_survival()
     assert (tmp_path / "out.h5").read_bytes() == expected
     assert not directory.exists()
 
 
-def test_an_unfinished_run_of_another_sweep_is_not_cleared_away(sweep, expected, tmp_path, capsys):
+def test_an_unfinished_run_of_another_sweep_is_not_cleared_away(
+    sweep_survival, expected, tmp_path, capsys
+):
     spec, output = tmp_path / "sweep.toml", tmp_path / "out.h5"
-    with unfinished(sweep, text=SWEEP.replace("seed = 3", "seed = 4")):
+    with unfinished(sweep_survival, text=SWEEP.replace("seed = 3", "seed = 4")):
         before = parts(tmp_path)
     output.write_bytes(expected)
     spec.write_text(SWEEP)
@@ -476,19 +481,17 @@ def test_leftovers_that_cannot_be_cleared_away_do_no_harm(left, expected, tmp_pa
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
-def test_killed_while_the_parts_are_removed(sweep, expected, computed, tmp_path):
-    with unfinished(sweep):
+def test_killed_while_the_parts_are_removed(sweep_survival, expected, computed, tmp_path):
+    with unfinished(sweep_survival):
         (run_directory(tmp_path / "out.h5") / "manifest.json").unlink()
         assert len(parts(tmp_path)) == 3
-    sweep(runner=noting(computed))
+    sweep_survival(runner=noting(computed))
     assert computed == list(range(CHUNKS))  # parts without a manifest are invalid
     assert read_manifest(run_directory(tmp_path / "out.h5")) is None
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
 # columns
-
-
 def another(value):
     """Another value of the type of a measure."""
     return str(not value).lower() if isinstance(value, bool) else repr(type(value)(value + 1))
@@ -503,22 +506,24 @@ OF_THIS_BASE = [
 
 
 @pytest.mark.parametrize("field", OF_THIS_BASE, ids=lambda field: field.name)
-def test_a_resume_with_any_other_measure_is_refused(sweep, expected, tmp_path, field):
+def test_a_resume_with_any_other_measure_is_refused(sweep_survival, expected, tmp_path, field):
     text = f"{field.name} = {another(field.default)}\n"
     text = SWEEP.replace("separation = true\n", text if field.name != "separation" else "")
-    with unfinished(sweep):
+    with unfinished(sweep_survival):
         before = parts(tmp_path)
     with pytest.raises(RunError, match=f"\n  measure.{field.name}: was ") as caught:
-        sweep(text)
+        sweep_survival(text)
     assert "programs" not in str(caught.value)
     assert parts(tmp_path) == before
-    sweep()
+    sweep_survival()
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
 @pytest.mark.parametrize("lost", ["dt_min", "restitution", "status"])
 @pytest.mark.parametrize("chunk", [2, None])
-def test_a_column_that_is_not_computed_is_never_filled(sweep, tmp_path, monkeypatch, lost, chunk):
+def test_a_column_that_is_not_computed_is_never_filled(
+    sweep_survival, tmp_path, monkeypatch, lost, chunk
+):
     """A fault in the engine, or in the run that made some of the parts, would lose it."""
 
     def batch(*arguments):
@@ -532,5 +537,253 @@ def test_a_column_that_is_not_computed_is_never_filled(sweep, tmp_path, monkeypa
     monkeypatch.setattr(chunks, "compute_batch", batch)
     monkeypatch.setattr(chunks, "TRAJECTORIES_PER_BATCH", 3)
     with pytest.raises(RunError, match=r"other columns|failed twice|not as the result"):
-        sweep(chunk=chunk)
+        sweep_survival(chunk=chunk)
     assert not (tmp_path / "out.h5").exists()
+
+
+# Realizations that did not settle are computed again, as by a run with the larger budget.
+
+SWEEP_RETRY = """title = "Some particles bounce on small kicks for long"
+[scene]
+particles = 2
+[sample]
+design = "{design}"
+realizations = 16
+amplitude = [0.001, 3.0]
+restitution = [0.5, 0.99]
+[measure]
+separation = true
+{regimes}
+impact_budget = {budget}
+[record]
+amplitude = 1.2
+restitution = 0.9
+"""
+
+
+@pytest.fixture
+def sweep_retry(tmp_path):
+    def spec(budget, design="uniform", regimes=""):
+        path = tmp_path / f"{budget}.toml"
+        path.write_text(SWEEP_RETRY.format(budget=budget, design=design, regimes=regimes))
+        return read_spec(path)
+
+    return spec
+
+
+@pytest.fixture
+def output_retry(tmp_path):
+    return tmp_path / "out.h5"
+
+
+def bits(path):
+    found = {}
+    for group in (None, "record"):
+        with xr.open_dataset(path, group=group) as result:
+            found |= {(group, n): v.values.tobytes() for n, v in result.variables.items()}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("design", "regimes"), [("uniform", "regimes = true"), ("sobol", ""), ("latin", "")]
+)
+def test_the_result_is_that_of_the_larger_budget(
+    sweep_retry, output_retry, tmp_path, design, regimes
+):
+    small, large = (sweep_retry(budget, design, regimes) for budget in (32, 1000))
+    run_sweep(small, output_retry, threads=1)
+    failed = int(np.sum(xr.load_dataset(output_retry)["base_shared"] == -1))
+    assert 0 < failed < 16
+    run_sweep(large, tmp_path / "large.h5", threads=1)
+    summary, again = retry_failed(small, output_retry, threads=2, impact_budget=1000, chunk=3)
+    assert again == failed
+    assert summary.realizations == 16
+    assert bits(output_retry) == bits(tmp_path / "large.h5")
+    attributes = xr.open_dataset(output_retry).attrs
+    assert attributes["impact_budget"] == 1000
+    assert not run_directory(output_retry).exists()
+    # also by the sweep file with the new budget
+    summary, again = retry_failed(large, output_retry, threads=1)
+    left = int(np.sum(xr.load_dataset(output_retry)["base_shared"] == -1))
+    assert again == left
+    assert summary.landings == int(xr.load_dataset(output_retry)["impact_count"].sum())
+
+
+def test_only_what_failed_is_computed(sweep_retry, output_retry):
+    run_sweep(sweep_retry(32), output_retry, threads=1)
+    status = xr.load_dataset(output_retry)["status"].values
+    told, rows = [], []
+
+    def noting(job, indices, tick):
+        rows.extend(job.rows)
+        return in_process(1)(job, indices, tick)
+
+    retry_failed(
+        sweep_retry(32),
+        output_retry,
+        threads=1,
+        impact_budget=1000,
+        runner=noting,
+        advance=lambda *now: told.append(now),
+    )
+    assert rows == np.flatnonzero(status).tolist()
+    assert told[-1] == (len(rows), len(rows))
+
+
+def ending_retry(job, indices, tick):
+    in_process(1)(job, indices[:2], tick)
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_an_unfinished_run_is_not_retried(sweep_retry, output_retry, force):
+    with pytest.raises(Interruption, match="2 of"):
+        run_sweep(sweep_retry(32), output_retry, threads=1, chunk=1, runner=ending_retry)
+    with pytest.raises(RunError, match="is not finished"):
+        retry_failed(sweep_retry(32), output_retry, threads=1, impact_budget=1000, force=force)
+    assert len(list(run_directory(output_retry).glob("*.part"))) == 2
+
+
+def test_a_retry_that_is_ended_continues(sweep_retry, output_retry, tmp_path):
+    run_sweep(sweep_retry(32), output_retry, threads=1)
+    old = output_retry.read_bytes()
+    with pytest.raises(Interruption, match="2 of"):
+        retry_failed(
+            sweep_retry(32),
+            output_retry,
+            threads=1,
+            impact_budget=1000,
+            chunk=1,
+            runner=ending_retry,
+        )
+    assert output_retry.read_bytes() == old
+    with pytest.raises(RunError, match=r"rows computed again: was \d+ "):
+        run_sweep(sweep_retry(1000), output_retry, threads=1)
+    told = []
+    retry_failed(
+        sweep_retry(32),
+        output_retry,
+        threads=1,
+        impact_budget=1000,
+        advance=lambda *now: told.append(now),
+    )
+    assert told[0][0] == 2
+    run_sweep(sweep_retry(1000), tmp_path / "large.h5", threads=1)
+    assert bits(output_retry) == bits(tmp_path / "large.h5")
+
+
+@pytest.mark.parametrize("budget", [1000, 64])
+def test_a_retry_that_is_killed_after_its_result_had_its_name(
+    sweep_retry, output_retry, monkeypatch, budget
+):
+    """The next retry leaves the same result, whether or not the new budget settled all."""
+    run_sweep(sweep_retry(32), output_retry, threads=1)
+    with monkeypatch.context() as patch:
+        patch.setattr("vibrosweep.runs.driver.abandon", lambda directory: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            retry_failed(sweep_retry(32), output_retry, threads=1, impact_budget=budget)
+    made = bits(output_retry)
+    assert run_directory(output_retry).exists()
+    _, again = retry_failed(sweep_retry(32), output_retry, threads=1, impact_budget=budget)
+    assert again == np.sum(unsettled(xr.load_dataset(output_retry)))
+    assert bits(output_retry) == made
+    assert not run_directory(output_retry).exists()
+
+
+def test_a_retry_of_a_run_that_was_killed_after_its_result_had_its_name(
+    sweep_retry, output_retry, monkeypatch
+):
+    with monkeypatch.context() as patch:
+        patch.setattr("vibrosweep.runs.driver.abandon", lambda directory: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            run_sweep(sweep_retry(32), output_retry, threads=1, chunk=2)
+    assert run_directory(output_retry).exists()
+    retry_failed(sweep_retry(32), output_retry, threads=1, impact_budget=1000)
+    assert not run_directory(output_retry).exists()
+
+
+def test_a_retry_by_another_sweep_is_refused(sweep_retry, output_retry, tmp_path):
+    with pytest.raises(DataError, match="no such result"):
+        retry_failed(sweep_retry(32), output_retry, threads=1)
+    run_sweep(sweep_retry(32), output_retry, threads=1)
+    with pytest.raises(RunError, match=r"\n  sample.design: was uniform"):
+        retry_failed(sweep_retry(64, "sobol"), output_retry, threads=1)
+    with pytest.raises(RunError, match="impact_budget="):
+        retry_failed(sweep_retry(8), output_retry, threads=1)
+    with xr.load_dataset(output_retry) as result:
+        result.to_netcdf(tmp_path / "foreign.h5", engine="h5netcdf")
+    with pytest.raises(DataError, match="not a result"):
+        retry_failed(sweep_retry(32), tmp_path / "foreign.h5", threads=1)
+    assert not run_directory(output_retry).exists()
+
+
+LONG = """title = "Bounds that a small budget does not carry to the end"
+[scene]
+duration = 1000.0
+[sample]
+realizations = 12
+amplitude = [1.19, 1.21]
+restitution = [0.8, 0.95]
+[measure]
+trust = true
+{other}
+impact_budget = {budget}
+"""
+
+
+@pytest.mark.parametrize("other", ["", "regimes = true\nlyapunov = true\nper_particle = true"])
+def test_bounds_that_the_budget_cut_off_are_reported_and_computed_again(
+    tmp_path, output_retry, other
+):
+    """Error bounds follow every landing, even of an orbit that a cycle completes early."""
+    small, large = (parse_spec(LONG.format(budget=budget, other=other)) for budget in (300, 10**6))
+    run_sweep(small, output_retry, threads=1)
+    before = xr.load_dataset(output_retry)
+    cut = np.isnan(before["landing_time_error"]).values
+    completed = (before["status"] == 0).values
+    assert (cut & completed).sum() > 3
+    assert (before["trusted_until"].values[cut] < 1000.0).all()
+    listed = [line for line in describe(output_retry) if "error bounds undetermined" in line]
+    assert len(listed) == (cut & completed).sum()
+    run_sweep(large, tmp_path / "large.h5", threads=1)
+    _, again = retry_failed(small, output_retry, threads=1, impact_budget=10**6)
+    assert again == (cut | ~completed).sum()
+    assert not np.isnan(xr.load_dataset(output_retry)["landing_time_error"]).any()
+    xr.testing.assert_identical(
+        xr.load_dataset(output_retry).drop_attrs(),
+        xr.load_dataset(tmp_path / "large.h5").drop_attrs(),
+    )
+
+
+def test_a_retry_with_any_other_measure_is_refused(tmp_path, output_retry):
+    run_sweep(parse_spec(LONG.format(budget=300, other="")), output_retry, threads=1)
+    for field in fields(Measures):
+        if field.name == "impact_budget" or not field.metadata:
+            continue
+        spec = parse_spec(LONG.format(budget=300, other=""))
+        value = getattr(spec.scene.measures, field.name)
+        other = {field.name: not value if isinstance(value, bool) else value + 1}
+        spec = spec.with_measures(**other)
+        with pytest.raises(RunError, match=rf"\n  measure.{field.name}: "):
+            retry_failed(spec, output_retry, threads=1, impact_budget=1000)
+
+
+def test_a_record_that_alone_lacks_landings_is_computed_again(tmp_path, output_retry):
+    def spec(budget):
+        return parse_spec(
+            'title = "Only the record is long"\n[scene]\nparticles = 2\nduration = 2.0\n'
+            "[sample]\nrealizations = 5\nrestitution = [0.5, 0.9]\n"
+            f"[measure]\nimpact_budget = {budget}\n[record]\nrestitution = 0.9\nduration = 100.0\n"
+        )
+
+    whole = tmp_path / "whole.h5"
+    run_sweep(spec(10_000), whole, threads=1)
+    run_sweep(spec(36), output_retry, threads=1)
+    with (
+        xr.open_dataset(output_retry) as result,
+        xr.open_dataset(output_retry, group="record") as record,
+    ):
+        assert (result.status == 0).all()
+        assert (record.status != 0).any()
+    retry_failed(spec(36), output_retry, threads=1, impact_budget=10_000)
+    assert bits(output_retry) == bits(whole)

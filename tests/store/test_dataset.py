@@ -1,21 +1,36 @@
-"""A result is a plain netCDF-4 file: every reader finds the same data, types, axes and words."""
+"""Datasets in files."""
 
+import signal
+import tempfile
 import tomllib
 from pathlib import Path
 
+import h5netcdf
 import h5py
 import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 
+import vibrosweep as vs
 from vibrosweep import open_record, open_sweep
 from vibrosweep._version import __version__
-from vibrosweep.errors import RunError
+from vibrosweep.commands.describe import describe
+from vibrosweep.errors import DataError, ExistingOutputError, OutputError, ParameterError, RunError
 from vibrosweep.model.measures import RECORD, VARIABLES
 from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.proof.sampling import read_sample
+from vibrosweep.store import arranged as rows
+from vibrosweep.store import writing as module
+from vibrosweep.store.arranged import boxes, flat, read_rows, row_count, row_dims
+from vibrosweep.store.disk import Disk, State, state_of
+from vibrosweep.store.reading import SWEEP, load_dataset
 from vibrosweep.store.writing import CHUNK_VALUES, creating
+
+# A result is a plain netCDF-4 file: every reader finds the same data, types, axes and words.
 
 ASKED = Measures(separation=True, per_particle=True, trust=True, regimes=True)
 MEASURED = {variable.name: variable for variable in ASKED.variables}
@@ -218,3 +233,237 @@ def test_a_file_in_which_values_are_missing_never_appears(tmp_path, rows):
         with pytest.raises(RunError, match=r"out\.h5: dt_min: rows are missing"):
             write(group)
     assert list(tmp_path.iterdir()) == []
+
+
+# Results other than those of sweeps: complete under their name, or not there at all.
+
+KIND = vs.register_kind(vs.ResultKind("saved", "the tests of saving"))
+
+
+@pytest.fixture
+def found():
+    """A dataset with every type of value that a result has."""
+    return xr.Dataset(
+        {
+            "gain": ("x", [0.5, np.nan]),
+            "name": ("x", ["a", "bé"]),
+            "word": ("x", np.array(["u", "vw"], object)),
+            "flag": ("x", [True, False]),
+            "count": (("x", "y"), np.arange(6).reshape(2, 3)),
+            "none": ("z", np.zeros(0)),
+        },
+        {"x": [1, 2], "label": ("x", ["q", "r"])},
+        {"title": "é", "number": 3, "list": ["a", "b"]},
+    )
+
+
+def test_a_saved_dataset_is_read_as_it_was(found, tmp_path):
+    path = vs.save_result(found, tmp_path / "out.h5", KIND)
+    found.to_netcdf(tmp_path / "plain.h5", engine="h5netcdf")
+    expected = xr.load_dataset(tmp_path / "plain.h5", engine="h5netcdf")
+    expected.attrs["result"] = "saved"
+    xr.testing.assert_identical(load_dataset(path), expected)
+    assert state_of(path) is State.INTACT
+
+
+def test_only_the_directory_of_the_output_is_needed(found, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    vs.save_result(found, tmp_path / "out.h5", KIND)
+    assert [path.name for path in tmp_path.iterdir()] == ["out.h5"]
+
+
+@pytest.mark.parametrize("room", [0, 100, 4096, 9000])
+def test_a_full_disk_is_named_and_leaves_nothing(found, tmp_path, limited, room):
+    """HDF5 ends the process when it closes a file that it could not write."""
+    with limited(room), pytest.raises(OutputError, match=r"out\.h5: writing failed.*ulimit -f"):
+        vs.save_result(found, tmp_path / "out.h5", KIND)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_waits_until_hdf5_has_written(found, tmp_path, monkeypatch):
+    """HDF5 loses the exception of a handler that is called while it writes."""
+    write = Disk.write
+
+    def interrupted(disk, data):
+        signal.raise_signal(signal.SIGINT)
+        return write(disk, data)
+
+    monkeypatch.setattr(Disk, "write", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        vs.save_result(found, tmp_path / "out.h5", KIND)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_file_is_kept(found, tmp_path):
+    path = tmp_path / "out.h5"
+    path.write_bytes(b"old")
+    with pytest.raises(ExistingOutputError, match=r"exists and is kept.*path=.*force=True"):
+        vs.save_result(found, path, KIND)
+    assert path.read_bytes() == b"old"
+    vs.save_result(found, path, KIND, force=True)
+    assert [one.name for one in tmp_path.iterdir()] == ["out.h5"]
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"dataset": "x"}, "dataset = str: must be an xarray.Dataset"),
+        ({"dataset": None}, "dataset = NoneType"),
+        ({"kind": "saved"}, "kind = 'saved': must be a ResultKind"),
+        ({"kind": vs.ResultKind("unknown", "nobody")}, "that register_kind has registered"),
+        ({"path": 3}, "path = 3: must be the path of a file"),
+        ({"path": ""}, "path = '': must be the path of a file"),
+        ({"path": "a\0b"}, "must be the path of a file"),
+        ({"path": "/"}, "/: is a directory; give the name of a file with path="),
+    ],
+)
+def test_wrong_arguments(found, tmp_path, values, words):
+    arguments = {"dataset": found, "path": tmp_path / "out.h5", "kind": SWEEP} | values
+    with pytest.raises((ParameterError, OutputError)) as caught:
+        vs.save_result(*arguments.values())
+    assert words in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_netcdf_cannot_hold(found, tmp_path):
+    for wrong in (found.assign(part=("x", [object(), 1])), found.assign_attrs(part={})):
+        with pytest.raises(DataError, match=r"out\.h5: netCDF cannot hold this dataset"):
+            vs.save_result(wrong, tmp_path / "out.h5", KIND)
+    assert list(tmp_path.iterdir()) == []
+
+
+# Realizations along one dimension, or along the axes of a grid.
+
+GRID = {
+    "restitution": [0.5, 0.8, 0.9],
+    "base_acceleration": [0.5, 2.0],
+    "frequency": [17.0, 10.0, 30.0, 12.0],
+    "duration_periods": 20,
+    "particles": 2,
+    "per_particle": True,
+}
+SIZES = st.lists(st.integers(1, 5), min_size=1, max_size=4)
+
+
+@given(SIZES, st.data())
+def test_boxes_hold_a_range_of_elements_in_order(sizes, data):
+    array = np.arange(np.prod(sizes)).reshape(sizes)
+    start, stop = sorted(data.draw(st.integers(0, array.size)) for _ in range(2))
+    cut = [array[box].ravel() for box in boxes(sizes, start, stop)]
+    assert np.concatenate([np.empty(0, int), *cut]).tolist() == list(range(start, stop))
+    assert len(cut) <= 2 * len(sizes) - 1
+
+
+@pytest.fixture(scope="module")
+def path_rows(tmp_path_factory):
+    path = tmp_path_factory.mktemp("grid") / "grid.h5"
+    vs.run(GRID, path, chunk=5).close()
+    return path
+
+
+def test_a_grid_has_its_axes_as_dimensions(path_rows):
+    with xr.open_dataset(path_rows) as found:
+        assert found.impact_count.dims == ("restitution", "base_acceleration", "frequency")
+        assert found.particle_status.dims[-1] == "particle"
+        for name in ("restitution", "base_acceleration", "frequency"):
+            assert found.indexes[name].tolist() == GRID[name]
+        # a quantity that follows from some of the axes lies along those
+        assert found.duration.dims == ("frequency",)
+        assert np.array_equal(found.duration, 20 / found.frequency)
+        assert found.amplitude.dims == found.impact_count.dims
+        one = found.sel(restitution=0.8, base_acceleration=2.0, frequency=30.0)
+        alone = vs.sweep(**{**GRID, "restitution": 0.8, "base_acceleration": 2.0, "frequency": 30})
+        for name in alone.data_vars:
+            same = alone[name].isel(realization=0, missing_dims="ignore").values
+            assert np.array_equal(one[name].values, same, equal_nan=True), name
+        assert one.amplitude == alone.amplitude
+
+
+def test_a_quantity_lies_only_along_axes_from_which_it_follows():
+    found = vs.sweep(restitution=[0.5, 0.9], amplitude=[1.0, 2.0, 3.0], phase=[0.0, 1.0])
+    assert found.base_acceleration.dims == ("restitution", "amplitude")
+    same = vs.sweep(restitution=[0.5, 0.9], amplitude=[1.0, 2.0, 3.0])
+    assert np.array_equal(found.base_acceleration, same.base_acceleration)
+
+
+def test_random_designs_keep_the_dimension_of_realizations():
+    found = vs.sweep(restitution=(0.5, 0.9), realizations=3)
+    assert found.impact_count.dims == ("realization",)
+    assert flat(found) is found
+
+
+def test_flat_numbers_realizations_as_the_design_does(path_rows):
+    with xr.open_dataset(path_rows) as found:
+        stacked = flat(found)
+        axes = (GRID[n] for n in ("restitution", "base_acceleration", "frequency"))
+        mesh = np.meshgrid(*axes, indexing="ij")
+        for name, values in zip(
+            ("restitution", "base_acceleration", "frequency"), mesh, strict=True
+        ):
+            assert stacked[name].dims == ("realization",)
+            assert stacked[name].values.tolist() == values.ravel().tolist()
+        assert np.array_equal(stacked.impact_count, found.impact_count.values.ravel())
+        plane = flat(found.isel(frequency=1))
+        assert plane.sizes["realization"] == 6
+        assert plane.frequency.item() == 10.0
+
+
+@pytest.mark.parametrize("block", [7, rows.ROWS_AT_A_TIME])
+def test_rows_are_those_of_the_stacked_dataset(path_rows, monkeypatch, block):
+    monkeypatch.setattr(rows, "ROWS_AT_A_TIME", block)
+    rng = np.random.default_rng(3)
+    with h5netcdf.File(path_rows, "r") as file, xr.open_dataset(path_rows) as found:
+        assert row_dims(file) == found.impact_count.dims
+        assert row_count(file) == 24
+        stacked = flat(found.load())
+        for name in ("status", "particle_status", "duration", "amplitude", "restitution"):
+            whole = stacked[name].values
+            for start, stop in np.sort(rng.integers(0, 25, (20, 2)), axis=1).tolist():
+                assert np.array_equal(read_rows(file, name, slice(start, stop)), whole[start:stop])
+            chosen = np.sort(rng.choice(24, 5, replace=False))
+            assert np.array_equal(read_rows(file, name, chosen), whole[chosen])
+
+
+def test_a_grid_of_an_earlier_version_is_read_as_before(path_rows, tmp_path):
+    """In such a file realizations and sampled parameters lie along one dimension."""
+    earlier = tmp_path / "earlier.h5"
+    with xr.open_dataset(path_rows) as found:
+        flat(found).to_netcdf(earlier, engine="h5netcdf")
+    before, now = (read_sample(p, 5, 1)[0] for p in (earlier, path_rows))
+    assert before.rows.tolist() == now.rows.tolist()
+    for name, values in now.stored.items():
+        assert np.array_equal(before.stored[name], values, equal_nan=True), name
+    for name, values in now.coordinates.items():
+        assert np.array_equal(before.coordinates[name], values), name
+    measured = [[line for line in describe(p) if "impact" in line] for p in (earlier, path_rows)]
+    assert measured[0] == measured[1]
+    with vs.open_sweep(earlier) as opened:
+        assert opened.sizes["realization"] == 24
+
+
+def test_without_a_repository_there_is_no_revision(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "a" / "b" / "c" / "d.py"))
+    assert "git_revision" not in module.provenance(1)
+
+
+def test_the_revision_is_that_of_the_branch(monkeypatch, tmp_path):
+    git = tmp_path / ".git"
+    (git / "refs" / "heads").mkdir(parents=True)
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "src" / "package" / "store" / "d.py"))
+    (git / "HEAD").write_text("ref: refs/heads/main\n")
+    assert "git_revision" not in module.provenance(1)  # its refs are packed
+    (git / "refs" / "heads" / "main").write_text("12ab\n")
+    assert module.provenance(1)["git_revision"] == "12ab"
+    (git / "HEAD").write_text("34cd\n")  # no branch
+    assert module.provenance(1)["git_revision"] == "34cd"
+
+
+def test_a_system_without_cpuinfo_still_names_a_processor(monkeypatch):
+    def read(path, **options):
+        if path == Path("/proc/cpuinfo"):
+            raise FileNotFoundError
+        return original(path, **options)
+
+    original = Path.read_text
+    monkeypatch.setattr("pathlib.Path.read_text", read)
+    assert module.provenance(3)["cpu"]

@@ -1,4 +1,4 @@
-"""The proved base of finite mass: the moving base as its limit, budgets, a locked orbit, ties."""
+"""Trajectories over a base of finite mass, and waves."""
 
 import math
 from functools import partial
@@ -9,15 +9,18 @@ import pytest
 from flint import arb, ctx
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference.arithmetic import UndecidableError
-from vibrosweep.proof.reference.laws import Constant
+from vibrosweep.proof.reference.laws import Constant, next_of, wave_of
 from vibrosweep.proof.reference.sprung import (
     LANDING,
     LAUNCH,
     LIFTOFF,
+    Arc,
     Bodies,
     Launch,
     Mount,
@@ -27,6 +30,8 @@ from vibrosweep.proof.reference.sprung import (
 )
 from vibrosweep.proof.reference.trajectories import trajectory
 from vibrosweep.proof.sampling import deviates_of
+
+# The proved base of finite mass: the moving base as its limit, budgets, a locked orbit, ties.
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "mass_ratio": 0.05,
@@ -268,3 +273,152 @@ def test_at_rest_for_good_is_known_at_the_end():
 def test_budget_of_landings():
     with pytest.raises(ParameterError, match="max_landings = 3:"):
         coupled(TABLE_1, (0.0, 0.1), 12.0, max_landings=3)
+
+
+# The proved motion of the base on its mount: its equation, its bounds, its parts.
+
+X, D, V = 0.3, 0.12, -0.4
+TWO_TONES = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
+
+
+def arc_of(nu, zeta, mu, riders, waveform=SINE, after=0.0):
+    mount = Mount(arb(0.4), 2 * arb.pi() * arb(nu), arb(zeta), arb(mu), waveform)
+    side = -1 if mount.has_corners else 1
+    return Arc(mount, arb(X), (arb(D), arb(V)), riders, arb(after), 1, side)
+
+
+MOUNTS = [
+    (nu, zeta, mu, riders)
+    for nu, zeta in ((0.37, 0.0), (0.37, 0.05), (1.6, 1.0), (1.6, 2.5), (4.0, 0.3))
+    for mu, riders in ((0.2, 0), (0.2, 3))
+] + [(0.5, 2.0, 1.0, 3)]  # damping that is critical for the load
+PARABOLIC = Waveform("parabolic")
+
+
+@pytest.mark.parametrize("shape", [SINE, TWO_TONES, PARABOLIC], ids=lambda one: one.name)
+@pytest.mark.parametrize(("nu", "zeta", "mu", "riders"), MOUNTS)
+def test_motion_solves_its_equation(nu, zeta, mu, riders, shape):
+    w0, load = 2.0 * math.pi * nu, riders * mu
+
+    def force(t, state):
+        own = 0.4 * float(shape.height(X + t)), 0.4 * float(shape.velocity(X + t))
+        push = 0.4 * float(shape.slope(X + t)) - 2.0 * load
+        push += 2.0 * zeta * w0 * (own[1] - state[1]) + w0 * w0 * (own[0] - state[0])
+        return state[1], push / (1.0 + load)
+
+    start = D + 0.4 * float(shape.height(X)), V + 0.4 * float(shape.velocity(X))
+    times = np.linspace(0.0, 0.44 if shape == PARABOLIC else 2.0, 21)  # up to a corner at 0.45
+    path = solve_ivp(force, (0.0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-13)
+    arc = arc_of(nu, zeta, mu, riders, shape)
+    for t, y, v in zip(times, *path.y, strict=True):
+        s = arb(t)
+        assert float(arc.derivative(0, s)) == pytest.approx(y, rel=0.0, abs=1e-10)
+        assert float(arc.derivative(1, s)) == pytest.approx(v, rel=0.0, abs=1e-9)
+        assert float(arc.derivative(2, s)) == pytest.approx(force(t, (y, v))[1], abs=1e-8)
+
+
+@pytest.mark.parametrize(("nu", "zeta", "mu", "riders"), MOUNTS)
+def test_parts_and_bounds(nu, zeta, mu, riders):
+    with ctx.workprec(400):
+        arc, step = arc_of(nu, zeta, mu, riders), arb(2) ** -120
+        most = [arc.most(order, arb(0)) for order in range(6)]
+        for t in np.linspace(0.0, 3.0, 13):
+            s = arb(t)
+            for order in range(4):
+                ends = arc.derivative(order, s + step), arc.derivative(order, s - step)
+                assert abs((ends[0] - ends[1]) / (2 * step) - arc.derivative(order + 1, s)) < 1e-20
+            for order in range(5):
+                mean = arc.level if order == 0 else 0
+                assert abs(arc.derivative(order, s) - mean) < most[order] + arb(1e-30)
+                assert arc.most(order, s) < most[order] + arb(1e-30)
+            far, fast = arc.since(s)
+            zero = arb(0)
+            line = arc.derivative(0, zero) + s * arc.derivative(1, zero)
+            assert far.overlaps(arc.derivative(0, s) - line)
+            assert fast.overlaps(arc.derivative(1, s) - arc.derivative(1, zero))
+            own = -arb(0.4) / (2 * arb.pi()) * (2 * (arb(X) + s)).cos_pi()
+            deviation, rate = arc.deviation(s)
+            assert (deviation + own).overlaps(arc.derivative(0, s))
+            velocity = arb(0.4) * (2 * (arb(X) + s)).sin_pi()
+            assert (rate + velocity).overlaps(arc.derivative(1, s))
+
+
+@pytest.mark.parametrize(("nu", "zeta", "mu", "riders"), MOUNTS)
+def test_state_of_another_instant_gives_the_same_motion(nu, zeta, mu, riders):
+    with ctx.workprec(200):
+        arc, late = arc_of(nu, zeta, mu, riders), arb(0.01)
+        mount = Mount(arb(0.4), 2 * arb.pi() * arb(nu), arb(zeta), arb(mu))
+        again = Arc(mount, arb(X), arc.deviation(late), riders, late, 1)
+        for order in range(3):
+            assert again.derivative(order, arb(0.7)).overlaps(arc.derivative(order, arb(0.7)))
+
+
+# Shapes of the motion in ball arithmetic: known trajectories, identities, phases of lift-offs.
+
+TWO = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
+THREE = Waveform("harmonics", ((1, 0.3, 0.0), (3, 1.0, 0.5)))
+SHAPES = [SINE, TWO, THREE, PARABOLIC]
+
+
+def run_waves(**given):
+    scene = {name: one.default for name, one in PARAMETERS.items()}
+    return trajectory(**(scene | {"launch_time": 0.0, "duration": 9.0} | given))
+
+
+def test_known_trajectories():
+    """Computed to 40 digits, independently of this package."""
+    over = run_waves(
+        base="moving",
+        waveform=TWO,
+        restitution=0.85,
+        amplitude=0.7 * 1.85,
+        phase=0.3,
+        launch_velocity=5.0,
+    )
+    assert over.landing_time[:2] == pytest.approx([1.017557260259823, 2.078479057686624], abs=4e-15)
+    speeds = [5.238099419590123, 5.544664747235231]
+    assert over.rebound_velocity[:2] == pytest.approx(speeds, abs=1e-14)
+    even = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.2, 0.0)))
+    on = run_waves(waveform=even, amplitude=1.2, launch_time=0.2, launch_velocity=5.0)
+    assert on.landing_time[7] == pytest.approx(8.416088615464953, abs=2e-15)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_balls_hold_the_shape_and_its_differences(shape):
+    wave, bounds = wave_of(shape), wave_of(shape).bounds
+    for x in np.random.default_rng(1).uniform(-2.0, 2.0, 40).tolist():
+        for s in (1e-6, 0.1, 0.3, 4.7):
+            h, begun = 2 * arb(x), wave.at_liftoff(2 * arb(x))
+            then = h + 2 * arb(s)
+            rise = wave.level(then) - wave.level(h) - arb(s) * wave.velocity(h)
+            assert rise.overlaps(wave.rise(begun, arb(s)))
+            assert wave.gain(begun, arb(s)).overlaps(wave.velocity(then) - wave.velocity(h))
+        assert float(wave.velocity(h)) == pytest.approx(float(shape.velocity(x)), abs=1e-13)
+        assert float(wave.level(h)) == pytest.approx(float(shape.height(x)), abs=1e-13)
+        assert float(wave.slope(h)) == pytest.approx(float(shape.slope(x)), abs=1e-11)
+        for value, bound in ((wave.level, bounds.top), (wave.slope, bounds.steep)):
+            assert abs(value(h)) <= bound + arb(2) ** -40
+    wide = wave.velocity(arb(0.5, 0.3))  # a ball of phases gives a ball of all their values
+    assert all(wide.overlaps(wave.velocity(arb(h))) for h in np.linspace(0.25, 0.75, 9).tolist())
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_phases_of_lift_offs_are_all_found(shape):
+    x = np.linspace(-0.5, 0.5, 200_001)
+    with ctx.workprec(200):
+        wave = wave_of(shape)
+        for level in (0.02, 0.4):
+            risen = np.diff((shape.velocity(x) > level).astype(int)) > 0
+            found = wave.rises(arb(1), arb(level), 1)
+            assert len(found) == risen.sum()
+            assert all((wave.velocity(2 * one) - arb(level)).contains(0) for one in found)
+            assert all(one.rad() < 1e-40 for one in found)
+        falls, presses = wave.falls(arb(0.6), 1)
+        thrown = 1.0 + 0.3 * shape.slope(x) < 0.0
+        assert len(falls) == (np.diff(thrown.astype(int)) > 0).sum()
+        assert len(presses) == len(falls)
+        first = next_of(falls, arb(7.3), 1)
+        assert 7.3 <= float(first) <= 8.3
+        assert all(
+            float(one) - float(first) > -1e-9 for one in [next_of([f], arb(7.3), 1) for f in falls]
+        )
