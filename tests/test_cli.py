@@ -288,7 +288,7 @@ def test_numbers_on_the_command_line(vibrosweep, words):
     assert f"{words[1]!r} is not a whole number" in message
 
 
-@pytest.mark.parametrize("words", [[], ["walk"], ["run"], ["run", "a", "b"], ["info", "--force"]])
+@pytest.mark.parametrize("words", [[], ["run"], ["run", "a", "b"], ["info", "--force"]])
 def test_wrong_commands_get_the_usage(vibrosweep, words):
     code, _, message = vibrosweep(*words)
     assert code == 2

@@ -173,6 +173,9 @@ def _leave() -> NoReturn:
 
 def _refuse_unknown(arguments: Sequence[str]) -> None:
     """Raise a ParameterError for a command that there is not, with the one that was meant."""
+    for word in arguments:
+        if word.startswith("--") and word.endswith("=--"):  # argparse would take it for no value
+            raise ParameterError(f"{cut(word)}: is no value; vibrosweep COMMAND --help lists all")
     if not arguments or arguments[0].startswith("-") or arguments[0] in COMMANDS:
         return
     guess = nearest(arguments[0], COMMANDS)

@@ -26,6 +26,7 @@ from vibrosweep.commands.arguments import (
 
 if TYPE_CHECKING:
     from vibrosweep.runs.plan import Needs, Plan
+    from vibrosweep.runs.result import Summary
     from vibrosweep.scene.sweep import Sweep
 
 # Of the example sweeps, in an installed package, and in its source tree
@@ -296,19 +297,22 @@ def run(options: argparse.Namespace) -> None:
         f"{some(summary.landings, 'landing')} in {taken:.3g} s on {place}"
         + (f", after {compiled:.3g} s of compiling" if compiled else ""),
     )
-    if summary.kept:
-        say(
-            options,
-            f"{some(summary.kept, 'realization')} of them kept from the run before: the time is "
-            f"that of the others",
-        )
-    if summary.repaired:
-        say(options, f"{some(summary.repaired, 'damaged part')} found and computed again")
-    say(options, *summary.lines())
+    say(options, *_earlier(summary), *summary.lines())
     unchanged = options.retry_failed and not again
     say(options, f"{output} is unchanged" if unchanged else f"written to {output}")
     facts = {"computed": computed, "seconds": taken, "compiling": compiled, "place": place}
     tell(options, {"title": spec.title, "output": output, **facts, **summary.facts()})
+
+
+def _earlier(summary: Summary) -> Iterator[str]:
+    """Say what an earlier run had computed."""
+    if summary.kept:
+        yield (
+            f"{some(summary.kept, 'realization')} of them kept from the run before: the time is "
+            f"that of the others"
+        )
+    if summary.repaired:
+        yield f"{some(summary.repaired, 'damaged part')} found and computed again"
 
 
 @contextmanager
