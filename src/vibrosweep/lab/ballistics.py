@@ -102,12 +102,27 @@ def from_range(low: float, high: float) -> Input:
     return Input(mean, error, (low, high))
 
 
+# What can be stated of a ball: contact in s, mass in kg, lengths in m, gravity in m s-2
+ALLOWED: Final = {
+    "contact": (1e-9, 0.1),
+    "mass": (1e-6, 1e3),
+    "diameter": (1e-5, 10.0),
+    "drop_height": (1e-5, 1e3),
+    "gravity": (1e-3, 1e3),
+}
+
+
 def given(name: str, value: float | tuple[float, float]) -> Input:
     """Turn a number or a range of positive numbers into an input."""
-    low, high = (value, value) if isinstance(value, int | float) else value
-    if not 0.0 < low <= high < np.inf:
+    least, most = ALLOWED[name]
+    try:
+        low, high = map(float, value if isinstance(value, tuple | list) else (value, value))
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not least <= low <= high <= most:
         raise ParameterError(
-            f"{name} {low:g} to {high:g}: must be above 0 and finite, the lower number first"
+            f"{name} = {value!r}: must be a number from {least:g} to {most:g}, or two, the lower "
+            f"first"
         )
     return from_range(low, high)
 

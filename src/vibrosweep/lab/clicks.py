@@ -15,9 +15,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.arrays import Array
+from vibrosweep.errors import TrackError
 from vibrosweep.lab.ballistics import POWER, BallInputs, Bounces, Input, flight_of, nominal_of
 from vibrosweep.lab.recordings import Recording
 
+LATEST: Final = 1e11  # s, where a double rounds by 15 us
 RATIOS: Final = (0.3, 1.0)  # of intervals, at which a restitution is sought first
 EVENT: Final = 12.0  # cost of a missed or false click: a ratio that is off by 3.5 deviations
 BREAK: Final = 30.0  # cost of another drop in the same list
@@ -91,12 +93,22 @@ def read_clicks(times: Array, ratio: float, spread: float) -> list[list[Reading]
     return drops[::-1]
 
 
+def impacts_in(recording: Recording) -> Array:
+    """Return the times of impacts in order; one that appears twice is one impact."""
+    times = np.unique(recording.time[np.isfinite(recording.time)])
+    if times.size and np.abs(times).max() > LATEST:
+        raise TrackError(
+            f"{recording.name}: a time is {times[np.abs(times).argmax()]:g} s: must be at most "
+            f"{LATEST:g} s; check the column"
+        )
+    return times
+
+
 def bounces_of_clicks(
     recordings: Sequence[Recording], inputs: BallInputs
 ) -> tuple[list[Bounces], list[str]]:
     """Return the bounces of lists of clicks, and remarks."""
-    # a time that appears twice is one impact
-    recordings = [replace(r, time=np.unique(r.time[np.isfinite(r.time)])) for r in recordings]
+    recordings = [replace(r, time=impacts_in(r)) for r in recordings]
     ratio, spread = typical_ratio([r.time for r in recordings if r.time.size > 2])
     found, remarks = [], []
     for recording in recordings:

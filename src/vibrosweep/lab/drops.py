@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.ballistics import (
     DRAG,
     POWER,
@@ -687,6 +687,9 @@ def restitution(
     >>> abs(float(found.restitution) - 0.8) < 3 * float(found.restitution_error)
     True
     """
+    for name, instant in (("begin", begin), ("end", end)):
+        if instant is not None and not (isinstance(instant, int | float) and instant == instant):
+            raise ParameterError(f"{name} = {instant!r}: must be a number, in s")
     inputs = ball_inputs(contact, mass, diameter, gravity, drop_height)
     inputs = replace(inputs, scale_from_gravity=scale_from_gravity)
     used = [_cut(recording, begin, end) for recording in recordings]

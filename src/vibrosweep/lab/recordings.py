@@ -87,7 +87,10 @@ class Reading:
             raise TrackError(f"scale = {self.scale:g}: must be a finite number above 0")
         if self.base is not None and not np.isfinite(self.base):
             raise TrackError(f"base = {self.base:g}: must be a finite number")
-        require_one_of("axis", self.axis or "up", AXES, TrackError)
+        require_one_of("axis", "up" if self.axis is None else self.axis, AXES, TrackError)
+        for name in ("column", "particle", "sheet"):
+            if getattr(self, name) == "":
+                raise TrackError(f"{name}: is empty; give its name, or leave it out")
 
 
 @dataclass(frozen=True)

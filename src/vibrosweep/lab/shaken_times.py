@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.ballistics import given
+from vibrosweep.lab.clicks import impacts_in
 from vibrosweep.lab.drops import (
     QUANTILES,
     Fit,
@@ -366,7 +367,9 @@ def _check(frequency: float | None, frequency_range: tuple[float, float], gravit
     if not 0.0 < low < high < np.inf:
         raise ParameterError(f"frequency_range = {frequency_range!r}: must rise, in Hz")
     for key, value in (("frequency", frequency), ("gravity", gravity)):
-        if value is not None and not PARAMETERS[key].accepts(value):
+        if value is None and key == "frequency":
+            continue
+        if not isinstance(value, int | float) or not PARAMETERS[key].accepts(value):
             raise ParameterError(f"{key} = {value!r}: must be {PARAMETERS[key].allowed}")
 
 
@@ -376,7 +379,7 @@ def _triples(
     """Return the impacts of all recordings, their name, and the middle of their times."""
     if not recordings:
         raise TrackError("no recordings were given")
-    lists = [np.unique(r.time[np.isfinite(r.time)]) for r in recordings]
+    lists = [impacts_in(recording) for recording in recordings]
     name = recordings[0].name
     if any(r.height is not None for r in recordings):
         raise TrackError(f"{name}: holds tracks, where times of impacts are wanted")

@@ -10,15 +10,44 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import require_one_of
+from vibrosweep.errors import ParameterError, require_one_of
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of
 from vibrosweep.lab.recordings import Recording
-from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
+from vibrosweep.model.restitution_laws import (
+    CONSTANT,
+    RESTITUTION_LAWS,
+    range_mistake,
+    restitution_at,
+)
 
 __all__ = ["FloorExperiment", "Truth", "film_drops", "hear_drops"]
 
 CONTACTS: Final = ("dashpot", "hertz")
 LEAST: Final = 0.02  # m s-1: a ball that bounces more slowly is at rest
+
+
+ALLOWED: Final = {
+    "height": (1e-3, 100.0),
+    "height_spread": (0.0, 1.0),
+    "restitution": (0.01, 1.0),
+    "restitution_speed": (1e-3, 100.0),
+    "slope": (-1.0, 1.0),
+    "scatter": (0.0, 0.1),
+    "drop_scatter": (0.0, 0.1),
+    "contact_time": (1e-9, 0.1),
+    "terminal_speed": (1.0, np.inf),
+    "gravity": (0.1, 100.0),
+    "incline": (-1.2, 1.2),
+    "bounces": (1, 1000),
+    "frame_rate": (1.0, 1e5),
+    "noise": (0.0, 0.1),
+    "unit": (1e-9, 1e3),
+    "rounding": (0.0, 1.0),
+    "lost": (0.0, 0.9),
+    "timing": (0.0, 0.1),
+    "missed": (0.0, 0.9),
+    "false": (0.0, 10.0),
+}
 
 
 @dataclass(frozen=True)
@@ -83,6 +112,20 @@ class FloorExperiment:
     missed: float = 0.0
     false: float = 0.0
 
+    def __post_init__(self) -> None:
+        require_one_of("contact", self.contact, CONTACTS)
+        require_one_of("restitution_law", self.restitution_law, RESTITUTION_LAWS)
+        for name, (low, high) in ALLOWED.items():
+            value = getattr(self, name)
+            number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            sound = number and low <= value <= high
+            if not sound or (name == "bounces" and value != int(value)):
+                raise ParameterError(f"{name} = {value!r}: must be from {low:g} to {high:g}")
+        if not isinstance(self.hands, bool | np.bool_):
+            raise ParameterError(f"hands = {self.hands!r}: must be true or false")
+        if wrong := range_mistake(self.restitution_law, np.array(self.restitution)):
+            raise ParameterError(wrong)
+
 
 class Truth(NamedTuple):
     """What happened in a drop: each impact with its time, speed and restitution."""
@@ -96,7 +139,6 @@ class Truth(NamedTuple):
 
 
 def _drop(setup: FloorExperiment, rng: np.random.Generator) -> Truth:
-    require_one_of("contact", setup.contact, CONTACTS)
     g, drag = setup.gravity * np.cos(setup.incline), setup.terminal_speed**-2
     own = setup.drop_scatter * rng.standard_normal()
     height = setup.height + setup.height_spread * rng.standard_normal()
@@ -106,6 +148,7 @@ def _drop(setup: FloorExperiment, rng: np.random.Generator) -> Truth:
         law, reference = setup.restitution_law, setup.restitution_speed
         e = float(restitution_at(w, setup.restitution, law, reference))
         e += setup.slope * (w - 1.0) + own + setup.scatter * rng.standard_normal()
+        e = float(np.clip(e, 1e-3, 1.0))
         length = setup.contact_time * (w**-0.2 if setup.contact == "hertz" else 1.0)
         made.append((apex + fall, w, e, apex, nominal**2 / (2.0 * g), length))
         if e * w < LEAST or k == setup.bounces:

@@ -1,0 +1,125 @@
+"""Absurd values of every option and argument of the laboratory: one clear message, no traceback."""
+
+import contextlib
+import inspect
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from vibrosweep import lab
+from vibrosweep.cli import main
+from vibrosweep.errors import VibrosweepError
+from vibrosweep.lab import FloorExperiment, Recording, film_drops, hear_drops
+
+NUMBERS = ("nan", "inf", "-1", "0", "1e300", "", "abc")
+OPTIONS = {
+    "restitution": {
+        **dict.fromkeys(("--drop-height", "--contact", "--gravity"), (*NUMBERS, "2:1", "nan:1")),
+        **dict.fromkeys(("--mass", "--diameter", "--frame-rate", "--from", "--to"), NUMBERS),
+        "--scale": NUMBERS,
+        **dict.fromkeys(("--column", "--particle", "--sheet", "--axis"), ("", "abc")),
+    },
+    "impacts": {
+        **dict.fromkeys(("--frequency", "--phase", "--frame-rate", "--scale", "--base"), NUMBERS),
+        **dict.fromkeys(("--exposure", "--gravity", "--contact"), NUMBERS),
+        **dict.fromkeys(("--column", "--particle", "--sheet", "--base-track"), ("", "abc")),
+        "--base-trace": ("", "abc", "."),
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Times of impacts on a floor, a film of them, and files that hold nothing."""
+    folder = tmp_path_factory.mktemp("absurd")
+    setup = FloorExperiment(bounces=4, frame_rate=120.0)
+    pd.DataFrame({"time (s)": hear_drops(setup)[0][0].time}).to_csv(
+        folder / "times.csv", index=False
+    )
+    film = film_drops(setup)[0][0]
+    table = pd.DataFrame({"time": film.time, "height": film.height})
+    table.to_csv(folder / "film.csv", index=False)
+    (folder / "empty.csv").write_text("")
+    (folder / "noise.bin").write_bytes(bytes(range(256)) * 4)
+    return folder
+
+
+def said(capsys, *words):
+    """Run a command; its exit code, after the check of what it printed."""
+    try:
+        code = main([str(word) for word in words])
+    except SystemExit as end:  # argparse
+        code = end.code
+    errors = capsys.readouterr().err
+    assert code in (0, 2)
+    assert "Traceback" not in errors
+    if code == 2:
+        assert errors.strip()
+        # what argparse says names the option too
+        assert "error:" in errors or errors.startswith("vibrosweep: ")
+    return code
+
+
+@pytest.mark.parametrize("part", OPTIONS)
+def test_options_with_absurd_values_are_refused_in_one_message(part, files, capsys):
+    for option, values in OPTIONS[part].items():
+        for value in values:
+            code = said(capsys, "lab", part, files / "times.csv", f"{option}={value}")
+            if value in ("nan", "inf", "") and option not in ("--from", "--to"):
+                assert code == 2, (part, option, value)
+
+
+@pytest.mark.parametrize("part", ["restitution", "impacts", "compare"])
+def test_files_that_hold_nothing_are_refused(part, files, capsys):
+    for name in ("missing.csv", "empty.csv", "noise.bin", "."):
+        assert said(capsys, "lab", part, files / name) == 2
+
+
+def clicks(times):
+    return Recording("clicks", "", np.asarray(times, float), None, None, True, True, 0.0, None)
+
+
+ABSURD = (np.nan, np.inf, -np.inf, -1.0, 0.0, 1e300, 1e-300, (2.0, 1.0), (np.nan, 1.0), "abc", None)
+
+
+def survives(call):
+    """Call, and let only an error of this package pass, whose message is one line."""
+    with contextlib.suppress(VibrosweepError):
+        try:
+            call()
+        except VibrosweepError as error:
+            message = str(error)
+            if not message or "\n" in message:
+                raise RuntimeError(repr(message)) from error
+            raise
+
+
+def test_arguments_with_absurd_values_are_refused_in_one_message():
+    drops = hear_drops(FloorExperiment(bounces=4))[0]
+    ones = np.cumsum(0.05 + 0.01 * np.sin(np.arange(20.0)))
+    for value in ABSURD:
+        for name in ("contact", "mass", "diameter", "gravity", "drop_height", "begin", "end"):
+            given = {name: value}
+            if name in ("mass", "diameter"):
+                given = {"mass": value, "diameter": value}
+            survives(lambda given=given: lab.restitution(drops, **given))
+        for name in ("contact", "gravity", "frequency"):
+            given = {"frequency": 20.0, name: value}
+            survives(lambda given=given: lab.times_on_shaker([clicks(ones)], **given))
+    for times in ([], [1.0], [np.nan] * 5, [0.0] * 9, [1e300, -1e300, 0.0], [0.0, np.inf, 1.0]):
+        survives(lambda times=times: lab.restitution([clicks(times)]))
+        survives(lambda times=times: lab.times_on_shaker([clicks(times)], frequency=20.0))
+    survives(lambda: lab.restitution([]))
+
+
+def test_virtual_drops_refuse_absurd_setups():
+    for name in inspect.signature(FloorExperiment).parameters:
+        for value in ABSURD:
+
+            def call(name=name, value=value):
+                setup = FloorExperiment(**{name: value})
+                hear_drops(setup)
+                film_drops(setup)
+
+            survives(call)
