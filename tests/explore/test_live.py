@@ -387,3 +387,69 @@ def test_numbers_that_are_missing_have_no_colour(points):
     )
     assert found.plane.source.data["said"][:4] == ["not known"] * 3 + ["1"]
     assert np.isnan(found.plane.source.data["value"][:3]).all()
+
+
+def test_the_first_point_moves(points, page):
+    record = points.choice(page.index).simulate()
+    assert not bool(((record.rested == 1) & record.liftoff_time.isnull()).any())
+    assert "Click a point" in page.status.text
+
+
+def test_a_pinned_motion_stays_beside_the_next(page, points):
+    page.select_point(3)
+    page.pin.active = True
+    page.select_point(7)
+    first, second = (motion.content["heading"] for motion in page.motions)
+    assert "pinned: " in second
+    assert page.motions[1].heading.visible
+    assert page.plane.pinned.data["x"] == [points.columns[page.plane.x].values[3]]
+    assert f"e = {points.columns['restitution'].values[3]:.5g}" in second
+    assert f"e = {points.columns['restitution'].values[7]:.5g}" in first
+    page.pin.active = False
+    assert not page.motions[1].heading.visible
+
+
+def test_an_address_restores_what_it_says(page, points):
+    page.select_point(3)
+    page.controls.sliders["frequency"].value = 1.3
+    page._follow()
+    page.pin.active = True
+    page.select_point(5)
+    page.pickers["colour"].value = "rebound_height_max"
+    page.scale.value, page.high.value = "logarithmic", 1.5
+    page.controls.base.active = 1
+    page._follow()
+    said = page.said.data["text"][0]
+    again = Page(points, Document(), Foreground())
+    again.asked.data = {"text": [f"#{said}"]}
+    assert again.said.data["text"][0] == said
+    assert again.controls.choice == page.controls.choice
+    assert again._pinned == page._pinned
+    assert again.plane.wish == page.plane.wish == views.Scale("logarithmic", None, 1.5)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {},
+        {"text": []},
+        {"text": [["x"]]},
+        *(
+            {"text": [f"#{text}"]}
+            for text in (
+                "x=nothing&y=%00&colour=&point=-1&scale=odd",
+                "point=1e400&from=nan&to=inf&window=1,1,1,1",
+                "point=0.5&base=7&particles=1e300&pinned=pinned%3Dpoint&periods=-3",
+                "window=a,b&amplitude=nan&restitution=inf&frequency=-1",
+            )
+        ),
+    ],
+)
+def test_an_address_that_means_nothing_changes_nothing_else(page, points, data):
+    """No exception, and a motion that can be computed."""
+    page.asked.data = data
+    assert page.plane.x in points.columns
+    assert page.plane.wish == views.Scale()
+    low, high = page.controls._ranges["particles"]
+    assert low <= page.controls.choice.scene.particles <= high
+    assert "not computed" not in page.status.text

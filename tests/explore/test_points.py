@@ -1,14 +1,18 @@
 """Points of every kind of result, and the realizations behind them."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import vibrosweep as vs
 from vibrosweep.errors import DataError
-from vibrosweep.explorer.points import of_result, open_points
+from vibrosweep.explorer.points import Column, of_result, open_points, points_of
+from vibrosweep.explorer.views import SCALES, Scale, colouring
 from vibrosweep.store.rows import flat
 
 HERE = Path("out.h5")
@@ -126,3 +130,37 @@ def test_a_point_of_another_waveform_is_simulated_with_it(tmp_path):
     np.testing.assert_array_equal(shown["landing_time"], expected["landing_time"])
     for base in ("moving", "sprung"):
         assert choice.over(base).scene.waveform == choice.scene.waveform
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+def test_a_particle_follows_the_closed_orbit_that_was_clicked(base):
+    orbits = vs.orbits(
+        restitution=[0.7, 0.8], amplitude=[1.5, 2.0], impacts=2, periods=2, base=base
+    )
+    branches = vs.branches(restitution=0.8, amplitude=[1.5, 2.0], points=20, base=base)
+    for result in (orbits, branches):
+        points = points_of(result)
+        assert points.count > 2
+        for index in range(0, points.count, 3):
+            impacts = int(points.columns["cycle_impacts"].values[index])
+            speeds = points.choice(index).simulate().rebound_velocity.values[0, 0]
+            expected = points.columns["rebound_velocity"].values[index]
+            if points.columns["admissible"].values[index] == 1:
+                assert speeds[impacts - 1] == pytest.approx(expected, rel=1e-7)
+
+
+@given(
+    values=st.lists(st.floats(-1e6, 1e6, allow_subnormal=False), min_size=1, max_size=30),
+    kind=st.sampled_from(SCALES),
+    ends=st.tuples(*(st.none() | st.floats(-1e6, 1e6, allow_subnormal=False) for _ in range(2))),
+)
+@settings(max_examples=100, deadline=None)
+def test_arrows_say_where_a_scale_is_clipped(values, kind, ends):
+    """The colours have a scale whatever is wished, and an arrow wherever it hides a number."""
+    found = colouring(Column("height (m)", np.array(values)), Scale(kind, *ends))
+    assert found.low < found.high
+    assert not found.log or found.low > 0.0
+    words = "".join(found.ticks.values())
+    assert ("▼" in words) == (min(values) < found.low)
+    assert ("▲" in words) == (max(values) > found.high)
+    assert all(math.isfinite(end) for end in (found.mapping["low"], found.mapping["high"]))

@@ -512,7 +512,8 @@ class Page:
             self._take(int(index))
         for name in settings(self.controls.choice):
             value = _number(asked.get(name, ""))
-            if value is not None:
+            # a duration in seconds stays one, though it has more periods at a higher frequency
+            if value is not None and value != settings(self.controls.choice)[name]:
                 self.controls.set(self.controls.after(name, value))
 
     def _moved(self) -> None:
