@@ -351,7 +351,7 @@ class Page:
         self.said, self.asked = (ColumnDataSource({"text": [""]}) for _ in range(2))
         # a browser receives only models that belong to a widget
         self.save.tags = [self.holder, self.said, self.asked]
-        self.scale, self.low, self.high = self.scales = scale_pickers()
+        self.scale, self.low, self.high = self.scales = scale_pickers(self.plane)
         self.pin = Toggle(label="Pin this motion, to see another beside it", name="pin")
         self.picture = code_picker([PLANE, *PICTURES, "table of the selection"])
         self.code = code_block()
