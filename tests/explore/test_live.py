@@ -1,7 +1,6 @@
-"""The page while it is open."""
+"""The page without a browser: what it shows is what `simulate` gives, value for value."""
 
 import math
-import threading
 from array import array
 from concurrent.futures import Future
 from dataclasses import replace
@@ -21,8 +20,6 @@ from vibrosweep.explorer.live import Background, Page
 from vibrosweep.explorer.points import Choice, Column
 from vibrosweep.explorer.views import MOST_PIXELS, inner_pixels
 from vibrosweep.explorer.words import TABLE, table
-
-# The page without a browser: what it shows is what `simulate` gives, value for value.
 
 ENDS = ("x0", "x1", "y0", "y1")
 
@@ -392,63 +389,67 @@ def test_numbers_that_are_missing_have_no_colour(points):
     assert np.isnan(found.plane.source.data["value"][:3]).all()
 
 
-# Computations that run while the page stays responsive.
+def test_the_first_point_moves(points, page):
+    record = points.choice(page.index).simulate()
+    assert not bool(((record.rested == 1) & record.liftoff_time.isnull()).any())
+    assert "Click a point" in page.status.text
 
 
-@pytest.fixture
-def background():
-    made = Background()
-    yield made
-    made.close()
+def test_a_pinned_motion_stays_beside_the_next(page, points):
+    page.select_point(3)
+    page.pin.active = True
+    page.select_point(7)
+    first, second = (motion.content["heading"] for motion in page.motions)
+    assert "pinned: " in second
+    assert page.motions[1].heading.visible
+    assert page.plane.pinned.data["x"] == [points.columns[page.plane.x].values[3]]
+    assert f"e = {points.columns['restitution'].values[3]:.5g}" in second
+    assert f"e = {points.columns['restitution'].values[7]:.5g}" in first
+    page.pin.active = False
+    assert not page.motions[1].heading.visible
 
 
-class Gate:
-    """Work that says when it begins, and waits to be let through."""
-
-    def __init__(self):
-        self.begun, self.open = threading.Event(), threading.Event()
-
-    def __call__(self):
-        self.begun.set()
-        assert self.open.wait(10.0)
-        return threading.get_ident()
-
-
-def test_one_task_runs_at_a_time_and_only_the_newest_task_waits(background):
-    gate, done = Gate(), []
-    first = background.call(gate)
-    assert gate.begun.wait(10.0)
-    others = [background.call(lambda i=i: done.append(i)) for i in range(5)]
-    assert background.busy
-    assert done == []
-    gate.open.set()
-    others[-1].result(10.0)
-    assert first.result(10.0) != threading.get_ident()
-    assert done == [4]
-    assert all(one.cancelled() for one in others[:-1])
-    assert not background.busy
+def test_an_address_restores_what_it_says(page, points):
+    page.select_point(3)
+    page.controls.sliders["frequency"].value = 1.3
+    page._follow()
+    page.pin.active = True
+    page.select_point(5)
+    page.pickers["colour"].value = "rebound_height_max"
+    page.scale.value, page.high.value = "logarithmic", 1.5
+    page.controls.base.active = 1
+    page._follow()
+    said = page.said.data["text"][0]
+    again = Page(points, Document(), Foreground())
+    again.asked.data = {"text": [f"#{said}"]}
+    assert again.said.data["text"][0] == said
+    assert again.controls.choice == page.controls.choice
+    assert again._pinned == page._pinned
+    assert again.plane.wish == page.plane.wish == views.Scale("logarithmic", None, 1.5)
 
 
-def test_two_visitors_do_not_wait_for_each_other(background):
-    gate, other = Gate(), Background()
-    background.call(gate)
-    assert other.call(lambda: 3).result(10.0) == 3
-    gate.open.set()
-    other.close()
-
-
-def test_a_waiting_task_is_cancelled_when_its_visitor_leaves(background):
-    gate = Gate()
-    background.call(gate)
-    assert gate.begun.wait(10.0)
-    waits = background.call(lambda: 3)
-    background.close()
-    assert waits.cancelled()
-    assert background.busy
-    gate.open.set()
-
-
-def test_an_exception_is_handed_on_and_later_tasks_still_run(background):
-    with pytest.raises(ZeroDivisionError):
-        background.call(lambda: 1 / 0).result(10.0)
-    assert background.call(lambda: 3).result(10.0) == 3
+@pytest.mark.parametrize(
+    "data",
+    [
+        {},
+        {"text": []},
+        {"text": [["x"]]},
+        *(
+            {"text": [f"#{text}"]}
+            for text in (
+                "x=nothing&y=%00&colour=&point=-1&scale=odd",
+                "point=1e400&from=nan&to=inf&window=1,1,1,1",
+                "point=0.5&base=7&particles=1e300&pinned=pinned%3Dpoint&periods=-3",
+                "window=a,b&amplitude=nan&restitution=inf&frequency=-1",
+            )
+        ),
+    ],
+)
+def test_an_address_that_means_nothing_changes_nothing_else(page, points, data):
+    """No exception, and a motion that can be computed."""
+    page.asked.data = data
+    assert page.plane.x in points.columns
+    assert page.plane.wish == views.Scale()
+    low, high = page.controls._ranges["particles"]
+    assert low <= page.controls.choice.scene.particles <= high
+    assert "not computed" not in page.status.text

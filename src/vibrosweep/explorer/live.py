@@ -351,7 +351,7 @@ class Page:
         self.said, self.asked = (ColumnDataSource({"text": [""]}) for _ in range(2))
         # a browser receives only models that belong to a widget
         self.save.tags = [self.holder, self.said, self.asked]
-        self.scale, self.low, self.high = self.scales = scale_pickers()
+        self.scale, self.low, self.high = self.scales = scale_pickers(self.plane)
         self.pin = Toggle(label="Pin this motion, to see another beside it", name="pin")
         self.picture = code_picker([PLANE, *PICTURES, "table of the selection"])
         self.code = code_block()
@@ -512,7 +512,8 @@ class Page:
             self._take(int(index))
         for name in settings(self.controls.choice):
             value = _number(asked.get(name, ""))
-            if value is not None:
+            # a duration in seconds stays one, though it has more periods at a higher frequency
+            if value is not None and value != settings(self.controls.choice)[name]:
                 self.controls.set(self.controls.after(name, value))
 
     def _moved(self) -> None:

@@ -478,8 +478,10 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
 
 def _of_orbits(orbits: xr.Dataset) -> dict[str, Any]:
     """Make a point for each orbit."""
-    axes = [n for n in ("restitution", *FORCINGS) if n in orbits.variables and orbits[n].ndim]
-    return _of_closed(orbits, orbits["cycle_impacts"], (*axes, "impact_phase", "rebound_velocity"))
+    names = (str(orbits.attrs.get("forcing", "amplitude")), "restitution")
+    varied = [name for name in names if name in orbits.variables and orbits[name].ndim]
+    across = [*varied, "impact_phase"][0]
+    return _of_closed(orbits, orbits["cycle_impacts"], (across, "rebound_velocity"))
 
 
 def _of_branches(branches: xr.Dataset) -> dict[str, Any]:
@@ -518,7 +520,7 @@ def _of_closed(found: xr.Dataset, each: xr.DataArray, axes: tuple[str, ...]) -> 
         "columns": columns,
         "varied": (*varied, "launch_velocity"),
         "base_choice": shared,
-        "axes": (axes[0], axes[1]),
+        "axes": axes,
         "colour": "stable",
         "remark": "A particle is launched on its orbit; from one that is not stable it departs.",
     }

@@ -10,7 +10,7 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from functools import cache, partial
+from functools import partial
 from threading import Thread
 from typing import Any, Final
 from weakref import WeakSet
@@ -50,10 +50,6 @@ def serve(
     `framing` may show it in a frame.  Raises a RunError if the port is not free.
     """
     backgrounds = WeakSet[Background]()
-    early = Background()
-    backgrounds.add(early)
-    # kernels are loaded or compiled while the browser loads the page
-    early.call(points.choice(points.count // 2).shortened().simulate)
     server, address = opened(points, port, backgrounds.add, framing)
     loop = server.io_loop
     for number in ENDINGS:
@@ -100,10 +96,9 @@ def opened(
 ) -> tuple[BaseServer, str]:
     """Return a server of the page in the present loop, and its address.
 
-    `watch` is called with the `Background` of each visitor.  Pages of the origins `framing` may
-    show the page in a frame.  Raises a RunError if the port is not free.
+    `watch` is called with each `Background`: one for all, and one of each visitor.  Pages of the
+    origins `framing` may show the page in a frame.  Raises a RunError if the port is not free.
     """
-    first = cache(partial(moving_point, points))
 
     def show(document: Document) -> None:
         background = Background()
@@ -120,6 +115,10 @@ def opened(
             f"port {port} is not available ({error.strerror}): give another one with --port, or 0 "
             f"for any that is free"
         ) from error
+    early = Background()
+    watch(early)
+    # kernels are loaded or compiled while the browser loads the page
+    first = early.call(partial(moving_point, points)).result
     hosts = [f"{name}:{port}" for name in NAMES] + (list(NAMES) if port == HTTP_PORT else [])
     application = BokehTornado(
         {"/": Application(FunctionHandler(show))}, extra_websocket_origins=hosts

@@ -141,7 +141,7 @@ class _Page:
         texts = {name: list(around(name)) for name in PICTURES}
         texts[PLANE] = [plane_lines(points, plane.x, plane.y, plane.colour), ""]
         self.picture = code_picker([*texts])
-        self.scales = scale_pickers()
+        self.scales = scale_pickers(plane)
         self.pin = Toggle(label="Pin this motion, to see another beside it", name="pin")
         self.selection = paragraph("selection", "Choose points with the lasso or the box.")
         self.save = save_button()

@@ -794,8 +794,8 @@ def menu_width(label: str) -> int:
     return min(60 + 7 * len(label), 350)
 
 
-def scale_pickers() -> tuple[Select, NumericInput, NumericInput]:
-    """Menu of the scale of colours, and fields of its ends."""
+def scale_pickers(plane: PlaneView) -> tuple[Select, NumericInput, NumericInput]:
+    """Menu of the scale of colours, and fields of its ends; hidden while codes are coloured."""
     ends = [
         NumericInput(mode="float", placeholder="automatic", title=f"colours {name}", name=name)
         for name in ("from", "to")
@@ -803,6 +803,7 @@ def scale_pickers() -> tuple[Select, NumericInput, NumericInput]:
     scale = Select(title="scale", value=SCALES[0], options=[*SCALES], name="scale")
     for one in (scale, *ends):
         one.update(sizing_mode="stretch_width", min_width=100)
+        one.visible = not plane.points.columns[plane.colour].codes
     return scale, *ends
 
 
