@@ -31,9 +31,12 @@ def test_curves_are_drawn_over_restitution_and_forcing_and_nothing_else(curves, 
     view.x, view.y = "restitution", "amplitude"
     view.show()
     shown = view.borders.data
-    assert sorted(shown["name"]) == ["1 in 1 period: period doubling", "1 in 1 period: saddle node"]
+    assert sorted(shown["name"]) == [
+        "1 impact / 1 period: period doubling",
+        "1 impact / 1 period: saddle node",
+    ]
     assert sorted(shown["dash"]) == ["dashed", "solid"]
-    born = shown["name"].index("1 in 1 period: saddle node")
+    born = shown["name"].index("1 impact / 1 period: saddle node")
     e, a = shown["xs"][born], shown["ys"][born]
     known = np.isfinite(e)
     assert a[known] == pytest.approx(vs.theory.amplitude_min(1, e[known]), rel=1e-12)

@@ -45,9 +45,10 @@ def test_given_axes_are_drawn_on_and_returned(drawings):
     figure.canvas.draw()
     left, right = pyplot.subplots(1, 2)[1]
     assert list(figures.sobol_bars(INDICES, ax=[left, right])) == [left, right]
-    for axes in left, right:
-        assert axes.yaxis_inverted()
-        assert [text.get_text() for text in axes.get_yticklabels()] == ["restitution $e$"]
+    assert left.yaxis_inverted()
+    assert right.yaxis_inverted()
+    assert [text.get_text() for text in left.get_yticklabels()] == ["restitution $e$"]
+    assert not any(text.get_visible() for text in right.get_yticklabels())  # the same, beside them
 
 
 def test_legends_and_labels_have_room_on_the_axes_of_a_user(drawings):

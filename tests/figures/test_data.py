@@ -48,7 +48,7 @@ def test_a_parameter_that_varies_and_is_no_axis_has_its_range():
         "drive_noise": ("realization", [0.05, 0.01]),
     }
     dataset = xr.Dataset(coords=coords | {"amplitude": 1.0, "frequency": [1.0, 2.0]})
-    assert conditions(dataset) == r"$A$ = 1 m s$^{-1}$, $\sigma_A$ = 0.01 to 0.05"
+    assert conditions(dataset) == r"$A$ = 1 m s$^{-1}$, drive noise $\sigma_A$ = 0.01 to 0.05"
     frequency = {"frequency": ("realization", [1.0, 2.0])}
     assert "$f$ = 1 to 2 Hz" in conditions(dataset.drop_vars("frequency").assign_coords(frequency))
 

@@ -178,7 +178,7 @@ def test_distributions_of_separations(random):
         assert np.all(np.diff(x) >= 0.0)
         assert x[-1] <= plot.get_xlim()[1]
         done = part[np.arange(part.size) % 5 != 2]
-        for at in 10.0 ** random.uniform(-8.0, 1.0, 20):
+        for at in 10.0 ** random.uniform(np.log10(x[0]), 1.0, 20):
             assert step_at((x, y), at) == pytest.approx(np.mean(done <= at), abs=1e-15)
     (band,) = bars(plot)
     assert band[:2] == pytest.approx((1e-5, 1e-4), rel=1e-12)
@@ -188,6 +188,26 @@ def test_distributions_of_separations(random):
         if c[2] == (0.0, 0.0, 0.0, 1.0)
     ]
     assert set(line[0]) == {1e-4}
+
+
+def test_separations_below_the_axis_are_bars_that_say_so(random):
+    edge, shares = 1e-9, []
+    found = []
+    for n in (30, 7):
+        gap = 10.0 ** random.uniform(-11.0, -1.0, n)
+        gap[: n // 3] = 0.0
+        shares.append(np.mean(gap < edge))
+        whole = ("realization", np.ones(n, np.int8))
+        sweep = {"dt_min": ("realization", gap), "collision_free": whole}
+        found.append(vs.separations(xr.Dataset(sweep, coords={"duration": 12.0})))
+    (plot,) = drawn(figures.separation_distributions, found, ["a", "b"], 1e-4)
+    below = bars(plot)
+    assert [top for *_, top, _ in below] == pytest.approx(shares)
+    assert [c[:3] for *_, c in below] == [legend(plot)[name][:3] for name in "ab"]
+    begin = plot.get_xlim()[0]
+    least = min(one.separation.values[one.separation.values >= edge].min() for one in found)
+    assert begin < below[-1][1] <= least * (1.0 + 1e-12)
+    assert any(text.get_text().startswith("below $10^{-") for text in plot.texts)
 
 
 def test_distributions_over_chance(random):

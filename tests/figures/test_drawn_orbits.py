@@ -28,7 +28,7 @@ from vibrosweep.analysis.basins import name_of
 from vibrosweep.analysis.closed_orbits import cycle_name
 from vibrosweep.analysis.orbit_lines import EVENTS
 from vibrosweep.errors import DataError
-from vibrosweep.figures.orbits import KINDS, TIES
+from vibrosweep.figures.orbits import FAINT, KINDS, TIES
 
 PLAIN = {"phase": 0.0, "gravity": 9.81, "contact_time": 1e-4, "frequency": 1.0}
 BLACK, WHITE = to_rgba("black"), to_rgba("white")
@@ -200,7 +200,8 @@ def test_shares_are_as_thick_as_they_are_large(count, random):
             assert colour == legend(plot)[name_of(basins.isel(attractor=k))]
 
 
-def test_a_bifurcation_diagram(random):
+@pytest.mark.parametrize("launched", [True, False])
+def test_a_bifurcation_diagram(launched, random):
     at = axis(random, 5)
     dims, shape = ("direction", "amplitude", "particle"), (2, at.size, 3)
     exponent = random.normal(size=shape)
@@ -213,6 +214,15 @@ def test_a_bifurcation_diagram(random):
         "rebound_velocity": ((*dims, "sample"), speed),
         "regime": (dims, np.full(shape, 3, np.int8)),
     }
+    anew = random.uniform(1.0, 5.0, (at.size, 2, 4))
+    several = random.integers(1, 3, at.size)
+    if launched:
+        numbers |= {
+            "launched_rebound_velocity": (("amplitude", "launch", "sample"), anew),
+            "launched_lyapunov_largest": (("amplitude", "launch"), anew[:, :, 0]),
+            "attractors": ("amplitude", several),
+            "chaos_high": ((), at[1]),
+        }
     coords = {"amplitude": at, "direction": ["up", "down"], **scene(restitution=0.8)}
     attrs = {"observable": "rebound_velocity", "forcing": "amplitude"}
     diagram = xr.Dataset(numbers, coords=coords, attrs=attrs).isel(direction=[1, 0])
@@ -223,8 +233,16 @@ def test_a_bifurcation_diagram(random):
         colour = names[f"amplitude {direction}"]
         for i, x in enumerate(at):
             one = diagram.sel(direction=direction).isel(amplitude=i)
-            expected += [(x, y, colour) for y in one.rebound_velocity.values.ravel()]
+            expected += [(x, y, faint(colour)) for y in one.rebound_velocity.values.ravel()]
             exponents += [(x, y, colour, True) for y in one.lyapunov_largest.values]
+    if launched:
+        colour = names["launched anew"]
+        expected += [(at[i], y, faint(colour)) for i in range(at.size) for y in anew[i].ravel()]
+        exponents += [(at[i], y, colour, True) for i in range(at.size) for y in anew[i, :, 0]]
+        marks = {one.get_label(): one.get_xdata() for one in upper.lines}
+        assert list(marks["first exponent above 0"]) == [at[1]] * 2
+        coexist = marks.get("attractors coexist", [])
+        np.testing.assert_array_equal(coexist, at[several > 1])
     near(
         [row for row in scattered(upper) if np.isfinite(row[1])],
         [row for row in expected if np.isfinite(row[1])],
@@ -237,6 +255,10 @@ def test_a_bifurcation_diagram(random):
         + [(x, lowest, *others) for x, _, *others in resting],
     )
     assert floor < lowest < np.nanmin(exponent[np.isfinite(exponent)])
+
+
+def faint(colour):
+    return (*colour[:3], FAINT)
 
 
 def random_lines(random, dim):
@@ -322,7 +344,10 @@ def test_boundaries(random):
         ]
         real = (one.admissible.values == 1) | (int(one.bifurcation) in (2, 3))
         x, y = one.restitution.values, one.amplitude.values
-        expected.append((x, y, legend(plot)[names[0]], 0.5))
+        # thin where no particle follows the orbit, and one point further, which joins both parts
+        near_by = np.pad(~real, 1)
+        thin = near_by[:-2] | near_by[1:-1] | near_by[2:]
+        expected.append((x, np.where(thin, y, np.nan), legend(plot)[names[0]], 0.5))
         expected.append((x, np.where(real, y, np.nan), legend(plot)[names[0]], 1.3))
     same_lines(curves(plot), expected)
 
@@ -351,10 +376,8 @@ def test_boundaries_over_a_sweep_are_in_the_units_of_its_axis(random):
         )
         for i in range(3):
             x, y = (lines[n].values[i] for n in ("restitution", name))
-            assert any(
-                np.array_equal(b, y, equal_nan=True) and np.array_equal(a, x, equal_nan=True)
-                for a, b, *_ in curves(plot)
-            )
+            of_line = [b for a, b, *_ in curves(plot) if np.array_equal(a, x, equal_nan=True)]
+            np.testing.assert_array_equal(np.fmax(*of_line), y)
 
 
 @pytest.mark.parametrize(("name", "value"), CONTRADICTIONS)
@@ -401,7 +424,7 @@ def test_windows(count, random):
     for plot, shown in zip(
         drawn(figures.stability_windows, windows), (names[:2], names[2:]), strict=True
     ):
-        expected = []
+        expected, dots = [], []
         for name in shown:
             colour = next(c for text, c in legend(plot).items() if text.startswith(name))
             for at in e:
@@ -413,16 +436,55 @@ def test_windows(count, random):
                         bottom = scan[0] if np.isnan(bottom) else bottom
                         top = scan[-1] if np.isnan(top) else top
                         expected.append((at, bottom, top, colour))
-        found = [
-            (next(x for x in edges if left < x < right), bottom, top, colour)
-            for left, right, bottom, top, colour in bars(plot)
-        ]
-        near(found, expected)
+                        dots += [(at, end, colour, True) for end in (bottom, top)]
+        if len(shown) == 2:  # of locked orbits
+            near(marked(plot), dots)
+        else:
+            found = [
+                (next(x for x in edges if left < x < right), bottom, top, colour)
+                for left, right, bottom, top, colour in bars(plot)
+            ]
+            near(found, expected)
         unknown = (windows.holds.sel(condition=shown) < 0).any(("condition", "direction"))
         for at in e:
             for forcing in scan:
                 seen = colour_at(plot, at, forcing) is not None
                 assert seen == bool(unknown.sel(restitution=at, scan=forcing))
+
+
+def test_windows_in_two_directions_are_told_from_those_in_one(random):
+    e, scan, dims = axis(random, 5), np.linspace(0.1, 3.0, 7), ("direction", "restitution")
+    ends = np.sort(random.uniform(0.1, 3.0, (1, 2, e.size, 4)), axis=-1).reshape(1, 2, e.size, 2, 2)
+    numbers = {f"A_{end}": ends[..., k] for k, end in enumerate(("min", "max"))}
+    numbers["window_ends"] = np.where(random.random((1, 2, e.size, 2)) < 0.7, 0, -1)
+    windows = xr.Dataset(
+        {name: (("condition", *dims, "window"), one) for name, one in numbers.items()},
+        coords={
+            "condition": ["periodic"],
+            "direction": ["up", "down"],
+            "restitution": e,
+            "scan": scan,
+            **scene(),
+        },
+    )
+    (plot,) = drawn(figures.stability_windows, windows)
+    said = {c: text.removeprefix("periodic, ") for text, c in legend(plot).items()}
+    for i, at in enumerate(e):
+        for forcing in random.uniform(0.1, 3.0, 20):
+            up, down = (
+                bool(np.any((low < forcing) & (forcing < high) & (there == 0)))
+                for low, high, there in zip(
+                    *(windows[n].values[0, :, i] for n in ("A_min", "A_max", "window_ends")),
+                    strict=True,
+                )
+            )
+            wanted = {(1, 1): "both ways", (1, 0): "up only", (0, 1): "down only"}.get((up, down))
+            seen = {
+                said[colour]
+                for left, right, low, high, colour in bars(plot)
+                if left < at < right and low < forcing < high
+            }
+            assert seen == ({wanted} if wanted else set())
 
 
 def test_sobol_indices(random):
@@ -438,7 +500,7 @@ def test_sobol_indices(random):
     }
     indices = xr.Dataset(parts, coords=coords)
     panels = drawn(figures.sobol_bars, indices)
-    colours = legend(panels[-1])
+    colours = legend(panels[0])
     for plot, output in zip(panels, coords["output"], strict=True):
         names, one = plot.get_legend_handles_labels()[1], indices.sel(output=output)
         assert names == ["alone", "with interactions"]
@@ -496,7 +558,7 @@ def test_motions_and_return_maps(random, make_record):
         t = one.landing_time.values[k]
         v = np.concatenate([[5.0], one.rebound_velocity.values[k]])
         for n in np.flatnonzero(np.isfinite(t)):
-            colour = names["after 3 s" if t[n] > 3.0 else "to 3 s"]
+            colour = names["$t > 3$ s" if t[n] > 3.0 else r"$t \leq 3$ s"]
             expected.append((v[n], v[n + 1], colour, True))  # a flight lands as fast as it began
     locked = (BLACK, to_rgba("none"))
     near([row for row in marked(plot) if row[2] not in locked], expected)

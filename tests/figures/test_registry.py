@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -11,8 +12,9 @@ from vibrosweep import open_record, open_sweep
 from vibrosweep.analysis import separations_against_chance
 from vibrosweep.cli import main
 from vibrosweep.errors import OutputError
-from vibrosweep.figures.registry import FIGURES, available, missing, save_all
+from vibrosweep.figures.registry import FIGURES, available, left_out, missing, save_all
 from vibrosweep.figures.style import for_file
+from vibrosweep.model.measures import VARIABLES as ALL
 
 STEMS = [
     "fig1_height_time",
@@ -22,7 +24,14 @@ STEMS = [
     "separation_distribution",
     "separation_over_chance",
     "parameter_plane",
+    "plane_of_heights",
+    "plane_of_regimes",
+    "plane_of_exponents",
+    "plane_of_slots",
 ]
+
+
+PLANES = {name for name in FIGURES if "plane" in name}
 
 
 def test_the_set_is_complete_and_in_order():
@@ -30,9 +39,38 @@ def test_the_set_is_complete_and_in_order():
     assert all(entry.name == name for name, entry in FIGURES.items())
 
 
-def test_with_both_datasets_everything_is_available(sweep, twenty):
-    assert available(sweep, twenty) == list(FIGURES)
-    assert missing(sweep, twenty) == {}
+@pytest.fixture(scope="module")
+def whole(sweep):
+    """A sweep with every measure that a figure shows."""
+    size, particles = sweep.sizes["realization"], sweep.sizes["particle"]
+    random = np.random.default_rng(3)
+    numbers = {
+        "regime": (("realization", "particle"), random.integers(1, 5, (size, particles))),
+        "lyapunov_max": ("realization", random.normal(size=size)),
+        "slot_count": ("realization", random.integers(0, 4, size)),
+    }
+    measured = {n: (*one, ALL[n].attributes) for n, one in numbers.items()}
+    return sweep.assign(measured)
+
+
+def test_with_all_measures_everything_is_available(whole, twenty):
+    assert available(whole, twenty) == list(FIGURES)
+    assert missing(whole, twenty) == {}
+    assert left_out(whole, twenty) == ""
+
+
+def test_the_commonest_regime_of_the_particles_is_drawn(whole):
+    axes = for_file(FIGURES["plane_of_regimes"].draw, whole).axes[0]
+    dots = [c for c in axes.collections if len(c.get_offsets())]
+    counts = [np.bincount(one, minlength=6).argmax() for one in whole["regime"].values]
+    assert sorted(len(c.get_offsets()) for c in dots) == sorted(np.unique_counts(counts)[1])
+
+
+def test_what_is_left_out_is_one_line(sweep):
+    line = left_out(sweep, None)
+    assert "\n" not in line
+    assert line.startswith("left out: height_time, height_time_all, return_map need the record")
+    assert "plane_of_slots needs the variable slot_count: set " in line
 
 
 def test_without_a_record_its_section_is_asked_for(sweep):
@@ -41,10 +79,10 @@ def test_without_a_record_its_section_is_asked_for(sweep):
         "separation_distribution",
         "separation_over_chance",
         "parameter_plane",
+        "plane_of_heights",
     ]
     assert missing(sweep, None)["return_map"] == (
-        "figure return_map needs the record of every landing: "
-        "add a [record] section to the sweep file"
+        "the record of every landing: add a [record] section to the sweep file"
     )
 
 
@@ -55,24 +93,25 @@ def test_without_a_sweep_one_is_asked_for(twenty):
 
 def test_a_fixed_parameter_is_missing_not_an_error(twenty, make_sweep):
     sweep = make_sweep(10, 2, amplitude=1.2)
-    assert missing(sweep, twenty) == {
-        "parameter_plane": (
-            "figure parameter_plane needs realizations that differ in amplitude: sample it, "
-            "for example amplitude = [low, high], in the [sample] section of the sweep file"
+    lacking = missing(sweep, twenty)
+    assert set(lacking) == PLANES
+    for name in "parameter_plane", "plane_of_heights":
+        assert lacking[name] == (
+            "realizations that differ in amplitude: sample it, for example "
+            "amplitude = [low, high], in the [sample] section of the sweep file"
         )
-    }
     fixed = make_sweep(1, 2)
     lacking = missing(fixed, twenty)
     over_chance = lacking.pop("separation_over_chance")
     assert over_chance.endswith("in which no particle rests or is locked, as chance assumes")
-    assert set(lacking) == {"height_against_restitution", "parameter_plane"}
+    assert set(lacking) == {"height_against_restitution", *PLANES}
 
 
 def test_separations_against_chance_need_measures_of_each_particle(sweep):
     without = sweep.drop_vars("particle_impact_count")
     assert "separation_over_chance" not in available(without, None)
     assert missing(without, None)["separation_over_chance"] == (
-        "figure separation_over_chance needs the variable particle_impact_count: "
+        "the variable particle_impact_count: "
         "set per_particle = true in the [measure] section of the sweep file"
     )
     legend = for_file(FIGURES["separation_over_chance"].draw, sweep).axes[0].get_legend()
@@ -83,9 +122,9 @@ def test_separations_against_chance_need_measures_of_each_particle(sweep):
 
 
 @pytest.fixture(scope="module")
-def written(sweep, twenty, tmp_path_factory):
+def written(whole, twenty, tmp_path_factory):
     """The files of all figures, in a directory that was not there before."""
-    return save_all(sweep, twenty, tmp_path_factory.mktemp("some") / "new" / "figures")
+    return save_all(whole, twenty, tmp_path_factory.mktemp("some") / "new" / "figures")
 
 
 def test_every_file_opens(written):
@@ -102,8 +141,8 @@ def test_every_file_opens(written):
             assert path.read_bytes().startswith(b"%PDF")
 
 
-def test_the_same_data_give_the_same_files(written, sweep, twenty, tmp_path):
-    again = save_all(sweep, twenty, tmp_path)
+def test_the_same_data_give_the_same_files(written, whole, twenty, tmp_path):
+    again = save_all(whole, twenty, tmp_path)
     for one, other in zip(written, again, strict=True):
         assert one.read_bytes() == other.read_bytes(), one.name
 

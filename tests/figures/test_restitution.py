@@ -56,7 +56,7 @@ def test_small_dots_are_seen_in_the_legend(synthetic_sweep):
 
 def test_open_circles_where_the_launch_is_highest(sweep):
     circles = np.asarray(
-        dots_of(height_against_restitution(sweep).figure, "launch counted").get_offsets()
+        dots_of(height_against_restitution(sweep).figure, "including the launch").get_offsets()
     )
     lower = sweep.rebound_height_max.values < 25 / (2 * 9.81)
     assert 0 < lower.sum() < lower.size

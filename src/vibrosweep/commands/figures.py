@@ -36,7 +36,7 @@ def perform(options: argparse.Namespace) -> None:
 def _draw(path: Path, directory: Path) -> None:
     from vibrosweep.analysis.ragged import as_rectangle
     from vibrosweep.api.results import has_record, open_record, open_sweep
-    from vibrosweep.figures.registry import FIGURES, missing, save_all, save_formats
+    from vibrosweep.figures.registry import FIGURES, left_out, save_all, save_formats
     from vibrosweep.figures.style import for_file
     from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
@@ -56,8 +56,8 @@ def _draw(path: Path, directory: Path) -> None:
     record = _loaded(path, open_record, as_rectangle) if has_record(path) else None
     for written in save_all(sweep, record, directory):
         print(written)
-    for sentence in missing(sweep, record).values():
-        print(f"left out: {sentence}")
+    if line := left_out(sweep, record):
+        print(line)
 
 
 def _loaded(
