@@ -14,13 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 import xarray as xr
 
-from vibrosweep import simulate
-from vibrosweep.analysis.energy import energy_balance
-from vibrosweep.analysis.equal_heights import crossings
-from vibrosweep.analysis.heights import heights_against_restitution
-from vibrosweep.analysis.meetings import first_shared_base
-from vibrosweep.analysis.order import order_of_landings
-from vibrosweep.analysis.preservation import separation_changes
+from vibrosweep import analysis, simulate
 from vibrosweep.analysis.separations import separation_against, separation_distribution
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
@@ -63,11 +57,10 @@ def main(points: int) -> None:
     measured(e[:50], amplitude[:50])  # compiles
     with timed("sweep with separations and regimes"):
         sweep = measured(e, amplitude)
-    with timed("separation_distribution, separation_against, heights_against_restitution"):
+    with timed("separation_distribution, separation_against"):
         separation_distribution(sweep)
         for parameter in ("restitution", "amplitude"):
             separation_against(sweep, parameter)
-        heights_against_restitution(sweep)
     for start in range(0, e.size, CHUNK):
         part = slice(start, start + CHUNK)
         with timed("simulate, every landing"):
@@ -77,12 +70,12 @@ def main(points: int) -> None:
                 launch_time=np.arange(PARTICLES) / PARTICLES,
                 duration=12.0,
             )
-        for analysis in (order_of_landings, separation_changes, first_shared_base, energy_balance):
-            with timed(analysis.__name__):
-                analysis(record)
-        with timed("crossings"):
+        with timed("order_against_chance"):
+            analysis.order_against_chance(record, surrogates=1)
+        with timed("return_map, landing_separations"):
             for realization in range(record.sizes["realization"]):
-                crossings(record, realization=realization)
+                analysis.return_map(record, realization=realization)
+                analysis.landing_separations(record, realization=realization)
     print(f"{e.size} realizations of {PARTICLES} particles, processor time in s")
     for name, seconds in spent.items():
         print(f"{seconds:8.1f}  {name}")

@@ -1,6 +1,6 @@
 """Processor time and memory of whole sweeps against their work, and what Dask adds to a chunk.
 
-    python benchmarks/cost.py -o docs
+    python benchmarks/cost.py
 
 writes ``cost.md``, ``cost.csv``, and ``cost.png`` in ``images``.  Every point is a sweep from its
 ranges to its result file, on one thread.  Time is processor time, which other programs disturb
@@ -31,7 +31,7 @@ from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.runs.cluster import local_workers, on_dask
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.provenance import provenance
+from vibrosweep.store.writing import provenance
 
 RANGES = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
 # Numbers of realizations, particles and periods of the sweeps of each line
@@ -167,7 +167,7 @@ def report(found: list[Point], chunks: list[Chunked], load: float) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs"), metavar="DIR")
+    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent, metavar="DIR")
     options = parser.parse_args()
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:

@@ -8,12 +8,12 @@ import numpy as np
 from numba import njit
 
 from vibrosweep.kernels._jit import wide_vectors
+from vibrosweep.kernels.arithmetic import sin_turns
 from vibrosweep.kernels.bases import fly, rebound
-from vibrosweep.kernels.bases.high_bounce import Constants
+from vibrosweep.kernels.bases.high_bounce import HighBounceConstants
 from vibrosweep.kernels.impact import base_of, land
-from vibrosweep.kernels.lanes import aligned
+from vibrosweep.kernels.memory import aligned
 from vibrosweep.kernels.noise import SILENT, STILL
-from vibrosweep.kernels.sine import sin_turns
 
 BASE = base_of("high-bounce", "rest")
 LANES = 256
@@ -66,7 +66,7 @@ def bare_map(s, repetitions):
     wide_vectors()
     for _ in range(repetitions):
         for j in range(LANES):
-            fixed = Constants(BASE, s[E + j], s[A + j], *(0.0,) * 5, SILENT, STILL)
+            fixed = HighBounceConstants(BASE, s[E + j], s[A + j], *(0.0,) * 5, SILENT, STILL)
             flight, v = fly(fixed, s[X + j], s[U + j])
             x, _ = land(s[X + j], flight)
             s[U + j] = rebound(fixed, x, v)

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 import pytest
 from llvmlite import binding
 
-from vibrosweep.store.provenance import provenance
+from vibrosweep.store.writing import provenance
 
 ROOT = Path(__file__).parents[1]
 STORED = ROOT / "benchmarks" / "ratios.json"

@@ -14,8 +14,8 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import dimensionless, launches, mounts
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 
 DURATION = 12.0  # s, at 1 Hz

@@ -22,12 +22,11 @@ from vibrosweep.kernels.advance import _step
 from vibrosweep.kernels.bases import constants, fitted, leave, put
 from vibrosweep.kernels.cycles import Chosen
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
-from vibrosweep.kernels.lanes import ROW
-from vibrosweep.kernels.statistics import KINDS
-from vibrosweep.kernels.totals import scratch
+from vibrosweep.kernels.memory import LANES as LANES_OF_KERNEL
+from vibrosweep.kernels.memory import ROW
+from vibrosweep.kernels.statistics import KINDS, scratch
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 
 PARTICLES = 20

@@ -12,7 +12,7 @@ from test_commands import iterations
 from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.engine.landings import Form, record_landings
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.lanes import LANES
+from vibrosweep.kernels.memory import LANES
 from vibrosweep.scene.realizations import open_design
 
 SIZE = 200

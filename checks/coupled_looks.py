@@ -1,4 +1,4 @@
-"""Number of particles that the search over a base of finite mass examines, for docs/speed.md.
+"""Particles that the search over a base of finite mass examines, for benchmarks/README.md.
 
 ``NUMBA_DISABLE_JIT=1 PYTHONPATH=benchmarks python checks/coupled_looks.py`` counts, per landing,
 how often a single particle is examined (a look), and the steps of the iteration that ends at the
@@ -12,7 +12,7 @@ import numba
 
 from test_coupled import engine, parameters
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.coupled import events, search
+from vibrosweep.kernels.coupled import events
 
 SIZES = {2: 40, 5: 12, 20: 4, 50: 1}  # realizations by number of particles
 
@@ -32,7 +32,7 @@ def main():
         print("calls can be counted in plain Python only: set NUMBA_DISABLE_JIT=1")
         return 2
     calls = Counter()
-    for module, name in ((events, "look"), (events, "_land"), (search, "_step")):
+    for module, name in ((events, "look"), (events, "_land"), (events, "_step")):
         setattr(module, name, counting(calls, getattr(module, name)))
     with Workers(1) as workers:
         for particles, realizations in SIZES.items():

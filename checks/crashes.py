@@ -34,10 +34,9 @@ import numpy as np
 from accuracy import options_of, processor, show, table
 from vibrosweep.cli import main as command
 from vibrosweep.store.disk import Disk
-from vibrosweep.store.parts import MANIFEST, Parts
-from vibrosweep.store.rundir import LOCK, run_directory
+from vibrosweep.store.parts import LOCK, MANIFEST, Parts, run_directory
 
-REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+REPORT = Path(__file__).parent / "README.md"
 OUTPUT, SPEC = "out.h5", "sweep.toml"
 SWEEP = """title = "A sweep whose power is cut"
 [scene]

@@ -27,17 +27,17 @@ from rounded import (
     rounded_root,
     upper,
 )
-from vibrosweep.kernels import elementary
+from vibrosweep.kernels import arithmetic
 from vibrosweep.kernels._jit import _fma_exact
-from vibrosweep.model import arcsine
+from vibrosweep.model import turns
 
 BITS = 192
 TERMS = 12
 PARTS = 32  # of each factor of two
 SMALLEST = -30  # below 2**SMALLEST the first term and its rounding are the error
 SMALL = (0.0, 2.0**SMALLEST)  # middle and half width of that part
-LOG = [getattr(elementary, f"L{i}") for i in range(7)]
-EXP = [getattr(elementary, f"E{i}") for i in range(10)]
+LOG = [getattr(arithmetic, f"L{i}") for i in range(7)]
+EXP = [getattr(arithmetic, f"E{i}") for i in range(10)]
 Number = Any
 Arithmetic = tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]
 FLOATS: Arithmetic = (float, _fma_exact, lambda a, b: a / b)
@@ -82,11 +82,11 @@ def arcsin_head(x: Number, z: Number, arithmetic: Arithmetic) -> Number:
     def sum_of_product(a: Number, b: Number, c: Number) -> Number:
         return fma(one, fma(a, b, zero), c)
 
-    higher = number(arcsine.HIGHER[0])
-    for c in arcsine.HIGHER[1:]:
+    higher = number(turns.ARCSINE_HIGHER[0])
+    for c in turns.ARCSINE_HIGHER[1:]:
         higher = sum_of_product(higher, z, number(c))
-    tail = fma(x, sum_of_product(z, higher, number(arcsine.FIRST_LOW)), zero)
-    return sum_of_product(x, number(arcsine.FIRST), tail)
+    tail = fma(x, sum_of_product(z, higher, number(turns.ARCSINE_FIRST_LOW)), zero)
+    return sum_of_product(x, number(turns.ARCSINE_FIRST), tail)
 
 
 def check_schemes() -> None:
@@ -94,11 +94,11 @@ def check_schemes() -> None:
     draw = np.random.default_rng(0).uniform
     pairs = [
         *(
-            (log_head(f, 0.0, FLOATS), elementary.log_near_one(f, 0.0))
+            (log_head(f, 0.0, FLOATS), arithmetic.log_near_one(f, 0.0))
             for f in draw(-0.29, 0.41, 500)
         ),
-        *((exp_head(r, FLOATS), elementary.exp_near_zero(r)) for r in draw(-0.34, 0.34, 500)),
-        *((arcsin_head(x, x * x, FLOATS), arcsine.arcsin_turns(x)) for x in draw(0.0, 0.5, 500)),
+        *((exp_head(r, FLOATS), arithmetic.exp_near_zero(r)) for r in draw(-0.34, 0.34, 500)),
+        *((arcsin_head(x, x * x, FLOATS), turns.arcsin_turns(x)) for x in draw(0.0, 0.5, 500)),
     ]
     if any(mine != kernel for mine, kernel in pairs):
         raise SystemExit("the arithmetic that is proved is not that of the kernels")
@@ -142,8 +142,8 @@ def log_bound() -> float:
             worst = max(worst, relative(error, float((1 + f.exact).log().abs_lower())))
         for first, last in exponents:
             k = arb((first + last) / 2, (last - first) / 2)
-            low = rounded_fma(Rounded(k, {}, 0.0), constant(elementary.LN2_LOW), constant(0.0))
-            wrong = k * (arb(elementary.LN2_HIGH) + arb(elementary.LN2_LOW) - arb(2).log())
+            low = rounded_fma(Rounded(k, {}, 0.0), constant(arithmetic.LN2_LOW), constant(0.0))
+            wrong = k * (arb(arithmetic.LN2_HIGH) + arb(arithmetic.LN2_LOW) - arb(2).log())
             before = log_head(f, low, ROUNDED).error() + missed + upper(wrong)
             least = float((k * arb(2).log() + (1 + f.exact).log()).abs_lower())
             worst = max(worst, 1.0 + relative(before, least) * (1.0 + HALF_ULP))
@@ -152,7 +152,7 @@ def log_bound() -> float:
 
 def reduction_error() -> float:
     """Largest error of the argument of `exp` after the multiple of ln 2 is taken away."""
-    wrong = arb(elementary.LN2_HIGH) + arb(elementary.LN2_LOW) - arb(2).log()
+    wrong = arb(arithmetic.LN2_HIGH) + arb(arithmetic.LN2_LOW) - arb(2).log()
     return 2.0**-55 + 1100.0 * upper(wrong)
 
 
@@ -207,7 +207,7 @@ def arcsin_bound() -> float:
 
 
 def _first_of_arcsin() -> arb:
-    return arb(arcsine.FIRST) + arb(arcsine.FIRST_LOW) - 1 / (2 * arb.pi())
+    return arb(turns.ARCSINE_FIRST) + arb(turns.ARCSINE_FIRST_LOW) - 1 / (2 * arb.pi())
 
 
 def prove() -> dict[str, float]:
@@ -237,12 +237,12 @@ def families(size: int, seed: int) -> dict[str, np.ndarray]:
 
 
 FUNCTIONS = {
-    "log": elementary.log,
-    "exp": elementary.exp,
-    "expm1": elementary.expm1,
-    "arcsin_turns": arcsine.arcsin_turns,
+    "log": arithmetic.log,
+    "exp": arithmetic.exp,
+    "expm1": arithmetic.expm1,
+    "arcsin_turns": turns.arcsin_turns,
 }
-STATED = {**elementary.ERRORS, "arcsin_turns": arcsine.ARCSINE_ERROR}
+STATED = {**arithmetic.ERRORS, "arcsin_turns": turns.ARCSINE_ERROR}
 TRUE: dict[str, Callable[[arb], arb]] = {
     "log": lambda x: x.log(),
     "exp": lambda x: x.exp(),

@@ -6,7 +6,7 @@ import numpy as np
 
 from accuracy import table
 from high_bounce_scenes import MOVING, amplitude_of, measured, settled
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 
 TUFILLARO = "Tufillaro, Abbott and Reilly [1]"
 LIFT = "Tufillaro, Abbott and Reilly [2]"

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from vibrosweep.engine.measure import measure
+from vibrosweep.model.measures import Regime
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.status import Regime
 from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import read_spec

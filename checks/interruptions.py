@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from accuracy import options_of
-from vibrosweep.store.seal import State, state_of
+from vibrosweep.store.disk import State, state_of
 
 # The script ``vibrosweep``, with a mark before and after its import
 START = """import os, sys

@@ -21,10 +21,10 @@ from flint import arb, ctx, fmpq, fmpq_poly
 
 from accuracy import options_of, provenance, show, table
 from rounded import HALF_ULP, upper
-from vibrosweep.kernels import elementary, falling
+from vibrosweep.kernels import arithmetic, restitution
 from vibrosweep.kernels._jit import _fma_exact
+from vibrosweep.kernels.arithmetic import KICK_ERROR
 from vibrosweep.kernels.restitution import ratio, scale_of, slope
-from vibrosweep.kernels.rounding import KICK_ERROR
 from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC, PADE
 from vibrosweep.proof.reference.arithmetic import Jet
 from vibrosweep.proof.reference.laws import Laws, _root_at, _slope_at, _terms
@@ -98,13 +98,13 @@ def check_schemes() -> None:
     draw = np.random.default_rng(0)
     for y in (10.0 ** draw.uniform(-6.0, 3.0, 500)).tolist():
         share, rise, fall = quotients(y, FLOATS)
-        if falling.pade(y) != (share, share * _fma_exact(0.1, rise - fall, 1.0)):
+        if restitution.pade(y) != (share, share * _fma_exact(0.1, rise - fall, 1.0)):
             raise SystemExit("the arithmetic of P that is proved is not that of the kernels")
     for e in draw.uniform(LEAST_VISCOELASTIC, 1.0, 50).tolist():
         y = 0.0
-        for _ in range(falling.STEPS):
+        for _ in range(restitution.STEPS):
             y = step(1.0 - e, e, y, FLOATS)
-        if falling.root_at(e) != y:
+        if restitution.root_at(e) != y:
             raise SystemExit("the arithmetic of y_0 that is proved is not that of the kernels")
 
 
@@ -117,7 +117,7 @@ def balls(first: int, last: int) -> list[arb]:
 def guess(t: float) -> float:
     """The first guess of t^(-1/4), from its bits."""
     bits = int(np.float64(t).view(np.int64)) >> 2
-    return float(np.int64(int(falling.QUARTER_BITS) - bits).view(np.float64))
+    return float(np.int64(int(restitution.QUARTER_BITS) - bits).view(np.float64))
 
 
 def left_out(most: float) -> float:
@@ -125,7 +125,7 @@ def left_out(most: float) -> float:
 
     The cubic times (1 - h)^(1/4) has the derivative -13/4 Q3 h^3 (1 - h)^(-3/4).
     """
-    return 13.0 / 16.0 * falling.Q3 * most**4 * (1.0 - most) ** -0.75 * SECOND
+    return 13.0 / 16.0 * restitution.Q3 * most**4 * (1.0 - most) ** -0.75 * SECOND
 
 
 def fourth_root_bound() -> float:
@@ -154,14 +154,14 @@ def start_bound() -> float:
         rounded = step(one, one._replace(error=0.0), Counted(y, 0.0), COUNTED).error
         top, higher, by_top, by_higher = _terms(y)
         contracts = upper(1 + y * (by_top / top - by_higher / higher) / 2)
-        worst = max(worst, (rounded + contracts**falling.STEPS / HALF_ULP) / (1.0 - contracts))
+        worst = max(worst, (rounded + contracts**restitution.STEPS / HALF_ULP) / (1.0 - contracts))
     return worst * SECOND
 
 
 def share_and_slope_bounds() -> tuple[float, float]:
     """Bounds of P for an exact y, relative, and of q for the y of the kernels, absolute."""
     of_share = of_slope = 0.0
-    of_root, of_log = (e / HALF_ULP for e in (falling.ROOT_ERROR, falling.LOG_ERROR))
+    of_root, of_log = (e / HALF_ULP for e in (restitution.ROOT_ERROR, restitution.LOG_ERROR))
     for y in balls(LEAST, MOST):
         share, rise, fall = quotients(Counted(y, 0.0), COUNTED)
         of_share = max(of_share, share.error)
@@ -191,7 +191,7 @@ def slope_falls() -> bool:
 
 def prove() -> dict[str, float]:
     """Bounds in half ulps, by the names of `STATED`."""
-    log, exp = (elementary.ERRORS[name] / HALF_ULP for name in ("log", "exp"))
+    log, exp = (arithmetic.ERRORS[name] / HALF_ULP for name in ("log", "exp"))
     kick, scale = KICK_ERROR / HALF_ULP, STATED["y_0^10 / v_r"]
     with ctx.workprec(BITS):
         root, start, (share, slope) = fourth_root_bound(), start_bound(), share_and_slope_bounds()
@@ -211,12 +211,12 @@ def prove() -> dict[str, float]:
 
 STATED = {
     "t^(-1/4)": 2.0,
-    "e(v), plastic": falling.PLASTIC_ERROR / HALF_ULP,
+    "e(v), plastic": restitution.PLASTIC_ERROR / HALF_ULP,
     "y_0": 8.0,
-    "y_0^10 / v_r": falling.SCALE_ERROR / HALF_ULP,
-    "y, at ln y = 0": falling.ROOT_ERROR / HALF_ULP,
-    "y, for 1 of ln y": falling.LOG_ERROR / HALF_ULP,
-    "P(y)": falling.PADE_ERROR / HALF_ULP,
+    "y_0^10 / v_r": restitution.SCALE_ERROR / HALF_ULP,
+    "y, at ln y = 0": restitution.ROOT_ERROR / HALF_ULP,
+    "y, for 1 of ln y": restitution.LOG_ERROR / HALF_ULP,
+    "P(y)": restitution.PADE_ERROR / HALF_ULP,
     "q(v)": 32.0,  # as `slope_range` widens it
 }
 
@@ -226,23 +226,23 @@ def sample(size: int, seed: int) -> dict[str, float]:
     draw = np.random.default_rng(seed)
     worst = dict.fromkeys(STATED, 0.0)
     speeds, powers = draw.uniform(LEAST_VISCOELASTIC, 1.0, size), draw.uniform(-9.0, 9.0, size)
-    law, plastic = (falling.LAW_OF[name] for name in ("viscoelastic", "plastic"))
+    law, plastic = (restitution.RESTITUTION_OF[name] for name in ("viscoelastic", "plastic"))
 
     def note(name: str, error: arb) -> None:
         worst[name] = max(worst[name], upper(error) / HALF_ULP)
 
     for e, power in zip(speeds.tolist(), powers.tolist(), strict=True):
         v = 10.0**power
-        note("t^(-1/4)", falling.inverse_fourth_root(v) * arb(v).root(4) - 1)
+        note("t^(-1/4)", restitution.inverse_fourth_root(v) * arb(v).root(4) - 1)
         kept = Laws(restitution="plastic").impact(arb(e), arb(0.3)).share(arb(v))
         note("e(v), plastic", ratio(plastic, e, scale_of(plastic, e, 0.3), v) / kept - 1)
         start = _root_at(arb(e))
-        note("y_0", falling.root_at(e) / start - 1)
+        note("y_0", restitution.root_at(e) / start - 1)
         scale = scale_of(law, e, 0.3)
         note("y_0^10 / v_r", scale * arb(0.3) / start**10 - 1)
         y = 10.0 ** (0.1 * power)
         top, higher, _, _ = _terms(arb(y))
-        note("P(y)", falling.pade(y)[0] * (top + higher) / top - 1)
+        note("P(y)", restitution.pade(y)[0] * (top + higher) / top - 1)
         exact = Laws(restitution="viscoelastic").impact(arb(e), arb(0.3)).slope(arb(v))
         note("q(v)", slope(law, e, scale, v) - exact)
     return worst

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.model.coupled_cycles import after, find_cycle
 from vibrosweep.model.coupled_theory import (
+    after,
+    find_cycle,
     landing_phase,
     mount_propagator,
     reversing_separation,

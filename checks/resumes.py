@@ -30,11 +30,10 @@ from vibrosweep.errors import RunError
 from vibrosweep.runs import result
 from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.scene.sweep import Sweep, parse_spec
-from vibrosweep.store.parts import Parts
-from vibrosweep.store.rundir import run_directory
-from vibrosweep.store.seal import LENGTH
+from vibrosweep.store.disk import LENGTH
+from vibrosweep.store.parts import Parts, run_directory
 
-REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+REPORT = Path(__file__).parent / "README.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: owner and name of a function
 PLACES = ((Parts, "write"), (Parts, "read"), (result, "kinds"), (result, "write_record"))

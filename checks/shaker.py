@@ -1,4 +1,4 @@
-"""Accuracy for bases other than a sine and for laws of restitution: numbers of docs/laboratory.md.
+"""Accuracy for bases other than a sine and for laws of restitution: numbers of checks/README.md.
 
 ``python checks/shaker.py [--recordings N] [--first SEED]`` films virtual experiments over bases of
 two to four random harmonics, whose traces are known, and compares harmonics, restitution and motion
@@ -18,11 +18,10 @@ import numpy as np
 
 from accuracy import options_of
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.base_fit import FITTED
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment
+from vibrosweep.lab.experiment import LABORATORY, Experiment, oscillating_surface
 from vibrosweep.lab.impacts import find_impacts
-from vibrosweep.lab.speed_laws import FITTED
-from vibrosweep.lab.surfaces import oscillating_surface
 from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.trials import perform_trials
 

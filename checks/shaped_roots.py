@@ -26,7 +26,7 @@ from numba import njit
 
 from accuracy import bare_problem
 from vibrosweep.kernels.bases import constants, fly
-from vibrosweep.kernels.bases.moving_jacobian import along
+from vibrosweep.kernels.bases.moving_errors import along
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.shapes import Waveform
 

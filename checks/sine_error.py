@@ -20,15 +20,24 @@ from numba import njit
 
 from accuracy import options_of, provenance, show, table
 from rounded import HALF_ULP, Rounded, constant, distance, exact_fma, rounded_fma, upper
-from vibrosweep.kernels import sine
+from vibrosweep.kernels import arithmetic
 from vibrosweep.kernels._jit import _fma_exact
-from vibrosweep.kernels.sine import sin_turns
+from vibrosweep.kernels.arithmetic import sin_turns
 
 BITS = 192
 TERMS = 12  # of the Taylor polynomial that bounds the approximation on one part
 PARTS = 256  # of each factor of two of the phase
 SMALLEST = -30  # below 2**SMALLEST turns one estimate covers all
-HIGHER = (sine.C1, sine.C2, sine.C3, sine.C4, sine.C5, sine.C6, sine.C7, sine.C8)
+HIGHER = (
+    arithmetic.C1,
+    arithmetic.C2,
+    arithmetic.C3,
+    arithmetic.C4,
+    arithmetic.C5,
+    arithmetic.C6,
+    arithmetic.C7,
+    arithmetic.C8,
+)
 
 
 def scheme(y, constant, fma):
@@ -40,8 +49,8 @@ def scheme(y, constant, fma):
     even, odd = fma(z2, c8, c6), fma(z2, c7, c5)
     even, odd = fma(z2, even, c4), fma(z2, odd, c3)
     even, odd = fma(z2, even, c2), fma(z2, odd, c1)
-    even = fma(z2, even, constant(sine.C0_LOW))
-    return fma(y, constant(sine.C0_HIGH), fma(y, fma(z, odd, even), zero))
+    even = fma(z2, even, constant(arithmetic.C0_LOW))
+    return fma(y, constant(arithmetic.C0_HIGH), fma(y, fma(z, odd, even), zero))
 
 
 def check_scheme() -> None:
@@ -86,13 +95,13 @@ def bound_small() -> float:
     """
     z = arb(0, 4.0**SMALLEST)
     z_form = Rounded(z, {}, HALF_ULP * 4.0**SMALLEST)
-    higher = rounded_fma(z_form, Rounded(arb(sine.C1), {}, 1e-9), constant(sine.C0_LOW))
+    higher = rounded_fma(z_form, Rounded(arb(arithmetic.C1), {}, 1e-9), constant(arithmetic.C0_LOW))
     two_pi = 2 * arb.pi()
-    missing = upper(arb(sine.C0_HIGH) + arb(sine.C0_LOW) - two_pi)
-    missing += upper((arb(sine.C1) + two_pi**3 / 6) * z) + 100.0 * 16.0**SMALLEST
+    missing = upper(arb(arithmetic.C0_HIGH) + arb(arithmetic.C0_LOW) - two_pi)
+    missing += upper((arb(arithmetic.C1) + two_pi**3 / 6) * z) + 100.0 * 16.0**SMALLEST
     small = upper(higher.exact) + higher.error()
     product = HALF_ULP * small + higher.error()
-    total = missing + product + HALF_ULP * (sine.C0_HIGH + small + product)
+    total = missing + product + HALF_ULP * (arithmetic.C0_HIGH + small + product)
     return total / float(two_pi.abs_lower()) / HALF_ULP
 
 

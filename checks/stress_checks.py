@@ -21,8 +21,8 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import impact, launch, launch_speed
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import MOUNT, SPRUNG
-from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 BITS = 256

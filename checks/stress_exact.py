@@ -21,8 +21,8 @@ from vibrosweep.kernels.bases import constants as constants_of
 from vibrosweep.kernels.bases import rebound
 from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.trust import empty_trust, trust
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 Outcome = tuple[int, list[str]]

@@ -17,8 +17,8 @@ import numpy as np
 
 from accuracy import batch_of, options_of, orbit, provenance, show, table
 from vibrosweep.kernels.trust import empty_trust, trust
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import Dimensionless, Launches
-from vibrosweep.model.status import Status
 from vibrosweep.proof.reference.arithmetic import UndecidableError, arb, ctx
 from vibrosweep.proof.reference.motion import Trajectory
 from vibrosweep.proof.reference.trajectories import trajectory

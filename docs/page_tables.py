@@ -13,9 +13,9 @@ from typing import Any, Final
 
 from vibrosweep.abilities import ANALYSES, OF_CONSTANT, refusal
 from vibrosweep.model.measures import ALWAYS, MEASURES, OF_EACH, OPTIONS, RECORD, Variable
+from vibrosweep.model.observables import KEYS
 from vibrosweep.model.parameters import BASES, LAWS, NOISE
 from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
-from vibrosweep.model.scene_measures import KEYS
 from vibrosweep.model.shapes import WAVEFORMS
 
 PAGES: Final = ("sweep-files.md", "results.md")

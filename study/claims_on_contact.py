@@ -15,6 +15,8 @@ from study.bases import HIGH_BOUNCE, SPRUNG
 from study.claims_on_order import in_own_slots
 from study.estimates import Estimate, share
 from study.figures.curves import heights_and_crossings
+from study.figures.pairs import decay_in_a_slot
+from study.records import crossings
 from study.samples import (
     FEW,
     FIRST,
@@ -48,8 +50,8 @@ from study.verdict import (
     without_exception,
 )
 from vibrosweep import simulate, theory
-from vibrosweep.analysis import crossings, separation_distribution
-from vibrosweep.figures import decay_in_a_slot, separation_distributions
+from vibrosweep.analysis import separation_distribution
+from vibrosweep.figures import separation_distributions
 from vibrosweep.figures.style import for_file
 
 DURATIONS: Final = (12.0, 120.0, 1200.0)
@@ -135,7 +137,7 @@ def _stable(
 
 
 def _closing(plan: Plan, base: str) -> tuple[Number, ...]:
-    decay = decay_in_slot(plan, base, 1.2, 0.01).isel(realization=0)
+    decay = decay_in_slot(plan, base, 1.2, 0.01)
     closing = number(
         "time in which a slot closes from half a period to τ_c, Table 1",
         float(decay["closing_time"]),

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from study.arrays import Array
 from study.bases import HIGH_BOUNCE
 from study.figures.balance import balance_against_rests, energy_decay
+from study.records import energy_balance
 from study.samples import (
     ANY_PHASE,
     FIRST,
@@ -30,7 +31,7 @@ from study.verdict import (
     number,
 )
 from vibrosweep import simulate, theory
-from vibrosweep.analysis import energy_balance, return_map
+from vibrosweep.analysis import return_map
 from vibrosweep.figures.style import for_file
 
 RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)

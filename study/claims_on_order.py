@@ -13,6 +13,7 @@ from study.arrays import Array
 from study.bases import SPRUNG
 from study.estimates import mean
 from study.figures.pairs import separations_in_time
+from study.records import first_shared_base, order_of_landings, separation_changes
 from study.samples import (
     FEW,
     FOLLOWED,
@@ -48,7 +49,7 @@ from study.verdict import (
     without_exception,
 )
 from vibrosweep import basins, simulate, theory
-from vibrosweep.analysis import capacity, first_shared_base, order_of_landings, separation_changes
+from vibrosweep.analysis import capacity
 from vibrosweep.figures.style import for_file
 
 # Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each

@@ -11,11 +11,11 @@ import xarray as xr
 from study.arrays import Array, Flags
 from study.disturbances import Orbit, disturbances, orbit, refusal
 from study.estimates import magnitude, mean
+from study.records import first_shared_base
 from study.samples import ANY_PHASE, FEW, FIRST, Plan, Setting, by_seed, records
 from study.slots import RESTITUTION, height_needed
 from study.verdict import Check, Evidence, Reading, check, nearly_all
 from vibrosweep import theory
-from vibrosweep.analysis import first_shared_base
 
 NEAR: Final = 1e-3  # distance of launches from an orbit, turns
 PART: Final = 0.25  # of the realizations

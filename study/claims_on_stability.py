@@ -96,7 +96,7 @@ def linearised_update(plan: Plan, base: str) -> Evidence:
 
 def _fitted_decay(plan: Plan, base: str, amplitude: float) -> float:
     """Decay per impact of the separation of two particles near the locked orbit of mode 1."""
-    return float(decay_in_slot(plan, base, amplitude, 1e-4)["modulus_fitted"][0])
+    return float(decay_in_slot(plan, base, amplitude, 1e-4)["modulus_fitted"])
 
 
 def period_two_figures(plan: Plan) -> dict[str, Figure]:

@@ -13,7 +13,7 @@ def over(scene, windows=None, **axes):
     """Sweep over a grid of a scene that states its duration."""
     axes = {n: Axis(tuple(np.atleast_1d(v).tolist())) for n, v in axes.items()}
     design = Design("grid", axes)
-    return Sweep("", "", None, scene, design, None, windows, states_duration=True)
+    return Sweep("", "", None, scene, design, None, windows, stated=frozenset({"duration"}))
 
 
 def find_windows(scene, e, scan, conditions, *, forcing="amplitude", threads=1, **options):
@@ -22,7 +22,8 @@ def find_windows(scene, e, scan, conditions, *, forcing="amplitude", threads=1, 
 
 
 def bifurcation(scene, scan, *, forcing="amplitude", observable="rebound_velocity", samples=64):
-    return of_bifurcation.bifurcation(over(scene, **{forcing: scan}), observable, samples, 1)
+    sweep = over(scene, **{forcing: scan})
+    return of_bifurcation.bifurcation(sweep, observable, samples, 1, 1)
 
 
 def basins(scene, times, speeds):

@@ -16,11 +16,10 @@ from vibrosweep.abilities import (
     WITHOUT_MEANING,
     refusal,
 )
-from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
 from vibrosweep.errors import SpecError, VibrosweepError
-from vibrosweep.explore.points import open_points
+from vibrosweep.explorer.points import open_points
 from vibrosweep.kernels.impact import KIND_OF, base_of
-from vibrosweep.kernels.laws import LAW_OF
+from vibrosweep.kernels.restitution import REBOUND_OF
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import LAWS, LAWS_OF
 from vibrosweep.model.parameters import NOISE as ALL_NOISE
@@ -33,7 +32,6 @@ CELLS = list(product(BASES, choices()))
 MOUNT = {"mass_ratio": 0.1, "mount_frequency": 2.0}
 AXES = {"amplitude": [1.0, 1.1], "restitution": 0.5, "duration": 3.0}
 SHAPES = {name: name for name in WAVEFORMS} | {"harmonics": {"harmonics": [[1, 1.0, 0.0]]}}
-RESULTS = {f.__name__: f for f in (energy_balance, heights_against_restitution, slot_decay)}
 
 
 def add_speed(totals, landing):
@@ -78,8 +76,6 @@ def perform(base, analysis, **others):
     if analysis == "observables":
         seen = vs.Observable("seen", add_speed, "sum of speeds")
         return keyword_spec(over(base, **others)).with_observables([seen])
-    if analysis in RESULTS:
-        return RESULTS[analysis](vs.sweep(over(base, duration=1.0, **others)))
     if analysis == "separations":
         return keyword_spec(over(base, separation=True, **others))
     if analysis in ("windows", "bifurcation"):
@@ -125,7 +121,6 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
         "orbits",
         "branches",
         "boundaries",
-        *RESULTS,
     ):
         return  # their own tests compute them
     if "analysis" in asked:
@@ -169,7 +164,7 @@ def test_analyses_for_constant_restitution_refuse_other_laws_with_their_sentence
 
 @pytest.mark.parametrize("base", BASES)
 def test_a_law_that_somebody_adds_is_refused_where_no_base_implements_it(base, monkeypatch):
-    monkeypatch.setitem(LAW_OF, "softening", LAW_OF["rest"])
+    monkeypatch.setitem(REBOUND_OF, "softening", REBOUND_OF["rest"])
     assert "softening" not in LAWS_OF[base]
     assert 'rebound = "softening" is not implemented' in refusal(base, law="softening")
     if base in KIND_OF:

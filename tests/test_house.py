@@ -1,8 +1,11 @@
 """House rules: length of functions, number of parameters, one name for one thing."""
 
 import ast
+import importlib
 from collections import defaultdict
 from pathlib import Path
+
+import pytest
 
 import vibrosweep
 
@@ -66,3 +69,25 @@ def test_only_one_class_is_called_a_scene():
         if isinstance(node, ast.ClassDef) and "Scene" in node.name
     ]
     assert sorted(classes) == ["scene/scene.py: Scene"]
+
+
+ROOMS = ("explorer", "proof")  # rooms of their own: they use what other modules list in __all__
+OPEN = ("abilities", "arrays", "errors", "lazy", "model", "system", "theory")  # to every room
+
+
+def imported(room):
+    """File, module and name of all that a room imports from other rooms."""
+    for path in sorted((PACKAGE / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            home = node.module.split(".") if isinstance(node, ast.ImportFrom) else [""]
+            if home[0] == "vibrosweep" and home[1:] and home[1] not in (room, *OPEN):
+                yield from ((path.name, node.module, alias.name) for alias in node.names)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_of_its_own_imports_what_others_list(room):
+    complaints = []
+    for file, module, name in imported(room):
+        if name not in getattr(importlib.import_module(module), "__all__", ()):
+            complaints.append(f"{room}/{file}: {module} does not list {name} in __all__")
+    assert complaints == []

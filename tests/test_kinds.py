@@ -7,7 +7,7 @@ import vibrosweep as vs
 from vibrosweep.api import result_kinds
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError
-from vibrosweep.store.kinds import KIND, SWEEP, ResultKind, load_dataset, read_kind
+from vibrosweep.store.reading import KIND, SWEEP, ResultKind, load_dataset, read_kind
 
 KINDS = {
     kind.name: kind

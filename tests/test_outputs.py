@@ -12,7 +12,7 @@ from vibrosweep.cli import main
 from vibrosweep.errors import ExistingOutputError, ParameterError, TakenOutputError
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import read_spec
-from vibrosweep.store.rundir import run_directory
+from vibrosweep.store.parts import run_directory
 
 PACKAGE = Path(vs.__file__).parent
 SWEEP = """title = "A sweep of a test"

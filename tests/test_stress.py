@@ -16,10 +16,9 @@ from trust_check import compare, draw, kernel_jobs
 from vibrosweep import theory
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.kernels.sine import SINE_ERROR
+from vibrosweep.kernels.arithmetic import HALF_ULP, SINE_ERROR
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import LAWS
-from vibrosweep.model.status import Status
 
 LAW = st.sampled_from(LAWS)
 

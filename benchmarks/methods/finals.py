@@ -20,7 +20,7 @@ from flint import arb, ctx
 from methods.scenes import Point, Scene
 from methods.truth import BITS, trajectories
 from vibrosweep.proof.sampling import deviates_of
-from vibrosweep.store.provenance import provenance, version
+from vibrosweep.store.writing import provenance, version
 
 HERE = Path(__file__).parents[1]
 REFERENCES = HERE / "references.csv"

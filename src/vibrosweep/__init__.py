@@ -18,8 +18,7 @@ from vibrosweep._version import __version__
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from vibrosweep import analysis, errors, figures, lab, theory
-    from vibrosweep.analysis.ragged import rectangle
-    from vibrosweep.analysis.sampled_positions import positions
+    from vibrosweep.analysis.records import positions, rectangle
     from vibrosweep.api.analyses import (
         basins,
         bifurcation,
@@ -33,15 +32,15 @@ if TYPE_CHECKING:
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
-    from vibrosweep.model.landing import Landing
-    from vibrosweep.model.observables import Observable
-    from vibrosweep.model.outside_laws import Law, register_law
+    from vibrosweep.explorer import explore
+    from vibrosweep.model.measures import LANDINGS_OF_AN_EXPONENT, Regime, Status
+    from vibrosweep.model.observables import Landing, Observable
     from vibrosweep.model.parameters import PARAMETERS, Parameter
-    from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime, Status
+    from vibrosweep.model.restitution_laws import Law, register_law
     from vibrosweep.proof import verify
     from vibrosweep.scene.design import register_design
-    from vibrosweep.store.kinds import ResultKind, register_kind
-    from vibrosweep.store.saving import save_result
+    from vibrosweep.store.reading import ResultKind, register_kind
+    from vibrosweep.store.writing import save_result
 
 __all__ = [
     "LANDINGS_OF_AN_EXPONENT",
@@ -60,6 +59,7 @@ __all__ = [
     "boundaries",
     "branches",
     "errors",
+    "explore",
     "figures",
     "lab",
     "open_record",
@@ -83,18 +83,19 @@ __all__ = [
 
 _HOMES = {
     **{name: f"vibrosweep.{name}" for name in ("analysis", "errors", "figures", "lab", "theory")},
-    "Landing": "vibrosweep.model.landing",
-    **dict.fromkeys(("Law", "register_law"), "vibrosweep.model.outside_laws"),
+    "explore": "vibrosweep.explorer",
+    "Landing": "vibrosweep.model.observables",
+    **dict.fromkeys(("Law", "register_law"), "vibrosweep.model.restitution_laws"),
     "Observable": "vibrosweep.model.observables",
     **dict.fromkeys(("PARAMETERS", "Parameter"), "vibrosweep.model.parameters"),
-    **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.status"),
+    **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.measures"),
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
     **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.analyses"),
-    "positions": "vibrosweep.analysis.sampled_positions",
-    "rectangle": "vibrosweep.analysis.ragged",
-    **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.kinds"),
-    "save_result": "vibrosweep.store.saving",
+    "positions": "vibrosweep.analysis.records",
+    "rectangle": "vibrosweep.analysis.records",
+    **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.reading"),
+    "save_result": "vibrosweep.store.writing",
     "register_design": "vibrosweep.scene.design",
     "separations": "vibrosweep.api.analyses",
     "simulate": "vibrosweep.api.simulation",

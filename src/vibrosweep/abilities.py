@@ -31,10 +31,6 @@ _FOLLOWED = (
     "follows particles one by one, which base = {base} couples: compute a sweep instead "
     "(vibrosweep run), or take base = {others}"
 )
-_INDEPENDENT = (
-    "holds for particles that do not act on each other, and over base = {base} they do: compute "
-    "the sweep with mass_ratio = 0, or with base = {others}"
-)
 _ANYWHERE = Ability(BASES, "")
 # Bases of a measure, by its field `coupled`
 _BY_COUPLING: Final[Mapping[bool | None, Ability]] = {
@@ -53,10 +49,6 @@ _OF_ORBITS: Final = ("bifurcation", "basins", "orbits", "branches", "boundaries"
 ANALYSES: Final[Mapping[str, Ability]] = {
     **dict.fromkeys(("windows", *_OF_ORBITS), Ability(APART, _FOLLOWED)),
     **dict.fromkeys(("sobol", "separations", "record", "observables"), _ANYWHERE),
-    **dict.fromkeys(
-        ("heights_against_restitution", "energy_balance", "slot_decay"),
-        Ability(APART, _INDEPENDENT),
-    ),
     **dict.fromkeys(("verify", "laboratory", "explore"), _ANYWHERE),
     # imperfections of an experiment in the laboratory
     "frequency_jitter": Ability(
@@ -74,8 +66,6 @@ _RANDOM: Final[Mapping[str, Ability]] = {
 }
 # Analyses that require a constant restitution, each with the reason
 OF_CONSTANT: Final[Mapping[str, str]] = {
-    "heights_against_restitution": "compares heights with those of a constant restitution",
-    "slot_decay": "compares a decay with the multipliers of a constant restitution",
     "explore": "draws closed forms of a constant restitution",
 }
 # Keywords that an analysis cannot use, because it has points and measures of its own; a sweep file
@@ -92,9 +82,6 @@ WHY_NOT_RANDOM: Final[Mapping[str, str]] = {
     **dict.fromkeys(_OF_ORBITS, REPEATS),
     "joint": "describes orbits that repeat",
     "sobol": "would take noise for an effect of the parameters",
-    "energy_balance": "takes the kick of every impact from the forcing alone",
-    "heights_against_restitution": "compares heights with closed forms, which hold without noise",
-    "slot_decay": "fits a decay, which noise ends",
     "explore": "computes points again, but without their streams of random numbers",
     **dict.fromkeys(
         ("laboratory", "frequency_jitter", "restitution_spread"), "draws its own imperfections"

@@ -18,15 +18,15 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from importlib import import_module
 from typing import Any, Final, NoReturn
 
 from vibrosweep._version import __version__
 from vibrosweep.commands import COMMANDS
-from vibrosweep.errors import Interruption, VibrosweepError
-from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text
+from vibrosweep.errors import Interruption, ParameterError, VibrosweepError
+from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text, cut, nearest
 from vibrosweep.system import ENDINGS, POLL
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
@@ -70,7 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _perform(arguments: Sequence[str]) -> int:
     options = argparse.Namespace()
     try:
-        _parser().parse_args(arguments, options)
+        _refuse_unknown(arguments)
+        _parser(arguments[:1]).parse_args(arguments, options)
         code: int | None = options.perform(options)
         sys.stdout.flush()
     except VibrosweepError as error:
@@ -170,16 +171,52 @@ def _leave() -> NoReturn:
     os._exit(INTERRUPTED)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _refuse_unknown(arguments: Sequence[str]) -> None:
+    """Raise a ParameterError for a command that there is not, with the one that was meant."""
+    if not arguments or arguments[0].startswith("-") or arguments[0] in COMMANDS:
+        return
+    guess = nearest(arguments[0], COMMANDS)
+    hint = f'did you mean "{guess}"?' if guess else f"there are {', '.join(COMMANDS)}"
+    raise ParameterError(f"{cut(repr(arguments[0]))} is not a command; {hint}")
+
+
+class _Completion(argparse.Action):
+    """Print a script that lets a shell complete commands and options, and exit."""
+
+    def __call__(self, parser: object, options: object, shell: Any, option: object = None) -> None:
+        try:
+            import shtab
+        except ImportError as error:
+            raise VibrosweepError(
+                "the script is written by shtab, which is not installed: "
+                'pip install "vibrosweep[completion]"'
+            ) from error
+        print(shtab.complete(_parser(COMMANDS), shell))
+        raise SystemExit(DONE)
+
+
+def _parser(called: Collection[str]) -> argparse.ArgumentParser:
+    """Return the parser, with the arguments of the commands that are `called`."""
     parser = argparse.ArgumentParser(
         prog="vibrosweep", description="Parameter sweeps of the bouncing ball (vibro-impact)."
     )
     parser.add_argument("--version", action="version", version=f"vibrosweep {__version__}")
+    parser.add_argument(
+        "--print-completion",
+        action=_Completion,
+        choices=("bash", "zsh", "tcsh"),
+        help="print a script that lets the shell complete commands and options",
+    )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    for name, words in COMMANDS.items():
-        command = import_module(f"vibrosweep.commands.{name}")
-        added = commands.add_parser(name, help=words, description=words)
-        command.add_arguments(added)
-        added.set_defaults(perform=command.perform)
+    for name, command in COMMANDS.items():
+        example = f"example: {command.example}" if command.example else None
+        added = commands.add_parser(
+            name, help=command.words, description=command.words, epilog=example
+        )
+        if name in called:
+            module = import_module(f"vibrosweep.commands.{command.module}")
+            add_arguments, perform = module.COMMANDS[name]
+            add_arguments(added)
+            added.set_defaults(perform=perform)
     return parser

@@ -52,7 +52,7 @@ def energy_decay(
 def balance_against_rests(balance: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the relative imbalance of each particle against its share of landings with a rest.
 
-    From the result of `vibrosweep.analysis.energy_balance`.
+    From the result of `study.records.energy_balance`.
     """
     count = balance["balanced_impacts"].values.ravel()
     some = count > 0

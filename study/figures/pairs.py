@@ -92,3 +92,36 @@ def fates(sweep: xr.Dataset, launched: float, *, ax: Axes | None = None) -> Axes
     axes.set_ylabel("smallest separation (s)")
     style.head(axes, "")
     return axes
+
+
+@style.styled
+def decay_in_a_slot(found: xr.Dataset, *, ax: Axes | None = None) -> Axes:
+    """Draw the separation of two particles in one slot, and the decay that multipliers predict.
+
+    From the result of `study.slots.decay_in_slot`.
+    """
+    separation = np.abs(found["separation"].values)
+    positive = separation > 0.0
+    number = np.arange(separation.size)
+    axes = style.axes_on(ax, style.MEDIUM, 2.9)
+    axes.plot(
+        number[positive],
+        separation[positive],
+        "o",
+        markersize=2.0,
+        markeredgewidth=0.0,
+        color=style.OKABE_ITO[0],
+        label="two particles",
+    )
+    modulus = float(found["modulus_predicted"])
+    axes.plot(
+        number,
+        separation[:20].max() * modulus**number,
+        color=style.OKABE_ITO[1],
+        linestyle=(0, (5, 2)),
+        label=f"multipliers: {modulus:.4f} per cycle",
+    )
+    axes.set(yscale="log", xlabel="cycle", ylabel="separation (s)")
+    axes.set_ylim(bottom=0.3 * separation[positive].min())
+    style.head(axes, f"fitted: {float(found['modulus_fitted']):.4f} per cycle")
+    return axes

@@ -71,9 +71,9 @@ def test_only_public_names_are_used(path):
 @pytest.mark.parametrize(
     "text",
     [
-        "from vibrosweep.kernels import sine",
-        "from vibrosweep.analysis.decay import slot_decay",
-        "from vibrosweep.analysis import requirements",
+        "from vibrosweep.kernels import arithmetic",
+        "from vibrosweep.analysis.records import return_map",
+        "from vibrosweep.analysis import datasets",
         "import vibrosweep.model",
         "import vibrosweep.model.parameters as parameters",
         "import vibrosweep as vs; vs.store",

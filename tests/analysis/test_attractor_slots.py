@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from tests.scans import basins
-from vibrosweep.analysis.attractor_slots import capacity
+from vibrosweep.analysis.basins import capacity
 from vibrosweep.errors import DataError
 from vibrosweep.scene.sweep import keyword_spec
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.analysis.basin_shape import basin_measures, share_interval
+from vibrosweep.analysis.basins import basin_measures, share_interval
 
 SPEEDS = np.linspace(0.0, 10.0, 200)
 

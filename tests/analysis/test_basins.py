@@ -11,7 +11,7 @@ from vibrosweep.analysis.basins import summary
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.figures import basin_shares, basins_of_attraction
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.scene.sweep import keyword_spec
 
 SCENE = keyword_spec(

@@ -6,8 +6,8 @@ import pytest
 import vibrosweep as vs
 from tests.scans import bifurcation
 from vibrosweep import simulate, theory
-from vibrosweep.analysis.bifurcation import OBSERVABLES
-from vibrosweep.analysis.record_flights import base_motion
+from vibrosweep.analysis.bifurcation import OBSERVABLES, summary
+from vibrosweep.analysis.records import base_motion
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene.sweep import keyword_spec
 
@@ -152,3 +152,37 @@ def test_the_base_acceleration_lies_along_the_amplitude():
     np.testing.assert_allclose(found["base_acceleration"], expected, rtol=1e-15)
     assert found.attrs["forcing"] == "amplitude"
     assert found.attrs["base"] == "high-bounce"
+
+
+def test_launches_find_an_attractor_to_which_no_orbit_is_followed():
+    """Mode 2 at 60 Hz is stable in a window that orbits pass by, both upwards and downwards."""
+    born = 2.0 * np.pi * 0.15 / 1.85
+    lost = np.hypot(born, 2.0 * (1.0 + 0.85**2) / 1.85**2)
+    values = np.array([0.4, 0.99 * born, 0.6, 0.8, 1.0, 1.01 * lost, 2.0, 3.0])
+    found = vs.bifurcation(
+        restitution=0.85, frequency=60.0, base="moving", base_acceleration=values.tolist(),
+        launch_velocity=0.2, launches=64, samples=2,
+    )  # fmt: skip
+    followed, mode = (
+        (found[f"{of}cycle_impacts"] == 1) & (found[f"{of}cycle_periods"] == 2)
+        for of in ("", "launched_")
+    )
+    assert not followed.any()
+    inside = (values > born) & (values < lost)
+    np.testing.assert_array_equal(mode.any("launch"), inside)
+    assert int(mode.sel(base_acceleration=0.8).sum()) > 15
+    speeds = found.launched_rebound_velocity.where(mode).values
+    flight = vs.theory.locked_velocity(2, frequency=60.0)
+    np.testing.assert_allclose(speeds[np.isfinite(speeds)], flight, rtol=1e-9)
+    assert (found.attractors.values[inside] > 1).all()
+    aperiodic = (found.launched_regime == vs.Regime.APERIODIC).any("launch")
+    assert aperiodic.values.tolist() == [False] * 6 + [True] * 2
+    assert (float(found.chaos_low), float(found.chaos_high)) == (values[5], values[6])
+    assert list(summary(found))[-1].endswith(f"above {values[5]:.6g}, at most at {values[6]:.6g}")
+
+
+def test_where_no_exponent_is_positive_none_is_placed():
+    calm = bifurcation(LOCKED, np.array([0.6, 1.2]), samples=1)
+    assert np.isnan(calm.chaos_high)
+    assert np.isnan(calm.chaos_low)
+    assert list(summary(calm))[-1].endswith("none was found")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.analysis.bisection import find_edges, windows_of_row
+from vibrosweep.analysis.windows import find_edges, windows_of_row
 
 AXIS = np.linspace(0.0, 1.0, 21)
 

@@ -8,7 +8,7 @@ from scipy.stats import kstest
 import vibrosweep as vs
 from vibrosweep.analysis import order_against_chance, separations_against_chance
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
 
 PERIODS = 1500
 LANDINGS = 60

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
-from vibrosweep.analysis.closed_orbits import summary
+from vibrosweep.analysis.orbits import summary
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.figures import periodic_orbits
 
@@ -79,7 +79,7 @@ def test_results_do_not_depend_on_threads_nor_on_the_other_points(plane):
 
 
 def test_more_orbits_than_the_first_room_holds_are_found(monkeypatch):
-    module = "vibrosweep.analysis.closed_orbits"
+    module = "vibrosweep.analysis.orbits"
     whole = vs.orbits(amplitude=[1.2, 3.1], **FEW)
     monkeypatch.setattr(f"{module}.CAPACITY", 1)
     monkeypatch.setattr(f"{module}.PIECE", 1)

@@ -6,7 +6,7 @@ import xarray as xr
 
 from tests.scans import find_windows
 from vibrosweep.analysis.conditions import FAILS, HOLDS, UNDETERMINED, Condition, named
-from vibrosweep.analysis.window_codes import (
+from vibrosweep.analysis.windows import (
     ENDS,
     OPEN_ABOVE,
     OPEN_BELOW,
@@ -15,8 +15,7 @@ from vibrosweep.analysis.window_codes import (
     summary,
 )
 from vibrosweep.engine.measure import measure
-from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.status import Regime, Status
+from vibrosweep.model.measures import VARIABLES, Regime, Status
 from vibrosweep.scene.sweep import keyword_spec
 
 AT_REST, RESTING, LOCKED, UNSETTLED, APERIODIC = Regime

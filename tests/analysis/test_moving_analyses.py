@@ -5,10 +5,10 @@ import pytest
 
 from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import simulate, theory
-from vibrosweep.analysis.attractor_slots import capacity
-from vibrosweep.analysis.evaluate import launch_states, reached, settle_from
+from vibrosweep.analysis.basins import capacity
+from vibrosweep.analysis.common import launch_states, reached, settle_from
 from vibrosweep.engine.measure import measure
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.scene.sweep import keyword_spec
 
 MODES = (1, 2, 3)

@@ -9,9 +9,9 @@ import xarray as xr
 
 import vibrosweep as vs
 from vibrosweep.commands.describe import describe
-from vibrosweep.commands.figures import perform
+from vibrosweep.commands.results import figures
 from vibrosweep.errors import DataError
-from vibrosweep.store.seal import LENGTH
+from vibrosweep.store.disk import LENGTH
 
 SCENES = {
     "one": {},
@@ -102,7 +102,7 @@ def test_a_description_states_the_form_and_its_empty_places(files):
 
 
 def test_figures_and_verify_take_a_ragged_record(files, tmp_path):
-    perform(Namespace(result=files[0], output=tmp_path))
+    figures(Namespace(result=files[0], output=tmp_path))
     assert (tmp_path / "fig4_return_map.png").exists()
     copy = tmp_path / "copy.h5"
     copy.write_bytes(files[0].read_bytes()[:-LENGTH])

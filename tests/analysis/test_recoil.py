@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep import simulate
-from vibrosweep.analysis.record_flights import arrival_speeds, base_motion
+from vibrosweep.analysis.records import arrival_speeds, base_motion
 from vibrosweep.errors import DataError
 
 SCENE = {

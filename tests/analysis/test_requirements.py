@@ -3,7 +3,7 @@
 import pytest
 import xarray as xr
 
-from vibrosweep.analysis.requirements import remedy, require
+from vibrosweep.analysis.datasets import remedy, require
 from vibrosweep.errors import DataError
 
 

@@ -1,12 +1,10 @@
-"""Sobol' indices of functions whose indices are known, and plateaus of heights."""
+"""Sobol' indices of functions whose indices are known."""
 
 import numpy as np
 import pytest
-import scipy.stats
 import xarray as xr
 
-from vibrosweep import sobol, sweep, theory
-from vibrosweep.analysis.heights import heights_against_restitution
+from vibrosweep import sobol, sweep
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.model.forcing import INPUTS
@@ -80,22 +78,6 @@ def test_indices_of_one_impact_follow_from_its_height():
     np.testing.assert_allclose(found["mean"], [m1 * m2 / speed], rtol=1e-2)
 
 
-def test_a_scipy_that_changes_what_it_is_given_changes_no_mean(monkeypatch):
-    """As SciPy 1.11 does, whose indices of a copy are the same."""
-    genuine = scipy.stats.sobol_indices
-
-    def in_place(func, n):
-        found = genuine(func={name: values.copy() for name, values in func.items()}, n=n)
-        for values in func.values():
-            values -= values.mean(axis=-1, keepdims=True)
-        return found
-
-    asks = {"duration": 3.0, "outputs": ["rebound_height_max"], "realizations": 64}
-    expected = indices(**asks)
-    monkeypatch.setattr(scipy.stats, "sobol_indices", in_place)
-    xr.testing.assert_identical(indices(**asks), expected)
-
-
 def test_the_base_sample_is_a_power_of_2():
     with pytest.raises(ParameterError, match="power of 2"):
         indices(realizations=100)
@@ -146,51 +128,3 @@ def test_codes_and_variables_of_particles_have_no_indices(output):
         sobol(
             **ranges, realizations=4, outputs=[output], duration=3.0, launch=[0.0, 0.3], **COUPLED
         )
-
-
-def heights_sweep(e, height):
-    return xr.Dataset(
-        {
-            "rebound_height_max": ("realization", height),
-            "rebound_height_mean": ("realization", height / 2.0),
-        },
-        coords={"restitution": ("realization", e), "frequency": 1.0, "gravity": 9.81},
-    )
-
-
-def test_plateaus_are_recognised():
-    e = np.linspace(0.8, 0.98, 90)
-    height = np.where(np.arange(90) % 3 == 0, theory.locked_height(2), 1.0 + e)
-    found = heights_against_restitution(heights_sweep(e, height), bins=3)
-    np.testing.assert_array_equal(found["mode"], np.where(np.arange(90) % 3 == 0, 2, 0))
-    np.testing.assert_allclose(found["plateau_fraction"], 1.0 / 3.0)
-    assert float(found["plateau_deviation"]) == 0.0
-
-
-def test_the_change_of_height_is_that_of_the_medians():
-    e = np.linspace(0.8, 0.98, 90)
-    found = heights_against_restitution(heights_sweep(e, 10.0 * e), bins=9)
-    low, high = np.median(e[:10]), np.median(e[80:])
-    np.testing.assert_allclose(found["relative_change"], high / low - 1.0, rtol=1e-12)
-    np.testing.assert_allclose(found["rank_correlation"], 1.0)
-    with pytest.raises(DataError, match="differ in restitution"):
-        heights_against_restitution(heights_sweep(np.full(90, 0.9), 10.0 * e))
-
-
-@pytest.mark.parametrize("unknown", ["height", "status"])
-def test_unknown_heights_count_neither_on_nor_off_a_plateau(unknown):
-    e = np.linspace(0.8, 0.98, 90)
-    modes, lost = 1 + np.arange(90) % 2, np.arange(90) % 3 == 0
-    height = theory.locked_height(modes)
-    sweep = heights_sweep(e, np.where(lost & (unknown == "height"), np.nan, height))
-    if unknown == "status":  # measured until the impact budget ran out
-        sweep["rebound_height_max"][lost] = 100.0
-        sweep["status"] = ("realization", np.where(lost, 1, 0).astype(np.int8))
-    found = heights_against_restitution(sweep, bins=3)
-    np.testing.assert_array_equal(found["mode"], np.where(lost, -1, modes))
-    np.testing.assert_array_equal(found["plateau_fraction"], 1.0)
-    assert (found["height_max_median"] <= theory.locked_height(2)).all()
-    sweep["rebound_height_max"][e < 0.87] = np.nan  # all of the first bin
-    none = heights_against_restitution(sweep, bins=3).isel(part=0)
-    assert np.isnan(none["plateau_fraction"])
-    assert np.isnan(none["height_max_median"])

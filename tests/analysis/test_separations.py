@@ -1,12 +1,10 @@
-"""Statistics of separations, the first meeting on the base, and the decay inside a slot."""
+"""Statistics of separations, and their decay inside a slot."""
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep import simulate, theory
-from vibrosweep.analysis.decay import slot_decay
-from vibrosweep.analysis.meetings import first_shared_base
+from vibrosweep import theory
 from vibrosweep.analysis.separations import (
     compare_separations,
     separation_against,
@@ -76,71 +74,6 @@ def test_mistakes_are_named():
         separation_against(made([0.1, 0.2], [1, 1], restitution=[0.9, 0.9]), "restitution")
 
 
-def test_first_meeting_agrees_with_the_kernel(random_scenes, observe, workers):
-    scene = random_scenes(seed=5, size=150)
-    observation = observe((0.0, 0.31, 0.62), duration=5.0, separation=True, impact_budget=20_000)
-    measured = measure(scene, observation, workers)
-    contact = scene.pop("contact_time")
-    record = simulate(
-        **scene,
-        contact_time=contact,
-        launch_time=[0.0, 0.31, 0.62],
-        duration=5.0,
-        impact_budget=20_000,
-    )
-    found = first_shared_base(record)
-    complete = measured["base_shared"] >= 0
-    shared = np.isfinite(found["first_shared_time"].values)
-    np.testing.assert_array_equal(shared[complete], measured["base_shared"][complete] == 1)
-    assert 20 < shared[complete].sum() < complete.sum() - 20
-
-
-def test_first_meeting_is_the_newcomers_landing():
-    record = simulate(launch_time=np.arange(5) / 5, duration=12.0)
-    found = first_shared_base(record).isel(realization=0)
-    time, who = float(found["first_shared_time"]), int(found["newcomer"])
-    assert time in record["landing_time"].values[0, who]
-    on = int(found["occupant"])
-    landing, liftoff = (record[n].values[0, on] for n in ("landing_time", "liftoff_time"))
-    stays = (landing <= time) & (time < np.maximum(liftoff, landing + 1e-4))
-    assert stays.sum() == 1
-    assert on != who
-    alone = first_shared_base(simulate(launch_time=[0.0], duration=12.0))
-    assert np.isnan(alone["first_shared_time"][0])
-    assert int(alone["occupant"][0]) == -1
-
-
-@pytest.mark.parametrize(("e", "amplitude"), [(0.9, 1.2), (0.9, 2.99), (0.5, 2.6), (0.97, 0.3)])
-def test_separation_in_a_slot_decays_at_the_rate_of_the_multiplier(e, amplitude):
-    phase = float(theory.locked_phase(1, e, amplitude))
-    record = simulate(
-        restitution=e,
-        amplitude=amplitude,
-        launch_velocity=4.905,
-        launch_time=[phase, phase + 1e-4],
-        duration=2000.0,
-    )
-    found = slot_decay(record).isel(realization=0)
-    exact = np.abs(theory.multipliers(1, e, amplitude)).max()
-    assert int(found["equations"]) >= 8
-    np.testing.assert_allclose(found["modulus_predicted"], exact, rtol=1e-6)
-    # one per cent of the rate, which is the logarithm
-    np.testing.assert_allclose(np.log(found["modulus_fitted"]), np.log(exact), rtol=0.01)
-    np.testing.assert_allclose(found["product_fitted"], e, rtol=1e-3)
-    np.testing.assert_allclose(found["decay_time"], -1.0 / np.log(exact), rtol=1e-5)
-
-
-def test_a_doubled_orbit_decays_by_its_own_multiplier():
-    record = simulate(
-        amplitude=3.05, launch_velocity=4.905, launch_time=[0.4737, 0.4738], duration=2000.0
-    )
-    found = slot_decay(record, cycle_impacts=2).isel(realization=0)
-    np.testing.assert_allclose(
-        np.log(found["modulus_fitted"]), np.log(found["modulus_predicted"]), rtol=0.01
-    )
-    np.testing.assert_allclose(found["product_fitted"], 0.81, rtol=1e-3)
-
-
 def test_measured_separation_decays_at_the_rate_of_the_multiplier(parameters, observe, workers):
     # dt_min of two particles in one slot, in later and later windows of the same length; the
     # multipliers are real here: with complex ones the separation oscillates while it decays, and
@@ -162,13 +95,3 @@ def test_measured_separation_decays_at_the_rate_of_the_multiplier(parameters, ob
     slope = np.polyfit(begins, np.log(dt), 1)[0]
     assert dt[0] > 1e3 * dt[-1] > 0.0
     np.testing.assert_allclose(slope, np.log(np.abs(multipliers).max()), rtol=0.01)
-
-
-def test_no_decay_is_claimed_where_there_is_none():
-    apart = simulate(launch_time=[0.125, 0.0], duration=200.0)
-    found = slot_decay(apart).isel(realization=0)
-    assert int(found["equations"]) == 0
-    assert np.isnan(found["modulus_fitted"])
-    assert np.isnan(found["modulus_predicted"])
-    with pytest.raises(ParameterError, match=r"pair = \(0, 2\)"):
-        slot_decay(apart, pair=(0, 2))

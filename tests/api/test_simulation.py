@@ -233,7 +233,7 @@ def test_a_particle_that_is_given_up_is_noted():
 
 
 @pytest.mark.parametrize(
-    "draw", [figures.parameter_plane, figures.height_time, analysis.slot_decay, simulate]
+    "draw", [figures.parameter_plane, figures.height_time, analysis.return_map, simulate]
 )
 def test_a_path_in_place_of_a_dataset_is_refused(draw):
     with pytest.raises(DataError, match=r"^str: .*open_sweep\(path\)"):

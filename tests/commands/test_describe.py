@@ -27,7 +27,7 @@ def test_a_result_is_described(paper):
 
 def test_reading_rows_in_slices_gives_the_same_description(paper, monkeypatch):
     expected = list(describe(paper))
-    monkeypatch.setattr("vibrosweep.store.rows.ROWS_OF_A_SLICE", 64)
+    monkeypatch.setattr("vibrosweep.store.arranged.ROWS_OF_A_SLICE", 64)
     assert list(describe(paper)) == expected
 
 

@@ -10,8 +10,9 @@ import numba
 import pytest
 from llvmlite import binding
 
+from vibrosweep import doctor as checks
 from vibrosweep.cli import main
-from vibrosweep.doctor import Finding, compiled, libraries, machine, warmup
+from vibrosweep.doctor import Finding, machine, warmup
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels._cache import Variants
@@ -91,12 +92,12 @@ def test_a_process_without_the_compiler(tmp_path):
 
 
 def test_two_hdf5_libraries_that_do_not_get_along():
-    found = libraries.hdf5_libraries(None, "import os; print('1.0'); os.abort()")
+    found = checks.hdf5_libraries(None, "import os; print('1.0'); os.abort()")
     assert "ended with code -6" in found.trouble
     assert "python -m pip install" in found.trouble
-    found = libraries.hdf5_libraries(None, "raise OSError('unable to lock file')")
+    found = checks.hdf5_libraries(None, "raise OSError('unable to lock file')")
     assert "HDF5_USE_FILE_LOCKING=FALSE" in found.trouble
-    found = libraries.hdf5_libraries(None, "import time; time.sleep(60)", 0.2)
+    found = checks.hdf5_libraries(None, "import time; time.sleep(60)", 0.2)
     assert "no answer within 0.2 s" in found.trouble
 
 
@@ -108,7 +109,7 @@ def test_libraries_that_are_missing_or_too_old(monkeypatch, tmp_path):
     lines += [f"Requires-Dist: {needed}" for needed in stated]
     (installed / "METADATA").write_text("\n".join(lines))
     monkeypatch.syspath_prepend(tmp_path)
-    (trouble,) = [found.trouble for found in libraries.versions() if found.trouble]
+    (trouble,) = [found.trouble for found in checks.versions() if found.trouble]
     assert trouble.startswith("needed: numba>=99, vibrosweep-none>=1; install with")
     assert "absent" not in trouble
 
@@ -143,13 +144,13 @@ def test_a_full_or_unwritable_disk_is_reported(monkeypatch, tmp_path):
 
 
 def test_kernels_without_a_place_for_machine_code(tmp_path):
-    assert "set NUMBA_CACHE_DIR" in compiled.kernel_cache(None).trouble
-    assert "set NUMBA_CACHE_DIR" in compiled.kernel_cache(None, (tmp_path,)).trouble
+    assert "set NUMBA_CACHE_DIR" in machine.kernel_cache(None).trouble
+    assert "set NUMBA_CACHE_DIR" in machine.kernel_cache(None, (tmp_path,)).trouble
 
 
 def test_kernels_that_can_only_be_read(tmp_path, monkeypatch):
     monkeypatch.setattr("vibrosweep.kernels._cache.variants", lambda directory: Variants(3, 0, 0))
-    found = compiled.kernel_cache(None, (tmp_path,))
+    found = machine.kernel_cache(None, (tmp_path,))
     assert (
         f"3 compiled variants of these sources for this processor, 0.0 MiB in {tmp_path}, "
         "which can only be read; a run compiles" in found.state
@@ -159,7 +160,7 @@ def test_kernels_that_can_only_be_read(tmp_path, monkeypatch):
 
 def test_a_damaged_cache(tmp_path):
     (tmp_path / "k.nbi").write_bytes(b"damaged")
-    trouble = compiled.kernel_cache(tmp_path).trouble
+    trouble = machine.kernel_cache(tmp_path).trouble
     assert "damaged or missing files: 1" in trouble
     assert f"delete {tmp_path}" in trouble
 
@@ -175,8 +176,8 @@ def test_a_damaged_cache(tmp_path):
     ],
 )
 def test_vector_registers_of_processors(monkeypatch, features, bits):
-    monkeypatch.setattr(compiled, "target", lambda: ("triple", "processor", features))
-    found = compiled.vector_registers()
+    monkeypatch.setattr(machine, "target", lambda: ("triple", "processor", features))
+    found = machine.vector_registers()
     assert found.state.startswith(f"{bits} bits")
     assert ("this processor has no fused multiply-add" in found.trouble) == (bits == 64)
 
@@ -189,23 +190,23 @@ def test_a_finding_as_text():
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 def test_the_compiler_is_tried(monkeypatch, tmp_path):
-    found = compiled.compiler(tmp_path)
+    found = machine.compiler(tmp_path)
     assert (found.trouble, list(tmp_path.iterdir())) == ("", [])
     assert found.state.endswith("compiled a kernel, kept it, and loaded it again")
-    genuine = compiled.kernel
+    genuine = machine.kernel
     for kernel, words in (
         (lambda function, place: _jit.Deferred(function), "machine code that was kept is not"),
         (lambda function, place: genuine(lambda x: x, place), "a quarter of 1 is computed as"),
         (lambda function, place: _jit.Deferred(None), "a kernel cannot be compiled: "),
     ):
-        monkeypatch.setattr(compiled, "kernel", kernel)
-        assert compiled.compiler(tmp_path).trouble.startswith(words)
-        assert "were tried" in compiled.compiler(tmp_path).trouble
+        monkeypatch.setattr(machine, "kernel", kernel)
+        assert machine.compiler(tmp_path).trouble.startswith(words)
+        assert "were tried" in machine.compiler(tmp_path).trouble
 
 
 def test_machine_code_that_this_numba_cannot_keep(monkeypatch):
-    monkeypatch.setattr(compiled, "HAS_CACHE", False)
-    assert compiled.kernel_cache(None) == Finding(
+    monkeypatch.setattr(machine, "HAS_CACHE", False)
+    assert machine.kernel_cache(None) == Finding(
         "kernel cache", "none, as the compiler lacks a part"
     )
     monkeypatch.setattr(warmup, "HAS_CACHE", False)

@@ -11,11 +11,10 @@ from vibrosweep.engine.coupled import base_track, measure_coupled
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bases import Instant
-from vibrosweep.kernels.coupled.counting import work_for
-from vibrosweep.kernels.coupled.noted import clear, landings, note
-from vibrosweep.kernels.listing import Listed
+from vibrosweep.kernels.coupled.follow import clear, landings, note, work_for
+from vibrosweep.kernels.ordering import Listed
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.scene.scene import Scene
 
 LAUNCHES = (0.0, 0.125, 0.3, 0.55)

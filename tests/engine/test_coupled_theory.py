@@ -6,7 +6,7 @@ import pytest
 from one_slot import is_clear, pair_gaps, pattern_orbit
 from vibrosweep import simulate
 from vibrosweep.model import coupled_theory
-from vibrosweep.model.coupled_cycles import CoupledBase, spectral_radius, staggered
+from vibrosweep.model.coupled_theory import CoupledBase, spectral_radius, staggered
 
 E, GAMMA, NATURAL, DAMPING = 0.9, 0.6, 0.37, 0.05
 UNIT = 9.81 / 2.0  # of speed, at 1 Hz: flights of one period

@@ -9,26 +9,25 @@ from vibrosweep.engine.coupled import measure_coupled, standard_error
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels._jit import uncounted
-from vibrosweep.kernels.bases.drives import side_at
-from vibrosweep.kernels.bases.sprung import bounds, loaded, mount, velocity
-from vibrosweep.kernels.coupled.deviations import follow_event, propagate
+from vibrosweep.kernels.bases.sprung import bounds, loaded, mount, side_at, velocity
+from vibrosweep.kernels.coupled.events import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
 from vibrosweep.kernels.coupled.follow import Coupled
-from vibrosweep.kernels.coupled.settling import (
+from vibrosweep.kernels.coupled.joint_orbits import (
     BLOCKS,
     WAVES,
     _add_waves,
     empty_joint,
+    follow_event,
     notes,
+    propagate,
     settle_jointly,
 )
-from vibrosweep.kernels.coupled.state import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
-from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
+from vibrosweep.model.coupled_theory import CoupledBase, monodromy, spectral_radius, staggered
 from vibrosweep.model.forcing import completed, only_parameters
-from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches, mounts
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.times import Periods
+from vibrosweep.model.observables import Measures
+from vibrosweep.model.parameters import PARAMETERS, Periods, dimensionless, launches, mounts
 from vibrosweep.scene.scene import Scene
 
 

@@ -13,7 +13,7 @@ from vibrosweep.engine import landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
 
 LAWS = ["rest", "reflect"]
 # gravity 2 and frequency 1: speeds are flight times, and halves and quarters stay exact

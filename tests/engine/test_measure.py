@@ -10,7 +10,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
 
 LAWS = ["rest", "reflect"]
 TIMES = (0.0, 0.31, -4.75, 2.0, 30.0)

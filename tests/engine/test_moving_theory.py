@@ -4,7 +4,7 @@ import numpy as np
 
 from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import measure
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.scene.sweep import keyword_spec
 
 

@@ -9,9 +9,8 @@ import pytest
 from vibrosweep.engine.measure import measure, measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.observer import compiled
-from vibrosweep.model.landing import Landing
-from vibrosweep.model.observables import Observable
+from vibrosweep.kernels.statistics import compiled
+from vibrosweep.model.observables import Landing, Observable
 
 QUANTITIES = ("count", "phase", "flight_time", "arrival", "rebound", "rests")
 LANDING = Landing(0.1, 1.0, 1.0, 0.9, False)

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import NO_ORBIT, measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import MEASURES, Regime
+from vibrosweep.model.observables import Measures
 from vibrosweep.scene.scene import Scene
 
 LATE = 12_000.0

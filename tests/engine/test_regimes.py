@@ -6,9 +6,9 @@ import pytest
 from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.measures import Regime, Status
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.status import Regime, Status
 from vibrosweep.scene.scene import Scene
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import vibrosweep as vs
 from tests.explore.browsing import FLAGS, NAMES, READY
-from vibrosweep.explore.points import of_result
+from vibrosweep.explorer.points import of_result
 
 SWEEPS = {
     "high-bounce": {

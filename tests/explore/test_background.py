@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from vibrosweep.explore.background import Background
+from vibrosweep.explorer.live import Background
 
 
 @pytest.fixture

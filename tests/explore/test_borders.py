@@ -8,10 +8,9 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.api.result_kinds import BOUNDARIES, WINDOWS
 from vibrosweep.errors import DataError
-from vibrosweep.explore.borders import with_borders
-from vibrosweep.explore.plane_view import PlaneView
-from vibrosweep.explore.points import of_result
-from vibrosweep.store.saving import save_result
+from vibrosweep.explorer.points import of_result, with_borders
+from vibrosweep.explorer.views import PlaneView
+from vibrosweep.store.writing import save_result
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import pytest
 
 import vibrosweep as vs
 from tests.explore.browsing import VIEW, address_of, served
-from vibrosweep.explore.pictures import heights
+from vibrosweep.explorer.pictures import heights
 
 SPEC = {
     "restitution": (0.80, 0.98),
@@ -131,8 +131,8 @@ def test_a_lasso_saves_a_table_that_a_sweep_takes(address, opened, result, tmp_p
 
 
 def test_a_page_in_a_file_works_without_a_network(result, opened, tmp_path):
-    from vibrosweep.explore.points import open_points
-    from vibrosweep.explore.static import write_page
+    from vibrosweep.explorer.points import open_points
+    from vibrosweep.explorer.static import write_page
 
     path = tmp_path / "page.html"
     write_page(open_points(result), path, force=False)

@@ -9,10 +9,9 @@ from PIL import Image
 
 import vibrosweep as vs
 from tests.explore.browsing import VIEW, address_of, served
-from vibrosweep.explore.colours import colouring
-from vibrosweep.explore.plane_view import limits
-from vibrosweep.explore.points import open_points
-from vibrosweep.explore.static import write_page
+from vibrosweep.explorer.points import open_points
+from vibrosweep.explorer.static import write_page
+from vibrosweep.explorer.views import colouring, limits
 
 SCENE = {"particles": 3, "separation": True}
 SAMPLES = {

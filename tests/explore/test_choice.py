@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from vibrosweep.engine.landings import launch_times
-from vibrosweep.explore.choice import MOST_PERIODS, Choice, Spread
-from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.times import Periods
+from vibrosweep.explorer.points import MOST_PERIODS, Choice, Spread
+from vibrosweep.model.parameters import PARAMETERS, Periods
 from vibrosweep.scene.scene import Scene
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.explore.curves import window_ends
-from vibrosweep.explore.points import Column
+from vibrosweep.explorer.pictures import window_ends
+from vibrosweep.explorer.points import Column
 
 
 def drawn(points, axes, **columns):

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.explore.choice import Choice
-from vibrosweep.explore.facts import facts, facts_html
-from vibrosweep.explore.points import of_result
+from vibrosweep.explorer.points import Choice, of_result
+from vibrosweep.explorer.words import facts, facts_html
 from vibrosweep.model.parameters import BASES, PARAMETERS
 from vibrosweep.scene.scene import Scene
 

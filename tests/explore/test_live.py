@@ -15,13 +15,11 @@ from bokeh.document import Document
 
 import vibrosweep as vs
 from vibrosweep.errors import VibrosweepError
-from vibrosweep.explore import motion_view, pictures, plane_view
-from vibrosweep.explore.background import Background
-from vibrosweep.explore.choice import Choice
-from vibrosweep.explore.live import Page
-from vibrosweep.explore.points import Column
-from vibrosweep.explore.sources import MOST_PIXELS, inner_pixels
-from vibrosweep.explore.table import TABLE, table
+from vibrosweep.explorer import pictures, views
+from vibrosweep.explorer.live import Background, Page
+from vibrosweep.explorer.points import Choice, Column
+from vibrosweep.explorer.views import MOST_PIXELS, inner_pixels
+from vibrosweep.explorer.words import TABLE, table
 
 ENDS = ("x0", "x1", "y0", "y1")
 
@@ -77,7 +75,7 @@ def assert_shows(view, record):
             name for name in ("start", "arrival_speed", "landing_time") if name in columns
         )
         left, right, _, _ = content["views"].get(source, content["views"]["height"])
-        pixel = (right - left) / motion_view.GUESS[0]
+        pixel = (right - left) / views.GUESS[0]
         assert farthest(columns[across], shown[across]) <= pixel
 
 
@@ -316,7 +314,7 @@ def test_invalid_places_and_windows_change_nothing(page, wild):
 
 def many_times(points):
     """Repeat the points until there are so many that they are gathered in pixels."""
-    return points.taken(np.arange(plane_view.MANY + 1) % points.count)
+    return points.taken(np.arange(views.MANY + 1) % points.count)
 
 
 def test_a_view_without_a_size_shows_all_points(points):

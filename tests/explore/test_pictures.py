@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.explore import pictures
-from vibrosweep.explore.points import of_result
+from vibrosweep.explorer import pictures
+from vibrosweep.explorer.points import of_result
 
 LOCKED = {"restitution": 0.9, "amplitude": 1.2, "launch_time": [0.125]}
 

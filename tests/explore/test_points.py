@@ -8,8 +8,8 @@ import xarray as xr
 
 import vibrosweep as vs
 from vibrosweep.errors import DataError
-from vibrosweep.explore.points import of_result, open_points
-from vibrosweep.store.rows import flat
+from vibrosweep.explorer.points import of_result, open_points
+from vibrosweep.store.arranged import flat
 
 HERE = Path("out.h5")
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.explore import python_lines
-from vibrosweep.explore.points import open_points
-from vibrosweep.explore.table import TABLE, table
+from vibrosweep.explorer import words
+from vibrosweep.explorer.points import open_points
+from vibrosweep.explorer.words import TABLE, table
 
 
 @pytest.fixture(autouse=True)
@@ -26,10 +26,10 @@ def executed(text):
     return names
 
 
-@pytest.mark.parametrize("picture", python_lines.PICTURES)
+@pytest.mark.parametrize("picture", words.PICTURES)
 def test_lines_of_motions_give_the_record_and_a_picture(points, picture, tmp_path):
     choice = points.choice(3)
-    names = executed(python_lines.motion_lines(choice, picture))
+    names = executed(words.motion_lines(choice, picture))
     assert names["record"].equals(choice.simulate())
     assert len(list(tmp_path.glob("*.png"))) == 1
     if picture == "separations":
@@ -49,10 +49,10 @@ SPECS = {
 def test_lines_of_the_plane_and_of_a_table_run(kind, compute, tmp_path):
     path = compute(f"[scene]\nparticles = 2\n[sample]\n{SPECS[kind]}")
     points = open_points(path)
-    names = executed(python_lines.plane_lines(points, *points.axes, points.colour))
+    names = executed(words.plane_lines(points, *points.axes, points.colour))
     drawn = names["axes"].collections[0].get_offsets()
     assert np.array_equal(drawn[:, 0], points.columns[points.axes[0]].values)
     assert (tmp_path / "plane.png").stat().st_size > 0
     (tmp_path / TABLE).write_text(table(points, np.array([1, 2])), encoding="utf-8")
-    again = executed(python_lines.table_lines(points, TABLE))["found"]
+    again = executed(words.table_lines(points, TABLE))["found"]
     assert np.array_equal(again.impact_count, points.columns["impact_count"].values[1:3])

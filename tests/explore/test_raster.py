@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibrosweep.explore.raster import View, nearest, raster
-from vibrosweep.explore.sample import evenly, spread_out
+from vibrosweep.explorer.pictures import View, evenly, nearest, raster, spread_out
 
 VIEW = View((0.2, 0.9), (0.1, 0.7), 5, 4)
 

@@ -11,7 +11,7 @@ import pytest
 from bokeh.client import pull_session
 from tornado.ioloop import IOLoop
 
-from vibrosweep.explore.server import opened
+from vibrosweep.explorer.server import opened
 
 PATHS = (
     "/",

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from vibrosweep.errors import ExistingOutputError, OutputError
-from vibrosweep.explore.static import Limits, write_page
+from vibrosweep.explorer.static import Limits, write_page
 
 
 def test_a_page_is_one_file_that_says_what_it_holds(points, tmp_path):

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from matplotlib.path import Path as Polygon
 
 import vibrosweep as vs
-from vibrosweep.explore.table import TABLE, in_polygon, in_rectangle, table
+from vibrosweep.explorer.words import TABLE, in_polygon, in_rectangle, table
 
 
 def test_a_table_is_a_design_that_gives_the_same_numbers(points, results, tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibrosweep.explore.visible import Axis, visible_rows
+from vibrosweep.explorer.pictures import Axis, visible_rows
 
 COUNTS = st.integers(0, 60)
 SEEDS = st.integers(0, 2**32 - 1)

@@ -12,8 +12,7 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.outside_laws import OUTSIDE
-from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
+from vibrosweep.model.restitution_laws import OUTSIDE, RESTITUTION_LAWS
 
 SOURCE = Path(__file__).with_name("softening.py")
 SCENE = {

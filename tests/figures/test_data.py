@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.explore.points import _column, _numbers
+from vibrosweep.explorer.points import _column, _numbers
 from vibrosweep.figures import style
 from vibrosweep.figures.data import conditions, fixed, format_units, label, quantity, varies
 from vibrosweep.model.measures import OF_REALIZATIONS

@@ -14,14 +14,13 @@ from tests.figures.drawn import (
     curves,
     drawn,
     legend,
-    marked,
     meshes,
     near,
     scale,
     scattered,
 )
 from vibrosweep import figures
-from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.errors import DataError
 
 SEEDS = range(4)
 PLAIN = {"phase": 0.0, "gravity": 9.81, "contact_time": 1e-4, "frequency": 1.0}
@@ -219,23 +218,3 @@ def test_distributions_over_chance(random):
     known = ratio[np.isfinite(ratio)]
     for at in 10.0 ** random.uniform(-2.0, 2.0, 20):
         assert step_at(steps, at) == pytest.approx(np.mean(known <= at), abs=1e-15)
-
-
-def test_separations_in_a_slot(random):
-    separation = random.normal(size=(3, 30))
-    separation[1, 12:], separation[2], separation[0, 4] = np.nan, 0.0, 0.0
-    numbers = {n: ("realization", [0.9, 0.8, 0.7]) for n in ("modulus_predicted", "modulus_fitted")}
-    found = xr.Dataset({"separation": (("realization", "cycle"), separation), **numbers})
-    for i in range(2):
-        (plot,) = drawn(figures.decay_in_a_slot, found, realization=i)
-        seen = np.abs(separation[i])
-        cycles = np.flatnonzero(seen > 0.0)
-        colour = legend(plot)["two particles"]
-        near(marked(plot), [(c, seen[c], colour, True) for c in cycles])
-        (fit,) = curves(plot)
-        assert np.isfinite(fit[1]).all()
-        assert fit[1][1] / fit[1][0] == pytest.approx([0.9, 0.8][i])
-    with pytest.raises(DataError, match="realization 2 has none"):
-        drawn(figures.decay_in_a_slot, found, realization=2)
-    with pytest.raises(ParameterError, match="give 0 to 2"):
-        drawn(figures.decay_in_a_slot, found, realization=3)

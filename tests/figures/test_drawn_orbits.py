@@ -25,8 +25,8 @@ from tests.figures.drawn import (
 )
 from vibrosweep import figures
 from vibrosweep.analysis.basins import name_of
-from vibrosweep.analysis.closed_orbits import cycle_name
-from vibrosweep.analysis.orbit_lines import EVENTS
+from vibrosweep.analysis.branches import EVENTS
+from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.errors import DataError
 from vibrosweep.figures.orbits import FAINT, KINDS, TIES
 

@@ -5,8 +5,7 @@ import pytest
 import xarray as xr
 from matplotlib.collections import FillBetweenPolyCollection, LineCollection, PathCollection
 
-from vibrosweep.analysis.base_motion import BaseMotion
-from vibrosweep.analysis.record_flights import Course, base_motion, course
+from vibrosweep.analysis.records import BaseMotion, Course, base_motion, course
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.figures import height_time
 from vibrosweep.figures.records import highest, parabolas, readable_until

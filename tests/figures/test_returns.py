@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep import theory
-from vibrosweep.analysis.returns import return_points
+from vibrosweep.analysis.records import return_points
 from vibrosweep.errors import DataError
 from vibrosweep.figures import return_map
 

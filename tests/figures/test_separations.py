@@ -7,7 +7,6 @@ import xarray as xr
 from vibrosweep.errors import DataError
 from vibrosweep.figures.registry import FIGURES
 from vibrosweep.figures.sweeps import (
-    decay_in_a_slot,
     separation_distributions,
     separations_over_chance,
     sobol_bars,
@@ -66,11 +65,6 @@ def test_a_noise_that_varies_has_a_curve_for_each_quarter_of_its_range():
     (band,) = axes.patches  # of contact times, which differ
     assert (band.get_x(), band.get_x() + band.get_width()) == pytest.approx((1e-5, 1e-3))
     assert len(axes.lines) == 4
-
-
-def test_a_dataset_that_is_no_decay_is_refused():
-    with pytest.raises(DataError, match=r"result of slot_decay.*modulus_predicted"):
-        decay_in_a_slot(OTHER)
 
 
 def test_a_dataset_without_indices_is_refused():

@@ -14,7 +14,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.figures.orbits import basins_of_attraction, bifurcation_diagram
 from vibrosweep.figures.windows import stability_windows
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import Regime
 from vibrosweep.scene.sweep import keyword_spec
 from vibrosweep.theory import FIXED
 

@@ -13,15 +13,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from proved_pieces import step
+from tests.general import as_the_engine_chooses
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
-from vibrosweep.kernels.bases import error_bounds
-from vibrosweep.kernels.bases.error_bounds import StateError
+from vibrosweep.kernels.arithmetic import COSINE_ERROR, HALF_ULP, ROUNDING
+from vibrosweep.kernels.bases import StateError
 from vibrosweep.kernels.impact import base_of, impact
-from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
-from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
-from vibrosweep.kernels.sine import COSINE_ERROR
-from vibrosweep.kernels.totals import OF_LANDINGS, scratch
+from vibrosweep.kernels.memory import LANES, ROW, STRIDE
+from vibrosweep.kernels.statistics import OF_LANDINGS, scratch
 from vibrosweep.model.parameters import LAWS
 
 BITS = 400
@@ -74,7 +73,7 @@ def test_the_jacobian_changes_by_no_more_than_its_error(constants_of, law, e, a,
     flights = [bases.Flight(0.0, v, v, phase, v) for phase in (x, x + off)]
     here, there = (bases.jacobian(fixed, flight) for flight in flights)
     spread = StateError(abs(off), 0.0)
-    _, _, by_landing = error_bounds.jacobian_error(fixed, flights[0], abs(off), spread)
+    _, _, by_landing = bases.jacobian_error(fixed, flights[0], abs(off), spread)
     allowed = by_landing + TURN * a * 2.0 * COSINE_ERROR
     assert here[:2] == there[:2]
     for one, other in zip(here[2:4], there[2:4], strict=True):
@@ -117,12 +116,12 @@ import json
 import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
-from vibrosweep.kernels.bases import error_bounds
-from vibrosweep.kernels.bases.error_bounds import StateError
+
+from vibrosweep.kernels.bases import StateError
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.lanes import ROW
+from vibrosweep.kernels.memory import ROW
 from vibrosweep.kernels.noise import noise_of
-from vibrosweep.kernels.totals import scratch
+from vibrosweep.kernels.statistics import scratch
 from vibrosweep.model.parameters import PARAMETERS, dimensionless
 
 KINDS = [("high-bounce", "noise", "viscoelastic"), ("moving", "rest", "plastic")]
@@ -160,15 +159,15 @@ def ask_all(base, problem, i, x, u, s):
         bases.fixed_residual(fixed, x, 2.0, 1.0),
         bases.fixed_attracts(fixed, x, 2.0),
         bases.fixed_holds(fixed, x, 2.0),
-        error_bounds.jacobian_error(fixed, there, 1e-9, error),
-        error_bounds.launch_error(fixed, x, u),
-        error_bounds.landing_added(fixed, there, error),
-        error_bounds.landing_rounding(there),
-        error_bounds.rebound_error(fixed, there, StateError(1e-16, 1e-16), 1e-9, error),
-        error_bounds.absolute_error(fixed, x, u, error),
-        error_bounds.rest_is_doubtful(fixed, x, w, StateError(0.1, 0.1)),
-        error_bounds.liftoff_error(fixed),
-        error_bounds.random_liftoff_error(random, 7.0, x, 1e-9, bases.Instant(8.0, 0.1)),
+        bases.jacobian_error(fixed, there, 1e-9, error),
+        bases.launch_error(fixed, x, u),
+        bases.landing_added(fixed, there, error),
+        bases.landing_rounding(there),
+        bases.rebound_error(fixed, there, StateError(1e-16, 1e-16), 1e-9, error),
+        bases.absolute_error(fixed, x, u, error),
+        bases.rest_is_doubtful(fixed, x, w, StateError(0.1, 0.1)),
+        bases.liftoff_error(fixed),
+        bases.random_liftoff_error(random, 7.0, x, 1e-9, bases.Instant(8.0, 0.1)),
     )
 
 rng = np.random.default_rng(5)
@@ -199,7 +198,10 @@ for kind in KINDS:
 """
 
 
-def test_every_generic_function_gives_the_same_bits_compiled_and_in_plain_python(capsys):
+def test_every_generic_function_gives_the_same_bits_compiled_and_in_plain_python(
+    capsys, monkeypatch
+):
+    as_the_engine_chooses(monkeypatch)
     exec(SAME_BITS, {"__name__": __name__})
     compiled = capsys.readouterr().out.splitlines()
     plain = subprocess.run(
@@ -211,10 +213,9 @@ def test_every_generic_function_gives_the_same_bits_compiled_and_in_plain_python
     ).stdout.splitlines()
     assert len(plain) == 2
     declared = [
-        f"{place}.{name}("
-        for place, module in (("bases", bases), ("error_bounds", error_bounds))
-        for name, function in vars(module).items()
-        if name.islower() and getattr(function, "__module__", None) == module.__name__
+        f"bases.{name}("
+        for name, function in vars(bases).items()
+        if name.islower() and getattr(function, "__module__", None) == bases.__name__
     ]
     assert len(declared) > 40  # else the search for them has failed
     assert [call for call in declared if call not in SAME_BITS] == []

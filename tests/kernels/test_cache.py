@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from vibrosweep.kernels import _cache, _jit, vectors
+from vibrosweep.kernels import _cache, _jit, _numba
 from vibrosweep.kernels._cache import CheckedFiles, Variants, variants
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs machine code")
@@ -130,7 +130,7 @@ def test_machine_code_of_another_processor(kernel, tmp_path, monkeypatch):
 
 def test_machine_code_with_vectors_of_another_width(kernel, tmp_path, monkeypatch):
     kernel()(2.0, 1)
-    monkeypatch.setattr(vectors, "SET_BITS", 64)
+    monkeypatch.setattr(_numba, "SET_BITS", 64)
     assert variants(tmp_path) == Variants(0, 1, 0)
     again = kernel()
     assert (again(2.0, 1), hits(again)) == (-2.0, 0)

@@ -9,12 +9,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from vibrosweep.kernels.arithmetic import HALF_ULP
 from vibrosweep.kernels.bases.chained import first_guess, try_stretch
 from vibrosweep.kernels.bases.moving import ChainedConstants
-from vibrosweep.kernels.bases.moving_jacobian import along
+from vibrosweep.kernels.bases.moving_errors import along
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.noise import SILENT, STILL
-from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.proof.reference.trajectories import trajectory

@@ -8,17 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from vibrosweep.kernels import elementary
-from vibrosweep.model.arcsine import arcsin_turns
+from vibrosweep.kernels import arithmetic
+from vibrosweep.model.turns import arcsin_turns
 
 
 @njit(error_model="numpy")
 def compiled(x):
     found = np.empty((3, x.size))
     for i in range(x.size):
-        found[0, i] = elementary.log(x[i])
-        found[1, i] = elementary.exp(x[i])
-        found[2, i] = elementary.expm1(x[i])
+        found[0, i] = arithmetic.log(x[i])
+        found[1, i] = arithmetic.exp(x[i])
+        found[2, i] = arithmetic.expm1(x[i])
     return found
 
 
@@ -29,15 +29,15 @@ def test_special_values():
     np.testing.assert_array_equal(exp[[0, 3, 4, 5]], [1.0, np.inf, 0.0, np.nan])
     np.testing.assert_array_equal(expm1[[0, 4, 5]], [0.0, -1.0, np.nan])
     np.testing.assert_array_equal(arcsin_turns(np.array([0.0, 1.0])), [0.0, 0.25])
-    assert elementary.log(5e-324) == pytest.approx(-1074.0 * math.log(2.0), rel=1e-15)
-    assert elementary.exp(-745.0) == 5e-324
-    assert elementary.exp(710.0) == np.inf
+    assert arithmetic.log(5e-324) == pytest.approx(-1074.0 * math.log(2.0), rel=1e-15)
+    assert arithmetic.exp(-745.0) == 5e-324
+    assert arithmetic.exp(710.0) == np.inf
 
 
 @given(st.floats(-700.0, 700.0))
 def test_exponential_and_logarithm_are_inverse(x):
-    assert elementary.log(elementary.exp(x)) == pytest.approx(x, rel=1e-15, abs=4e-16)
-    assert elementary.expm1(x) == pytest.approx(math.expm1(x), rel=1e-15)
+    assert arithmetic.log(arithmetic.exp(x)) == pytest.approx(x, rel=1e-15, abs=4e-16)
+    assert arithmetic.expm1(x) == pytest.approx(math.expm1(x), rel=1e-15)
 
 
 @given(st.floats(0.0, 1.0))
@@ -58,7 +58,7 @@ def test_an_array_and_its_single_numbers_give_the_same_bits():
 def test_proved_bounds():
     pytest.importorskip("flint")
     from elementary_error import STATED, check_schemes, families, prove, sample
-    from vibrosweep.kernels.rounding import HALF_ULP
+    from vibrosweep.kernels.arithmetic import HALF_ULP
 
     check_schemes()
     proved = prove()

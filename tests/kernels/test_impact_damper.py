@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from vibrosweep.kernels.bases.drives import Phase
-from vibrosweep.kernels.bases.sprung import Mount, loaded, move, recoil
+from vibrosweep.kernels.bases.sprung import Mount, Phase, loaded, move, recoil
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.model.coupled_theory import mount_propagator
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.analysis import order_of_landings
+from study.records import order_of_landings
 from vibrosweep.engine.measure import measure
 
 HARMONICS = {"order_1": 1, "order_2": 2, "order_3": 3, "order_half": 1 / 2, "order_third": 1 / 3}

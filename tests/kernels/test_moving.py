@@ -10,10 +10,9 @@ from vibrosweep.kernels.advance import Options, Share, advance, memory_around
 from vibrosweep.kernels.bases import constants, fitted
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_speed
 from vibrosweep.kernels.record import Units
-from vibrosweep.kernels.statistics import empty_statistics
-from vibrosweep.kernels.totals import scratch
+from vibrosweep.kernels.statistics import empty_statistics, scratch
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
-from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 PARTICLES = 5

@@ -9,20 +9,17 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from proved_pieces import first_landing
-from vibrosweep.kernels import bases, growth
+from vibrosweep.kernels import bases
 from vibrosweep.kernels.advance import Options, Share, advance, memory_around
-from vibrosweep.kernels.bases import error_bounds
-from vibrosweep.kernels.bases.error_bounds import StateError
+from vibrosweep.kernels.arithmetic import ROUNDING
+from vibrosweep.kernels.bases import StateError
 from vibrosweep.kernels.cycles import empty_cycles, empty_rests
-from vibrosweep.kernels.exponents import EXACT
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch_speed
-from vibrosweep.kernels.rounding import ROUNDING
-from vibrosweep.kernels.settle import Search, empty_orbits, settle
-from vibrosweep.kernels.statistics import empty_statistics
-from vibrosweep.kernels.totals import scratch
+from vibrosweep.kernels.settle import EXACT, GROWTH_SIZE, Search, empty_orbits, settle
+from vibrosweep.kernels.statistics import empty_statistics, scratch
 from vibrosweep.kernels.trust import empty_trust, trust
+from vibrosweep.model.measures import Regime, Status
 from vibrosweep.model.parameters import Launches, dimensionless
-from vibrosweep.model.status import Regime, Status
 from vibrosweep.proof.reference.trajectories import trajectory
 
 BITS = 256
@@ -63,10 +60,10 @@ def test_the_jacobian_is_the_derivative_of_the_exact_impact(problem_of, e, gamma
     problem = problem_of(e, gamma)
     fixed = bases.constants(BASE, problem, 0)
     flight = flight_of(fixed, x, y)
-    added = error_bounds.landing_added(fixed, flight, EXACT)
+    added = bases.landing_added(fixed, flight, EXACT)
     assume(added.phase < 1e-9)  # no graze
     xx, xu, ux, uu, terms = bases.jacobian(fixed, flight)
-    of_phase, of_speed, _ = error_bounds.jacobian_error(fixed, flight, 0.0, EXACT)
+    of_phase, of_speed, _ = bases.jacobian_error(fixed, flight, 0.0, EXACT)
     with ctx.workprec(BITS):
         a, h, x, y = float(problem.kick[0]), arb(2) ** -80, arb(x), arb(y)
         pairs = (
@@ -99,10 +96,10 @@ def test_every_state_within_an_error_lands_within_its_bound(
     problem = problem_of(e, gamma)
     fixed = bases.constants(BASE, problem, 0)
     flight = flight_of(fixed, x, y)
-    added = error_bounds.landing_added(fixed, flight, spread)
+    added = bases.landing_added(fixed, flight, spread)
     assume(added.phase < np.inf)
     xx, xu, ux, uu, terms = bases.jacobian(fixed, flight)
-    kicked = error_bounds.rebound_error(fixed, flight, added, added.phase, spread)
+    kicked = bases.rebound_error(fixed, flight, added, added.phase, spread)
     dx, dy = spread.phase * part[0], spread.speed * part[1]
     slack = ROUNDING * terms * (abs(dx) + abs(dy))
     with ctx.workprec(BITS):
@@ -122,9 +119,7 @@ def test_few_flights_are_in_doubt(problem_of):
     for i, gamma in enumerate(gammas):
         fixed = bases.constants(BASE, problem, i)
         flight = flight_of(fixed, rng.uniform(-0.5, 0.5), 10.0 ** rng.uniform(-5.0, 0.7))
-        found.append(
-            error_bounds.landing_added(fixed, flight, StateError(1e-12, 1e-12 * flight.u)).phase
-        )
+        found.append(bases.landing_added(fixed, flight, StateError(1e-12, 1e-12 * flight.u)).phase)
         assert gamma > 1.0 or found[-1] < 1e-10
     assert np.mean(np.array(found) < 1e-9) > 0.99
 
@@ -143,7 +138,7 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
                 low, high = (middle, high) if near_low else (low, middle)
             for y in (low, high):
                 flight = flight_of(fixed, x, float(y))
-                assert error_bounds.landing_added(fixed, flight, StateError(1e-15, 1e-15)) == (
+                assert bases.landing_added(fixed, flight, StateError(1e-15, 1e-15)) == (
                     np.inf,
                     np.inf,
                 )
@@ -154,7 +149,7 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
 @pytest.mark.parametrize("gamma", [0.3, 1.7, 6.0])
 def test_a_doubtful_rest_is_reported(problem_of, gamma):
     fixed = bases.constants(BASE, problem_of(0.5, gamma, r=1e-3), 0)
-    doubt = error_bounds.rest_is_doubtful
+    doubt = bases.rest_is_doubtful
     assert doubt(fixed, 0.1, 1e-3, StateError(1e-9, 1e-9))
     assert not doubt(fixed, 0.1, 1.1e-3, StateError(1e-9, 1e-9))
     assert not doubt(fixed, 0.1, 0.9e-3, StateError(1e-9, 1e-9))
@@ -170,7 +165,7 @@ def test_a_doubtful_rest_is_reported(problem_of, gamma):
 def test_the_phase_of_a_lift_off_is_within_its_error(problem_of, away):
     problem = problem_of(0.7, 1.0 + away)
     fixed = bases.constants(BASE, problem, 0)
-    error, of_speed = error_bounds.liftoff_error(fixed)
+    error, of_speed = bases.liftoff_error(fixed)
     with ctx.workprec(BITS):
         gamma = arb.pi() * arb(float(problem.kick[0])) / (1 + arb(0.7))
         if not gamma > 1 or away < 1e-14:
@@ -184,7 +179,7 @@ def test_the_phase_of_a_lift_off_is_within_its_error(problem_of, away):
         )
     assert of_speed == 0.0
     still = bases.constants(BASE, problem_of(0.7, 1.0 - away), 0)
-    assert error_bounds.liftoff_error(still)[0] == (0.0 if away > 1e-14 else np.inf)
+    assert bases.liftoff_error(still)[0] == (0.0 if away > 1e-14 else np.inf)
 
 
 def scenes(size, seed):
@@ -258,7 +253,7 @@ def followed(problem_of):
         found.append((out, cycles))
     orbits = empty_orbits(700)
     plain, search = found[0][0]._replace(kinds=()), Search(600_000, 1)
-    settle(0, 700, batch, plain, found[0][1], search, np.empty(growth.SIZE), orbits)
+    settle(0, 700, batch, plain, found[0][1], search, np.empty(GROWTH_SIZE), orbits)
     return e, gamma, found[0][0], found[1][0], orbits
 
 
@@ -308,4 +303,4 @@ def test_decisions_of_locked_orbits_at_a_closed_form(problem_of):
     flight = flight_of(fixed, x, y)
     assert flight.time == pytest.approx(1.0, abs=1e-14)
     assert flight.v == pytest.approx(y / e, abs=1e-13)
-    assert max(error_bounds.landing_added(fixed, flight, EXACT)) < 1e-14
+    assert max(bases.landing_added(fixed, flight, EXACT)) < 1e-14

@@ -8,7 +8,7 @@ import pytest
 
 from vibrosweep.kernels import noise
 from vibrosweep.kernels._jit import kernel
-from vibrosweep.kernels.deviates import DEVIATE_ERROR, deviate, deviates, key_of, philox
+from vibrosweep.kernels.noise import DEVIATE_ERROR, deviate, deviates, key_of, philox
 from vibrosweep.model.parameters import STREAM_PARTICLES, STREAMS
 
 # Random123's kat_vectors: counter, key and words of philox4x32 with 10 rounds

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from vibrosweep import simulate
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import dimensionless
-from vibrosweep.model.status import Status
 from vibrosweep.proof.reference.arithmetic import UndecidableError
 from vibrosweep.proof.reference.trajectories import trajectory
 

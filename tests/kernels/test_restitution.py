@@ -7,19 +7,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from vibrosweep.kernels.bases import constants, contraction, fixed_attracts, jacobian
-from vibrosweep.kernels.bases.error_bounds import rebound_error
-from vibrosweep.kernels.exponents import EXACT
-from vibrosweep.kernels.falling import restitution_of
+from vibrosweep.kernels.bases import constants, contraction, fixed_attracts, jacobian, rebound_error
 from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.restitution import (
     lost_speed,
     ratio,
     ratio_error,
+    restitution_of,
     scale_of,
     slope,
     slope_range,
 )
+from vibrosweep.kernels.settle import EXACT
 from vibrosweep.model.parameters import dimensionless
 from vibrosweep.model.restitution_laws import PADE
 from vibrosweep.proof.reference.laws import Laws

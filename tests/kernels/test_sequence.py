@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.kernels.bases import Instant
-from vibrosweep.kernels.coupled.noted import clear, close, lacks_memory, landings, note
-from vibrosweep.kernels.listing import Listed
-from vibrosweep.kernels.sequence import HARMONICS, empty_orders, write_order
+from vibrosweep.kernels.coupled.follow import clear, close, lacks_memory, landings, note
+from vibrosweep.kernels.ordering import HARMONICS, Listed, empty_orders, write_order
 
 BEGIN = 2.0  # of the window, periods
 LATE = 3.0  # beginning of its last period

@@ -7,8 +7,8 @@ import pytest
 
 from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import find_orbits
+from vibrosweep.model.measures import Regime
 from vibrosweep.model.parameters import dimensionless, launches
-from vibrosweep.model.status import Regime
 
 
 @pytest.fixture

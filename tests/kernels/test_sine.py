@@ -5,7 +5,7 @@ import pytest
 from flint import arb, ctx
 
 from proved_pieces import sine
-from vibrosweep.kernels.sine import (
+from vibrosweep.kernels.arithmetic import (
     LAG_ERROR,
     SINE_ERROR,
     rough_lag_and_versine,

@@ -6,8 +6,17 @@ from flint import acb, arb, ctx
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.kernels.bases.drives import Phase, phase_of, place
-from vibrosweep.kernels.bases.sprung import Mount, bounds, free_motion, loaded, move, recoil
+from vibrosweep.kernels.bases.sprung import (
+    Mount,
+    Phase,
+    bounds,
+    forced_motion,
+    free_motion,
+    loaded,
+    move,
+    phase_of,
+    recoil,
+)
 from vibrosweep.kernels.restitution import Constant
 
 EPS = 2.0**-52
@@ -80,7 +89,7 @@ def test_bounds_hold(damping):
             x = rng.uniform(-0.5, 0.5)
             moved = move(load, phase_of(x), d, b, s)
             turned = x + s
-            forced = place(load.drive, phase_of(turned - np.rint(turned)))
+            forced = forced_motion(load.drive, phase_of(turned - np.rint(turned)))
             assert forced.height + load.level + moved.d <= limit.height + 1e-12
             assert abs(moved.pull) <= limit.pull * (1.0 + 1e-9)
             assert abs(moved.jerk) <= limit.jerk * (1.0 + 1e-9)

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.kernels.bases import Flight, jacobian, rebound
-from vibrosweep.kernels.impact import impact
-from vibrosweep.kernels.tangent import carry, stretch
+from vibrosweep.kernels.impact import carry, impact, stretch
 from vibrosweep.model.parameters import LAWS
 
 phases = st.floats(-0.49, 0.49)

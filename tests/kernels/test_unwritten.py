@@ -7,15 +7,14 @@ import vibrosweep as vs
 from vibrosweep.engine import coupled, measure
 from vibrosweep.errors import RunError
 from vibrosweep.kernels.coupled.follow import empty_per_realization
-from vibrosweep.kernels.coupled.settling import empty_joint
+from vibrosweep.kernels.coupled.joint_orbits import empty_joint
 from vibrosweep.kernels.fixed import empty_fixed
+from vibrosweep.kernels.memory import require_written
 from vibrosweep.kernels.record import empty_record
 from vibrosweep.kernels.separation import empty_separations
-from vibrosweep.kernels.settle import empty_orbits
-from vibrosweep.kernels.shortest import empty_shortest
+from vibrosweep.kernels.settle import empty_orbits, empty_shortest
 from vibrosweep.kernels.statistics import KINDS, empty_statistics, empty_sums
 from vibrosweep.kernels.trust import empty_trust
-from vibrosweep.kernels.unwritten import require_written
 
 EMPTY = [
     empty_fixed(3),

@@ -9,7 +9,7 @@ import pytest
 from llvmlite import binding
 
 from vibrosweep.errors import VibrosweepError
-from vibrosweep.kernels import vectors
+from vibrosweep.kernels import _numba
 from vibrosweep.kernels.impact import KIND_OF
 
 compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -27,23 +27,23 @@ compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is
     ],
 )
 def test_the_width_by_processor(monkeypatch, processor, features, bits):
-    monkeypatch.setattr(vectors, "target", lambda: ("system", processor, features))
-    monkeypatch.setattr(vectors, "SET_BITS", None)
-    assert vectors.vector_bits() == bits
-    monkeypatch.setattr(vectors, "SET_BITS", 256)
-    assert vectors.vector_bits() == 256
+    monkeypatch.setattr(_numba, "target", lambda: ("system", processor, features))
+    monkeypatch.setattr(_numba, "SET_BITS", None)
+    assert _numba.vector_bits() == bits
+    monkeypatch.setattr(_numba, "SET_BITS", 256)
+    assert _numba.vector_bits() == 256
 
 
 @pytest.mark.parametrize(("text", "bits"), [("", None), ("128", 128), ("512", 512)])
 def test_the_width_from_the_environment(monkeypatch, text, bits):
-    monkeypatch.setenv(vectors.VARIABLE, text)
-    assert vectors._set_by_environment() == bits
+    monkeypatch.setenv(_numba.VARIABLE, text)
+    assert _numba._set_by_environment() == bits
 
 
 def test_a_width_that_does_not_exist_is_refused(monkeypatch):
-    monkeypatch.setenv(vectors.VARIABLE, "1024")
+    monkeypatch.setenv(_numba.VARIABLE, "1024")
     with pytest.raises(VibrosweepError, match=r"VIBROSWEEP_VECTOR_BITS=1024.*128, 256, 512 bits"):
-        vectors._set_by_environment()
+        _numba._set_by_environment()
 
 
 STEP = """
@@ -92,7 +92,7 @@ AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi
 @pytest.mark.parametrize(
     ("base", "bits", "register", "feature"),
     [
-        ("high-bounce", 128, "xmm", "avx2"),
+        pytest.param("high-bounce", 128, "xmm", "avx2", marks=pytest.mark.weekly),
         ("moving", 256, "ymm", "avx2"),
         ("moving", 512, "zmm", "avx512f"),
     ],
@@ -129,7 +129,10 @@ print(arm.emit_assembly(module))
 
 
 @compiles
-@pytest.mark.parametrize("base", KIND_OF)
+@pytest.mark.parametrize(
+    "base",
+    ["moving", *(pytest.param(b, marks=pytest.mark.weekly) for b in KIND_OF if b != "moving")],
+)
 def test_the_hot_loop_becomes_vector_code_on_arm(base):
     plain = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     try:

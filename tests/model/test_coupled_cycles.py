@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 from one_slot import is_clear, pattern_orbit
 from vibrosweep.errors import ParameterError
 from vibrosweep.model import coupled_theory
-from vibrosweep.model.coupled_cycles import (
+from vibrosweep.model.coupled_theory import (
     CoupledBase,
     find_cycle,
     monodromy,

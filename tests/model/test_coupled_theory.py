@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from one_slot import pattern
 from vibrosweep import theory
 from vibrosweep.model import coupled_theory
-from vibrosweep.model.coupled_cycles import CoupledBase
+from vibrosweep.model.coupled_theory import CoupledBase
 
 TWO_PI = 2.0 * np.pi
 NATURAL = st.floats(0.05, 3.0)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import KIND_OF
-from vibrosweep.kernels.laws import LAW_OF
+from vibrosweep.kernels.restitution import REBOUND_OF
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
@@ -18,8 +18,15 @@ from vibrosweep.model.forcing import (
     forcing_of,
     refuse_extreme,
 )
-from vibrosweep.model.mount import OF_MOUNT
-from vibrosweep.model.parameters import BASES, LAWS, LAWS_OF, NOISE, OF_RESTITUTION, PARAMETERS
+from vibrosweep.model.parameters import (
+    BASES,
+    LAWS,
+    LAWS_OF,
+    NOISE,
+    OF_MOUNT,
+    OF_RESTITUTION,
+    PARAMETERS,
+)
 
 TABLE_1 = {name: np.array([p.default]) for name, p in PARAMETERS.items()}
 OTHERS = {name: values for name, values in TABLE_1.items() if name != "amplitude"}
@@ -106,4 +113,4 @@ def test_no_extreme_overflows_and_too_large_amplitudes_are_refused(forcing):
 
 def test_the_laws_of_all_bases_are_those_of_the_kernels():
     assert set(KIND_OF) < set(BASES) == set(LAWS_OF)
-    assert set(LAWS) == set(LAW_OF)
+    assert set(LAWS) == set(REBOUND_OF)

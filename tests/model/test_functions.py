@@ -46,6 +46,7 @@ def test_a_function_that_does_something_else_has_another_fingerprint(before, aft
 
 def test_values_from_outside_enter_the_fingerprint():
     values = (1, 1.0, 2.0, (1, 2), "a", math, np.float64(1), math.sin, np.sin, np.clip, float)
+    values += (np.float32(1), np.int64(1), (1.0,), (np.float64(1),), ((np.float32(1),), 2))
     assert len({identified(defined(USES, K=k)) for k in values}) == len(values)
 
     def enclosed(k):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.model.limits import ANSWERS
+from vibrosweep.model.forcing import ANSWERS
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.sweep import parse_spec
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from vibrosweep import theory
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.locked_shapes import (
+from vibrosweep.model.locked_theory import (
     DOUBLING,
     FOLD,
     Mode,

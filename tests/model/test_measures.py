@@ -19,7 +19,7 @@ from vibrosweep.model.measures import (
     TRANSIENT_PERIODS,
     VARIABLES,
 )
-from vibrosweep.model.scene_measures import KEYS, Measures
+from vibrosweep.model.observables import KEYS, Measures
 from vibrosweep.proof.report import Judgement, VariableReport
 from vibrosweep.runs.result import Summary
 from vibrosweep.scene.sweep import parse_spec

@@ -12,8 +12,16 @@ from vibrosweep.model.forcing import (
     only_parameters,
     refuse_extreme,
 )
-from vibrosweep.model.mount import MASSES, OF_MOUNT, mount_mistakes
-from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, MOVING, PARAMETERS, representable
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    MASSES,
+    MOUNT,
+    MOVING,
+    OF_MOUNT,
+    PARAMETERS,
+    mount_mistakes,
+    representable,
+)
 
 OWN = {"mass_ratio": 0.004, "mount_frequency": 3.0, "mount_damping": 0.1}
 WEIGHED = {"particle_mass": 0.004, "base_mass": 2.0, "mount_frequency": 3.0}

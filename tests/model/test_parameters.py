@@ -17,12 +17,12 @@ from vibrosweep.model.parameters import (
     PARAMETERS,
     SMALLEST,
     STAGGERED,
+    Periods,
     dimensionless,
     launches,
     mounts,
     representable,
 )
-from vibrosweep.model.times import Periods
 
 
 def turns_off(count, phase, exact):

@@ -7,8 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.model.parameters import MAX_PERIODS, PARAMETERS, dimensionless, representable
-from vibrosweep.model.times import Periods, in_periods, in_seconds, precedes
+from vibrosweep.model.parameters import (
+    MAX_PERIODS,
+    PARAMETERS,
+    Periods,
+    dimensionless,
+    in_periods,
+    in_seconds,
+    precedes,
+    representable,
+)
 
 PERIODS = st.floats(1e-3, 1e9)
 

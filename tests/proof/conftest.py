@@ -10,7 +10,7 @@ import pytest
 
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import parse_spec
-from vibrosweep.store.seal import append_seal
+from vibrosweep.store.disk import append_seal
 
 CLAIMED = """
 title = "Everything that can be measured, over a late window"

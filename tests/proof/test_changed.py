@@ -5,14 +5,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.model.measures import MEASURE_OF, MEASURES, RECORD, VARIABLES
-from vibrosweep.model.mount import OF_MOUNT
-from vibrosweep.model.parameters import NOISE, OF_RESTITUTION, STREAM
-from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES
-from vibrosweep.proof.judges import JUDGES
+from vibrosweep.model.measures import MEASURE_OF, MEASURES, OF_TRAJECTORIES, RECORD, VARIABLES
+from vibrosweep.model.parameters import NOISE, OF_MOUNT, OF_RESTITUTION, STREAM
 from vibrosweep.proof.report import RECORDED
 from vibrosweep.proof.sampling import RECORD_COORDINATES, SWEEP_COORDINATES
-from vibrosweep.proof.verifying import verify
+from vibrosweep.proof.verifying import JUDGES, verify
 
 # those of coupled particles: test_verify_sprung.py
 SINGLE = [n for n in VARIABLES if n not in MEASURE_OF or not MEASURES[MEASURE_OF[n]].coupled]

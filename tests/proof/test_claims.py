@@ -8,13 +8,13 @@ import pytest
 from flint import arb
 
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.proof.claims import Bounds
-from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.measures import ProvedMeasures
 from vibrosweep.proof.reference.motion import EPS, Flight
 from vibrosweep.proof.report import judge
 from vibrosweep.proof.sampling import Realization
+from vibrosweep.proof.verifying import JUDGES
 from vibrosweep.scene.scene import Scene
 
 SCENE = Realization(

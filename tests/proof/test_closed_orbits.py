@@ -13,7 +13,7 @@ from vibrosweep.proof.orbits import orbit_of
 from vibrosweep.proof.reference.arithmetic import arb, ctx, variables
 from vibrosweep.proof.reference.closed_orbits import RESTING, cycle, prove_event, prove_orbit
 from vibrosweep.proof.reference.laws import Laws
-from vibrosweep.store.saving import save_result
+from vibrosweep.store.writing import save_result
 
 SINE, PARABOLIC = Waveform(), Waveform("parabolic")
 TWO_TONES = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.proof.claims import prove
 from vibrosweep.proof.measures import prove_measures
 from vibrosweep.proof.reference.sprung import coupled

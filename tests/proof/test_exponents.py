@@ -7,7 +7,7 @@ import pytest
 from flint import arb
 
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.proof.recurrence import MAX_CYCLE, largest_exponent, mean_growth
+from vibrosweep.proof.claims import MAX_CYCLE, largest_exponent, mean_growth
 from vibrosweep.proof.reference.high_bounce import BounceMap
 from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.trajectories import trajectory

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from flint import arb
 
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
+from vibrosweep.model.observables import Measures
 from vibrosweep.proof.measures import prove_measures
 from vibrosweep.proof.reference.motion import Flight, Impact, Trajectory
 from vibrosweep.proof.sampling import Realization

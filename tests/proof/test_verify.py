@@ -12,11 +12,8 @@ import pytest
 from honest import random_spec
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.measures import MEASURE_OF, MEASURES, RECORD
-from vibrosweep.model.mount import OF_MOUNT
-from vibrosweep.model.parameters import NOISE, OF_RESTITUTION, STREAM
-from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES
-from vibrosweep.model.status import Regime
+from vibrosweep.model.measures import MEASURE_OF, MEASURES, OF_TRAJECTORIES, RECORD, Regime
+from vibrosweep.model.parameters import NOISE, OF_MOUNT, OF_RESTITUTION, STREAM
 from vibrosweep.proof.report import State
 from vibrosweep.proof.sampling import RECORD_COORDINATES, SWEEP_COORDINATES, VARIABLES, read_sample
 from vibrosweep.proof.verifying import verify

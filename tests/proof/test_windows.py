@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from vibrosweep.analysis.branches import Plane, branches_along
 from vibrosweep.analysis.conditions import Condition
-from vibrosweep.analysis.line_equations import FIX_E
-from vibrosweep.analysis.orbit_lines import Plane, branches_along
-from vibrosweep.analysis.window_codes import NO_WINDOW, OPEN_END, PROVED
+from vibrosweep.analysis.continuation import FIX_E
+from vibrosweep.analysis.windows import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.api.result_kinds import WINDOWS
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bifurcations import DOUBLING, SADDLE_NODE

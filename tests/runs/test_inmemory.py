@@ -5,8 +5,7 @@ import pytest
 
 from vibrosweep import sweep
 from vibrosweep.errors import RunError
-from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import VARIABLES, Status
 from vibrosweep.runs import driver
 from vibrosweep.runs.driver import InMemory
 

@@ -8,12 +8,12 @@ import xarray as xr
 
 from vibrosweep.commands.describe import describe
 from vibrosweep.errors import DataError, Interruption, RunError
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.runs.result import unsettled
 from vibrosweep.scene.sweep import parse_spec, read_spec
-from vibrosweep.store.rundir import run_directory
+from vibrosweep.store.parts import run_directory
 
 SWEEP = """title = "Some particles bounce on small kicks for long"
 [scene]

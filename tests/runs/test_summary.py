@@ -4,8 +4,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from vibrosweep.model.measures import OF_REALIZATIONS
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import OF_REALIZATIONS, Status
 from vibrosweep.runs.result import Summary
 
 COUNTS = np.array([3, 4, 5])

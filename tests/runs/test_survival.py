@@ -16,13 +16,12 @@ import vibrosweep
 from vibrosweep.cli import main
 from vibrosweep.engine import measure as engine
 from vibrosweep.errors import Interruption, OutputError, RunError
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures
 from vibrosweep.runs import chunks, result
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import read_spec
 from vibrosweep.store.disk import Disk
-from vibrosweep.store.parts import Parts, read_manifest
-from vibrosweep.store.rundir import holding, run_directory
+from vibrosweep.store.parts import Parts, holding, read_manifest, run_directory
 
 SWEEP = """title = "A sweep of a test"
 [scene]

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError, SpecError
-from vibrosweep.model.times import Periods
+from vibrosweep.model.parameters import Periods
 from vibrosweep.scene.design import Axis, Range
 from vibrosweep.scene.sweep import batch, keyword_spec, parse_spec
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import SpecError, TableError
-from vibrosweep.model.mount import MASSES, OF_MOUNT
-from vibrosweep.model.parameters import MOUNT, PARAMETERS
+from vibrosweep.model.parameters import MASSES, MOUNT, OF_MOUNT, PARAMETERS
 from vibrosweep.runs.chunks import identity
 from vibrosweep.runs.result import silent_defaults
 from vibrosweep.scene.design import Range

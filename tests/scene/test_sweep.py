@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from vibrosweep.errors import SpecError
 from vibrosweep.mistakes import ABSENT, visible
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.design import Axis, Range
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.sweep import parse_spec, read_spec

@@ -13,9 +13,9 @@ from vibrosweep import open_record, open_sweep
 from vibrosweep._version import __version__
 from vibrosweep.errors import RunError
 from vibrosweep.model.measures import RECORD, VARIABLES
+from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.store.dataset import CHUNK_VALUES, creating
+from vibrosweep.store.writing import CHUNK_VALUES, creating
 
 ASKED = Measures(separation=True, per_particle=True, trust=True, regimes=True)
 MEASURED = {variable.name: variable for variable in ASKED.variables}
@@ -185,7 +185,8 @@ def test_a_record_without_landings(compute):
     path = compute("[scene]\nparticles = 2\nduration = 0.1\n[record]")
     for engine in ("h5netcdf", "netcdf4"):
         record = xr.load_dataset(path, group="record", engine=engine)
-        assert list(record.sizes.values()) == [1, 2, 0]
+        sizes = {name.removeprefix("record_"): size for name, size in record.sizes.items()}
+        assert sizes == {"realization": 1, "particle": 2, "impact": 0}
         assert (record["impact_count"] == 0).all()
 
 

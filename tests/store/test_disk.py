@@ -12,8 +12,8 @@ import pytest
 from vibrosweep.errors import OutputError, TakenOutputError
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.store import disk
-from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, replacing, undisturbed
+from vibrosweep.store.writing import creating
 
 
 def fill(path, values):

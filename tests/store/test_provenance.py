@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from vibrosweep.store import provenance as module
+from vibrosweep.store import writing as module
 
 
 def test_without_a_repository_there_is_no_revision(monkeypatch, tmp_path):

@@ -16,14 +16,13 @@ import vibrosweep as vs
 from vibrosweep.api.results import has_record
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.explore.points import open_points
+from vibrosweep.explorer.points import open_points
 from vibrosweep.proof import verify
 from vibrosweep.runs.driver import retry_failed
 from vibrosweep.scene.sweep import parse_spec
 from vibrosweep.store import reading
-from vibrosweep.store.kinds import load_dataset, read_kind
-from vibrosweep.store.reading import using
-from vibrosweep.store.seal import LENGTH, append_seal
+from vibrosweep.store.disk import LENGTH, append_seal
+from vibrosweep.store.reading import load_dataset, read_kind, using
 from vibrosweep.store.trial import open_for_writing
 from vibrosweep.system import ENDINGS
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import vibrosweep as vs
 from vibrosweep.commands.describe import describe
 from vibrosweep.proof.sampling import read_sample
-from vibrosweep.store import rows
-from vibrosweep.store.rows import boxes, flat, read_rows, row_count, row_dims
+from vibrosweep.store import arranged as rows
+from vibrosweep.store.arranged import boxes, flat, read_rows, row_count, row_dims
 
 GRID = {
     "restitution": [0.5, 0.8, 0.9],

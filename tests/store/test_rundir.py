@@ -9,13 +9,19 @@ import sys
 import pytest
 
 from vibrosweep.errors import OutputError, RunError
-from vibrosweep.store.parts import Manifest, write_manifest
-from vibrosweep.store.rundir import abandon, holding, replaces, run_directory
+from vibrosweep.store.parts import (
+    Manifest,
+    abandon,
+    holding,
+    replaces,
+    run_directory,
+    write_manifest,
+)
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from vibrosweep.store.rundir import holding
+from vibrosweep.store.parts import holding
 with holding(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)

@@ -9,9 +9,8 @@ import xarray as xr
 
 import vibrosweep as vs
 from vibrosweep.errors import DataError, ExistingOutputError, OutputError, ParameterError
-from vibrosweep.store.disk import Disk
-from vibrosweep.store.kinds import SWEEP, load_dataset
-from vibrosweep.store.seal import State, state_of
+from vibrosweep.store.disk import Disk, State, state_of
+from vibrosweep.store.reading import SWEEP, load_dataset
 
 KIND = vs.register_kind(vs.ResultKind("saved", "the tests of saving"))
 

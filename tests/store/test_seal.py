@@ -11,8 +11,8 @@ import xarray as xr
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError
 from vibrosweep.store import trial
+from vibrosweep.store.disk import State, append_seal, state_of
 from vibrosweep.store.reading import reading
-from vibrosweep.store.seal import State, append_seal, state_of
 from vibrosweep.store.trial import require_readable
 
 

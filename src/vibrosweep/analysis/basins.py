@@ -1,4 +1,4 @@
-"""Basins of attraction: the attractor of each launch, and shares along a parameter."""
+"""Basins of attraction: the attractor of each launch, shares along a parameter, and slots."""
 
 from __future__ import annotations
 
@@ -10,40 +10,39 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.basin_shape import basin_measures, share_interval
 from vibrosweep.analysis.common import (
     attributes,
     grid_axes,
+    lift_off_speeds,
     meaning,
     require_ability,
     require_memory,
     settling,
     shared,
 )
-from vibrosweep.analysis.evaluate import lift_off_speeds
+from vibrosweep.analysis.datasets import require, share_interval, variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.measure import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import DataError
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.settle import Orbits
-from vibrosweep.kernels.shortest import empty_shortest, shortest_flights
+from vibrosweep.kernels.settle import Orbits, empty_shortest, shortest_flights
 from vibrosweep.mistakes import Mistake
 from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.measures import VARIABLES
+from vibrosweep.model.measures import VARIABLES, Regime
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
-from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
 from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
+from vibrosweep.store.arranged import arranged
 
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["UNSETTLED", "basins", "name_of", "summary"]
+__all__ = ["UNSETTLED", "basins", "capacity", "name_of", "summary"]
 
 Codes = NDArray[np.int64]
-
 BYTES_PER_LAUNCH: Final = 300
 BYTES_KEPT: Final = 16
 MOST_LINES: Final = 12  # attractors in a summary along a parameter
@@ -56,6 +55,19 @@ SHAPES: Final = {  # name and number format in a summary
 }
 UNSETTLED: Final = -1  # instead of the index of an attractor
 OF_KIND: Final = ("regime", "cycle_periods", "cycle_rests")  # constant along a parameter
+BOX: Final = 5  # launches along each side of a box
+STEPS: Final = (1, 2, 4, 8, 16)  # distances of the launches that are compared, along the axis
+FEWEST: Final = 64  # values of an axis along which launches are compared
+EVEN: Final = 1e-6  # largest relative difference between the steps of an even axis
+SHAPE: Final = {
+    "unsettled_fraction": "fraction of unsettled launches",
+    "basin_entropy": f"mean entropy in boxes of {BOX} x {BOX} launches, nats",
+    "boundary_entropy": f"mean entropy in boxes of {BOX} x {BOX} with several basins, nats",
+    "uncertainty_exponent": (
+        "slope of the logarithm of the share of launches with a neighbour of another basin"
+    ),
+    "uncertainty_exponent_error": "standard error of the slope",
+}
 
 
 def basins(sweep: Sweep, threads: int) -> xr.Dataset:
@@ -313,3 +325,120 @@ def _attractors(
     words = meaning("speed at the lift-off to the shortest flight", "m s-1")
     data["rebound_velocity"] = ("attractor", speed, words)
     return data | {"launches": ("attractor", count)}
+
+
+def basin_measures(index: NDArray[np.int64], speeds: Array) -> dict[str, Any]:
+    """Variables that measure how basins interlace.
+
+    `index`, of shape (launch_velocity, launch_time), numbers the attractor of each launch.  It is
+    negative for unsettled launches, which are left out of the entropies and of the exponent.
+    Basin entropy: Daza et al. (2016), Scientific Reports 6, 31416; uncertainty exponent: McDonald
+    et al. (1985), Physica D 17, 125.
+    """
+    values: tuple[float, ...] = (
+        float(np.mean(index < 0)),
+        *_entropies(index),
+        *_exponent(index, speeds),
+    )
+    return {
+        name: ((), value, {"units": "1", "long_name": words})
+        for (name, words), value in zip(SHAPE.items(), values, strict=True)
+    }
+
+
+def _entropies(index: NDArray[np.int64]) -> tuple[float, float]:
+    """Basin entropy, NaN if no box has a basin, and boundary entropy, NaN if no box has several."""
+    rows, columns = (size // BOX * BOX for size in index.shape)
+    cut = index[:rows, :columns].reshape(rows // BOX, BOX, columns // BOX, BOX)
+    boxes = cut.transpose(0, 2, 1, 3).reshape(-1, BOX * BOX)
+    counts = [np.unique(box[box >= 0], return_counts=True)[1] for box in boxes]
+    entropy = np.array([-np.sum(k / k.sum() * np.log(k / k.sum())) for k in counts if k.size])
+    mixed = entropy[[k.size > 1 for k in counts if k.size]]
+    basin, boundary = (float(v.mean()) if v.size else np.nan for v in (entropy, mixed))
+    return basin, boundary
+
+
+def _exponent(index: NDArray[np.int64], speeds: Array) -> tuple[float, float]:
+    """Uncertainty exponent along the speed of launch, with its standard error.
+
+    A launch is uncertain at a distance if a neighbour that much faster or slower is in another
+    basin.  The share of uncertain launches grows as a power of the distance, whose exponent this
+    is.  NaN if the speeds are few or uneven, or no launch is uncertain at some distance.
+    """
+    from scipy.stats import linregress
+
+    steps = np.diff(speeds)
+    if speeds.size < FEWEST or np.ptp(steps) > EVEN * steps.mean():
+        return np.nan, np.nan
+    # with the same launches at every distance a straight boundary has exactly the exponent 1
+    first, last = STEPS[-1], speeds.size - STEPS[-1]
+    middle, shares = index[first:last], []
+    for step in STEPS:
+        up, down = index[first + step : last + step], index[first - step : last - step]
+        known = (middle >= 0) & (up >= 0) & (down >= 0)
+        differs = ((up != middle) | (down != middle)) & known
+        shares.append(differs.sum() / max(1, known.sum()))
+    if min(shares) == 0.0:
+        return np.nan, np.nan
+    line = linregress(np.log(STEPS), np.log(shares))
+    return float(line.slope), float(line.stderr)
+
+
+def capacity(basins: xr.Dataset) -> xr.Dataset:
+    """Count the slots of all attractors that a dense set of launches leads to.
+
+    An attractor that repeats after q forcing periods exists in q copies, shifted by whole periods.
+    More particles than there are slots cannot stay separated, however they are launched.  An
+    attractor that no launch leads to is not counted: the number is a lower bound that rises with
+    the density of the launches.
+
+    Parameters
+    ----------
+    basins
+        Result of `vibrosweep.basins`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``capacity`` and its part ``capacity_without_rests`` (attractors on which no particle
+        rests); ``unsettled_fraction`` of the launches, which found no recurrent orbit; dim
+        ``attractor``: ``slots``, 0 for an index that is not a recurrent orbit.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable, or holds basins along a parameter.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import capacity
+    >>> plane = vs.basins(launch_velocity=[3.0, 5.0, 10.0], particles=50, duration=2000.0)
+    >>> int(capacity(plane).capacity)
+    2
+    """
+    basins = arranged(basins)
+    needed = ("regime", "cycle_periods", "cycle_rests", "fraction", "unsettled_fraction")
+    require(basins, "capacity", *needed, source="basins")
+    if basins["fraction"].dims != ("attractor",):
+        raise DataError(
+            f"capacity takes basins at one value of {basins.attrs['along']}: compute them with a "
+            f"single value"
+        )
+    orbit = np.isin(basins["regime"].values, (Regime.LOCKED, Regime.RESTING))
+    slots = np.where(orbit, basins["cycle_periods"].values, 0).astype(np.int64)
+    without = basins["regime"].values == Regime.LOCKED
+    return xr.Dataset(
+        {
+            "capacity": variable((), int(slots.sum()), "slots of all attractors found"),
+            "capacity_without_rests": variable(
+                (), int(slots[without].sum()), "slots of attractors on which no particle rests"
+            ),
+            "unsettled_fraction": variable(
+                (),
+                float(basins["fraction"].values[~orbit].sum() + basins["unsettled_fraction"]),
+                "fraction of launches that found no recurrent orbit",
+            ),
+            "slots": variable(("attractor",), slots, "slots of the attractor"),
+        }
+    )

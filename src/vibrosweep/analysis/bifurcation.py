@@ -1,9 +1,8 @@
-"""Bifurcation diagram along the forcing, each orbit continued from the previous point."""
+"""Bifurcation diagram along the forcing: orbits continued from point to point, or launched anew."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -14,27 +13,29 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.common import KEPT as ALWAYS_HELD
 from vibrosweep.analysis.common import (
     attributes,
+    batch_from,
     grid_axes,
+    launch_states,
     meaning,
+    reached,
     require_ability,
     require_memory,
+    settle_from,
     settling,
     shared,
 )
-from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import recorded
 from vibrosweep.engine.measure import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.memory import unwritten
 from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.settle import Orbits
-from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.forcing import FORCINGS, forcing_of
-from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS
+from vibrosweep.model.measures import VARIABLES, Regime
+from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS, STAGGERED
 from vibrosweep.model.shapes import SINE, TWO_PI
-from vibrosweep.model.status import Regime
 from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 
@@ -76,15 +77,16 @@ KEPT: Final = (
 
 
 def bifurcation(
-    sweep: Sweep, observable: str | OfImpacts, samples: int, threads: int
+    sweep: Sweep, observable: str | OfImpacts, samples: int, launches: int, threads: int
 ) -> xr.Dataset:
     """Follow the orbits of a sweep's particles up and down the forcing: `vibrosweep.bifurcation`.
 
     At the first point of each direction particles are launched as the scene says; at every further
     point they start from the state reached at the previous one.  They settle until they recur or
-    the duration is over, and then `samples` further impacts are kept.  Orbits that ``regime`` calls
-    unsettled may still approach an attractor.  Raises a SpecError unless the only axis of the
-    design is a forcing.
+    the duration is over, and then `samples` further impacts are kept.  As many staggered particles
+    as `launches` says are launched anew at every point.  Orbits that ``regime`` calls unsettled may
+    still approach an attractor.  Raises a SpecError unless the only axis of the design is a
+    forcing.
     """
     require_ability("bifurcation", sweep.scene, sweep.design.sampled)
     forcing = forcing_of(sweep.design.sampled)
@@ -95,31 +97,38 @@ def bifurcation(
         raise ParameterError(f"observable = {observable!r}: must be one of {known}")
     name = "observable" if callable(observable) else observable
     field, units, words = OBSERVABLES.get(name, ("", "1", name))
-    order = np.stack([a, a[::-1]])
-    shape = (len(DIRECTIONS), a.size, scene.particles)
+    many = replace(scene, particles=launches, launch=STAGGERED)
+    orbits_each = len(DIRECTIONS) * scene.particles + launches
     bytes_each = BYTES_PER_ORBIT + BYTES_PER_IMPACT * samples
-    require_memory(f"orbits with {samples} samples each", math.prod(shape), bytes_each)
-    values = unwritten((*shape, samples))
-    measured: dict[str, NDArray[Any]] = {}
+    require_memory(f"orbits with {samples} samples each", a.size * orbits_each, bytes_each)
+
+    def observed(scene: Scene, parameters: dict[str, Array], orbits: Orbits) -> Array:
+        impacts = _impacts(scene, parameters, orbits, samples, workers)
+        if callable(observable):
+            return np.asarray(observable(impacts.phase, impacts.speed, scene.inputs["gravity"]))
+        return np.asarray(getattr(impacts, field))
+
+    order = np.stack([a, a[::-1]])
+    values = unwritten((len(DIRECTIONS), a.size, scene.particles, samples))
     states = launch_states(scene, scene.parameters({forcing: order[:, 0]}))
+    followed: list[Orbits] = []
     with Workers(threads) as workers:
         for i in range(a.size):
             parameters = scene.parameters({forcing: order[:, i]})
-            orbits = settle_from(scene, parameters, states, workers)
-            states = reached(orbits, scene.particles)
-            impacts = _impacts(scene, parameters, orbits, samples, workers)
+            followed.append(settle_from(scene, parameters, states, workers))
+            states = reached(followed[-1], scene.particles)
             at = (np.arange(len(DIRECTIONS)), np.array([i, a.size - 1 - i]))
-            if callable(observable):
-                values[at] = observable(impacts.phase, impacts.speed, scene.inputs["gravity"])
-            else:
-                values[at] = getattr(impacts, field)
-            found = orbit_variables(orbits, parameters["frequency"])
-            for kept in KEPT:
-                array = measured.setdefault(kept, unwritten(shape, found[kept].dtype))
-                array[at] = found[kept]
-    dims = ("direction", forcing, "particle", "sample")
-    data: dict[str, Any] = {n: (dims[:-1], v, VARIABLES[n].attributes) for n, v in measured.items()}
-    data[name] = (dims, values, meaning(words, units))
+            values[at] = observed(scene, parameters, followed[-1])
+        parameters = scene.parameters({forcing: a})
+        anew = settle_from(many, parameters, launch_states(many, parameters), workers)
+        launched = observed(many, parameters, anew)
+    found = orbit_variables(_together(followed, anew, a.size), parameters["frequency"])
+    data = _regimes(found, scene.particles, forcing) | _coexistence(found, forcing, a)
+    for one, axes, impacts in (
+        (name, ("direction", forcing, "particle"), values),
+        (f"launched_{name}", (forcing, "launch"), launched),
+    ):
+        data[one] = ((*axes, "sample"), impacts, meaning(words, units))
     quantities = scene.quantities({forcing: a})
     coordinates: dict[str, Any] = {
         n: (forcing, quantities[n], coordinate_attributes(FORCINGS[n]))
@@ -134,17 +143,66 @@ def bifurcation(
     )
 
 
+def _together(followed: Sequence[Orbits], anew: Orbits, points: int) -> Orbits:
+    """Orbits that are followed up and down, and launched anew, in the order of the points."""
+
+    def joined(of_steps: Sequence[NDArray[Any]], fresh: Any) -> NDArray[Any]:
+        each = np.array(of_steps).reshape(points, len(DIRECTIONS), -1)
+        parts = each[:, 0], each[::-1, 1], fresh.reshape(points, -1)
+        return np.concatenate(parts, axis=1).ravel()
+
+    pairs = zip(zip(*followed, strict=True), anew, strict=True)
+    return Orbits._make(joined(steps, fresh) for steps, fresh in pairs)
+
+
+def _regimes(found: Mapping[str, NDArray[Any]], particles: int, forcing: str) -> dict[str, Any]:
+    """Variables of orbits that are followed, and of those launched anew, as by `_together`."""
+    data: dict[str, Any] = {}
+    for name in KEPT:
+        up, down, anew = np.split(found[name], [particles, 2 * particles], axis=1)
+        attrs = VARIABLES[name].attributes
+        data[name] = (("direction", forcing, "particle"), np.stack([up, down]), attrs)
+        data[f"launched_{name}"] = ((forcing, "launch"), anew, attrs)
+    return data
+
+
+def _coexistence(found: Mapping[str, NDArray[Any]], forcing: str, a: Array) -> dict[str, Any]:
+    """Number of attractors at each point, and where the first positive exponent lies."""
+    aperiodic, at_rest = (
+        found[f"{regime.meaning}_count"] > 0 for regime in (Regime.APERIODIC, Regime.AT_REST)
+    )
+    words = meaning("number of different attractors that were found")
+    words["comment"] = "all aperiodic orbits count as one; unsettled ones do not count"
+    ends = np.full(2, np.nan)
+    if aperiodic.any():
+        first = int(np.argmax(aperiodic))
+        ends[:] = a[first - 1] if first else np.nan, a[first]
+    units = FORCINGS[forcing].units
+    return {
+        "attractors": (forcing, found["orbit_count"] + at_rest + aperiodic, words),
+        "chaos_low": ((), ends[0], meaning("last point before the first positive exponent", units)),
+        "chaos_high": ((), ends[1], meaning("first point with a positive exponent", units)),
+    }
+
+
 def summary(diagram: xr.Dataset) -> Iterator[str]:
-    """Describe the shares of the regimes, in one line for each direction."""
-    along = diagram.attrs["forcing"].removeprefix("base_")
-    for direction in diagram["direction"].values:
-        regimes = diagram["regime"].sel(direction=direction).values.ravel()
+    """Describe the shares of the regimes, attractors that coexist, and where chaos begins."""
+    along, forcing = diagram.attrs["forcing"].removeprefix("base_"), diagram.attrs["forcing"]
+    each = {f"{along} {one}": diagram["regime"].sel(direction=one) for one in DIRECTIONS}
+    each["launched anew"] = diagram["launched_regime"]
+    for name, regimes in each.items():
         parts = [
-            f"{one.meaning.replace('_', ' ')} {np.mean(regimes == one):.1%}"
+            f"{one.meaning.replace('_', ' ')} {np.mean(regimes.values == one):.1%}"
             for one in Regime
-            if np.any(regimes == one)
+            if np.any(regimes.values == one)
         ]
-        yield f"{f'{along} {direction}':24}{', '.join(parts)}"
+        yield f"{name:24}{', '.join(parts)}"
+    several = diagram[forcing].values[diagram["attractors"].values > 1]
+    ends = f", from {several[0]:.6g} to {several[-1]:.6g}" if several.size else ""
+    yield f"{'several attractors':24}at {several.size} of {diagram[forcing].size} values{ends}"
+    low, high = (float(diagram[f"chaos_{end}"]) for end in ("low", "high"))
+    first = f"at {high:.6g}" if np.isnan(low) else f"above {low:.6g}, at most at {high:.6g}"
+    yield f"{'positive exponent':24}{'none was found' if np.isnan(high) else f'first {first}'}"
 
 
 def _impacts(

@@ -1,4 +1,4 @@
-"""Tools of analyses that call the engine: axes, attributes and variables of a result."""
+"""Tools of analyses that call the engine: axes, variables, states that orbits continue from."""
 
 from __future__ import annotations
 
@@ -7,23 +7,38 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep import theory
 from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
+from vibrosweep.engine.measure import find_orbits
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.settle import Orbits
 from vibrosweep.mistakes import ABSENT, Mistake, Word
 from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
 from vibrosweep.model.measures import Variable
-from vibrosweep.model.parameters import STREAM
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    STREAM,
+    Dimensionless,
+    Launches,
+    Periods,
+    dimensionless,
+    in_seconds,
+    launches,
+    taken,
+)
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.times import Periods, in_seconds
+from vibrosweep.model.shapes import SINE
 from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes
 from vibrosweep.scene.design import GRID
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.system import physical_memory
 
+States = NDArray[np.float64]
 Flags = tuple[tuple[int, str], ...]  # codes and their meanings
 
 # Forcings that every result holds
@@ -42,7 +57,7 @@ def settling(spec: Sweep, restitution: float) -> Scene:
     approaches 1.  A law of restitution is evaluated at the impact speed of that orbit, g / 2 f.
     """
     scene = spec.scene
-    if spec.states_duration:
+    if "duration" in spec.stated:
         return scene
     if scene.restitution_law != CONSTANT:
         speed = scene.inputs["gravity"] / (2.0 * scene.inputs["frequency"])
@@ -143,3 +158,62 @@ def require_memory(what: str, count: int, bytes_each: int) -> None:
             f"{count} {what} need {count * bytes_each / 2**30:.3g} GiB of memory, but this machine "
             f"has {available / 2**30:.3g} GiB: take fewer of them"
         )
+
+
+def lift_off_speeds(scene: Scene, problem: Dimensionless, phase: Array, speed: Array) -> Array:
+    """Absolute speed of states whose speed is relative to the base, in units of g / (2 f).
+
+    Phase in turns and speed are those of lift-off; the problem's arrays must broadcast with them.
+    """
+    if scene.base == HIGH_BOUNCE:
+        return speed
+    alpha, shape = problem.kick / (1.0 + problem.restitution), scene.waveform
+    w = np.sin(2.0 * np.pi * phase) if shape == SINE else shape.velocity(phase)
+    return np.asarray(speed + alpha * w)
+
+
+def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
+    """States of the scene's launches: phase of the forcing in turns, and speed at lift-off.
+
+    Shape (point, particle, 2).  The speed is relative to the base, in units of g / (2 f).  The
+    parameters are those of `Scene.parameters`, of shape (point,).
+    """
+    problem = dimensionless(parameters, scene.duration)
+    problem = taken(problem, (slice(None), np.newaxis))
+    launch = launches(scene.launch, scene.particles, parameters["frequency"])
+    phase = launch.phase + problem.phase
+    phase -= np.rint(phase)
+    at_rest = lift_off_speeds(scene, problem, phase, np.zeros_like(phase))
+    return np.stack([phase, problem.launch_flight - at_rest], axis=-1)
+
+
+def batch_from(
+    scene: Scene, parameters: dict[str, Array], states: States
+) -> tuple[Dimensionless, Launches]:
+    """Problem and launches of particles that continue from given states.
+
+    Each particle becomes a realization.  Parameters and states are those of `launch_states`.
+    """
+    phase, speed = np.ascontiguousarray(states.reshape(-1, 2).T)
+    repeated = {name: np.repeat(values, states.shape[1]) for name, values in parameters.items()}
+    repeated["phase"] = np.zeros_like(phase)  # phases of the states are those of the forcing
+    problem = dimensionless(repeated, scene.duration, scene.measures.transient)
+    problem = problem._replace(launch_flight=lift_off_speeds(scene, problem, phase, speed))
+    return problem, Launches(np.zeros((phase.size, 1)), phase[:, np.newaxis])
+
+
+def reached(orbits: Orbits, particles: int) -> States:
+    """States that orbits have reached, as `launch_states`."""
+    return np.stack([orbits.phase, orbits.flight], axis=-1).reshape(-1, particles, 2)
+
+
+def settle_from(
+    scene: Scene, parameters: dict[str, Array], states: States, workers: Workers
+) -> Orbits:
+    """Orbits that particles settle on from given states, ordered by point, then by particle.
+
+    The arguments are those of `batch_from`.
+    """
+    problem, launch = batch_from(scene, parameters, states)
+    alone = replace(scene.only(), particles=1, launch=(0.0,))
+    return find_orbits(problem, launch, alone, workers)

@@ -1,30 +1,72 @@
-"""Conditions on a realization, each a function of measured variables."""
+"""Conditions on a realization, and where they hold: at points of a plane, and under noise.
+
+Under noise a condition holds in a share of replicas.  Replica r takes stream r of random numbers at
+every point, so that shares vary smoothly with the parameters.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.common import States, reached, settle_from
+from vibrosweep.analysis.datasets import require, shares, variable
+from vibrosweep.arrays import Array
+from vibrosweep.engine.measure import measure, orbit_variables, statistics
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.fixed import (
+    ABSENT,
+    ATTRACTS,
+    REPELS,
+    FixedOrbits,
+    empty_fixed,
+    end_errors,
+    find_fixed,
+    may_push_back,
+)
+from vibrosweep.kernels.impact import base_of
+from vibrosweep.kernels.statistics import LONGEST, RESTS, SHORTEST
 from vibrosweep.model.functions import digest_of, is_function, plain, source_of
-from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, known
-from vibrosweep.model.status import Regime, Status
+from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, Regime, Status, known
+from vibrosweep.model.parameters import (
+    STREAM,
+    Dimensionless,
+    Launches,
+    dimensionless,
+)
+from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.scene.scene import Scene
 from vibrosweep.store.arranged import arranged
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 __all__ = ["FAILS", "HOLDS", "NAMES", "UNDETERMINED", "Condition", "Locked", "named"]
 
 Codes = NDArray[np.int64]
-
 FAILS, HOLDS = 0, 1  # codes of a decided condition
+Points = dict[str, Array]  # restitution, and the forcing by its name, each of shape (point,)
+STATES: Final = 3  # of a fixed orbit
+# Codes of `locked` for which an orbit attracts; they include `HOLDS`, a code of other conditions
+HOLDING: Final = frozenset(
+    straight + STATES * turned
+    for straight in (ABSENT, ATTRACTS, REPELS)
+    for turned in (ABSENT, ATTRACTS, REPELS)
+    if ATTRACTS in (straight, turned)
+)
+TRAJECTORIES_AT_A_TIME: Final = 1 << 18
+FIXED_PER_TASK: Final = 256
+REPLICAS: Final = 100
+NEAR: Final = 0.25  # forcing periods by which a flight of a locked particle may differ from k
+DIMS: Final = ("condition", "direction", "restitution", "scan")
+COMMENT: Final = (
+    "for locked(k) the share of replicas and particles that begin on the orbit and are locked at "
+    "the end, 0 where there is no orbit; NaN where no replica is decided"
+)
 
 
 @dataclass(frozen=True)
@@ -218,6 +260,8 @@ NAMED: Final = {
         ),
     )
 }
+
+
 NAMES: Final = ("locked(k)", *NAMED)
 
 
@@ -231,3 +275,196 @@ def named(name: str) -> Condition | Locked:
             f"condition {name!r} is not known; choose from {', '.join(NAMES)} with k = 1, 2, ..."
         )
     return NAMED[name]
+
+
+def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any]) -> xr.Dataset:
+    """Dataset that a condition takes: variables, parameters as coordinates, number of particles."""
+    return xr.Dataset(
+        {name: (VARIABLES[name].dims, v) for name, v in measured.items() if name in VARIABLES},
+        coords={name: ("realization", values) for name, values in parameters.items()},
+        attrs={"particles": scene.particles},
+    )
+
+
+def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) -> Codes:
+    """Code of the states of the fixed orbits at each point, shape (point,).
+
+    An orbit is absent, attracting or repelling.  Under the law `reflect` there may be two orbits,
+    one of them reflected at every impact, and the code combines both states.  Along the
+    forcing each orbit is first absent, then attracting, then repelling, so that no code occurs in
+    two intervals: between two points of the same code nothing changes.
+    """
+    problem = dimensionless(scene.parameters(points), scene.duration)
+
+    def state(sign: float) -> Codes:
+        return fixed_orbits(scene, condition.k, sign, problem, workers).state.astype(np.int64)
+
+    straight = state(1.0)
+    return straight + STATES * state(-1.0) if may_push_back(scene.rebound) else straight
+
+
+def fixed_orbits(
+    scene: Scene, k: int, sign: float, problem: Dimensionless, workers: Workers
+) -> FixedOrbits:
+    """Fixed orbits of k periods of each problem, without noise; `sign` as in `find_fixed`."""
+    found, base = empty_fixed(problem.kick.size), base_of(*scene.mechanics)
+    modes = np.full(problem.kick.size, k)
+    workers.run(
+        lambda first, last: find_fixed(first, last, base, problem, modes, sign, found),
+        modes.size,
+        FIXED_PER_TASK,
+        found,
+    )
+    return found
+
+
+def law_errors(scene: Scene, condition: Locked, points: Points) -> Array:
+    """Relative error that a law of restitution adds to the end of a window at each point."""
+    found = np.zeros(points["restitution"].size)
+    if scene.restitution_law == CONSTANT or not found.size:
+        return found
+    problem = dimensionless(scene.parameters(points), scene.duration)
+    end_errors(base_of(*scene.mechanics), problem, condition.k, found)
+    return np.asarray(found / problem.kick)
+
+
+def launched(scene: Scene, condition: Condition, points: Points, workers: Workers) -> Codes:
+    """Code of a condition for the scene's launches at each point; shape (point,)."""
+    held = [
+        condition_codes(scene, condition, scene.parameters(piece), workers)
+        for piece in in_pieces(points, scene.particles)
+    ]
+    return np.concatenate(held)
+
+
+def in_pieces(points: Points, trajectories: int) -> Iterator[Points]:
+    """Yield the points, each with that many trajectories, in pieces that take little memory."""
+    size = max(1, TRAJECTORIES_AT_A_TIME // trajectories)
+    for start in range(0, points["restitution"].size, size):
+        yield {name: values[start : start + size] for name, values in points.items()}
+
+
+def condition_codes(
+    scene: Scene, condition: Condition, parameters: dict[str, Array], workers: Workers
+) -> Codes:
+    """Code of a condition for the scene's launches in each realization."""
+    measured = measure(parameters, scene.only(**condition.measures), workers)
+    return condition.judge(_dataset(scene, parameters, measured))
+
+
+def continued(
+    scene: Scene, condition: Condition, points: Points, states: States, workers: Workers
+) -> tuple[Codes, States]:
+    """Code of a condition for orbits continued from given states, and their final states.
+
+    Raises a ParameterError for a condition on launches, which a continued orbit does not have.
+    """
+    parameters = scene.parameters(points)
+    orbits = settle_from(scene, parameters, states, workers)
+    measured = orbit_variables(orbits, parameters["frequency"])
+    del measured["recurrent_from"]  # counts from the last point, not from the launch
+    lacking = [name for name in condition.variables if name not in measured]
+    if lacking:
+        raise ParameterError(
+            f"condition {condition.name} reads {lacking[0]}, which depends on the launches: it "
+            f"cannot be continued along the forcing; leave continuation out"
+        )
+    held = condition.judge(_dataset(scene, parameters, measured))
+    return held, reached(orbits, scene.particles)
+
+
+class Share(NamedTuple):
+    """Numbers of independent trials at each point: those in which a condition holds, and all.
+
+    Trials in which the condition is undetermined do not count.
+    """
+
+    held: Array  # each of shape (point,)
+    tried: Array
+
+    @property
+    def codes(self) -> Codes:
+        """Code for each point: `HOLDS` if the condition holds in at least half of the trials."""
+        half = np.where(2.0 * self.held >= self.tried, HOLDS, FAILS)
+        return np.where(self.tried > 0.0, half, UNDETERMINED)
+
+    def variables(self, shape: tuple[int, ...]) -> dict[str, xr.Variable]:
+        """Shares with their intervals, as variables of a dataset."""
+        share, low, high = (one.reshape(shape) for one in shares(self.held, self.tried))
+        words = "share of replicas in which the condition holds"
+        ends = "end of the 95 % interval of the share"
+        return {
+            "share": variable(DIMS, share, words, comment=COMMENT),
+            "share_low": variable(DIMS, low, f"lower {ends}"),
+            "share_high": variable(DIMS, high, f"upper {ends}"),
+        }
+
+
+def share_of(
+    scene: Scene, condition: Condition | Locked, points: Points, replicas: int, workers: Workers
+) -> Share:
+    """Count the trials in which a condition holds at each point."""
+    share = _locked if isinstance(condition, Locked) else _launched
+    found = [
+        share(scene, condition, piece, replicas, workers)  # type: ignore[arg-type]
+        for piece in in_pieces(points, scene.particles * replicas)
+    ]
+    return Share(*(np.concatenate(part) for part in zip(*found, strict=True)))
+
+
+def _repeated(parameters: Mapping[str, Array], replicas: int) -> dict[str, Array]:
+    """Parameters of every replica of the realizations, with its stream of random numbers."""
+    found = {name: np.repeat(values, replicas) for name, values in parameters.items()}
+    size = parameters["restitution"].size
+    return found | {STREAM: np.tile(np.arange(replicas, dtype=np.float64), size)}
+
+
+def _launched(
+    scene: Scene, condition: Condition, points: Points, replicas: int, workers: Workers
+) -> Share:
+    """Count the replicas of the scene's launches in which a condition holds."""
+    parameters = _repeated(scene.parameters(points), replicas)
+    codes = condition_codes(scene, condition, parameters, workers).reshape(-1, replicas)
+    held, tried = (codes == HOLDS).sum(axis=1), (codes != UNDETERMINED).sum(axis=1)
+    return Share(held.astype(np.float64), tried.astype(np.float64))
+
+
+def _locked(
+    scene: Scene, condition: Locked, points: Points, replicas: int, workers: Workers
+) -> Share:
+    """Count the particles that begin on the orbit of k periods and are locked to it at the end.
+
+    A particle is locked if it has landed, has not rested, and every flight was within `NEAR` of k
+    periods.  Particles that share the noise of the drive count together as one trial.
+    """
+    k, parameters = float(condition.k), scene.parameters(points)
+    problem = dimensionless(parameters, scene.duration)._replace(noise=None)
+    phase = fixed_orbits(scene, condition.k, 1.0, problem, workers).phase
+    alive = np.isfinite(phase)
+    held, trials = np.zeros(phase.size), scene.particles
+    if alive.any():
+        kept = {name: values[alive] for name, values in parameters.items()}
+        begun = np.repeat(phase[alive], replicas)
+        noisy, launch = _from_orbit(scene, _repeated(kept, replicas), begun, k)
+        found = statistics(noisy, launch, scene, workers, more=(SHORTEST, LONGEST))
+        stays = (found.landings > 0) & (found.totals[RESTS] == 0.0)
+        stays &= (found.total("flight_min") > k - NEAR) & (found.total("flight_max") < k + NEAR)
+        stays &= found.status == Status.COMPLETED
+        held[alive] = stays.reshape(alive.sum(), -1).sum(axis=1)
+    if "drive_noise" in parameters:
+        held, trials = held / trials, 1
+    return Share(held, np.full(phase.size, float(replicas * trials)))
+
+
+def _from_orbit(
+    scene: Scene, parameters: dict[str, Array], phase: Array, k: float
+) -> tuple[Dimensionless, Launches]:
+    """Problem and launches of particles that begin with a flight of k periods at a phase.
+
+    Over any base that flight begins and ends at the same height: its absolute speed is k g / 2 f.
+    """
+    parameters["phase"] = np.zeros_like(phase)  # the phase is that of the forcing
+    problem = dimensionless(parameters, scene.duration, scene.measures.transient)
+    shape = phase.size, scene.particles
+    at = np.ascontiguousarray(np.broadcast_to(phase[:, np.newaxis], shape))
+    return problem._replace(launch_flight=np.full(phase.size, k)), Launches(np.zeros(shape), at)

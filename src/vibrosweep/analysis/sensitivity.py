@@ -10,14 +10,20 @@ import xarray as xr
 
 from vibrosweep.abilities import refusal
 from vibrosweep.analysis.common import require_ability
-from vibrosweep.analysis.records import table, variable
+from vibrosweep.analysis.datasets import table, variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.mistakes import RANGE
-from vibrosweep.model.measures import MEASURE_OF, OF_REALIZATIONS, UNDETERMINED, VARIABLES, known
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import (
+    MEASURE_OF,
+    OF_REALIZATIONS,
+    UNDETERMINED,
+    VARIABLES,
+    Status,
+    known,
+)
 from vibrosweep.runs.result import observation_of_orbits
 from vibrosweep.scene.design import Range
 from vibrosweep.scene.realizations import open_design
@@ -143,7 +149,6 @@ def _indices(parts: Array) -> Array:
     """First-order and total indices, shape (2, output, parameter)."""
     from scipy.stats import sobol_indices as scipy_indices
 
-    parts = parts.copy()  # SciPy 1.11 subtracts the means in place
     functions: dict[Literal["f_A", "f_B", "f_AB"], Array] = {
         "f_A": parts[:, 0],
         "f_B": parts[:, 1],

@@ -1,27 +1,69 @@
-"""Distribution of the smallest separation over realizations, and its dependence on parameters."""
+"""Separations of a sweep, and separations and order compared with those of independent landings.
+
+Independent landings come close by chance.  Particle i lands n_i times in a window T, at phases of
+the density rho_i (in turns); if it lands at most about once per forcing period, coincidences of
+particles are a Poisson process: with
+
+    Lambda = sum over pairs i < j of (2 n_i n_j / T) int rho_i rho_j
+
+z = Lambda dt_min is distributed as Exp(1), and chance gives a separation at least as small with
+the probability 1 - exp(-z).  Uniform phases make the integral 1.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.basin_shape import share_interval
-from vibrosweep.analysis.records import completed, equal_parts, table, variable
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import (
+    completed,
+    equal_parts,
+    per_realization,
+    require,
+    share_interval,
+    table,
+    variable,
+)
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError, require_one_of
-from vibrosweep.model.measures import UNDETERMINED, VARIABLES
-from vibrosweep.store.arranged import require_datasets
-from vibrosweep.store.rows import flat
+from vibrosweep.model.measures import UNDETERMINED, VARIABLES, Status
+from vibrosweep.store.arranged import arranged, flat, require_datasets
 
-__all__ = ["QUANTILES", "compare_separations", "separation_against", "separation_distribution"]
+__all__ = [
+    "QUANTILES",
+    "compare_separations",
+    "order_against_chance",
+    "separation_against",
+    "separation_distribution",
+    "separations_against_chance",
+]
 
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
 MEASURES: Final = ("dt_min", "dt_min_same_index")
+# Harmonics of a density of phases: peaks down to 1/32 of a turn are resolved
+HARMONICS: Final = 16
+# Phases count as discrete, as on a cycle of up to ten impacts, where the mean square of the upper
+# half of the harmonics exceeds this: a smooth density has hardly any such harmonics
+POINTS: Final = 0.1
+# Most landings per forcing period: above it landings cluster (chattering) and are not independent
+OFTEN: Final = 1.2
+# Rounding of shifted times, relative to the window
+ROUNDING: Final = 1e-13
+_NAMES: Final = {
+    "coincidence_rate": ("rate of coincidences of independent landings, Lambda", "s-1"),
+    "dt_min": ("smallest separation in the window", "s"),
+    "dt_min_over_chance": ("smallest separation times the rate, z: Exp(1) for chance", "1"),
+    "dt_min_chance": ("probability that chance gives a dt_min at least as small", "1"),
+    "phase_factor": ("rate of coincidences over that of uniform phases", "1"),
+    "dt_min_surrogate_share": ("share of surrogates with a dt_min at least as small", "1"),
+    "order_over_chance": ("N R^2 of the last landings: Exp(1) for many uniform phases", "1"),
+    "order_chance": ("probability that chance gives an order parameter at least as large", "1"),
+    "gap_chance": ("probability that chance gives a smallest gap at least as small", "1"),
+}
 
 
 def separation_distribution(
@@ -232,3 +274,237 @@ def _parts(parts: Sequence[Array], measure: str, quantiles: Sequence[float]) -> 
     return found.assign(
         separation_quantile=variable(("part", "quantile"), statistics[:, 5:], words, "s")
     ).assign_coords(quantile=variable("quantile", np.asarray(quantiles), "quantile"))
+
+
+class _Window(NamedTuple):
+    """Landings of one realization; each array of shape (landing,)."""
+
+    who: NDArray[np.int64]
+    time: Array  # since the beginning of the window, forcing periods
+    phase: Array  # of the forcing, turns
+    periods: int  # in the window
+    particles: int
+
+
+def order_against_chance(
+    record: xr.Dataset, *, since: float = 0.0, surrogates: int = 199, seed: int = 0
+) -> xr.Dataset:
+    """Compare separations, order parameter and gaps of a record with chance.
+
+    The rate Lambda uses the phases of the record: its integrals are sums over 16 harmonics,
+    without bias because no landing is paired with itself.  A surrogate keeps the phases of each
+    particle and shifts its landings by a random whole number of periods, circularly in a window of
+    whole periods: a difference from the surrogates shows order beyond that of the phases.  The
+    order parameter R and the smallest gap of the phases of the last landings, one per particle, are
+    compared with those of N independent uniform phases: N R^2 is Exp(1) for large N (the
+    probability has Rayleigh's correction of order 1/N), and the smallest gap on the circle exceeds
+    x with the probability (1 - N x)^(N - 1).
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    since
+        Beginning of the window, in s; it ends after the last whole period.
+    surrogates
+        Number of surrogates.
+    seed
+        Seed of the random shifts.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``realization``: ``dt_min`` (s), ``coincidence_rate`` (s-1) and its ratio to that of
+        uniform phases ``phase_factor``, ``dt_min_over_chance``, ``dt_min_chance``,
+        ``dt_min_surrogate_share``, ``order_over_chance``, ``order_chance`` and ``gap_chance``.
+        Variables that assume independent landings are NaN where a particle rests, lands more than
+        1.2 times per period, keeps to few phases, as a locked one does, or was not followed to the
+        end.
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+    ParameterError
+        The window is shorter than a forcing period, or `surrogates` is below 1.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import order_against_chance
+    >>> record = vs.simulate(amplitude=9.0, rebound="reflect", launch_time=[0.0, 0.5],
+    ...                      duration=300.0)
+    >>> found = order_against_chance(record, since=50.0)
+    >>> bool(0.0 < found.dt_min_chance < 1.0)
+    True
+    """
+    record = arranged(record)
+    needed = ("landing_time", "rested", "frequency", "phase", "duration")
+    require(record, "order_against_chance", *needed)
+    if surrogates < 1:
+        raise ParameterError(f"surrogates = {surrogates}: must be at least 1")
+    random = np.random.default_rng(seed)
+    found = [
+        _against_chance(record, i, since, random.integers(2**63, size=2), surrogates)
+        for i in range(record.sizes["realization"])
+    ]
+    return _dataset({name: np.array([values[name] for values in found]) for name in _NAMES})
+
+
+def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
+    """Compare the smallest separations of a sweep with chance, for uniform phases.
+
+    A sweep keeps no phases.  Where landings prefer some phases, coincidences are more frequent
+    than for uniform ones; `order_against_chance` takes that into account.
+
+    Parameters
+    ----------
+    sweep
+        Result of a sweep with separations and results of each particle.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``realization``: ``dt_min`` (s), ``coincidence_rate`` (s-1), ``dt_min_over_chance`` and
+        ``dt_min_chance``; NaN where a particle rests in the window, lands more than 1.2 times per
+        period, is locked (as far as the sweep has regimes), or was not followed to the end.
+
+    Raises
+    ------
+    DataError
+        The sweep lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import separations_against_chance
+    >>> sweep = vs.sweep(amplitude=(4.0, 9.0), rebound="reflect", realizations=50, particles=5,
+    ...                  separation=True, per_particle=True)
+    >>> separations_against_chance(sweep).dt_min_chance.dims
+    ('realization',)
+    """
+    sweep = flat(sweep)
+    needed = ("dt_min", "particle_impact_count", "rest_count", "frequency", "duration", "transient")
+    require(sweep, "separations_against_chance", *needed)
+    if "particle" not in sweep["particle_impact_count"].dims:
+        raise DataError("separations_against_chance needs the results of all particles")
+    dt, count = sweep["dt_min"].values, sweep["particle_impact_count"].values
+    count = np.where(count == UNDETERMINED, np.nan, count)
+    window = per_realization(sweep, "duration") - per_realization(sweep, "transient")
+    most = OFTEN * (per_realization(sweep, "frequency") * window)
+    rate = (count.sum(axis=1) ** 2 - (count**2).sum(axis=1)) / window
+    known = (sweep["rest_count"].values == 0) & (sweep["at_rest_count"].values == 0)
+    known &= (count <= most[:, np.newaxis]).all(axis=1) & completed(sweep)
+    if "locked_count" in sweep:
+        known &= sweep["locked_count"].values == 0
+    z = np.where(known, rate * dt, np.nan)
+    found = {"coincidence_rate": rate, "dt_min": dt, "dt_min_over_chance": z}
+    return _dataset({**found, "dt_min_chance": -np.expm1(-z)})
+
+
+def _dataset(values: dict[str, Array]) -> xr.Dataset:
+    dims = ("realization",)
+    return xr.Dataset({name: variable(dims, one, *_NAMES[name]) for name, one in values.items()})
+
+
+def _against_chance(
+    record: xr.Dataset, realization: int, since: float, seeds: NDArray[Any], surrogates: int
+) -> dict[str, float]:
+    """Values of the variables of one realization."""
+    frequency, turns, duration = (
+        float(per_realization(record, name)[realization])
+        for name in ("frequency", "phase", "duration")
+    )
+    counts = record["impact_count"].values[realization] if "impact_count" in record else 0
+    if np.all(counts == UNDETERMINED) or not np.isfinite(duration):  # without results
+        return dict.fromkeys(_NAMES, np.nan)
+    periods = int((duration - since) * frequency * (1.0 + ROUNDING))
+    if periods < 1:
+        raise ParameterError(
+            f"since = {since:g} s leaves less than a forcing period until {duration:g} s: begin "
+            f"the window earlier, or record for longer"
+        )
+    landing = record["landing_time"].values[realization]
+    inside = (landing >= since) & (landing < since + periods / frequency)
+    who = np.nonzero(inside)[0]
+    time = (landing[inside] - since) * frequency
+    phase = frequency * landing[inside] + turns / (2.0 * np.pi)
+    window = _Window(who, time, phase, periods, landing.shape[0])
+    smallest = _smallest(window.time, window.who)
+    shares = _surrogates(window, smallest, seeds, surrogates)
+    rests = bool((record["rested"].values[realization][inside] == 1).any())
+    rate, uniform = _rates(window)
+    status = record["status"].isel(realization=realization) if "status" in record else 0
+    lost = np.any(status != Status.COMPLETED)
+    z = np.nan if rests or lost or not rate > 0.0 else rate * smallest
+    return {
+        "coincidence_rate": rate * frequency,
+        "dt_min": smallest / frequency,
+        "dt_min_over_chance": z,
+        "dt_min_chance": -np.expm1(-z),
+        "phase_factor": rate / uniform if uniform else np.nan,
+        "dt_min_surrogate_share": shares,
+        **_phases(window),
+    }
+
+
+def _smallest(time: Array, who: NDArray[np.int64]) -> float:
+    """Smallest separation of landings of different particles; NaN unless two have landed."""
+    order = np.argsort(time, kind="stable")
+    gaps, other = np.diff(time[order]), np.diff(who[order]) != 0
+    return float(gaps[other].min()) if other.any() else np.nan
+
+
+def _rates(window: _Window) -> tuple[float, float]:
+    """Rate of coincidences per period, and that of uniform phases.
+
+    The former is NaN where landings are not independent samples of a density of phases.
+    """
+    count = np.bincount(window.who, minlength=window.particles).astype(np.float64)
+    uniform = float(count.sum() ** 2 - (count**2).sum()) / window.periods
+    order = np.arange(1, HARMONICS + 1)[:, np.newaxis]
+    wave = np.exp(2j * np.pi * order * window.phase)
+    sums = np.array(  # over the landings of each particle
+        [
+            np.bincount(window.who, part, window.particles)
+            for harmonic in wave
+            for part in (harmonic.real, harmonic.imag)
+        ]
+    ).reshape(HARMONICS, 2, window.particles)
+    square = (sums**2).sum(axis=1)
+    pairs = (sums.sum(axis=2) ** 2).sum(axis=1) - square.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        upper = ((square - count) / (count * (count - 1.0)))[HARMONICS // 2 :].mean(axis=0)
+        noise = 3.0 / (count * np.sqrt(HARMONICS / 2))
+    if np.any(count > OFTEN * window.periods) or np.any(upper > POINTS + noise):
+        return np.nan, uniform
+    return uniform + 2.0 * float(pairs.sum()) / window.periods, uniform
+
+
+def _surrogates(window: _Window, smallest: float, seeds: NDArray[Any], number: int) -> float:
+    """Share of the surrogates, counting the record as one, with a dt_min at least as small."""
+    if np.isnan(smallest):
+        return np.nan
+    random = np.random.default_rng(seeds)
+    reach = smallest + ROUNDING * window.periods
+    found = 1
+    for _ in range(number):
+        shift = random.integers(window.periods, size=window.particles)
+        shifted = (window.time + shift[window.who]) % window.periods
+        found += _smallest(shifted, window.who) <= reach
+    return found / (number + 1)
+
+
+def _phases(window: _Window) -> dict[str, float]:
+    """Order parameter and smallest gap of the last landings against uniform phases."""
+    order = np.argsort(window.time, kind="stable")
+    last = dict(zip(window.who[order], window.phase[order], strict=True))
+    phases = np.array(list(last.values())) % 1.0
+    n = phases.size
+    if n < 2:
+        return dict.fromkeys(("order_over_chance", "order_chance", "gap_chance"), np.nan)
+    z = n * float(abs(np.exp(2j * np.pi * phases).mean())) ** 2
+    gap = float(np.diff(np.sort(phases), append=phases.min() + 1.0).min())
+    above = float(np.clip(np.exp(-z) * (1.0 + (2.0 * z - z * z) / (4.0 * n)), 0.0, 1.0))
+    below = 1.0 - max(0.0, 1.0 - n * gap) ** (n - 1)
+    return {"order_over_chance": z, "order_chance": above, "gap_chance": below}

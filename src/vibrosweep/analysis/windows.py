@@ -5,53 +5,131 @@ to hold; all these edges, of all restitutions, are then bisected together.  A wi
 the step of the scan may hide between two of its points: the scan is the resolution.  Locked orbits
 are the exception, since a scan also detects orbits that exist without being stable: every window of
 a locked orbit that is wider than the tolerance is found.  Under a waveform other than the sine a
-mode may have several windows, which may overlap: those of all branches are listed, from closed
-forms.
+mode may have several windows, which may overlap: those of all branches are listed.  Their
+ends have closed forms (`vibrosweep.model.locked_theory`), except where the particle begins to land
+earlier, or to rest; such ends are searched at `PHASES` phases of each window and bisected.
+
+A code is the state at a point: 0 or 1 for a condition, and more values where a coarse scan could
+step over an intermediate state.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from vibrosweep.analysis import evaluate
-from vibrosweep.analysis.bisection import Window, find_edges, windows_of_row
 from vibrosweep.analysis.common import (
     attributes,
     grid_axes,
+    launch_states,
     meaning,
     require_ability,
     require_memory,
     settling,
     shared,
 )
-from vibrosweep.analysis.conditions import FAILS, HOLDS, NAMED, NAMES, Condition, Locked, named
-from vibrosweep.analysis.replicas import REPLICAS, Share, share_of
-from vibrosweep.analysis.shaped_windows import rows_of_shape
-from vibrosweep.analysis.window_codes import ENDS, FRESH, HELD, NO_WINDOW, code_of_ends
+from vibrosweep.analysis.conditions import (
+    FAILS,
+    HOLDING,
+    HOLDS,
+    NAMED,
+    NAMES,
+    REPLICAS,
+    UNDETERMINED,
+    Condition,
+    Locked,
+    Share,
+    continued,
+    launched,
+    law_errors,
+    locked,
+    named,
+    share_of,
+)
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.fixed import END_ERROR
-from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.kernels.arithmetic import HALF_ULP
+from vibrosweep.kernels.fixed import (
+    ABSENT,
+    ATTRACTS,
+    END_ERROR,
+    REPELS,
+    conditions,
+    empty_fixed,
+    may_push_back,
+    orbits_hold,
+)
+from vibrosweep.kernels.impact import base_of
+from vibrosweep.kernels.memory import unwritten
 from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
-from vibrosweep.model.parameters import NOISE, PARAMETERS
+from vibrosweep.model.locked_theory import FOLD, NONE, LockedWindow, Mode, mode_of, windows_of
+from vibrosweep.model.measures import Variable
+from vibrosweep.model.orbit_theory import moves
+from vibrosweep.model.parameters import NOISE, PARAMETERS, dimensionless
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE
 from vibrosweep.runs.result import coordinate_attributes, short_observation
 from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from vibrosweep.analysis.bisection import Codes
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["DIRECTIONS", "TOLERANCE", "find_windows"]
+__all__ = [
+    "DIRECTIONS",
+    "ENDS",
+    "NO_WINDOW",
+    "OPEN_END",
+    "PROVED",
+    "TOLERANCE",
+    "UNDETERMINED_ABOVE",
+    "UNDETERMINED_BELOW",
+    "find_windows",
+]
 
-
+FRESH: Final = ("launch",)  # the only direction without continuation
+NO_WINDOW: Final = -1
+PROVED, OPEN_END = 1, 2  # codes of a proof
+OPEN_BELOW, OPEN_ABOVE = 1, 2
+UNDETERMINED_BELOW, UNDETERMINED_ABOVE = 4, 8
+ENDS: Final = Variable(
+    "window_ends",
+    ("condition", "direction", "restitution", "window"),
+    "int8",
+    "1",
+    "ends of the window that are not edges of the condition",
+    flags=(
+        (NO_WINDOW, "no_window"),
+        (0, "closed"),
+        (OPEN_BELOW, "open_below"),
+        (OPEN_ABOVE, "open_above"),
+        (OPEN_BELOW + OPEN_ABOVE, "open_both"),
+        (UNDETERMINED_BELOW, "undetermined_below"),
+        (UNDETERMINED_BELOW + OPEN_ABOVE, "undetermined_below_open_above"),
+        (UNDETERMINED_ABOVE, "undetermined_above"),
+        (OPEN_BELOW + UNDETERMINED_ABOVE, "open_below_undetermined_above"),
+        (UNDETERMINED_BELOW + UNDETERMINED_ABOVE, "undetermined_both"),
+    ),
+    comment="open: the window reaches the end of the scan; undetermined: beyond this end, up "
+    "to the next code, it is not known whether the condition holds",
+)
+HELD: Final = Variable(
+    "holds",
+    ("condition", "direction", "restitution", "scan"),
+    "int8",
+    "1",
+    "whether the condition holds at a point of the scan",
+    flags=((UNDETERMINED, "undetermined"), (FAILS, "fails"), (HOLDS, "holds")),
+)
+Codes = NDArray[np.int64]
+# Rows, positions and initial states (first axis: point) -> codes and final states.  The states are
+# empty if every point is evaluated independently.
+Evaluate = Callable[[Codes, Array, Array], tuple[Codes, Array]]
 TOLERANCE: Final = 1e-9
 NOISY_TOLERANCE: Final = 1e-3  # under noise
 DIRECTIONS: Final = ("up", "down")
@@ -65,6 +143,12 @@ OF_ENDS: Final = (  # comment on the ends of windows
 )
 BYTES_PER_POINT: Final = 200
 BYTES_PER_STATE: Final = 16  # of a continued particle at a point
+PHASES: Final = 257
+HALVINGS: Final = 45
+PER_TASK: Final = 256
+BEYOND: Final = {FOLD: ABSENT, NONE: None}  # code beyond an end; elsewhere the orbit repels
+CONVERTED: Final = 2.0**-49  # relative error of a forcing computed from a kick
+Holds = Callable[[Array, Array], NDArray[np.bool_]]  # of phases and kicks
 
 
 def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
@@ -200,15 +284,15 @@ def _windows(
     def judge(rows: Codes, at: Array, states: Array) -> tuple[Codes, Array]:
         points = {"restitution": e[rows], forcing: at}
         if isinstance(condition, Locked):
-            return evaluate.locked(scene, condition, points, workers), states
+            return locked(scene, condition, points, workers), states
         if direction in FRESH:
-            return evaluate.launched(scene, condition, points, workers), states
-        return evaluate.continued(scene, condition, points, states, workers)
+            return launched(scene, condition, points, workers), states
+        return continued(scene, condition, points, states, workers)
 
     fresh = isinstance(condition, Locked) or direction in FRESH
     upward = direction != DIRECTIONS[1]
     first = {"restitution": e, forcing: np.full(e.size, a[0 if upward else -1])}
-    start = None if fresh else evaluate.launch_states(scene, scene.parameters(first))
+    start = None if fresh else launch_states(scene, scene.parameters(first))
     width = tolerance
     if isinstance(condition, Locked):  # widened by the error, brackets keep to the tolerance
         error = END_ERROR + (FORCING_ERROR if forcing != AMPLITUDE else 0.0)
@@ -217,12 +301,10 @@ def _windows(
     codes, edges = find_edges(judge, e.size, a, width, start=start, upward=upward)
     if isinstance(condition, Locked):
         points = {"restitution": e[edges.row], forcing: edges.high}
-        off = error + evaluate.law_errors(scene, condition, points)
+        off = error + law_errors(scene, condition, points)
         edges = edges._replace(low=edges.low * (1.0 - off), high=edges.high * (1.0 + off))
-    held = np.where(np.isin(codes, list(evaluate.HOLDING)), HOLDS, np.minimum(codes, FAILS))
-    return [
-        Row(held[row], windows_of_row(codes, edges, row, evaluate.HOLDING)) for row in range(e.size)
-    ]
+    held = np.where(np.isin(codes, list(HOLDING)), HOLDS, np.minimum(codes, FAILS))
+    return [Row(held[row], windows_of_row(codes, edges, row, HOLDING)) for row in range(e.size)]
 
 
 def _noisy(
@@ -307,3 +389,297 @@ def _dataset(
         ),
     }
     return xr.Dataset(data | shared(scene, ["restitution", forcing]), coordinates)
+
+
+def code_of_ends(window: Window) -> int:
+    """Code of a window in `ENDS`."""
+    below = {None: OPEN_BELOW, UNDETERMINED: UNDETERMINED_BELOW}
+    above = {None: OPEN_ABOVE, UNDETERMINED: UNDETERMINED_ABOVE}
+    return below.get(window.below, 0) + above.get(window.above, 0)
+
+
+def summary(windows: xr.Dataset) -> Iterator[str]:
+    """Describe the windows in a line for each condition and direction."""
+    if "grid" in windows.attrs:
+        yield f"{'scan':24}{windows.attrs['grid']}"
+    first, last = windows["scan"].values[[0, -1]]
+    units = FORCINGS[windows.attrs["forcing"]].units
+    unit = "" if units == "1" else f" {units}"
+    for condition in windows["condition"].values:
+        for direction in windows["direction"].values:
+            one = windows.sel(condition=condition, direction=direction)
+            count, ends = one["window_count"].values, one[ENDS.name].values
+            name = condition if direction in FRESH else f"{condition} {direction}"
+            unknown = "".join(_undetermined(one))
+            if not count.any():
+                yield f"{name:24}no window was found from {first:g} to {last:g}{unit}{unknown}"
+                continue
+            number = np.count_nonzero((ends > 0) & (ends & (OPEN_BELOW | OPEN_ABOVE) > 0))
+            reach = f"; {number} of {count.sum()} reach the end of the scan" if number else ""
+            yield (
+                f"{name:24}holds at {np.count_nonzero(count)} of {count.size} restitutions, in up "
+                f"to {count.max()} windows{reach}{unknown}"
+            )
+
+
+def proof_lines(found: xr.Dataset) -> Iterator[str]:
+    """Describe the share of proved windows, in a line for each condition."""
+    for condition in found["condition"].values:
+        one = found.sel(condition=condition)
+        ends = np.stack([one["min_proof"].values, one["max_proof"].values])
+        inside = one["inside_proof"].values
+        yield (
+            f"{condition:24}proved: {np.count_nonzero(ends == PROVED)} of "
+            f"{np.count_nonzero((ends != NO_WINDOW) & (ends != OPEN_END))} ends, attraction inside "
+            f"{np.count_nonzero(inside == PROVED)} of {np.count_nonzero(inside != NO_WINDOW)}"
+        )
+
+
+def _undetermined(one: xr.Dataset) -> Iterator[str]:
+    """Describe where one condition in one direction is undetermined."""
+    bits, ends = UNDETERMINED_BELOW | UNDETERMINED_ABOVE, one[ENDS.name].values
+    if number := np.count_nonzero((ends > 0) & (ends & bits > 0)):
+        yield f"; {number} of {one['window_count'].values.sum()} end where it is undetermined"
+    held = one[HELD.name].values if HELD.name in one else np.zeros(0)
+    if number := np.count_nonzero(held == UNDETERMINED):
+        yield f"; undetermined at {number} of {held.size} points of the scan"
+
+
+class Edges(NamedTuple):
+    """Brackets of edges, each array of shape (edge,), ordered by row and position.
+
+    Between `low` and `high` the code changes to `code_high`.
+    """
+
+    row: Codes
+    low: Array
+    high: Array
+    code_high: Codes
+
+
+class _Brackets(NamedTuple):
+    """Brackets during bisection, with the states at their near ends."""
+
+    row: Codes
+    near: Array
+    far: Array
+    code_near: Codes
+    code_far: Codes
+    state: Array
+
+    def take(self, chosen: Any) -> _Brackets:
+        return _Brackets._make(values[chosen] for values in self)
+
+    def join(self, other: _Brackets) -> _Brackets:
+        return _Brackets._make(np.concatenate(pair) for pair in zip(self, other, strict=True))
+
+
+def find_edges(
+    evaluate: Evaluate,
+    rows: int,
+    axis: Array,
+    tolerance: float,
+    *,
+    start: Array | None = None,
+    upward: bool = True,
+) -> tuple[Codes, Edges]:
+    """Codes (row, position) at the points of a scan, and all edges between unlike neighbours.
+
+    `evaluate` is called with all rows and edges at once.  The axis ascends; the tolerance is the
+    width of a bracket relative to its position.  With `start`, the initial states of all rows,
+    states are continued from point to point, upwards or downwards, and in a bisection from the near
+    end of its bracket; without it every point is evaluated independently.
+    """
+    codes, states = _scan(evaluate, rows, axis, start, upward)
+    row, left = np.nonzero(codes[:, 1:] != codes[:, :-1])
+    near, far = (left, left + 1) if upward else (left + 1, left)
+    brackets = _Brackets(
+        row, axis[near], axis[far], codes[row, near], codes[row, far], states[row, near]
+    )
+    done = _bisect(evaluate, brackets, tolerance)
+    swap = done.near > done.far
+    edges = Edges(
+        done.row,
+        np.minimum(done.near, done.far),
+        np.maximum(done.near, done.far),
+        np.where(swap, done.code_near, done.code_far),
+    )
+    order = np.lexsort((edges.low, edges.row))
+    return codes, Edges._make(values[order] for values in edges)
+
+
+def _scan(
+    evaluate: Evaluate, rows: int, axis: Array, start: Array | None, upward: bool
+) -> tuple[Codes, Array]:
+    """Codes and states at all points, shape (row, position, ...)."""
+    row = np.arange(rows)
+    if start is None:
+        nothing = np.empty((rows * axis.size, 0))
+        codes, _ = evaluate(np.repeat(row, axis.size), np.tile(axis, rows), nothing)
+        return codes.reshape(rows, axis.size), nothing.reshape(rows, axis.size, 0)
+    codes = unwritten((rows, axis.size), np.int64)
+    states = unwritten((rows, axis.size, *start.shape[1:]))
+    for i in range(axis.size) if upward else range(axis.size - 1, -1, -1):
+        codes[:, i], start = evaluate(row, np.full(rows, axis[i]), start)
+        states[:, i] = start
+    return codes, states
+
+
+def _bisect(evaluate: Evaluate, brackets: _Brackets, tolerance: float) -> _Brackets:
+    """Halve all brackets until they are narrow; one with a third code inside becomes two."""
+    finished = brackets.take(slice(0, 0))
+    while brackets.row.size:
+        middle = 0.5 * (brackets.near + brackets.far)
+        width = np.abs(brackets.far - brackets.near)
+        narrow = width <= tolerance * np.maximum(brackets.near, brackets.far)
+        narrow |= (middle == brackets.near) | (middle == brackets.far)
+        finished = finished.join(brackets.take(narrow))
+        brackets, middle = brackets.take(~narrow), middle[~narrow]
+        if not middle.size:
+            break
+        code, state = evaluate(brackets.row, middle, brackets.state)
+        left, moved = code != brackets.code_near, code != brackets.code_far
+        beyond = brackets.take(left)._replace(far=middle[left], code_far=code[left])
+        ahead = brackets.take(moved)._replace(
+            near=middle[moved], code_near=code[moved], state=state[moved]
+        )
+        brackets = beyond.join(ahead)
+    return finished
+
+
+class Window(NamedTuple):
+    """An interval in which the code is one of those wanted."""
+
+    # Ends of the window, the middles of brackets; NaN where it reaches an end of the scan
+    lower: float
+    upper: float
+    # Widths of the brackets
+    lower_bracket: float
+    upper_bracket: float
+    # Codes beyond the ends; None where the window reaches an end of the scan
+    below: int | None
+    above: int | None
+
+
+def windows_of_row(codes: Codes, edges: Edges, row: int, wanted: Collection[int]) -> list[Window]:
+    """Return the windows of one row in which the code is one of those wanted."""
+    windows, outside = [], Window(np.nan, np.nan, np.nan, np.nan, None, None)
+    code, window = int(codes[row, 0]), outside
+    for i in np.flatnonzero(edges.row == row):
+        middle, gap = float(0.5 * (edges.low[i] + edges.high[i])), edges.high[i] - edges.low[i]
+        before, code = code, int(edges.code_high[i])
+        if before in wanted and code not in wanted:
+            windows.append(window._replace(upper=middle, upper_bracket=float(gap), above=code))
+        elif before not in wanted and code in wanted:
+            window = outside._replace(lower=middle, lower_bracket=float(gap), below=before)
+    return [*windows, window] if code in wanted else windows
+
+
+def rows_of_shape(
+    scene: Scene, k: int, forcing: str, e: float, values: Array, workers: Workers
+) -> tuple[NDArray[np.int64], list[Window]]:
+    """Codes at values of the forcing, and windows of mode k at one restitution.
+
+    The windows are those of all branches, which may overlap, in the order of their lower ends.
+    """
+    windows = _windows_of_shape(scene, k, forcing, e, values, workers)
+    held = np.full(values.size, FAILS, np.int64)
+    for window in windows:
+        held[~(values < window.lower) & ~(values > window.upper)] = HOLDS
+    return held, windows
+
+
+def _windows_of_shape(
+    scene: Scene, k: int, forcing: str, e: float, values: Array, workers: Workers
+) -> list[Window]:
+    """Windows that overlap the range of `values`."""
+    one = {"restitution": np.array([e]), forcing: np.ones(1)}
+    unit = float(dimensionless(scene.parameters(one), scene.duration).kick[0])
+    base = base_of(*scene.mechanics)
+
+    def holds(x: Array, kicks: Array) -> NDArray[np.bool_]:
+        points = {"restitution": np.full(x.size, e), forcing: kicks / unit}
+        problem = dimensionless(scene.parameters(points), scene.duration)
+        out, modes = empty_fixed(x.size), np.full(x.size, k)
+        phases = np.asarray(x - np.rint(x))
+        workers.run(
+            lambda first, last: orbits_hold(first, last, base, problem, modes, phases, out),
+            x.size,
+            PER_TASK,
+            out,
+        )
+        return np.asarray(out.state == ATTRACTS)
+
+    found: list[Window] = []  # in kicks
+    for turned in (False, True) if may_push_back(scene.rebound) else (False,):
+        mode = _mode(scene, k, e, turned=turned)
+        for window in windows_of(scene.waveform, mode, turned=turned):
+            sign = -1.0 if turned else 1.0
+            found += _held(scene, window, sign, mode.need, holds)
+    first, last = float(values[0]), float(values[-1])
+    overlapping = [
+        _scaled(window, unit, first, last)
+        for window in found
+        if window.upper / unit > first and window.lower / unit < last
+    ]
+    return sorted(overlapping, key=lambda window: np.nan_to_num(window.lower, nan=-np.inf))
+
+
+def _mode(scene: Scene, k: int, e: float, *, turned: bool) -> Mode:
+    """Conditions of mode k at one restitution."""
+    if scene.restitution_law == CONSTANT:
+        return mode_of(k, e, scene.base, turned=turned)
+    one = scene.parameters({"restitution": np.array([e]), AMPLITUDE: np.ones(1)})
+    problem, found = dimensionless(one, scene.duration), np.empty((2, 4))
+    sign = -1.0 if turned else 1.0
+    conditions(base_of(*scene.mechanics), problem, k, sign, found.ravel())
+    return Mode(*found[int(moves(scene.base))].tolist())
+
+
+def _scaled(window: Window, unit: float, first: float, last: float) -> Window:
+    """Return a window of kicks as one of the forcing, open where it extends beyond the scan."""
+    lower, upper = window.lower / unit, window.upper / unit
+    low_width = window.lower_bracket / unit + 2.0 * CONVERTED * lower
+    high_width = window.upper_bracket / unit + 2.0 * CONVERTED * upper
+    if lower < first:
+        lower, low_width, window = np.nan, np.nan, window._replace(below=None)
+    if upper > last:
+        upper, high_width, window = np.nan, np.nan, window._replace(above=None)
+    return Window(lower, upper, low_width, high_width, window.below, window.above)
+
+
+def _held(
+    scene: Scene, window: LockedWindow, sign: float, need: float, holds: Holds
+) -> list[Window]:
+    """Parts of a window of kicks in which the particle neither lands earlier nor rests."""
+    part = np.linspace(0.0, 1.0, PHASES)
+
+    def place(part: Array) -> tuple[Array, Array]:
+        x = window.from_phase + part * (window.to_phase - window.from_phase)
+        if need == 0.0:
+            return x, window.low + part * (window.high - window.low)
+        kick = need / (sign * scene.waveform.velocity(x))
+        return x, np.clip(kick, window.low, window.high)
+
+    held = holds(*place(part))
+    edges = np.flatnonzero(held[1:] != held[:-1])
+    near, far, code = part[edges], part[edges + 1], held[edges]
+    for _ in range(HALVINGS if edges.size else 0):
+        middle = 0.5 * (near + far)
+        same = holds(*place(middle)) == code
+        near, far = np.where(same, middle, near), np.where(same, far, middle)
+    low, high = place(near)[1], place(far)[1]
+    ends: list[tuple[float, float, int | None]] = [
+        (0.5 * float(a + b), float(b - a) + 1e-12 * float(b), ABSENT)
+        for a, b in zip(low, high, strict=True)
+    ]
+    if held[0]:
+        below = BEYOND.get(window.begins, REPELS)
+        ends.insert(0, (window.low, 2.0 * window.low_error, below))
+    if held[-1]:
+        above = BEYOND.get(window.ends, REPELS)
+        ends.append((window.high, 2.0 * window.high_error, above))
+    return [
+        Window(a, b, a_width, b_width, below, above)
+        for (a, a_width, below), (b, b_width, above) in zip(ends[::2], ends[1::2], strict=True)
+    ]

@@ -1,7 +1,7 @@
 """The kinds of results that this package writes.
 
-They are registered when this file is imported, as `vibrosweep.store.kinds` does before it looks for
-a kind; the functions they call are imported when called.
+They are registered when this file is imported, as `vibrosweep.store.reading` does before it looks
+for a kind; the functions they call are imported when called.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from vibrosweep.store.kinds import ResultKind, register_kind
+from vibrosweep.store.reading import ResultKind, register_kind
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,7 +29,7 @@ def _late(module: str, name: str) -> Callable[..., Any]:
 
 
 def _window_lines(windows: xr.Dataset) -> Iterable[str]:
-    from vibrosweep.analysis.window_codes import proof_lines, summary
+    from vibrosweep.analysis.windows import proof_lines, summary
 
     return [*summary(windows), *(proof_lines(windows) if "min_proof" in windows else ())]
 
@@ -67,7 +67,7 @@ BASINS: Final = ResultKind(
 ORBITS: Final = ResultKind(
     "orbits",
     "vibrosweep orbits",
-    _late("analysis.closed_orbits", "summary"),
+    _late("analysis.orbits", "summary"),
     _late("figures", "periodic_orbits"),
     "periodic_orbits",
     unverified="",
@@ -107,7 +107,7 @@ COMPARISON: Final = ResultKind(
 RESTITUTION: Final = ResultKind(
     "restitution",
     "vibrosweep lab restitution",
-    _late("lab.drop_lines", "restitution_lines"),
+    _late("lab.lines", "restitution_lines"),
     _late("figures.laboratory", "restitution_by_speed"),
     "lab_restitution",
     unverified="it holds measurements of a ball, which cannot be proved",

@@ -8,12 +8,11 @@ import warnings
 import xarray as xr
 
 from vibrosweep.errors import DataError
+from vibrosweep.model.measures import IN_FILE, SAMPLES
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.ragged_arrays import IN_FILE, SAMPLES
 from vibrosweep.store.disk import path_of, undisturbed
 from vibrosweep.store.fresh import opened
-from vibrosweep.store.kinds import SWEEP, kind_of
-from vibrosweep.store.reading import reading, result_file
+from vibrosweep.store.reading import SWEEP, kind_of, reading, result_file
 
 __all__ = ["has_record", "open_record", "open_sweep"]
 

@@ -1,4 +1,4 @@
-"""Every landing of a small scene, or of realizations of a sweep that are followed again."""
+"""Every landing of a small scene, or of realizations of a sweep that are simulated again."""
 
 from __future__ import annotations
 
@@ -39,11 +39,17 @@ from vibrosweep.model.forcing import (
     only_parameters,
     refuse_extreme,
 )
-from vibrosweep.model.measures import ALWAYS, IMPACTS, MEASURES, RECORD
+from vibrosweep.model.measures import (
+    ALWAYS,
+    IMPACTS,
+    MEASURES,
+    RECORD,
+    Status,
+    ragged_columns,
+    wasted,
+)
 from vibrosweep.model.parameters import NOISE, STREAM
-from vibrosweep.model.ragged_arrays import ragged_columns, wasted
 from vibrosweep.model.restitution_laws import VISCOELASTIC, speed_mistakes
-from vibrosweep.model.status import Status
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import (
     KERNELS,
@@ -51,15 +57,16 @@ from vibrosweep.runs.result import (
     NEVER_REPEATS,
     attributes_of,
     attributes_of_scene,
+    long_launch,
     short_observation,
+    still_base,
     strong_forcing,
 )
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import batch, checked
-from vibrosweep.store.arranged import REALIZATION, require_dataset
-from vibrosweep.store.kinds import KIND, SWEEP
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import REALIZATION, flat, require_dataset
+from vibrosweep.store.reading import KIND, SWEEP
 
 __all__ = ["simulate"]
 
@@ -111,18 +118,33 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        Dims (realization, particle, impact): ``landing_time`` and ``liftoff_time`` (s),
-        ``rebound_velocity`` (m s-1), ``rested``, ``impact_phase`` (turns), ``arrival_speed``
-        (m s-1); dims (realization, particle): ``impact_count``, ``status``, and the variables of
-        measures, such as ``regime``, ``cycle_periods``, ``cycle_impacts`` and
-        ``lyapunov_largest``, as in a sweep.  Values past the last landing are NaN, and so is the
-        lift-off of a particle that rests for good, or until more than a forcing period past the
-        end.  The attribute ``notes`` says if particles were given up, if more than half of the
-        places are empty, if the base is driven more strongly than any shaker could, and if the
-        observation is too short for the regimes.  If `ragged`, the dim landing replaces
-        (realization, particle, impact), and trajectory replaces (realization, particle), with
-        ``realization_index`` and ``particle_index``.  Parameters that differ between realizations
-        are coordinates, the others variables without dims.
+        ==================================  =============================  =========================
+        variable                            dims                           meaning
+        ==================================  =============================  =========================
+        ``landing_time`` (s)                realization, particle, impact  NaN past the last
+                                                                           landing, as all of these
+        ``liftoff_time`` (s)                realization, particle, impact  NaN too if the particle
+                                                                           rests for good, or until
+                                                                           more than a forcing
+                                                                           period past the end
+        ``rebound_velocity`` (m s-1)        realization, particle, impact  absolute velocity at
+                                                                           lift-off
+        ``rested``                          realization, particle, impact  whether the particle
+                                                                           rested after the landing
+        ``impact_phase`` (turns)            realization, particle, impact  phase of the forcing at
+                                                                           the landing
+        ``arrival_speed`` (m s-1)           realization, particle, impact  before the landing
+        ``impact_count``, ``status``        realization, particle          landings; status of the
+                                                                           computation
+        ``regime``, ``cycle_periods``, ...  realization, particle          measures, as in a sweep
+        ==================================  =============================  =========================
+
+        The attribute ``notes`` says if particles were given up, if more than half of the
+        places are empty, if the base is driven more strongly than any shaker could, and if
+        the observation is too short for the regimes.  If `ragged`, the dim landing replaces
+        (realization, particle, impact), and trajectory replaces (realization, particle),
+        with ``realization_index`` and ``particle_index``.  Parameters that differ between
+        realizations are coordinates, the others variables without dims.
 
     Raises
     ------
@@ -186,7 +208,13 @@ def simulate(
     if ragged:
         variables = ragged_columns(found, recorded, scene.particles)
     remarks = [
+        "" if result is not None or keywords.get("base") is not None else still_base(forcing),
         strong_forcing(float(quantities[ACCELERATION].max()), forcing),
+        long_launch(
+            float(quantities["launch_velocity"].max()),
+            float(frequency.max()),
+            float(quantities["gravity"].min()),
+        ),
         _spent(scene, found["status"]),
         "" if ragged else wasted(found["impact_count"], "ragged=True"),
         _short(measured, quantities),

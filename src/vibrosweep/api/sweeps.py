@@ -18,10 +18,11 @@ from vibrosweep.errors import (
     ParameterError,
     ShortObservationWarning,
 )
-from vibrosweep.kernels.observer import compiled
+from vibrosweep.kernels.statistics import compiled
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import (
+    added,
     cleared,
     count,
     is_of,
@@ -35,7 +36,7 @@ from vibrosweep.runs.driver import (
 from vibrosweep.runs.progress import showing
 from vibrosweep.scene.sweep import Sweep, keyword_spec, read_spec
 from vibrosweep.store.disk import check_output, path_of
-from vibrosweep.store.rundir import replaces
+from vibrosweep.store.parts import replaces
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,7 +66,7 @@ def sweep(
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
         is taken; keywords beside a result complete it.
     observables
-        Functions of your own that are called at every landing.
+        Functions that are called at every landing.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     progress
@@ -131,7 +132,7 @@ def sweep(
         Measured variables with units and meanings as attributes, and parameters as coordinates.
         The dims are the axes of a grid, for other designs ``realization``; and ``particle`` for
         measures of each particle.  The attribute ``notes`` says which defaults were taken, and
-        whether the observation is too short for the regimes or exponents asked for.
+        whether the observation is too short for the requested regimes or exponents.
 
     Raises
     ------
@@ -179,8 +180,9 @@ def run(
         Path of the sweep file (TOML), or a mapping of the keywords of `sweep`, or of the tables of
         a sweep file, as `tomllib` reads them.
     output
-        Path of the result.  An existing result of the same sweep is opened; another existing file
-        is an error, unless `force`.
+        Path of the result.  An existing result of the same sweep is opened.  One with fewer
+        realizations is continued, if its design is uniform or a Sobol' sequence.  Another existing
+        file is an error, unless `force`.
     observables
         As for `sweep`.  An unfinished run is continued only with functions that compute the same.
     threads
@@ -225,7 +227,8 @@ def run(
         if is_of(checked, path):
             cleared(checked, path)
             return open_sweep(path)
-        raise ExistingOutputError(path, origin(checked, path)) from error
+        if not added(checked, path):
+            raise ExistingOutputError(path, origin(checked, path)) from error
     with showing(progress) as advance:
         run_sweep(
             checked, path, threads=thread_count(threads), chunk=chunk, force=force, advance=advance

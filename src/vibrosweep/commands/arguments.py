@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,41 +50,43 @@ def directory(text: str) -> Path:
     return Path(text)
 
 
-def add_sweep(parser: argparse.ArgumentParser) -> None:
-    """Add the sweep file and the result that is computed from it."""
-    parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add the option that leaves out what is printed beside errors."""
+    parser.add_argument("-q", "--quiet", action="store_true", help="print errors only")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add the option that prints one JSON object in place of lines."""
     parser.add_argument(
-        "-o",
-        "--output",
-        metavar="OUT.h5",
-        type=output_file,
-        help="default: the name of the sweep file",
+        "--json", action="store_true", help="print one JSON object in place of lines"
     )
 
 
-def output_of(options: argparse.Namespace) -> Path:
-    """Return the result that the options of `add_sweep` name."""
-    output: Path = options.output or Path(f"{options.spec.stem}.h5")
-    return output
+def say(options: argparse.Namespace, *lines: str) -> None:
+    """Print lines, unless `options` ask for JSON or for nothing."""
+    if lines and not (getattr(options, "quiet", False) or getattr(options, "json", False)):
+        print("\n".join(lines), flush=True)
 
 
-def add_lines(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that decide which lines of orbits are followed, and how far."""
-    for name, words, default in (
-        ("impacts", "largest number of impacts of an orbit", 1),
-        ("periods", "largest number of its forcing periods", 1),
-        ("doublings", "number of successive doublings whose new orbits are followed", 0),
-        ("points", "largest number of points of a line in each direction", 1000),
-    ):
-        kind = whole if default == 0 else positive
-        text = f"{words}; default: {default}"
-        parser.add_argument(f"--{name}", metavar="N", type=kind, default=default, help=text)
+def tell(options: argparse.Namespace, facts: Mapping[str, Any]) -> None:
+    """Print facts as one JSON object where `options` ask for it."""
+    if options.json:
+        import json
+
+        print(json.dumps(_plain(facts), indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def lines_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `add_lines`, as the analyses of lines take them."""
-    wanted = options.impacts, options.periods
-    return {"wanted": wanted, "doublings": options.doublings, "points": options.points}
+def _plain(value: Any) -> Any:
+    """Return a value as JSON can hold it; numbers that are not finite become null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def some(number: int, thing: str) -> str:

@@ -8,14 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from vibrosweep.commands.arguments import output_file, whole
-from vibrosweep.errors import VibrosweepError
 
 LAST_PORT: Final = 65535
 ORIGIN: Final = re.compile(r"https?://[\w.-]+(:\d+)?|https?://\[[\da-fA-F:]+\](:\d+)?")
-
-
-class MissingBokehError(VibrosweepError, ImportError):
-    """The page needs bokeh, which is not installed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,34 +56,33 @@ def _origin(text: str) -> str:
 
 
 def perform(options: argparse.Namespace) -> None:
+    from vibrosweep.explorer import require_bokeh
     from vibrosweep.store.reading import using
 
-    try:
-        import bokeh  # noqa: F401
-    except ImportError as error:
-        raise MissingBokehError(
-            'the page is made with bokeh, which is not installed: pip install "vibrosweep[explore]"'
-        ) from error
+    require_bokeh()
     with using(options.result):
         _explore(options)
 
 
 def _explore(options: argparse.Namespace) -> None:
-    from vibrosweep.explore.points import open_points
+    from vibrosweep.explorer.points import open_points
 
     points = open_points(options.result)
     if options.boundaries is not None:
-        from vibrosweep.explore.borders import with_borders
+        from vibrosweep.explorer.points import with_borders
 
         points = with_borders(points, options.boundaries)
     if options.output is not None:
-        from vibrosweep.explore.static import write_page
+        from vibrosweep.explorer.static import write_page
 
         print(write_page(points, options.output, force=options.force))
         return
-    from vibrosweep.explore.server import serve
+    from vibrosweep.explorer.server import serve
 
     def started(address: str) -> None:
         print(f"{points.title}: {address} (Ctrl-C ends it)", flush=True)
 
     serve(points, options.port, started, options.frame_in)
+
+
+COMMANDS: Final = {"explore": (add_arguments, perform)}

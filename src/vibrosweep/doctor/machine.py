@@ -1,14 +1,19 @@
-"""Checks of disk, memory, and the available processors."""
+"""Checks of disk, memory, processors, the compiler and its machine code on disk."""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import tempfile
 from pathlib import Path
 from typing import Final
 
+import numba
+
 from vibrosweep.doctor import Finding
+from vibrosweep.kernels._jit import cache_directory, jit, kernel, read_only_caches
+from vibrosweep.kernels._numba import HAS_CACHE, VARIABLE, lost, remedy, target, vector_bits
 from vibrosweep.runs.chunks import TRAJECTORIES_PER_BATCH
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
@@ -73,3 +78,118 @@ def disk(directory: Path) -> Finding:
         advice = "free some space, or choose another place for results with -o"
         return Finding("disk", state, f"less than {LITTLE_DISK / 2**20:.0f} MiB: {advice}")
     return Finding("disk", state)
+
+
+# Processor features by LLVM's names: the bits of their vectors; those with fused multiply-add.
+WIDTHS: Final = {"avx": 256, "avx2": 256, "avx512f": 512, "neon": 128}
+FUSED: Final = ("fma", "neon")
+
+
+@jit
+def half(x: float) -> float:
+    """A piece."""
+    return x / 2.0
+
+
+def quarter(x: float) -> float:
+    """A kernel."""
+    return half(half(x))
+
+
+def compiler(directory: Path | None) -> Finding:
+    """Compile a kernel and its piece, keep the machine code, and load it again.
+
+    It is kept in `directory`, or in the system's temporary directory where that is None.
+    """
+    subject, state = "compiler", f"numba {numba.__version__}"
+    if numba.config.DISABLE_JIT:
+        return Finding(subject, f"{state}, not used: nothing is compiled")
+    with tempfile.TemporaryDirectory(dir=directory, prefix=".vibrosweep-doctor-") as place:
+        made, loaded = (kernel(quarter, Path(place)) for _ in range(2))
+        try:
+            values = made(1.0), loaded(1.0)
+            hits = sum(loaded.dispatcher.stats.cache_hits.values())  # type: ignore[attr-defined]
+        except Exception as error:  # a version with other private parts may fail in any way
+            reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+            return Finding(subject, state, f"a kernel cannot be compiled: {reason}; {remedy()}")
+    if values != (0.25, 0.25):
+        return Finding(subject, state, f"a quarter of 1 is computed as {values}; {remedy()}")
+    if lost:
+        costs = "; ".join(f"{cost} ({name})" for name, cost in lost.items())
+        return Finding(subject, state, f"results are correct, but {costs}; {remedy()}")
+    if not hits:
+        return Finding(subject, state, f"machine code that was kept is not loaded; {remedy()}")
+    return Finding(subject, f"{state} compiled a kernel, kept it, and loaded it again")
+
+
+def vector_registers() -> Finding:
+    """Check the instruction set that numba compiles for, which the environment can change."""
+    subject = "vector registers"
+    if numba.config.DISABLE_JIT:
+        return Finding(subject, "none: nothing is compiled", _unset("NUMBA_DISABLE_JIT"))
+    _, processor, stated = target()
+    features = re.findall(r"\+([\w.-]+)", stated)
+    fused = any(name in features for name in FUSED)
+    # without the instruction each fused multiply-add is a function call, which is never vectorised
+    bits = max((WIDTHS[name] for name in features if name in WIDTHS), default=64) if fused else 64
+    words = "fused multiply-add by instruction" if fused else "no fused multiply-add"
+    requested = vector_bits()
+    choice = "the compiler's choice" if requested is None else f"{requested} bits requested"
+    state = (
+        f"{min(bits, requested or bits)} bits, {words}, compiled for {processor}; {choice}, which "
+        f"{VARIABLE} changes"
+    )
+    if fused and numba.config.OPT == 3:
+        return Finding(subject, state)
+    return Finding(subject, state, f"results are correct, but slow: {_reason_for_scalar_code()}")
+
+
+def _reason_for_scalar_code() -> str:
+    if numba.config.OPT != 3:
+        return _unset("NUMBA_OPT")
+    if numba.config.CPU_NAME or numba.config.CPU_FEATURES:
+        return _unset("NUMBA_CPU_NAME and NUMBA_CPU_FEATURES")
+    return "this processor has no fused multiply-add; use one that has (x86-64-v3, or AArch64)"
+
+
+def _unset(variable: str) -> str:
+    return f"the environment switches the compiler's optimisation off: unset {variable}"
+
+
+def kernel_cache(
+    directory: Path | None = cache_directory, read_only: tuple[Path, ...] = read_only_caches
+) -> Finding:
+    """Check the machine code of exactly these sources that is cached on disk."""
+    subject = "kernel cache"
+    if numba.config.DISABLE_JIT:
+        return Finding(subject, "not used: nothing is compiled")
+    if not HAS_CACHE:
+        return Finding(subject, "none, as the compiler lacks a part")
+    from vibrosweep.kernels._cache import Variants, variants  # needs what HAS_CACHE says
+
+    advice = "set NUMBA_CACHE_DIR to a directory that can be written"
+    uses = dict.fromkeys(read_only, "can only be read")
+    if directory is not None:
+        uses[directory] = "can be written"
+    counts = [Variants(0, 0, 0), *map(variants, uses)]
+    usable, foreign, damaged = (sum(column) for column in zip(*counts, strict=True))
+    if not usable and directory is None:
+        return Finding(subject, "none", f"each run compiles the kernels again: {advice}")
+    files = (file for place in uses for file in place.rglob("*"))
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    state = f"{usable} compiled variants of these sources for this processor"
+    if foreign:
+        state += f", {foreign} for others"
+    places = ", and ".join(f"{place}, which {use}" for place, use in uses.items())
+    state += f", {size / 2**20:.1f} MiB in {places}"
+    if directory is None:
+        state += f"; a run compiles the variants that are missing there each time, or {advice}"
+    elif usable == 0:
+        state += "; a run compiles the variants that it needs, vibrosweep warmup all of them"
+    if damaged:
+        trouble = (
+            f"damaged or missing files: {damaged}; they are not used, vibrosweep warmup "
+            f"writes them again, or delete {' and '.join(map(str, uses))}"
+        )
+        return Finding(subject, state, trouble)
+    return Finding(subject, state)

@@ -19,30 +19,30 @@ from vibrosweep.engine.measure import (
     units_of,
 )
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.coupled.counting import (
-    CoupledStatistics,
-    empty_coupled,
-    more_numbers,
-    work_for,
-)
 from vibrosweep.kernels.coupled.follow import (
     Coupled,
+    CoupledStatistics,
+    MotionRecord,
     PerRealization,
+    Track,
+    empty_coupled,
     empty_per_realization,
+    empty_track,
     follow,
     follow_uncached,
+    more_numbers,
+    trace,
+    work_for,
 )
-from vibrosweep.kernels.coupled.motion_record import MotionRecord, Track, empty_track, trace
-from vibrosweep.kernels.coupled.settling import BLOCKS, empty_joint, notes, settle_jointly
-from vibrosweep.kernels.falling import restitution_of
+from vibrosweep.kernels.coupled.joint_orbits import BLOCKS, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.noise import noise_of
-from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.record import Record, Scale, empty_record
-from vibrosweep.kernels.shape_types import shape_of
-from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
+from vibrosweep.kernels.restitution import restitution_of
+from vibrosweep.kernels.statistics import KINDS_COUPLED, Observer, Statistics
+from vibrosweep.kernels.waveforms import shape_of
+from vibrosweep.model.measures import LANDINGS_OF_AN_EXPONENT, Regime
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.shapes import PARABOLIC_NAME
-from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime
 from vibrosweep.scene.scene import Scene
 
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly

@@ -14,10 +14,9 @@ from vibrosweep.engine.measure import statistics, units_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.kernels.record import Record, Units, empty_record
-from vibrosweep.kernels.recorder import Recorder, mark_unused_places
+from vibrosweep.kernels.memory import require_written
+from vibrosweep.kernels.record import Record, Recorder, Units, empty_record, mark_unused_places
 from vibrosweep.kernels.statistics import Statistics
-from vibrosweep.kernels.unwritten import require_written
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
     MOUNT,
@@ -31,6 +30,8 @@ from vibrosweep.model.parameters import (
 )
 from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
+
+__all__ = ["launch_times", "record_landings"]
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
 # For `simulate`: with phase and speed of impact too, and the arrays from which they are computed

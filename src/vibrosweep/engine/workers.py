@@ -18,9 +18,11 @@ from typing import Any, Final, Self, TypeVar
 
 from vibrosweep.kernels._numba import Listener, register
 from vibrosweep.kernels.cycles import Cycles, empty_cycles
+from vibrosweep.kernels.memory import FLAG, require_written
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statistics
-from vibrosweep.kernels.unwritten import FLAG, require_written
 from vibrosweep.waiting import SECONDS, Line
+
+__all__ = ["Workers"]
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     )
     from vibrosweep.figures.records import height_time, return_map
     from vibrosweep.figures.registry import available, save_all
+    from vibrosweep.figures.shares import share_curves
     from vibrosweep.figures.sweeps import (
-        decay_in_a_slot,
         height_against_restitution,
         parameter_plane,
         separation_distributions,
@@ -49,7 +49,6 @@ __all__ = [
     "basin_shares",
     "basins_of_attraction",
     "bifurcation_diagram",
-    "decay_in_a_slot",
     "height_against_restitution",
     "height_time",
     "orbit_boundaries",
@@ -60,6 +59,7 @@ __all__ = [
     "save_all",
     "separation_distributions",
     "separations_over_chance",
+    "share_curves",
     "sobol_bars",
     "stability_windows",
     "style",
@@ -69,9 +69,9 @@ _HOMES: Final = {
     name: f"vibrosweep.figures.{home}"
     for home, names in {
         "style": ["style"],
+        "shares": ["share_curves"],
         "records": ["height_time", "return_map"],
         "sweeps": [
-            "decay_in_a_slot",
             "height_against_restitution",
             "parameter_plane",
             "separation_distributions",
@@ -92,3 +92,7 @@ _HOMES: Final = {
     for name in names
 }
 __getattr__ = lazily(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -10,17 +10,21 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import moves, recoils
-from vibrosweep.analysis.records import completed, per_realization
-from vibrosweep.analysis.requirements import differing, refused_ragged, remedy
+from vibrosweep.analysis.datasets import (
+    completed,
+    differing,
+    per_realization,
+    refused_ragged,
+    remedy,
+)
+from vibrosweep.analysis.records import moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
-from vibrosweep.model.measures import known
+from vibrosweep.model.measures import Status, known
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, law_in
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
-from vibrosweep.model.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -248,7 +252,7 @@ def label(dataset: xr.Dataset, name: str) -> str:
     if name in INPUTS:
         units = _units(name)
         if name in FORCINGS:
-            words = FORCINGS[name].long_name.removesuffix(" (g)")
+            words = FORCINGS[name].long_name.removesuffix(" in units of gravity")
     else:
         units = str(dataset[name].attrs.get("units", ""))
         words = str(dataset[name].attrs.get("long_name", words))

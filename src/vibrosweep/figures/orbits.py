@@ -12,15 +12,15 @@ from matplotlib.patheffects import withStroke
 from matplotlib.typing import ColorType
 
 from vibrosweep.analysis.basins import UNSETTLED, name_of
-from vibrosweep.analysis.closed_orbits import cycle_name
+from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, style
 from vibrosweep.figures.paint import between, paint_grid
 from vibrosweep.figures.style import Panels
 from vibrosweep.figures.sweeps import parameter_plane
+from vibrosweep.model.measures import Regime
 from vibrosweep.model.parameters import OF_RESTITUTION
-from vibrosweep.model.status import Regime
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -23,7 +23,9 @@ from vibrosweep.figures import style
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Cells", "between", "commonest", "equal_cells", "grid_cells", "median"]
+__all__ = ["Cells", "between", "commonest", "equal_cells", "grid_cells", "median", "scale_ends"]
+
+MOST_VALUES: Final = (0.01, 0.99)  # quantiles between which a scale of colours shows differences
 
 APART: Final = ("0.72", "0.35")  # colours of values apart from the scale
 PER_CELL: Final = 20
@@ -122,7 +124,7 @@ def _paint_nothing(axes: Axes, points: Places, drawn: Array) -> None:
 
 def _around_zero(known: Array) -> Normalize:
     """Scale with zero in its middle, over both signs even if only one occurs."""
-    low, high = style.scale_ends(known)
+    low, high = scale_ends(known)
     most = max(abs(low), abs(high)) or 1.0
     return TwoSlopeNorm(0.0, low if low < 0.0 else -most, high if high > 0.0 else most)
 
@@ -149,7 +151,7 @@ def _norm(known: Array, *, logarithmic: bool) -> Normalize:
         # a few almost coincident landings would stretch the scale to the limits of precision
         low = max(low, float(np.quantile(known, 0.01, method="lower")), 1e-6 * high)
         return LogNorm(low, high) if low < high else LogNorm(low / 2.0, low * 2.0)
-    low, high = style.scale_ends(known)
+    low, high = scale_ends(known)
     return Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
 
 
@@ -275,3 +277,13 @@ def between(values: Array) -> Array:
     middle = (values[1:] + values[:-1]) / 2.0
     first, last = values[0] - (middle[0] - values[0]), values[-1] + (values[-1] - middle[-1])
     return np.concatenate([[first], middle, [last]])
+
+
+def scale_ends(values: Array) -> tuple[float, float]:
+    """Return ends of a scale of colours that a few values far from the others do not spoil."""
+    low, high = float(values.min()), float(values.max())
+    least, most = (float(end) for end in np.quantile(values, MOST_VALUES))
+    if most > least:  # the extreme values take no more of the scale than all others
+        low = low if least - low <= most - least else least
+        high = high if high - most <= most - least else most
+    return low, high

@@ -18,12 +18,19 @@ from matplotlib.typing import ColorType
 from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import BaseMotion, base_name, has_closed_forms, moves
-from vibrosweep.analysis.record_flights import Course, base_motion, course
+from vibrosweep.analysis.records import (
+    BaseMotion,
+    Course,
+    base_motion,
+    base_name,
+    course,
+    has_closed_forms,
+    moves,
+)
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.figures import data, style
-from vibrosweep.model.window_begin import lower_end
+from vibrosweep.model.locked_theory import lower_end
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -328,7 +335,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = No
     >>> return_map(vs.simulate(launch_time=[0.0, 0.125])).get_xlabel()
     'arrival velocity $v_n$ (m s$^{-1}$)'
     """
-    from vibrosweep.analysis.returns import return_points
+    from vibrosweep.analysis.records import return_points
 
     RETURN_NEEDS.check("return_map", record)
     one = data.one_realization(record, realization)

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from vibrosweep.figures import data, records, style, sweeps
 from vibrosweep.figures.data import Requirements
 from vibrosweep.model.parameters import NOISE
+from vibrosweep.store.arranged import flat
 from vibrosweep.store.disk import make_directory, replacing
-from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,7 +110,7 @@ def _by_noise(sweep: xr.Dataset) -> dict[str, xr.Dataset]:
 
 @style.styled
 def _separation_over_chance(sweep: xr.Dataset) -> Axes:
-    from vibrosweep.analysis.chance import separations_against_chance
+    from vibrosweep.analysis.separations import separations_against_chance
 
     axes = sweeps.separations_over_chance([separations_against_chance(sweep)], ["this sweep"])
     style.head(axes, data.conditions(sweep), columns=1)

@@ -43,6 +43,11 @@ __all__ = [
     "styled",
 ]
 
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 P = ParamSpec("P")
 R = TypeVar("R")
 Panels = NDArray[np.object_]  # axes of a figure, shape (panel,)
@@ -76,7 +81,6 @@ REMARK: Final = 2.9  # inches of a remark beside the axes
 MARGIN: Final = 0.2  # inches that stay free
 MOST_LINES: Final = 3  # of a label
 INSIDE: Final = 0.7  # share of the remaining width for a remark inside the axes
-MOST_VALUES: Final = (0.01, 0.99)  # quantiles between which a scale of colours shows differences
 SEQUENTIAL_MAP: Final = "viridis"
 DIVERGING_MAP: Final = "coolwarm"  # of signed numbers
 DENSITY_MAP: Final = "cividis_r"
@@ -207,16 +211,6 @@ def colours(count: int) -> list[ColorType]:
     if count <= len(OKABE_ITO):
         return list(OKABE_ITO[:count])
     return [mpl.colormaps[SEQUENTIAL_MAP](i / (count - 1)) for i in range(count)]
-
-
-def scale_ends(values: Array) -> tuple[float, float]:
-    """Return ends of a scale of colours that a few values far from the others do not spoil."""
-    low, high = float(values.min()), float(values.max())
-    least, most = (float(end) for end in np.quantile(values, MOST_VALUES))
-    if most > least:  # the extreme values take no more of the scale than all others
-        low = low if least - low <= most - least else least
-        high = high if high - most <= most - least else most
-    return low, high
 
 
 def halo() -> list[patheffects.AbstractPathEffect]:

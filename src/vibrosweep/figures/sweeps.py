@@ -14,9 +14,8 @@ from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import base_name, has_closed_forms, moves, recoils
-from vibrosweep.analysis.records import completed
-from vibrosweep.analysis.requirements import require
+from vibrosweep.analysis.datasets import completed, require
+from vibrosweep.analysis.records import base_name, has_closed_forms, moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.figures import data, paint, style
@@ -25,7 +24,7 @@ from vibrosweep.figures.style import Panels
 from vibrosweep.figures.windows import Forcing, draw_windows
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import flat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -397,7 +396,7 @@ class _NeedsForChance(data.Requirements):
     """Requirements of the comparison with chance, which some realization must allow."""
 
     def lacking(self, dataset: xr.Dataset) -> str | None:
-        from vibrosweep.analysis.chance import separations_against_chance
+        from vibrosweep.analysis.separations import separations_against_chance
 
         if reason := super().lacking(dataset):
             return reason
@@ -596,77 +595,6 @@ def separations_over_chance(
     axes.plot(z, -np.expm1(-z), color="black", linewidth=1.2, label="chance: $1 - e^{-z}$")
     axes.set_xlabel(r"$z = \Lambda\,\Delta t_{\mathrm{min}}$")
     style.head(axes, "", columns=1)
-    return axes
-
-
-@style.styled
-def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the separation of two particles in one slot, and the decay that multipliers predict.
-
-    Parameters
-    ----------
-    found
-        Result of `vibrosweep.analysis.slot_decay`.
-    realization
-        Position of the realization in it.
-    ax
-        Axes to draw on; by default those of a new figure of pyplot.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes.
-
-    Raises
-    ------
-    DataError
-        The dataset is not a result of `slot_decay`, or the realization has no separations above
-        zero.
-    ParameterError
-        There is no such realization.
-
-    Examples
-    --------
-    >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis import slot_decay
-    >>> from vibrosweep.figures import decay_in_a_slot
-    >>> found = slot_decay(vs.simulate(launch_time=[0.125, 0.13], duration=200.0))
-    >>> decay_in_a_slot(found).get_yscale()
-    'log'
-    """
-    needed = ("separation", "modulus_predicted", "modulus_fitted")
-    require(found, "decay_in_a_slot", *needed, source="slot_decay")
-    one = data.one_realization(found, realization)
-    separation = np.abs(one["separation"].values)
-    separation = separation[np.isfinite(separation)]  # others may have more cycles
-    positive = separation > 0.0
-    if not positive.any():
-        raise DataError(
-            f"figure decay_in_a_slot needs separations above zero, and realization {realization} "
-            f"has none: its two particles have no landings in common, or land together"
-        )
-    number = np.arange(separation.size)
-    axes = style.axes_on(ax, style.MEDIUM, 2.9)
-    axes.plot(
-        number[positive],
-        separation[positive],
-        "o",
-        markersize=2.0,
-        markeredgewidth=0.0,
-        color=style.OKABE_ITO[0],
-        label="two particles",
-    )
-    modulus = float(one["modulus_predicted"])
-    axes.plot(
-        number,
-        separation[:20].max() * modulus**number,
-        color=style.OKABE_ITO[1],
-        linestyle=style.DASHED,
-        label=f"multipliers: {modulus:.4f} per cycle",
-    )
-    axes.set(yscale="log", xlabel="cycle", ylabel="separation (s)")
-    axes.set_ylim(bottom=0.3 * separation[positive].min())
-    style.head(axes, f"fitted: {float(one['modulus_fitted']):.4f} per cycle")
     return axes
 
 

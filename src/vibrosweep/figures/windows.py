@@ -13,17 +13,19 @@ from matplotlib.colors import ListedColormap
 from matplotlib.typing import ColorType
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import base_name, has_closed_forms
-from vibrosweep.analysis.conditions import UNDETERMINED
+from vibrosweep.analysis.records import base_name, has_closed_forms
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.figures.paint import between
 from vibrosweep.figures.style import Panels
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.window_begin import lower_end
+from vibrosweep.model.locked_theory import lower_end
+from vibrosweep.model.measures import UNDETERMINED
 
 if TYPE_CHECKING:
     import xarray as xr
+
+__all__ = ["per_amplitude"]
 
 Interval = tuple[int, float, float]  # position of a restitution, lower and upper end
 

@@ -30,8 +30,8 @@ from vibrosweep.kernels._numba import (
     UserProvidedCacheLocator,
     start_runtime,
     target,
+    vector_bits,
 )
-from vibrosweep.kernels.vectors import vector_bits
 from vibrosweep.system import locked
 
 BYTES: Final = 32  # of a checksum

@@ -1,4 +1,16 @@
-"""The one place for numba's options, for the disk cache, and for the fused multiply-add.
+"""How kernels are compiled: every decorator and option, the disk cache, the fused multiply-add.
+
+Which decorator a function takes:
+
+    jit          a piece that compiled callers inline: nearly every function
+    part         a large piece with several callers, which the compiler may call instead
+    kernel       an entry point that Python calls; its machine code is kept on disk
+    uncounted    a kernel that neither allocates memory nor returns arrays, with cheaper tuples
+    uncached     another entry point for a kernel, for functions that only this process has
+    generic      a question without code, which types answer: a base, a law, a shape
+    implements   the answer of one type, or of several
+    uncompiled   a question asked from Python so rarely that nothing is compiled for it
+    intrinsic    numba's own, for single instructions of the processor: the last functions here
 
 Every rounding of the kernels is written down: no fast-math flag is set, and products are fused
 with sums only where `fma` says so.  A scalar loop, a vector loop and plain Python therefore give
@@ -12,21 +24,23 @@ import functools
 import hashlib
 import inspect
 import threading
+from collections import namedtuple
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
+from types import CellType, FunctionType
 from typing import Any, Final, TypeVar
 
 import numba
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._numba import HAS_CACHE, HAS_PIECES, make_overload_template
-from vibrosweep.kernels._python import as_python
-from vibrosweep.kernels.vectors import vector_bits
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels._numba import HAS_CACHE, HAS_PIECES, vector_bits
+from vibrosweep.model.functions import is_function, outside, plain
 
 if HAS_CACHE:
     from vibrosweep.kernels._cache import KernelCache, find_caches
@@ -120,37 +134,31 @@ class Deferred:
         return self._dispatcher
 
 
-class Piece:
-    """A function whose code compiled callers take over.
+def overloaded(
+    function: Callable[..., Any],
+    call: Callable[..., Any],
+    code: Callable[..., Any],
+    options: dict[str, Any] = OF_A_PIECE,
+) -> Any:
+    """Return a function that Python calls as `call`, and whose code compiled callers take over.
 
-    As with numba's `overload`, `code` returns that code for given types of arguments.  But the
-    function is declared when numba compiles a caller and asks for its type: most runs compile none.
+    `code` returns that code for given types of arguments.
     """
 
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        call: Callable[..., Any],
-        code: Callable[..., Any],
-        options: dict[str, Any] = OF_A_PIECE,
-    ) -> None:
-        self.py_func, self._call, self._code, self._options = function, call, code, options
-        functools.update_wrapper(self, function)
+    @functools.wraps(function)
+    def piece(*arguments: Any) -> Any:
+        return call(*arguments)
 
-    def __call__(self, *arguments: Any) -> Any:
-        return self._call(*arguments)
-
-    @functools.cached_property
-    def _numba_type_(self) -> types.Function:
-        strict, inline = False, "never"
-        made = make_overload_template(self, self._code, self._options, strict, inline)
-        return types.Function(made)
+    piece.py_func = function  # type: ignore[attr-defined]
+    if not numba.config.DISABLE_JIT:
+        overload(piece, jit_options=options, strict=False)(code)
+    return piece
 
 
 def _piece(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
         return as_python(function)
-    return Piece(function, Deferred(function), lambda *_: function, options)  # type: ignore[return-value]
+    return overloaded(function, Deferred(function), lambda *_: function, options)  # type: ignore[no-any-return]
 
 
 def kernel(function: F, directory: Path | None = None) -> F:
@@ -191,7 +199,7 @@ def uncached(function: F) -> F:
     """Return an entry point without disk cache, for arguments such as functions of this process."""
     if numba.config.DISABLE_JIT:
         return function
-    return Deferred(function.py_func)  # type: ignore[attr-defined,return-value]
+    return Deferred(function.py_func, njit(**OPTIONS))  # type: ignore[attr-defined,return-value]
 
 
 _implementations: dict[Any, dict[type, Any]] = {}
@@ -218,9 +226,9 @@ def generic(declared: F) -> F:
     def code(first: Any, *others: Any) -> Any:
         return inspect.unwrap(implementation(getattr(first, "instance_class", type(first))))
 
-    piece = Piece(declared, call, code)
+    piece: F = overloaded(declared, call, code)
     _implementations[piece] = {}
-    return piece  # type: ignore[return-value]
+    return piece
 
 
 def implements(function: F, *kinds: type) -> Callable[[F], F]:
@@ -315,3 +323,101 @@ def _wide_vector_registers(typingctx: Any) -> Any:
 wide_vectors: Callable[[], None] = (
     (lambda: None) if numba.config.DISABLE_JIT else _wide_vector_registers
 )
+
+
+# --- Kernels as plain Python ----------------------------------------------------------------------
+
+
+def as_python(function: F) -> F:
+    """Make plain Python divide by zero as machine code does, silently to an infinity or NaN.
+
+    Numpy's floats do so, whereas Python's raise an exception; floats in arguments and results are
+    therefore turned into numpy's.
+    """
+
+    @functools.wraps(function)
+    def plain(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return _of_numpy(function(*map(_of_numpy, arguments)))
+
+    return plain  # type: ignore[return-value]
+
+
+def _of_numpy(value: Any) -> Any:
+    """Turn a float, or the floats in a tuple, into numpy's."""
+    if isinstance(value, float):
+        return np.float64(value)
+    if isinstance(value, tuple):
+        items = map(_of_numpy, value)
+        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+    return value
+
+
+# --- Functions from outside the package -----------------------------------------------------------
+
+
+def compiled_anew(
+    function: Any, compiler: Callable[[Any], Any], done: dict[Any, Any] | None = None
+) -> Any:
+    """Compile a function from outside the package together with those that it calls.
+
+    Their earlier machine code may hold old values of the numbers that they use, and may have been
+    compiled with other options.  `done` holds the functions that have been compiled.
+    """
+    function, done = plain(function), {} if done is None else done
+    if function not in done:
+        names, code = dict(function.__globals__), function.__code__
+        cells = {name: CellType() for name in code.co_freevars}
+        enclosed, defaults = tuple(cells.values()), function.__defaults__
+        fresh = FunctionType(code, names, function.__name__, defaults, enclosed)
+        fresh.__kwdefaults__ = function.__kwdefaults__
+        done[function] = compiler(fresh)
+        for name, value in outside(function).items():
+            anew = compiled_anew(value, compiler, done) if is_function(value) else value
+            if name in cells:
+                cells[name].cell_contents = anew
+            else:
+                names[name] = anew
+    return done[function]
+
+
+def require_compilable(
+    function: Any, takes: tuple[Any, ...], compiler: Callable[[Any], Any], whose: str, *, real: bool
+) -> None:
+    """Raise a ParameterError if numba cannot compile a function for the types that it `takes`.
+
+    If `real`, it must return a real number.
+    """
+    if numba.config.DISABLE_JIT:
+        return
+    tried = compiled_anew(function, compiler)
+    try:
+        tried.compile(takes)
+    except Exception as error:  # the exceptions of numba have no common base
+        reason = next(filter(str.strip, [*str(error).splitlines()[1:], str(error)])).strip()
+        remedy = "call it as plain Python to find the mistake"
+        raise ParameterError(f"{whose}: numba cannot compile it: {reason}; {remedy}") from error
+    returned = tried.nopython_signatures[0].return_type
+    if real and not isinstance(returned, types.Integer | types.Float | types.Boolean):
+        raise ParameterError(f"{whose} returns {returned}; it must be a real number")
+
+
+# --- Kinds ----------------------------------------------------------------------------------------
+# Machine code is kept on disk by the names of types.  The type of code from outside the package has
+# a digest of that code in its name, so that machine code of an earlier version never runs.
+
+
+def kind_named(name: str) -> type:
+    """Return the type ``Kind_<name>``, a new one where there is none yet."""
+    name = f"Kind_{name}"
+    if name not in globals():
+        globals()[name] = namedtuple(name, (), module=__name__)
+    found: type = globals()[name]
+    return found
+
+
+def __getattr__(name: str) -> type:
+    """Return a type that machine code on disk names; another process may have declared it."""
+    if name.startswith("Kind_"):
+        return kind_named(name.removeprefix("Kind_"))
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

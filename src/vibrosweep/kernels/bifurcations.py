@@ -32,6 +32,8 @@ from vibrosweep.kernels.bases.chords import clearing, slopes
 from vibrosweep.kernels.closed import ADMISSIBLE, admits, ascends, flight, solve
 from vibrosweep.model.parameters import Dimensionless
 
+__all__ = ["BORN", "CORNER", "DOUBLING", "GRAZE", "LANDING", "REST", "SADDLE_NODE", "YIELD"]
+
 # Conditions, each of which is 0 at its event: a multiplier is 1, or -1; a flight touches the base;
 # an impact just rests; the orbit is one of half its length (left to the caller); a landing falls on
 # a corner of the velocity of the base, or has the speed at which the law of restitution has a kink,
@@ -74,7 +76,7 @@ class Added(NamedTuple):
     points: Floats  # (condition, p + 2)
 
 
-class Work(NamedTuple):
+class Equations(NamedTuple):
     """Memory for the p equations and their derivatives."""
 
     off: Floats
@@ -92,7 +94,7 @@ def _place(base: Base, problem: Dimensionless, cycle: Cycle, z: Floats) -> Const
 
 
 @part
-def _linearize(fixed: Constants, times: Floats, cycle: Cycle, work: Work) -> Scaled:
+def _linearize(fixed: Constants, times: Floats, cycle: Cycle, work: Equations) -> Scaled:
     """Write the residuals of the speeds after the p impacts, and their derivatives by the times."""
     p, off, matrix = cycle.p, work.off, work.matrix
     off[:p] = 0.0
@@ -116,7 +118,7 @@ def _linearize(fixed: Constants, times: Floats, cycle: Cycle, work: Work) -> Sca
 
 @part
 def _put_values(
-    base: Base, problem: Dimensionless, cycle: Cycle, z: Floats, work: Work, values: Floats
+    base: Base, problem: Dimensionless, cycle: Cycle, z: Floats, work: Equations, values: Floats
 ) -> None:
     """Write the values of all conditions but the last."""
     p, q = cycle.p, cycle.q
@@ -146,7 +148,7 @@ def _put_condition(
 ) -> float:
     """Write the derivatives of a condition, shape (p + 2,), and return its value."""
     p = cycle.p
-    work, values = Work(np.empty(p), np.empty((p, p))), np.empty(CONDITIONS)
+    work, values = Equations(np.empty(p), np.empty((p, p))), np.empty(CONDITIONS)
     for k in range(2 * p + 5):  # the last turn is at the point itself
         c = k // 2 if k < 2 * p + 4 else 0
         kept = z[c]
@@ -173,7 +175,7 @@ def _put_system(
 ) -> None:
     """Write residuals and derivatives of the equations of an orbit and of the conditions added."""
     p = cycle.p
-    work = Work(np.empty(p), np.empty((p, p)))
+    work = Equations(np.empty(p), np.empty((p, p)))
     for k in range(5):  # derivatives by both parameters; the last turn is at the point itself
         c = p + k // 2 if k < 4 else p
         kept = z[c]
@@ -249,7 +251,7 @@ def put_values(
 ) -> None:
     """Write the values of all conditions, and their derivatives in a direction."""
     p = cycle.p
-    work, moved = Work(np.empty(p), np.empty((p, p))), np.empty(p + 2)
+    work, moved = Equations(np.empty(p), np.empty((p, p))), np.empty(p + 2)
     found = np.empty((3, CONDITIONS))
     for k in range(3):
         for c in range(p + 2):
@@ -272,7 +274,7 @@ def describe(
     """
     p, q = cycle.p, cycle.q
     fixed = _place(base, problem, cycle, z)
-    whole = _linearize(fixed, z, cycle, Work(np.empty(p), np.empty((p, p))))
+    whole = _linearize(fixed, z, cycle, Equations(np.empty(p), np.empty((p, p))))
     determinant = 1.0
     for i in range(p):
         arc = flight(fixed, z, p, q, i)

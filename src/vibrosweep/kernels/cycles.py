@@ -15,22 +15,15 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import (
-    Base,
-    Constants,
-    after_rest,
-    counted,
-    lifts_alike,
-    take,
-)
+from vibrosweep.kernels.bases import Base, Constants, after_rest, counted, lifts_alike, take
 from vibrosweep.kernels.impact import impact
-from vibrosweep.kernels.lanes import ROW
-from vibrosweep.kernels.statistics import Kinds
-from vibrosweep.kernels.totals import (
+from vibrosweep.kernels.memory import ROW, unwritten
+from vibrosweep.kernels.statistics import (
     CYCLE_LANDINGS,
     CYCLE_RESTS,
     OF_RESTS,
     Cycle,
+    Kinds,
     added,
     cycle_of,
     keep_cycle,
@@ -39,8 +32,7 @@ from vibrosweep.kernels.totals import (
     repeat,
     set_cycle,
 )
-from vibrosweep.kernels.unwritten import unwritten
-from vibrosweep.model.landing import Landing
+from vibrosweep.model.observables import Landing
 
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
 # A cycle saves work if the remaining time exceeds the time since the anchor by this factor

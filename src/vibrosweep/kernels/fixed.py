@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, uncounted
+from vibrosweep.kernels.arithmetic import HALF_ULP
 from vibrosweep.kernels.bases import (
     Base,
     Constants,
@@ -20,17 +21,17 @@ from vibrosweep.kernels.bases import (
     fixed_holds,
     fixed_residual,
 )
-from vibrosweep.kernels.laws import LAW_OF, speed_after
+from vibrosweep.kernels.memory import empty
 from vibrosweep.kernels.restitution import (
+    REBOUND_OF,
     arrival_to_repeat,
     lost_speed,
     ratio,
     ratio_error,
     rise_to_repeat,
     slope_change,
+    speed_after,
 )
-from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.kernels.unwritten import empty
 from vibrosweep.model.parameters import Dimensionless
 
 ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
@@ -60,7 +61,7 @@ def empty_fixed(problems: int) -> FixedOrbits:
 
 def may_push_back(rebound: str) -> bool:
     """Return whether a law of rebound turns back a particle that is pushed into the base."""
-    return speed_after(LAW_OF[rebound], 0.0, 0.0, -1.0) > 0.0
+    return speed_after(REBOUND_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
 @jit
@@ -94,7 +95,7 @@ def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
 def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Floats) -> None:
     """Write the conditions of the orbit of k periods of a single problem.
 
-    These are the fields of `vibrosweep.model.locked_shapes.Mode`: a w at the landing, the least
+    These are the fields of `vibrosweep.model.locked_theory.Mode`: a w at the landing, the least
     -a w' at which the orbit does not attract, and bounds on their errors; first in the high-bounce
     limit, then over the moving base.  `sign` is that of `find_fixed`.
     """

@@ -6,6 +6,7 @@ reduction of a flight s to s - rint(s) is exact, so that accuracy does not decre
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,14 +14,14 @@ import numpy as np
 from vibrosweep.abilities import refusal
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels.arithmetic import ROUNDING
 from vibrosweep.kernels.bases import (
     Base,
     Constants,
     Flight,
     Instant,
+    Jacobian,
     fly,
-    high_bounce_errors,  # noqa: F401 -- implementations for this base
-    high_bounce_noise,  # noqa: F401
     leave,
     lift_off,
     random,
@@ -28,13 +29,12 @@ from vibrosweep.kernels.bases import (
     wake,
 )
 from vibrosweep.kernels.bases.high_bounce import HighBounce
-from vibrosweep.kernels.falling import restitution_of
-from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.kernels.noise import Noise
-from vibrosweep.kernels.shape_types import shape_of
+from vibrosweep.kernels.restitution import REBOUND_OF, restitution_of
+from vibrosweep.kernels.waveforms import shape_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform
 
 
 def _high_bounce(waveform: Waveform) -> type:
@@ -42,9 +42,12 @@ def _high_bounce(waveform: Waveform) -> type:
 
 
 def _moving(waveform: Waveform) -> type:
-    from vibrosweep.kernels.bases.moving_kinds import kind_of  # slow to import: many declarations
+    # slow to import: many declarations, those of all waveforms
+    from vibrosweep.kernels.bases import chained, moving  # noqa: F401
 
-    return kind_of(waveform)
+    if waveform == SINE:
+        return moving.Moving
+    return moving.Chained if waveform.name == PARABOLIC_NAME else moving.Shaped
 
 
 # Named tuple of each base, for a waveform
@@ -106,7 +109,7 @@ def base_of(
         )
     if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
-    laws = {"law": LAW_OF[rebound], "restitution": restitution_of(restitution)}
+    laws = {"law": REBOUND_OF[rebound], "restitution": restitution_of(restitution)}
     return KIND_OF[base](waveform)(waveform=shape_of(waveform), noise=noise, **laws)
 
 
@@ -158,3 +161,38 @@ def impact(
     if not leaves:
         n_off, x_off = wake(fixed, n_off, x_off, origin)
     return Impact(n, x_land, v, flight, n_off, x_off, u, leaves, drawn)
+
+
+# --- Small changes of the state -------------------------------------------------------------------
+
+
+@jit
+def carry(dx: float, du: float, jacobian: Jacobian) -> tuple[float, float]:
+    """Image of a small change (dx, du) of the state."""
+    xx, xu, ux, uu, _ = jacobian
+    return xx * dx + xu * du, ux * dx + uu * du
+
+
+@jit
+def stretch(c: float, s: float, jacobian: Jacobian) -> tuple[float, float, float, float, float]:
+    """Carry the orthonormal frame (c, s), (-s, c) through an impact and make it orthonormal again.
+
+    Returns
+    -------
+    c, s
+        The new frame.
+    along, across
+        Diagonal of the triangular factor (Gram-Schmidt): how much the first axis is stretched,
+        and how much is left of the second across it.  Their product is the determinant, up to sign.
+    slack
+        Bound on the rounding error of the logarithm of that product.
+    """
+    ax, ay = carry(c, s, jacobian)
+    bx, by = carry(-s, c, jacobian)
+    along = math.sqrt(ax * ax + ay * ay)
+    if along == 0.0:  # only at zero restitution: the first axis collapses
+        return c, s, 0.0, 0.0, 0.0
+    c, s = ax / along, ay / along
+    across = abs(c * by - s * bx)
+    slack = ROUNDING * jacobian.size
+    return c, s, along, across, slack / along + slack / across

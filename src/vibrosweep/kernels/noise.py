@@ -1,27 +1,149 @@
-"""Noise of a realization: random numbers of an impact, their effects and their roundings.
-
-The deviates are those of `vibrosweep.kernels.deviates`.  Each function does nothing where its first
-argument, the field `noise` of a base, or the kind of noise that it needs, is None.  These are known
-when a kernel is compiled, and a function that does nothing leaves no machine code.
-"""
+"""Noise of a realization: its normal deviates, and their effects on an impact."""
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
-from vibrosweep.kernels._jit import Floats, fma, jit
-from vibrosweep.kernels.deviates import (
-    LARGEST,
-    OF_DRIVE,
-    OF_KICK,
-    OF_RESTITUTION,
-    Key,
-    deviate,
-    key_of,
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, fma, jit, kernel
+from vibrosweep.kernels.arithmetic import (
+    ERRORS,
+    HALF_ULP,
+    SHIFT,
+    SHIFT_BITS,
+    SINE_ERROR,
+    cos_turns,
+    log_near_one,
+    mantissa_and_exponent,
+    sin_turns,
 )
-from vibrosweep.kernels.lanes import ROW
-from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.kernels.memory import ROW
 from vibrosweep.model.parameters import Strengths
+
+__all__ = ["LARGEST", "OF_DRIVE", "OF_KICK", "OF_RESTITUTION", "Word", "draw", "key_of"]
+
+# --- Normal deviates ------------------------------------------------------------------------------
+# The generator is Philox 4x32-10 (Salmon, Moraes, Dror & Shaw, SC'11): ten rounds that turn a
+# counter of four 32-bit words, with the seed as its key, into four others.  No state is kept, so
+# that no deviate depends on threads, chunks, the order of computation, or what was computed before.
+#
+#     word 0, 1    low and high 32 bits of floor(number / 2); the number is that of the impact of
+#                  the particle, from 0, or of the forcing period; a counter gives two deviates
+#     word 2, 3    stream + 2^36 particle + 2^62 purpose, low and high half
+#
+# The four words are two fractions of 52 bits, p and q in [0, 1), and with the radius sqrt(-2 ln(1 -
+# p)) the two deviates are its products with the cosine and the sine of 2 pi (q - 1/2) (Box & Muller
+# 1958), at most `LARGEST` in modulus.  The arithmetic is that of every kernel: the same bits come
+# from plain Python and from vectors of any width.
+
+
+LARGEST: Final = 8.4908  # sqrt(2 * 52 ln 2), rounded up: the largest modulus of a deviate
+# Relative error of a deviate against Box and Muller's formula for its two fractions: half of that
+# of the logarithm, the root, the sine (the phase of the cosine is exact here) and the product.
+DEVIATE_ERROR: Final = 0.5 * ERRORS["log"] + SINE_ERROR + 2.1 * HALF_ULP
+
+# Purposes
+OF_RESTITUTION = np.uint64(0)
+OF_KICK = np.uint64(1)
+OF_DRIVE = np.uint64(2)
+
+FIRST_FACTOR, SECOND_FACTOR = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
+FIRST_STEP, SECOND_STEP = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
+LOW = np.uint64(0xFFFFFFFF)
+HALF = np.uint64(32)
+FRACTION = np.uint64(12)  # bits of 64 that a fraction does not use
+ONE = np.uint64(0x3FF0000000000000)  # bits of 1.0
+
+Word = np.uint64  # below 2^32
+Words = tuple[Word, Word, Word, Word]
+
+
+class Key(NamedTuple):
+    """The seed, as the generator takes it."""
+
+    low: Word
+    high: Word
+
+
+def key_of(seed: int) -> Key:
+    """Return the key of a seed, from 0 to 2^64 - 1."""
+    return Key(np.uint64(seed & 0xFFFFFFFF), np.uint64(seed >> 32))
+
+
+@jit
+def philox(a: Word, b: Word, c: Word, d: Word, low: Word, high: Word) -> Words:
+    """Four words of Philox 4x32-10, of a counter (a, b, c, d) and a key (low, high)."""
+    for _ in range(10):
+        first, second = FIRST_FACTOR * a, SECOND_FACTOR * c
+        a, b = (second >> HALF) ^ b ^ low, second & LOW
+        c, d = (first >> HALF) ^ d ^ high, first & LOW
+        low, high = (low + FIRST_STEP) & LOW, (high + SECOND_STEP) & LOW
+    return a, b, c, d
+
+
+@jit
+def _near_one(low: Word, high: Word) -> float:
+    """1 + p, with the fraction p in two words."""
+    return np.uint64((((high << HALF) | low) >> FRACTION) | ONE).view(np.float64)
+
+
+@jit
+def two_deviates(words: Words) -> tuple[float, float]:
+    """Two normal deviates, independent of each other, from four words."""
+    f, k = mantissa_and_exponent(2.0 - _near_one(words[0], words[1]))
+    radius = math.sqrt(-2.0 * log_near_one(f, k))
+    turns = _near_one(words[2], words[3]) - 1.5
+    return radius * cos_turns(turns), radius * sin_turns(turns)
+
+
+@jit
+def _integer(value: float) -> int:
+    """Convert a float below 2^51 that is an integer, by instructions that all vectors have."""
+    return np.float64(value + SHIFT).view(np.int64) - SHIFT_BITS  # type: ignore[return-value]
+
+
+@jit
+def deviates(
+    key: Key, stream: float, particle: float, number: float, purpose: Word
+) -> tuple[float, float]:
+    """The two deviates of a number, a stream and a particle, all within their limits."""
+    count, place = _integer(number), _integer(stream)
+    above = np.uint64((place >> 32) & 0xF) | (np.uint64(_integer(particle)) << np.uint64(4))
+    return two_deviates(
+        philox(
+            np.uint64(count & 0xFFFFFFFF),
+            np.uint64((count >> 32) & 0xFFFFFFFF),
+            np.uint64(place & 0xFFFFFFFF),
+            above | (purpose << np.uint64(30)),
+            key.low,
+            key.high,
+        )
+    )
+
+
+@jit
+def deviate(key: Key, stream: float, particle: float, number: float, purpose: Word) -> float:
+    """The deviate of an impact, counted from 0, or of a forcing period."""
+    pair = np.floor(0.5 * number)
+    even, odd = deviates(key, stream, particle, pair, purpose)
+    return odd if number != 2.0 * pair else even
+
+
+@kernel
+def draw(
+    key: Key, stream: float, particle: float, first: float, purpose: Word, out: Floats
+) -> None:
+    """Write the deviates of the numbers from the first on."""
+    for i in range(out.size):
+        out[i] = deviate(key, stream, particle, first + i, purpose)
+
+
+# --- Effects on an impact -------------------------------------------------------------------------
+# Each function does nothing where its first argument, the field `noise` of a base, or the kind of
+# noise that it needs, is None.  These are known when a kernel is compiled, and a function that does
+# nothing leaves no machine code.
 
 
 class Noise(NamedTuple):
@@ -47,8 +169,8 @@ class Source(NamedTuple):
 class Draw(NamedTuple):
     """Random numbers of one impact; zeros where nothing is random."""
 
-    slip: float  # added to the restitution
-    push: float  # added to the speed of the rebound
+    restitution: float  # added to that of the law
+    kick: float  # added to the speed of the rebound
     drive: float  # relative change of the amplitude
 
 
@@ -99,18 +221,18 @@ def draw_of(
     """Random numbers of an impact of a particle, counted from 0, in a forcing period."""
     if noise is None:
         return STILL
-    key, stream, slip, push, drive = noise.key, source.stream, 0.0, 0.0, 0.0
+    key, stream, restitution, kick, drive = noise.key, source.stream, 0.0, 0.0, 0.0
     if noise.restitution is not None:
-        slip = source.restitution * deviate(key, stream, particle, number, OF_RESTITUTION)
+        restitution = source.restitution * deviate(key, stream, particle, number, OF_RESTITUTION)
     if noise.kick is not None:
-        push = source.kick * deviate(key, stream, particle, number, OF_KICK)
+        kick = source.kick * deviate(key, stream, particle, number, OF_KICK)
     if noise.drive is not None:
         drive = source.drive * deviate(key, stream, 0.0, period, OF_DRIVE)
-    return Draw(slip, push, drive)
+    return Draw(restitution, kick, drive)
 
 
 @jit
-def together(noise: Noise | None) -> float:
+def every_pass(noise: Noise | None) -> float:
     """Return 1 where each lane has an impact in every pass, 0 where some may wait in a rest."""
     if noise is None:
         return 1.0
@@ -118,7 +240,7 @@ def together(noise: Noise | None) -> float:
 
 
 @jit
-def lands(noise: Noise | None, s: Floats, j: int) -> bool:
+def lands_now(noise: Noise | None, s: Floats, j: int) -> bool:
     """Return whether lane j lands in this pass; with noise of the drive it may be at rest."""
     if noise is None:
         return True
@@ -138,62 +260,64 @@ def drawn_in(noise: Noise | None, s: Floats, j: int) -> Draw:
     if noise is None:
         return STILL
     return Draw(
-        0.0 if noise.restitution is None else s[ROW.SLIP + j],
-        0.0 if noise.kick is None else s[ROW.PUSH + j],
-        0.0 if noise.drive is None else s[ROW.DRIVE + j],
+        0.0 if noise.restitution is None else s[ROW.RESTITUTION_DRAWN + j],
+        0.0 if noise.kick is None else s[ROW.KICK_DRAWN + j],
+        0.0 if noise.drive is None else s[ROW.DRIVE_DRAWN + j],
     )
 
 
 @jit
-def slipped(noise: Noise | None, e: float, slip: float) -> float:
+def noisy_restitution(noise: Noise | None, e: float, drawn: float) -> float:
     """Restitution of an impact, from 0 to 1."""
     if noise is None:
         return e
-    moved = e + slip
+    moved = e + drawn
     moved = moved if moved > 0.0 else 0.0
     return moved if moved < 1.0 else 1.0
 
 
 @jit
-def slipped_slope(noise: Noise | None, share: float, q: float, slip: float) -> float:
+def noisy_slope(noise: Noise | None, share: float, q: float, drawn: float) -> float:
     """Slope of the speed after an impact, whose law leaves a share of v with the slope q."""
     if noise is None:
         return q
-    moved = share + slip
-    within = q + slip if moved > 0.0 else 0.0
+    moved = share + drawn
+    within = q + drawn if moved > 0.0 else 0.0
     return within if moved < 1.0 else 1.0
 
 
 @jit
-def pushed(noise: Noise | None, kick: float, push: float) -> float:
+def noisy_kick(noise: Noise | None, kick: float, drawn: float) -> float:
     """Kick of an impact."""
     if noise is None:
         return kick
-    return kick + push
+    return kick + drawn
 
 
 @jit
-def thrown(noise: Noise | None, w: float, push: float) -> float:
+def noisy_rebound(noise: Noise | None, w: float, drawn: float) -> float:
     """Speed relative to a moving base, which a particle cannot enter, after a rebound with w."""
     if noise is None:
         return w
-    return abs(w + push)
+    return abs(w + drawn)
 
 
 @jit
-def slope_of(noise: Noise | None, share: float, q: float, draw: Draw, v: float) -> float:
-    """Derivative of the speed of `thrown` by the speed v of arrival.
+def noisy_rebound_slope(noise: Noise | None, share: float, q: float, draw: Draw, v: float) -> float:
+    """Derivative of the speed of `noisy_rebound` by the speed v of arrival.
 
     The law leaves a share of v, with the slope q.
     """
     if noise is None:
         return q
-    moved = slipped_slope(noise, share, q, draw.slip)
-    return -moved if slipped(noise, share, draw.slip) * v + draw.push < 0.0 else moved
+    moved = noisy_slope(noise, share, q, draw.restitution)
+    return (
+        -moved if noisy_restitution(noise, share, draw.restitution) * v + draw.kick < 0.0 else moved
+    )
 
 
 @jit
-def driven(noise: Noise | None, a: float, drive: float) -> float:
+def noisy_amplitude(noise: Noise | None, a: float, drive: float) -> float:
     """Amplitude of the kick in a forcing period."""
     if noise is None:
         return a
@@ -201,7 +325,7 @@ def driven(noise: Noise | None, a: float, drive: float) -> float:
 
 
 @jit
-def swing(noise: Noise | None, a: float, drive: float) -> float:
+def amplitude_change(noise: Noise | None, a: float, drive: float) -> float:
     """Modulus of the change by noise of the drive that turned the nominal amplitude into a."""
     if noise is None:
         return 0.0
@@ -217,19 +341,19 @@ def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: floa
     """
     if noise is None:
         return 0.0
-    of_share = 3.0 * abs(draw.slip) + 2.0 * share
-    return HALF_ULP * (of_share * abs(v) + 8.0 * abs(draw.push) + abs(kick))
+    of_share = 3.0 * abs(draw.restitution) + 2.0 * share
+    return HALF_ULP * (of_share * abs(v) + 8.0 * abs(draw.kick) + abs(kick))
 
 
 @jit
-def clip_is_doubtful(noise: Noise | None, share: float, slip: float, error: float) -> bool:
+def clip_is_doubtful(noise: Noise | None, share: float, drawn: float, error: float) -> bool:
     """Return whether the relative error of a speed may decide if its restitution is clipped.
 
     The relative change of the restitution of a law does not exceed that of the speed.
     """
     if noise is None:
         return False
-    moved = share + slip
+    moved = share + drawn
     return noise.restitution is not None and not min(abs(moved), abs(moved - 1.0)) > 4.0 * error
 
 
@@ -242,7 +366,7 @@ def period_is_doubtful(noise: Noise | None, x: float, error: float) -> bool:
 
 
 @jit
-def exceeds(noise: Noise | None, kick: float, r: float) -> bool:
+def lifts_at_once(noise: Noise | None, kick: float, r: float) -> bool:
     """Return whether the kick of a particle that has come to rest lifts it at once.
 
     Without noise such a particle would not have come to rest.
@@ -253,7 +377,7 @@ def exceeds(noise: Noise | None, kick: float, r: float) -> bool:
 
 
 @jit
-def strongest(noise: Noise | None, up: float, down: float, source: Source) -> float:
+def strongest_kick(noise: Noise | None, up: float, down: float, source: Source) -> float:
     """Largest kick of any forcing period, where without noise they are between -down and up."""
     if noise is None:
         return up
@@ -262,7 +386,7 @@ def strongest(noise: Noise | None, up: float, down: float, source: Source) -> fl
 
 
 @jit
-def lifted(
+def noisy_lift_off(
     noise: Noise | None, known: tuple[float, float], n: float, x: float
 ) -> tuple[float, float]:
     """Return the instant at which a particle that comes to rest at (n, x) lifts off.

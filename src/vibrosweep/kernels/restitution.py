@@ -1,19 +1,80 @@
-"""Laws of restitution: the coefficient of restitution as a function of the speed of an impact.
+"""Laws of rebound and of restitution: what an impact does with the speed of arrival.
 
-An impact at the relative speed v leaves the speed E(v) = e(v) v, with the slope q(v) = E'(v).  A
-law is an empty named tuple, whose type numba knows when it compiles.  `scale_of` combines the
-restitution e and the speed of a law into one number, by which the law scales speeds; these are
-durations of flights, in forcing periods.
-
-This file implements the constant law, e(v) = e; `vibrosweep.kernels.falling` implements those that
-fall with the speed.
+A law is an empty named tuple, whose type numba knows when it compiles.  Speeds are the durations of
+the flights that they begin, in forcing periods.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import functools
+import math
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
 
-from vibrosweep.kernels._jit import generic, implements, jit
+import numpy as np
+from numba import njit, types
+
+from vibrosweep.kernels import arithmetic
+from vibrosweep.kernels._jit import (
+    OPTIONS,
+    compiled_anew,
+    fma,
+    generic,
+    implements,
+    jit,
+    kind_named,
+    require_compilable,
+)
+from vibrosweep.kernels.arithmetic import HALF_ULP, KICK_ERROR
+from vibrosweep.model.restitution_laws import CONSTANT, OUTSIDE, PADE, PLASTIC, VISCOELASTIC
+from vibrosweep.model.restitution_laws import Law as OutsideLaw
+
+# --- Laws of rebound ------------------------------------------------------------------------------
+# The speed after an impact, from the share of the arrival speed and the kick.  A new law needs a
+# class with its implementations here, and its name here and in
+# `vibrosweep.model.parameters.LAWS_OF`.
+
+
+Law = Any
+
+
+@generic
+def speed_after(law: Law, share: float, v: float, kick: float) -> float:
+    """Speed after an impact at speed v, of which it keeps a share.
+
+    A particle rests if this speed does not exceed the threshold.
+    """
+
+
+@generic
+def direction(law: Law, w: float) -> float:
+    """Return -1 if a law reverses the speed w, else 1."""
+
+
+class Rest(NamedTuple):
+    """A particle whose rebound points into the base stays on it."""
+
+
+implements(speed_after, Rest)(lambda law, share, v, kick: fma(share, v, kick))
+implements(direction, Rest)(lambda law, w: 1.0)
+
+
+class Reflect(NamedTuple):
+    """A rebound that points into the base is reversed, as in the Fermi accelerator."""
+
+
+implements(speed_after, Reflect)(lambda law, share, v, kick: abs(fma(share, v, kick)))
+implements(direction, Reflect)(lambda law, w: -1.0 if w < 0.0 else 1.0)
+
+
+REBOUND_OF: Final[Mapping[str, Law]] = {"rest": Rest(), "reflect": Reflect()}
+
+
+# --- Laws of restitution --------------------------------------------------------------------------
+# The coefficient of restitution as a function of the speed of an impact.  An impact at the relative
+# speed v leaves the speed E(v) = e(v) v, with the slope q(v) = E'(v).  `scale_of` combines the
+# restitution e and the speed of a law into one number, by which the law scales speeds.
+
 
 Restitution = Any
 
@@ -104,3 +165,239 @@ implements(lost_speed, Constant)(lambda law, e, scale, v, sign: (sign - e) * v)
 implements(arrival_to_repeat, Constant)(lambda law, e, scale, k: 2.0 * k / (1.0 + e))
 implements(leaving_to_repeat, Constant)(lambda law, e, scale, k: 2.0 * e * k / (1.0 + e))
 implements(rise_to_repeat, Constant)(lambda law, e, scale, k: (1.0 - e) * k)
+
+
+# --- Laws of restitution whose coefficient falls with the speed -----------------------------------
+# - plastic (Johnson 1985, Contact Mechanics, section 11.5): e(v) = e up to the speed v_y at which
+#   yielding begins, and e (v / v_y)^(-1/4) above it.  E has a kink there.
+# - viscoelastic (Mueller and Poeschel 2011, Phys. Rev. E 84, 021302): e(v) = P(y), the quotient of
+#   two polynomials of y = y_0 (v / v_r)^(1/10), where P(y_0) = e.
+#
+# Their slopes fall too: over a range of speeds a slope lies between those at its ends.
+
+
+# The bits of t^(-1/4), to 3.2 %, are these less a quarter of the bits of t
+QUARTER_BITS = np.int64(0x4FEB_0312_0000_0000)
+# (1 - h)^(-1/4) = 1 + h (Q1 + h (Q2 + h Q3)) + ...
+Q1, Q2, Q3 = 1.0 / 4.0, 5.0 / 32.0, 15.0 / 128.0
+# The following errors are proved by checks/law_error.py.
+# Relative error of e(v) above the speed of yielding, a product of e with a fourth root, and of
+# q(v), 3/4 of it; each with that of v_y, of which a fourth root is taken
+PLASTIC_ERROR: Final = 5.0 * HALF_ULP + 0.25 * KICK_ERROR
+# Of v / v_r, relative
+SPEED_ERROR: Final = 2.0 * HALF_ULP + KICK_ERROR
+N1, D2, D3, D4 = PADE
+STEPS = 40  # of the iteration for y_0, each of which reduces the error to a fifth
+# Relative errors: of y_0^10 / v_r, ten times 8 of y_0, 10 of the powers, 3 of v_r and the quotient;
+# of P for an exact y; of y where ln y = 0, and how much it grows with |ln y|
+SCALE_ERROR: Final = 93.0 * HALF_ULP + KICK_ERROR
+PADE_ERROR: Final = 10.0 * HALF_ULP
+ROOT_ERROR: Final = 0.1 * SCALE_ERROR + 2.5 * HALF_ULP
+LOG_ERROR: Final = 4.5 * HALF_ULP
+
+
+class Plastic(NamedTuple):
+    """Yielding above a speed."""
+
+
+@jit
+def inverse_fourth_root(t: float) -> float:
+    """Return t^(-1/4) to 2 half ulps, for a positive normal number t.
+
+    The guess from the bits has the error h = 1 - root^4 t of at most 0.124; each step reduces it to
+    0.38 h^4.
+    """
+    root = np.int64(QUARTER_BITS - (np.float64(t).view(np.int64) >> 2)).view(np.float64)
+    for _ in range(2):
+        square = root * root
+        h = fma(-t, square * square, 1.0)
+        root = np.float64(fma(root * h, fma(h, fma(h, Q3, Q2), Q1), root))
+    return root
+
+
+implements(scale_of, Plastic)(lambda law, e, speed: 1.0 / speed)
+implements(ratio_error, Plastic)(lambda law, e, scale, v: PLASTIC_ERROR)
+implements(slack, Plastic)(lambda law: 2.0)
+
+
+@implements(ratio, Plastic)
+def ratio_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    t = v * scale
+    yielding = e * inverse_fourth_root(t)  # computed in every lane, without a branch
+    return yielding if t > 1.0 else e
+
+
+@implements(slope, Plastic)
+def slope_plastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    return 0.75 * ratio(law, e, scale, v) if v * scale > 1.0 else e
+
+
+@implements(slope_range, Plastic)
+def slope_range_plastic(
+    law: Restitution, e: float, scale: float, low: float, high: float
+) -> tuple[float, float]:
+    # rounding may have put an end on either side of the kink
+    near, far = 1.0 - 8.0 * HALF_ULP, 1.0 + 8.0 * HALF_ULP
+    least = slope(law, e, scale, high * far) * near if high < np.inf else 0.0
+    return least, slope(law, e, scale, low * near) * far
+
+
+class Viscoelastic(NamedTuple):
+    """Viscoelastic spheres."""
+
+
+@jit
+def root_at(e: float) -> float:
+    """Return y_0 where P is e, by (1 - e)(1 + n_1 y) = e y^2 (d_2 + d_3 y + d_4 y^2).
+
+    The iteration converges for e in [0.4, 1], where y is at most 1.2, and keeps relative accuracy
+    where e is near 1.
+    """
+    y = 0.0
+    for _ in range(STEPS):
+        y = math.sqrt((1.0 - e) * fma(N1, y, 1.0) / (e * fma(y, fma(y, D4, D3), D2)))
+    return y
+
+
+@jit
+def _root(scale: float, v: float) -> float:
+    """Return y at speed v, at least 1e-30.
+
+    Logarithm and exponential are those of `arithmetic` for normal numbers only: the loop over lanes
+    is then vector code, two and a half times as fast.
+    """
+    t = v * scale
+    f, k = arithmetic.mantissa_and_exponent(1e-300 if t < 1e-300 else t)
+    r, whole = arithmetic.reduced(0.1 * arithmetic.log_near_one(f, k))
+    power = arithmetic.power_of_two(whole)
+    found = fma(power, arithmetic.exp_near_zero(r), power)
+    return found if t == t else t
+
+
+@jit
+def pade(y: float) -> tuple[float, float]:
+    """Return P(y), and the slope P + y P' / 10 of P(y_0 (v / v_r)^(1/10)) v."""
+    top = fma(N1, y, 1.0)
+    higher = y * y * fma(y, fma(y, D4, D3), D2)
+    bottom = top + higher
+    # y P' / P, from the logarithmic derivatives of top and bottom
+    fall = N1 * y / top - (N1 * y + y * y * fma(y, fma(y, 4.0 * D4, 3.0 * D3), 2.0 * D2)) / bottom
+    share = top / bottom
+    return share, share * fma(0.1, fall, 1.0)
+
+
+@implements(scale_of, Viscoelastic)
+def scale_of_viscoelastic(law: Restitution, e: float, speed: float) -> float:
+    y = root_at(e)
+    square = y * y
+    eighth = square * square
+    eighth *= eighth
+    return eighth * square / speed
+
+
+implements(ratio, Viscoelastic)(lambda law, e, scale, v: pade(_root(scale, v))[0])
+implements(slope, Viscoelastic)(lambda law, e, scale, v: pade(_root(scale, v))[1])
+implements(slack, Viscoelastic)(lambda law: 3.0)
+
+
+@implements(slope_range, Viscoelastic)
+def slope_range_viscoelastic(
+    law: Restitution, e: float, scale: float, low: float, high: float
+) -> tuple[float, float]:
+    error = 32.0 * HALF_ULP
+    least = slope(law, e, scale, high) - error if high < np.inf else 0.0
+    return max(least, 0.0), min(slope(law, e, scale, low) + error, 1.0)
+
+
+@implements(ratio_error, Viscoelastic)
+def ratio_error_viscoelastic(law: Restitution, e: float, scale: float, v: float) -> float:
+    y = _root(scale, v)
+    share, q = pade(y)
+    of_root = ROOT_ERROR + LOG_ERROR * abs(arithmetic.log(y)) if y > 0.0 else 0.0
+    return PADE_ERROR + 10.0 * (share - q) / share * of_root
+
+
+def _lost_speed_falling(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
+    return fma(-ratio(law, e, scale, v), v, sign * v)
+
+
+def _arrival_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+    # E is concave: Newton's method from below never passes the root
+    c = k
+    for _ in range(STEPS):
+        left = lost_speed(law, e, scale, c, -1.0) + 2.0 * k
+        c += left / (1.0 + slope(law, e, scale, c))
+    return c
+
+
+def _leaving_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+    c = arrival_to_repeat(law, e, scale, k)
+    return ratio(law, e, scale, c) * c
+
+
+def _rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) -> float:
+    # c - k is half of c - E(c), because c + E(c) = 2 k
+    c = arrival_to_repeat(law, e, scale, k)
+    return 0.5 * (1.0 + e) * lost_speed(law, e, scale, c, 1.0)
+
+
+def _implement_falling(*kinds: type) -> None:
+    """Implement the functions shared by all laws whose coefficient falls with the speed."""
+    implements(straight, *kinds)(lambda law: False)
+    implements(lost_speed, *kinds)(_lost_speed_falling)
+    implements(arrival_to_repeat, *kinds)(_arrival_to_repeat_falling)
+    implements(leaving_to_repeat, *kinds)(_leaving_to_repeat_falling)
+    implements(rise_to_repeat, *kinds)(_rise_to_repeat_falling)
+
+
+_implement_falling(Plastic, Viscoelastic)
+RESTITUTION_OF: Final[Mapping[str, Restitution]] = {
+    CONSTANT: Constant(),
+    PLASTIC: Plastic(),
+    VISCOELASTIC: Viscoelastic(),
+}
+
+
+def restitution_of(name: str) -> Restitution:
+    """Return a law by its name; one from outside the package with the code that it has now."""
+    return (
+        RESTITUTION_OF[name]
+        if name in RESTITUTION_OF
+        else _from_outside(OUTSIDE[name].code, OUTSIDE[name])
+    )
+
+
+@functools.cache
+def _from_outside(code: str, law: OutsideLaw) -> Restitution:
+    """Implement a law from outside the package."""
+    for key, count in (("ratio", 2), ("slope", 2), ("bend", 1)):
+        takes = (types.float64,) * count
+        whose = f"law {law.name!r}: its {key}"
+        require_compilable(getattr(law, key), takes, njit(**OPTIONS), whose, real=True)
+    marker = kind_named(f"{law.name}_{code}")
+    share, kept_slope, bend = (compiled_anew(f, jit) for f in (law.ratio, law.slope, law.bend))
+    roundings, rounding = law.roundings, law.roundings * HALF_ULP
+
+    implements(scale_of, marker)(lambda law, e, speed: 1.0 / speed)
+    implements(ratio, marker)(lambda law, e, scale, v: share(e, v * scale))
+    implements(slope, marker)(lambda law, e, scale, v: kept_slope(e, v * scale))
+    implements(slack, marker)(lambda law: 1.0 + 0.25 * roundings)
+
+    @implements(slope_range, marker)
+    def slope_range_outside(
+        law: Restitution, e: float, scale: float, low: float, high: float
+    ) -> tuple[float, float]:
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        q, change = kept_slope(e, middle * scale), bend(e) * half * scale
+        change += abs(q) * rounding + bend(e) * abs(middle) * scale * SPEED_ERROR
+        return q - change, q + change
+
+    @implements(ratio_error, marker)
+    def ratio_error_outside(law: Restitution, e: float, scale: float, v: float) -> float:
+        # the derivative of e(v) by the logarithm of v is q - e
+        kept = share(e, v * scale)
+        off = abs(kept_slope(e, v * scale) - kept) + bend(e) * v * scale * SPEED_ERROR
+        return rounding + off * SPEED_ERROR / abs(kept) if kept != 0.0 else rounding
+
+    _implement_falling(marker)
+    return marker()

@@ -1,25 +1,42 @@
-"""Statistics: a number for each landing, or for each flight, and how the numbers combine.
-
-Separations, cycles, exponents, error bounds and records are computed elsewhere.  A statistic is
-declared once, below; `kernels.totals` composes the chosen ones into the loop over the lanes, the
-totals of a cycle and the loop over the events of a coupled base.  The choice is a tuple of empty
-named tuples, whose types decide what is compiled, so that the machine code of each choice can be
-kept on disk.
-"""
+"""Statistics of landings and flights: what is counted, how totals combine, and observers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
+import numba
 import numpy as np
+from numba import njit, types
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit
-from vibrosweep.kernels.bases import Counted
-from vibrosweep.kernels.markers import kind
-from vibrosweep.kernels.unwritten import unwritten
-from vibrosweep.model.landing import Landing
+from vibrosweep.kernels._jit import (
+    OPTIONS,
+    Flags,
+    Floats,
+    Integers,
+    compiled_anew,
+    fma,
+    generic,
+    implements,
+    jit,
+    kind_named,
+    overloaded,
+    prefetch,
+    require_compilable,
+    uncounted,
+)
+from vibrosweep.kernels.bases import Base, Counted
+from vibrosweep.kernels.memory import ROW, ROWS, STRIDE, aligned, unwritten
+from vibrosweep.model.observables import Landing, Observable
+
+# --- Kinds of statistics --------------------------------------------------------------------------
+# A statistic is a number for each landing, or for each flight, and a way to combine the numbers.
+# It is declared once, below.  The choice is a tuple of empty named tuples, whose types decide what
+# is compiled, so that the machine code of each choice can be kept on disk.
+
 
 # How the numbers of landings combine.  A count counts landings whose number, a flag, is true; the
 # numbers of a sum of products are pairs of factors, whose product is fused with the sum.
@@ -63,7 +80,7 @@ def declare(
     The name of a statistic from outside the package must contain a digest of its code, because
     machine code is kept by the names of types.
     """
-    marker = kind(name)
+    marker = kind_named(name)
     _DECLARED.setdefault(marker, Statistic(name, number, combine, of_flights))
     return marker()
 
@@ -135,7 +152,7 @@ class Statistics(NamedTuple):
     totals: Floats
     # 1 if the particle came to rest for good before the end; in sums, the number of such particles
     at_rest: Flags | Integers
-    status: Flags  # `vibrosweep.model.status.Status`
+    status: Flags  # `vibrosweep.model.measures.Status`
 
     def total(self, name: str) -> Floats:
         """Return the totals of the statistic of that name."""
@@ -162,3 +179,387 @@ def empty_statistics(size: int, kinds: Kinds = KINDS) -> Statistics:
 def empty_sums(size: int, kinds: Kinds) -> Statistics:
     """Allocate the statistics of realizations."""
     return empty_statistics(size, kinds)._replace(at_rest=unwritten(size, np.int64))
+
+
+# --- Totals ---------------------------------------------------------------------------------------
+# The chosen statistics are composed into the code of each kernel: the loop over the lanes, the
+# totals of a cycle, and the loop over the events of a coupled base.  Each function takes a tuple of
+# kinds. For each such tuple it is compiled once, from a text that names every statistic: there is
+# no loop over statistics, and nothing is chosen at run time.  In a block of lanes each statistic k
+# has three rows behind those of `kernels.memory`:
+#
+#     ROWS + k            the total; of a sum, the part since the last check of the lanes
+#     ROWS + n + k        of a sum, the part before the last check
+#     ROWS + 2 n + 1 + k  of the cycle that the lane has entered; ROWS + 2 n holds its periods
+
+
+Cycle = tuple[float, ...]  # periods of a cycle, then the totals of its statistics
+Writer = Callable[[Sequence[Statistic]], Iterator[str]]
+
+LINE = 8  # numbers in a cache line
+OF_LANDINGS, OF_RESTS = (ROWS + LANDINGS) * STRIDE, (ROWS + RESTS) * STRIDE
+PERIODS, CYCLE_LANDINGS, CYCLE_RESTS = 0, 1 + LANDINGS, 1 + RESTS  # places in a `Cycle`
+
+
+def scratch(kinds: Kinds = KINDS, more: int = 0) -> Floats:
+    """Scratch memory of one caller of `vibrosweep.kernels.advance.advance`, with `more` rows."""
+    return aligned((ROWS + 3 * len(kinds) + 1 + more) * STRIDE)
+
+
+def _composed(parameters: str) -> Callable[[Writer], Any]:
+    """Turn a writer of the lines of a function, for given statistics, into that function.
+
+    The function takes a tuple of kinds, by the name `kinds`, and these parameters.
+    """
+
+    def decorate(write: Writer) -> Any:
+        @functools.cache
+        def composed(kinds: tuple[type, ...]) -> Any:
+            statistics = [statistic_of(kind) for kind in kinds]
+            names: dict[str, Any] = {f"number_{k}": s.number for k, s in enumerate(statistics)}
+            names |= {"fma": fma, "prefetch": prefetch, "nan": float("nan"), "inf": float("inf")}
+            names["__name__"] = __name__
+            body = textwrap.indent("\n".join(write(statistics)), "    ")
+            exec(f"def {write.__name__}(kinds, {parameters}):\n{body}\n", names)
+            return names[write.__name__]
+
+        def call(kinds: Kinds, *arguments: Any) -> Any:
+            return composed(tuple(map(type, kinds)))(kinds, *arguments)
+
+        def code(kinds: Any, *arguments: Any) -> Any:
+            return composed(tuple(kind.instance_class for kind in kinds))
+
+        return overloaded(write, call, code)
+
+    return decorate
+
+
+def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]:
+    """Yield each statistic's place, the statistic, and the text of its number.
+
+    In a sum of products, the number of one landing is its rounded product.  A flight of no time,
+    which stands for a rest that no flight follows, is left out of a minimum.
+    """
+    for k, statistic in enumerate(statistics):
+        number = f"number_{k}({'flight' if statistic.of_flights else 'landing'})"
+        if statistic.combine == PRODUCTS:
+            yield k, statistic, f"{number}[0] * {number}[1]"
+        elif statistic.combine == MIN and statistic.of_flights:
+            yield k, statistic, f"(1.0 * {number} if flight.time > 0.0 else inf)"
+        else:
+            yield k, statistic, f"1.0 * {number}"
+
+
+def _row(statistics: Sequence[Statistic], k: int) -> str:
+    """Return the text of the place where the total of statistic k ends up."""
+    return f"s[{(ROWS + k + (len(statistics) if statistics[k].summed else 0)) * STRIDE} + j]"
+
+
+@_composed("s, j")
+def clear(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Begin the statistics of the trajectory in place j."""
+    for k, statistic in enumerate(statistics):
+        yield f"s[{(ROWS + k) * STRIDE} + j] = {START[statistic.combine]}"
+        if statistic.summed:
+            yield f"{_row(statistics, k)} = 0.0"
+    row = ROWS + 2 * len(statistics) + CYCLE_LANDINGS
+    yield f"s[{row * STRIDE} + j] = 0.0  # no cycle is known"
+
+
+@_composed("s, j, landing, flight, seen, ends")
+def count(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Count a landing in place j where it is seen, and a flight where it ends."""
+    for k, statistic, text in _numbers(statistics):
+        row = f"s[{(ROWS + k) * STRIDE} + j]"
+        counts = "ends" if statistic.of_flights else "seen"
+        number = f"number_{k}({'flight' if statistic.of_flights else 'landing'})"
+        if statistic.combine == COUNT:
+            yield f"{row} += 1.0 if {number} & {counts} else 0.0"
+        elif statistic.combine == SUM:
+            yield f"{row} += {number} if {counts} else 0.0"
+        elif statistic.combine == PRODUCTS:
+            yield f"a, b = {number}"
+            yield f"{row} = fma(a if {counts} else 0.0, b if {counts} else 0.0, {row})"
+        else:
+            # adding 0.0 changes nothing, but keeps the compiler from choosing by a masked store,
+            # which takes AMD processors without AVX-512 as long as ten ordinary ones
+            yield f"v, w = {text}, {row} + 0.0"
+            yield f"{row} = v if (v {'>' if statistic.combine == MAX else '<'} w) & {counts} else w"
+
+
+@_composed("s, j, lost")
+def sum_up(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Add the numbers since the last check to the sums; those of flights are NaN if `lost`."""
+    yield "pass"
+    for k, statistic in enumerate(statistics):
+        if statistic.summed:
+            # the total is rounded once for several impacts, which keeps its error small
+            row, total = f"s[{(ROWS + k) * STRIDE} + j]", _row(statistics, k)
+            both = f"{total} + {row}"
+            yield f"{total} = " + (f"nan if lost else {both}" if statistic.of_flights else both)
+            yield f"{row} = 0.0"
+
+
+@_composed("")
+def no_impacts(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Totals of no impacts."""
+    starts = "".join(f", {START[statistic.combine]}" for statistic in statistics)
+    yield f"return (0.0{starts})"
+
+
+@_composed("to, periods, landing, flight")
+def added(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Add an impact to the totals of a cycle, of which so many periods have passed."""
+    sums = (
+        statistic.joined(f"to[{k + 1}]", number) for k, statistic, number in _numbers(statistics)
+    )
+    yield f"return (periods, {', '.join(sums)})"
+
+
+@_composed("s, j, found")
+def set_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Keep the totals of the cycle that lane j has entered."""
+    for k in range(1 + len(statistics)):
+        yield f"s[{(ROWS + 2 * len(statistics) + k) * STRIDE} + j] = found[{k}]"
+
+
+@_composed("s, j")
+def cycle_of(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Return periods, landings and rests of the cycle of lane j; no landings if none is known."""
+    rows = [ROWS + 2 * len(statistics) + k for k in (PERIODS, CYCLE_LANDINGS, CYCLE_RESTS)]
+    yield f"return {', '.join(f's[{row * STRIDE} + j]' for row in rows)}"
+
+
+@_composed("rests, line, found")
+def keep_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Keep the totals of a cycle in a line of `rests`."""
+    for k in range(1 + len(statistics)):
+        yield f"rests[line, {1 + k}] = found[{k}]"
+
+
+@_composed("rests, line")
+def kept_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Return the totals of a cycle that were kept in a line of `rests`."""
+    yield f"return ({', '.join(f'rests[line, {1 + k}]' for k in range(1 + len(statistics)))})"
+
+
+@_composed("s, j, times")
+def repeat(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Count the landings of so many whole cycles in place j."""
+    for k, statistic in enumerate(statistics):
+        row, cycle = _row(statistics, k), f"s[{(ROWS + 2 * len(statistics) + 1 + k) * STRIDE} + j]"
+        if statistic.summed or statistic.combine == COUNT:
+            yield f"{row} += times * {cycle}"
+        else:
+            yield f"v = {cycle} if times > 0.0 else {START[statistic.combine]}"
+            yield f"{row} = {statistic.joined(row, 'v')}"
+
+
+@_composed("s, j")
+def totals_of(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Return the totals of place j."""
+    yield f"return ({''.join(f'{_row(statistics, k)}, ' for k in range(len(statistics)))})"
+
+
+@_composed("totals, flight")
+def with_flight(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Return totals with a flight added, and a sum that is not finite if a flight is not.
+
+    A flight of no time and height adds nothing, except to a COUNT.
+    """
+    names = [f"v{k}" for k in range(len(statistics))]
+    for k, statistic, number in _numbers(statistics):
+        total = f"totals[{k}]"
+        yield f"{names[k]} = {statistic.joined(total, number) if statistic.of_flights else total}"
+    sums = [
+        names[k]
+        for k, statistic in enumerate(statistics)
+        if statistic.of_flights and statistic.summed
+    ]
+    yield f"return ({''.join(f'{name}, ' for name in names)}), {' + '.join(sums) or '0.0'}"
+
+
+@_composed("out, lane")
+def expect(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Prefetch the memory of statistics that will be written a block of lanes later."""
+    yield f"if lane % {LINE} > 0:  # the previous trajectory has prefetched this cache line"
+    yield "    return"
+    for k in range(len(statistics)):
+        yield f"prefetch(out.totals, {k} * out.status.size + lane)"
+    yield "prefetch(out.at_rest, lane)"
+    yield "prefetch(out.status, lane)"
+
+
+@_composed("totals, t")
+def forget(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Reset the totals in place t to those of no landings."""
+    for k, statistic in enumerate(statistics):
+        yield f"totals[{k}, t] = {START[statistic.combine]}"
+
+
+@_composed("totals, t, landing")
+def add_landing(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Add a landing to the totals in place t."""
+    for k, statistic, number in _numbers(statistics):
+        if not statistic.of_flights:
+            yield f"totals[{k}, t] = {statistic.joined(f'totals[{k}, t]', number)}"
+
+
+@_composed("totals, t, flight")
+def add_flight(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Add a flight to the totals in place t."""
+    for k, statistic, number in _numbers(statistics):
+        if statistic.of_flights:
+            yield f"totals[{k}, t] = {statistic.joined(f'totals[{k}, t]', number)}"
+
+
+@_composed("totals, t")
+def flight_sums(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Return a sum that is not finite if a flight of place t is not."""
+    sums = (
+        f"totals[{k}, t]"
+        for k, statistic in enumerate(statistics)
+        if statistic.of_flights and statistic.summed
+    )
+    yield f"return {' + '.join(['0.0', *sums])}"
+
+
+@_composed("i, particles, trajectories, out")
+def add_up(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Combine the particles of realization i, always in the same order.
+
+    Their totals, the number of particles at rest for good and the worst status are written; an
+    unwritten status, which is negative, counts as the worst.
+    """
+    yield "at_rest, status, least = 0, 0, 0"
+    yield from (f"v{k} = {START[statistic.combine]}" for k, statistic in enumerate(statistics))
+    yield "for t in range(i * particles, (i + 1) * particles):"
+    for k, statistic in enumerate(statistics):
+        yield f"    v{k} = {statistic.joined(f'v{k}', f'trajectories.totals[{k}, t]')}"
+    yield "    at_rest += trajectories.at_rest[t]"
+    yield "    code = trajectories.status[t]"
+    yield "    status, least = max(status, code), min(least, code)"
+    yield from (f"out.totals[{k}, i] = v{k}" for k in range(len(statistics)))
+    yield "out.at_rest[i] = at_rest"
+    yield "out.status[i] = status if least >= 0 else least"
+
+
+@uncounted
+def combine(
+    first: int, last: int, particles: int, trajectories: Statistics, out: Statistics
+) -> None:
+    """Combine the particles of realizations first ... last - 1."""
+    for i in range(first, last):
+        add_up(out.kinds, i, particles, trajectories, out)
+
+
+# --- Observers ------------------------------------------------------------------------------------
+# An observer, such as a user's function, is called for every landing.  The loop over the lanes
+# stores the last landing of each lane in additional rows, without a branch; a second loop then
+# calls the observer for lanes that have landed in the window.
+
+
+@generic
+def note(observer: Any, s: Floats, j: int, landing: Landing, n: float, seen: bool) -> None:
+    """Note a landing of lane j, after n whole periods, and whether it is in the window."""
+
+
+@generic
+def observe(observer: Any, s: Floats, lanes: int, base: Base) -> None:
+    """Call the observer for those of the first lanes that have just landed in the window."""
+
+
+class Observer(NamedTuple):
+    """A compiled function, and the totals of trajectories, of shape (trajectory, total)."""
+
+    function: Callable[[Any, Any], None]
+    totals: Floats
+    initial: float  # value with which totals begin
+
+
+class ObservedRows(NamedTuple):
+    """First indices of the rows of the last landing of each lane, behind all other rows."""
+
+    PHASE: int
+    TIME: int
+    ARRIVAL: int
+    REBOUND: int
+    RESTS: int
+    SEEN: int
+
+
+BEHIND: Final = ROWS + 3 * len(KINDS) + 1  # an observer takes no other statistics
+OBSERVED: Final = ObservedRows(
+    *((BEHIND + row) * STRIDE for row in range(len(ObservedRows._fields)))
+)
+
+
+def observer_scratch() -> Floats:
+    """Scratch memory of `scratch`, with the rows of a landing."""
+    return scratch(KINDS, len(ObservedRows._fields))
+
+
+@implements(note, Observer)
+def note_for_function(
+    observer: Observer, s: Floats, j: int, landing: Landing, n: float, seen: bool
+) -> None:
+    s[OBSERVED.PHASE + j], s[OBSERVED.TIME + j] = landing.phase, landing.flight_time
+    s[OBSERVED.ARRIVAL + j], s[OBSERVED.REBOUND + j] = landing.arrival, landing.rebound
+    s[OBSERVED.RESTS + j] = 1.0 if landing.rests else 0.0
+    s[OBSERVED.SEEN + j] = 1.0 if seen else 0.0
+
+
+@implements(observe, Observer)
+def call_function(observer: Observer, s: Floats, lanes: int, base: Base) -> None:
+    for j in range(lanes):
+        if s[OBSERVED.SEEN + j] > 0.0:
+            landing = Landing(
+                s[OBSERVED.PHASE + j],
+                s[OBSERVED.TIME + j],
+                s[OBSERVED.ARRIVAL + j],
+                s[OBSERVED.REBOUND + j],
+                s[OBSERVED.RESTS + j] > 0.0,
+            )
+            observer.function(observer.totals[int(s[ROW.LANE + j])], landing)
+
+
+# A user's function behaves as in plain Python: its exceptions are raised.
+OF_A_USER: Final = OPTIONS | {"error_model": "python", "boundscheck": True}
+
+_compiled: dict[tuple[str, str], Any] = {}  # by code of observables, and how landings combine
+
+
+def compiled(observable: Observable) -> Any:
+    """Compile an observable's function, once in a process.
+
+    Returns the compiled function if it changes totals; an index out of range then raises an
+    IndexError.  For a function that returns a number of a landing, returns the marker of its
+    statistic.  Raises a ParameterError if numba cannot compile it.
+    """
+    key = observable.code, observable.landings
+    if key not in _compiled:
+        _require_compilable(observable)
+        _compiled[key] = _made(observable)
+    return _compiled[key]
+
+
+def _made(observable: Observable) -> Any:
+    if observable.landings:
+        # numba keeps machine code by the names of types: this one changes with the function
+        name = f"{observable.name}_{observable.landings}_{observable.code}"
+        return declare(name, compiled_anew(observable.function, jit), observable.landings)
+    if numba.config.DISABLE_JIT:
+        return observable.function
+    return compiled_anew(observable.function, njit(**OF_A_USER))
+
+
+def _require_compilable(observable: Observable) -> None:
+    landing = numba.typeof(Landing(0.0, 0.0, 0.0, 0.0, False))
+    takes = (landing,) if observable.landings else (types.float64[::1], landing)
+    require_compilable(
+        observable.function,
+        takes,
+        njit(**OF_A_USER),
+        f"observable {observable.name!r}: its function",
+        real=bool(observable.landings),
+    )

@@ -19,34 +19,31 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, uncounted
+from vibrosweep.kernels.arithmetic import LAUNCH_ERROR, ROUNDING
 from vibrosweep.kernels.bases import (
     Constants,
     Flight,
     Instant,
     Jacobian,
+    StateError,
+    absolute_error,
     constants,
     fly,
     jacobian,
-    lift_off,
-    random,
-    rebound,
-    wake,
-)
-from vibrosweep.kernels.bases.error_bounds import (
-    StateError,
-    absolute_error,
     landing_added,
     launch_error,
+    lift_off,
     liftoff_error,
+    random,
     random_liftoff_error,
+    rebound,
     rebound_error,
     rest_is_doubtful,
+    wake,
 )
-from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
+from vibrosweep.kernels.impact import Batch, carry, land, launch, launch_speed
+from vibrosweep.kernels.memory import empty
 from vibrosweep.kernels.noise import Noise
-from vibrosweep.kernels.rounding import LAUNCH_ERROR, ROUNDING
-from vibrosweep.kernels.tangent import carry
-from vibrosweep.kernels.unwritten import empty
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40

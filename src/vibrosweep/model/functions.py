@@ -86,7 +86,7 @@ def _parts(function: FunctionType, where: str, seen: set[FunctionType]) -> Itera
         elif _fixed(value):
             yield _fixed(value)
         elif _is_constant(value):
-            yield repr(value)
+            yield _text(value)
         else:
             remedy = "numbers, tuples of numbers, or functions"
             if isinstance(value, ModuleType):
@@ -114,6 +114,15 @@ def _is_constant(value: object) -> bool:
     if isinstance(value, tuple):
         return all(map(_is_constant, value))
     return value is None or isinstance(value, bool | int | float | complex | str | np.number)
+
+
+def _text(value: object) -> str:
+    """Return a constant as text, with the types of NumPy's numbers, which NumPy 1 leaves out."""
+    if isinstance(value, tuple):
+        return f"({' '.join(f'{_text(one)},' for one in value)})"
+    if isinstance(value, np.number):
+        return f"np.{type(value).__name__}({value})"
+    return repr(value)
 
 
 def _code(code: CodeType) -> Iterator[str]:

@@ -1,8 +1,10 @@
 """The registry of measures: key in a sweep file, variables, required measures and cost of each.
 
 Everything that names a measure derives from it: the keys of [measure], the fields of a scene
-(`vibrosweep.model.scene_measures`), the variables of a result, placeholders for values that could
-not be computed, the judgements of `vibrosweep verify`, reserved names, and tables in the docs.
+(`vibrosweep.model.observables.Measures`), the variables of a result, placeholders for values that
+could not be computed, the judgements of `vibrosweep verify`, reserved names, and tables in the
+docs.  The codes of status and regime are stored as data: a bad realization never ends a sweep.
+Records without padding are contiguous ragged arrays of the CF conventions.
 """
 
 from __future__ import annotations
@@ -10,13 +12,102 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from enum import IntEnum
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC
-from vibrosweep.model.status import Regime, Status
+
+# Least number of landings in the window for a Lyapunov exponent
+LANDINGS_OF_AN_EXPONENT: Final = 64
+
+
+class _Code(IntEnum):
+    """A code that a dataset holds, with a sentence that explains it."""
+
+    sentence: str
+
+    # The default is for type checkers, which take Status(1) for a call of this function.
+    def __new__(cls, code: int, sentence: str = "") -> Self:
+        member = int.__new__(cls, code)
+        member._value_, member.sentence = code, sentence
+        return member
+
+    @property
+    def meaning(self) -> str:
+        """Name of the code, as in the ``flag_meanings`` of a dataset."""
+        return self.name.lower()
+
+
+class Status(_Code):
+    """Status of the computation of one particle, or the worst status in a realization.
+
+    Attributes
+    ----------
+    sentence
+        Description and advice, in one sentence.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.sweep(duration=12.0)
+    >>> vs.Status(found.status.item()).sentence
+    'The trajectory is known up to the end of the observation.'
+    """
+
+    COMPLETED = 0, "The trajectory is known up to the end of the observation."
+    BUDGET_EXCEEDED = (
+        1,
+        "The impact budget ran out: measures cover only the landings found; raise "
+        "measure.impact_budget, or shorten scene.duration.",
+    )
+    NON_FINITE = (
+        2,
+        "A value became infinite or undefined: the parameters are too extreme for double "
+        "precision, whatever the impact budget; lower the forcing or the launch velocity, or take "
+        "a mount further from resonance.",
+    )
+    REFUSED = (
+        3,
+        "A time is more than 2^51 forcing periods, or the particles land 2^53 times or more, which "
+        "cannot be counted exactly; or the amplitude is above 1e30 m s-1, or the mass ratio above "
+        "1000; nothing is given, and counts are -1: lower the frequency, the forcing or the mass "
+        "ratio, take fewer particles, or shorten scene.duration.",
+    )
+
+
+class Regime(_Code):
+    """Regime of a particle's orbit at the end of the observation.
+
+    Attributes
+    ----------
+    sentence
+        Meaning of the regime, in one sentence.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.sweep(launch=[0.432982], duration=4000.0, regimes=True)
+    >>> vs.Regime(found.regime.item()).meaning
+    'locked'
+    """
+
+    AT_REST = 0, "The particle came to rest for good."
+    RESTING = 1, "The orbit repeats exactly and rests at least once in its cycle."
+    LOCKED = 2, "The orbit repeats exactly and never rests."
+    UNSETTLED = (
+        3,
+        "No exact repetition was found, but it is not ruled out: the orbit may still be settling; "
+        "observe for longer.",
+    )
+    APERIODIC = (
+        4,
+        f"No exact repetition was found, and the largest Lyapunov exponent, over "
+        f"{LANDINGS_OF_AN_EXPONENT} landings or more, exceeds zero by three standard errors.",
+    )
+
 
 UNDETERMINED: Final = -1
 OF_EACH: Final = ", of each particle"  # end of the long name of a statistic of each particle
@@ -38,7 +129,7 @@ class Variable:
     # (value, meaning) pairs of an integer variable that holds codes
     flags: tuple[tuple[int, str], ...] = ()
     comment: str = ""  # details beyond the long name
-    judged: str = "measure"  # its judge in `verify`: a key of `vibrosweep.proof.judges.JUDGES`
+    judged: str = "measure"  # its judge in `verify`: a key of `vibrosweep.proof.verifying.JUDGES`
     # True if it is undetermined, or NaN, exactly where the impact budget was too small
     open_by_budget: bool = False
     # Name of a variable that is 0 where no cycle was found, if this one has no value there either
@@ -636,3 +727,71 @@ RESERVED: Final = frozenset(
     | {"noise_stream"}
     | {"identity", "base", "forcing", "duration_periods", TRANSIENT_PERIODS}
 )
+
+
+IN_FILE: Final = "record"  # the group of a result file that holds a record
+LANDING: Final = "landing"
+SAMPLES: Final = "sample_dimension"
+# Dims of a rectangle, and the dims of a ragged record that replace them
+RAGGED_DIMS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
+    RECORD["landing_time"].dims: (LANDING,),
+    RECORD["impact_count"].dims: ("trajectory",),
+}
+# Variables that identify trajectories, with their meaning
+OF_TRAJECTORIES: Final[Mapping[str, str]] = {
+    "realization_index": "position of the realization",
+    "particle_index": "number of the particle",
+}
+MOST_WASTED: Final = 2.0  # places per landing
+
+Column = tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]  # dims, values, attributes
+
+
+def ragged_columns(
+    found: Mapping[str, NDArray[Any]],
+    variables: Mapping[str, Variable],
+    particles: int,
+    prefix: str = "",
+) -> dict[str, Column]:
+    """Return the columns of a ragged record, with all landings in one list.
+
+    An attribute of the counts names the dimension of landings, with `prefix` before it.
+    """
+    places = np.divmod(np.arange(found["impact_count"].size), particles)
+    of_trajectories = RAGGED_DIMS[RECORD["impact_count"].dims]
+    columns: dict[str, Column] = {
+        name: (of_trajectories, place, {"long_name": text, "units": "1"})
+        for (name, text), place in zip(OF_TRAJECTORIES.items(), places, strict=True)
+    }
+    for name, variable in variables.items():
+        dims, attributes = RAGGED_DIMS.get(variable.dims, variable.dims), {**variable.attributes}
+        if name == "impact_count":
+            attributes[SAMPLES] = f"{prefix}{LANDING}"
+        columns[name] = dims, found[name].ravel(), attributes
+    return columns
+
+
+def counts_agree(count: NDArray[np.int64], *of_landings: NDArray[Any]) -> bool:
+    """Return whether ragged arrays hold as many landings as the counts of trajectories say."""
+    total = int(count.sum())
+    return bool((count >= 0).all()) and all(values.shape == (total,) for values in of_landings)
+
+
+def padded(values: NDArray[Any], count: NDArray[np.int64]) -> NDArray[Any]:
+    """Return a ragged array as a padded rectangle of shape (trajectory, impact)."""
+    filled = np.arange(count.max(initial=0)) < count[:, np.newaxis]
+    rectangle = np.full(filled.shape, np.nan if values.dtype.kind == "f" else 0, values.dtype)
+    rectangle[filled] = values
+    return rectangle
+
+
+def wasted(count: NDArray[np.int64], remedy: str) -> str:
+    """Return a remark if more than half of the places of a rectangle are empty, else ""."""
+    places, landings = count.size * int(count.max(initial=0)), int(count.sum())
+    if places <= MOST_WASTED * landings:
+        return ""
+    return (
+        f"{1.0 - landings / places:.0%} of the {places} places are empty, because particles land "
+        f"{landings / count.size:.3g} times on average but up to {count.max()} times: {remedy} "
+        f"leaves them out"
+    )

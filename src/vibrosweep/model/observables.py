@@ -1,13 +1,16 @@
-"""Observables: functions of a user that are called at every landing."""
+"""What is measured of a scene: the measures that are asked for, their window, and observables.
+
+An observable is a function of a user that is called with every landing.
+"""
 
 from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from types import FunctionType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -15,7 +18,45 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.functions import changes_its_arguments, digest_of, plain, source_of
-from vibrosweep.model.measures import RESERVED, Variable
+from vibrosweep.model.measures import ALWAYS, MEASURES, RESERVED, TRANSIENT_PERIODS, Variable
+from vibrosweep.model.parameters import SPRUNG, Time
+from vibrosweep.model.restitution_laws import VISCOELASTIC
+
+
+class Landing(NamedTuple):
+    """A landing in the window, the argument of an observable's function.
+
+    Attributes
+    ----------
+    phase
+        Phase of the forcing in turns, -1/2 to 1/2; 0 where the velocity of the base rises through
+        zero.
+    flight_time
+        Duration in forcing periods of the flight that ends here.
+    arrival, rebound
+        Speeds relative to the base, before the impact and at lift-off, in units of g / (2 f): from
+        a base at rest, a flight with rebound 1 lasts one forcing period.  If the particle rests,
+        `rebound` is the speed at the end of the rest.
+    rests
+        True if the particle rests on the base.
+
+    Examples
+    --------
+    >>> import numpy as np, vibrosweep as vs
+    >>> def rests(totals, landing):
+    ...     totals[0] += landing.rests
+    >>> totals = np.zeros(1)
+    >>> rests(totals, vs.Landing(phase=0.1, flight_time=0.5, arrival=0.5, rebound=0.0, rests=True))
+    >>> totals
+    array([1.])
+    """
+
+    phase: float
+    flight_time: float
+    arrival: float
+    rebound: float
+    rests: bool
+
 
 # Ways in which totals of particles combine to those of a realization
 COMBINED: Final = {"sum": np.add, "max": np.fmax, "min": np.fmin, "each": None}
@@ -51,7 +92,7 @@ class Observable:
     landings
         Way in which the numbers of a particle's landings combine: ``"sum"``, ``"max"`` or
         ``"min"``; empty for a function that changes totals.  With one of the three, repetitions of
-        a cycle are counted without being followed, as for every statistic, and `vibrosweep.verify`
+        a cycle are added exactly, as for every statistic, and `vibrosweep.verify`
         compares the values with proved ones.  A maximum or minimum of no landings is NaN.
     particles
         Way in which the totals of particles combine: ``"sum"``, ``"max"``, ``"min"``; or ``"each"``
@@ -223,3 +264,69 @@ def _numbers(name: str, values: object) -> tuple[float, ...]:
     if array.ndim != 1:
         raise ParameterError(f"observable {name!r}: values = {values!r} must be a list of numbers")
     return tuple(array.tolist())
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Values of the keys of [measure], and the observables of Python, which have no key.
+
+    The keys are those of `MEASURES` and `OPTIONS` of `vibrosweep.model.measures`.  A measure
+    switches on the measures that it requires.
+    """
+
+    transient: Time = 0.0
+    separation: bool = False
+    per_particle: bool = False
+    regimes: bool = False
+    lyapunov: bool = False
+    trust: bool = False
+    ordering: bool = False
+    undecided: bool = False
+    joint: bool = False
+    impact_speed: bool = False
+    tolerance: float = 1e-9
+    impact_budget: int = 10_000_000
+    observables: tuple[Observable, ...] = ()
+
+    def __post_init__(self) -> None:
+        taken = [measure for key, measure in MEASURES.items() if getattr(self, key)]
+        for required in {key for measure in taken for key in measure.requires}:
+            object.__setattr__(self, required, True)
+
+    def over(self, base: str, restitution_law: str) -> Measures:
+        """Return these measures and those that are always taken with this base or this law."""
+        limited = restitution_law == VISCOELASTIC
+        return replace(
+            self,
+            ordering=self.ordering or base == SPRUNG,
+            undecided=self.undecided or base == SPRUNG,
+            impact_speed=self.impact_speed or limited,
+        )
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """Variables of a result, in their order."""
+        taken = (measure for key, measure in MEASURES.items() if getattr(self, key))
+        return (
+            *ALWAYS,
+            *(variable for measure in taken for variable in measure.variables),
+            *(observable.variable for observable in self.observables),
+        )
+
+    @property
+    def observable_names(self) -> set[str]:
+        """Names of the variables and dimensions of observables."""
+        return {o.name for o in self.observables}.union(self.observable_dims)
+
+    @property
+    def observable_dims(self) -> dict[str, tuple[float, ...]]:
+        """Dimensions of observables, with their coordinates."""
+        return {o.along: o.values for o in self.observables if o.along}
+
+
+# The keys of [measure] with their defaults; None for an alternative to another key
+KEYS: Final[Mapping[str, bool | float | None]] = {
+    "transient": 0.0,
+    TRANSIENT_PERIODS: None,
+    **{f.name: getattr(Measures(), f.name) for f in fields(Measures) if f.name != "observables"},
+}

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import require_one_of
-from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING
-from vibrosweep.model.physical import physical
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, physical
 
 FIXED = HIGH_BOUNCE, MOVING  # bases without recoil
 HALVINGS = 60  # of a bracket about as wide as the root, down to rounding

@@ -6,19 +6,67 @@ phases in turns, flight times in forcing periods.
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.arcsine import arcsin_turns
-from vibrosweep.model.times import Periods, Time, amount, unit_of
-from vibrosweep.model.turns import reduced_turns, turns_of_radians
+from vibrosweep.mistakes import cut
+from vibrosweep.model.turns import arcsin_turns, reduced_turns, turns_of_radians
+
+
+@dataclass(frozen=True)
+class Periods:
+    """A time in forcing periods; in s it depends on the frequency of the realization."""
+
+    number: float
+
+
+Time = float | Periods  # a plain number is in s
+
+
+def amount(time: Time) -> float:
+    """Return the number of seconds or periods."""
+    return time.number if isinstance(time, Periods) else time
+
+
+def fraction_of(time: Time, share: float) -> Time:
+    """Return a share of a time, in the same unit."""
+    return Periods(time.number * share) if isinstance(time, Periods) else time * share
+
+
+def in_seconds(time: Time, frequency: Array) -> Array:
+    """Return a time in s for each realization; `frequency` in Hz, shape (realization,)."""
+    if isinstance(time, Periods):
+        return np.asarray(time.number / frequency)
+    return np.full(frequency.shape, time)
+
+
+def in_periods(time: Time, frequency: Array) -> Array:
+    """Return a time in periods for each realization; `frequency` in Hz, shape (realization,)."""
+    if isinstance(time, Periods):
+        return np.full(frequency.shape, time.number)
+    return np.asarray(frequency * time)
+
+
+def precedes(first: Time, second: Time, frequency: Array) -> bool:
+    """Return whether one time is before another at every frequency (Hz)."""
+    if isinstance(first, Periods) == isinstance(second, Periods):
+        return amount(first) < amount(second)
+    return bool(np.all(in_seconds(first, frequency) < in_seconds(second, frequency)))
+
+
+def unit_of(time: Time) -> str:
+    """Return the unit of a time in words, for messages."""
+    return "forcing periods" if isinstance(time, Periods) else "s"
+
 
 HIGH_BOUNCE: Final = "high-bounce"
 MOVING: Final = "moving"
@@ -321,3 +369,99 @@ def _require_countable(what: str, frequency: Array, time: Time) -> None:
             f"{what} = {amount(time):g} {unit_of(time)} is {number:.3g} forcing periods: at most "
             f"{MAX_PERIODS:.3g} can be counted exactly; {remedy}"
         )
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+# Ranges of arguments that are not parameters of a scene
+_RANGES: Final = {
+    "k": (SMALLEST, LARGEST),
+    "natural": (SMALLEST, LARGEST),
+    "turns": (-LARGEST, LARGEST),
+    **dict.fromkeys(("acceleration", "kick", "velocity"), (0.0, LARGEST)),
+    **dict.fromkeys(("launch_speed", "launch_flight", "rest_flight"), (0.0, LARGEST)),
+}
+_ARGUMENTS: Final[Mapping[str, Parameter]] = {
+    **PARAMETERS,
+    **OF_RESTITUTION,
+    "mass_ratio": MOUNT["mass_ratio"],
+    "damping": MOUNT["mount_damping"],
+    **{name: Parameter(name, name, "1", name, math.nan, *ends) for name, ends in _RANGES.items()},
+}
+
+
+def physical(function: Callable[P, R]) -> Callable[P, R]:
+    """Make a function refuse NaN, and arguments outside the range of the parameter they name."""
+    names = inspect.signature(function)
+
+    @functools.wraps(function)
+    def refusing(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            bound = names.bind(*args, **kwargs)
+        except TypeError as error:
+            raise TypeError(f"{function.__name__}() {error}") from None
+        for name, given in bound.arguments.items():
+            if name in _ARGUMENTS:
+                allowed, values = _ARGUMENTS[name], as_numbers(name, given)
+                if values.ndim and names.parameters[name].annotation == "float":
+                    raise ParameterError(f"{name} = {cut(repr(given))}: must be one number")
+                refused = values[~allowed.accepts(values)]
+                if refused.size:
+                    raise ParameterError(f"{name} = {refused[0]:g}: must be {allowed.allowed}")
+                if np.asarray(given).dtype == object:  # of fractions and decimals
+                    bound.arguments[name] = values[()]
+        return function(*bound.args, **bound.kwargs)
+
+    return refusing
+
+
+def as_numbers(name: str, given: object) -> Array:
+    """Return an argument as an array of floats; a ParameterError unless it holds real numbers."""
+    try:
+        found = np.asarray(given)
+        if found.dtype.kind in "biufO":
+            return np.asarray(found, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ParameterError(f"{name} = {cut(repr(given))}: must be a number, or an array of numbers")
+
+
+MASS_RATIO: Final = "mass_ratio"
+
+# Both masses together may replace their ratio
+MASSES: Final = by_name(
+    Parameter("particle_mass", "m", "kg", "mass of one particle", math.nan, 0.0, LARGEST),
+    Parameter("base_mass", "M", "kg", "mass of the base", math.nan, SMALLEST, LARGEST),
+)
+
+# All parameters by which a mount may be given, in the order of files
+OF_MOUNT: Final = {MASS_RATIO: MOUNT[MASS_RATIO], **MASSES, **MOUNT}
+
+
+def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:
+    """Return mistakes in the given parameters of the mount of a base, by parameter.
+
+    Each text says what to change; there is none if the names are complete and consistent.
+    """
+    found = [name for name in OF_MOUNT if name in given]
+    if base != SPRUNG:
+        text = f'belongs to a base of finite mass: write base = "{SPRUNG}", or leave it out'
+        return dict.fromkeys(found, text)
+    mistakes = {}
+    masses = [name for name in MASSES if name in given]
+    if MASS_RATIO in given and masses:
+        mistakes[masses[0]] = f"{MASS_RATIO} is given too; keep it or both masses"
+    elif len(masses) == 1:
+        (lacking,) = MASSES.keys() - {*masses}
+        mistakes[lacking] = f"is missing; {masses[0]} needs it (in kg)"
+    elif MASS_RATIO not in given and not masses:
+        mistakes[MASS_RATIO] = (
+            f'is missing; base = "{SPRUNG}" needs it (mass of one particle in units of that of the '
+            f"base), or {' and '.join(MASSES)} in kg"
+        )
+    if "mount_frequency" not in given:
+        mistakes["mount_frequency"] = (
+            f'is missing; base = "{SPRUNG}" needs it (natural frequency in Hz)'
+        )
+    return mistakes

@@ -27,9 +27,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.model.landing import Landing
-from vibrosweep.model.observables import UNIT, Observable
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
+from vibrosweep.model.observables import UNIT, Landing, Observable
 from vibrosweep.proof.reference.arithmetic import GUARD_BITS, Proved, arb, ctx, exact
 from vibrosweep.proof.reference.motion import EPS, Flight, Impact, Trajectory
 from vibrosweep.proof.sampling import Realization
@@ -110,7 +109,7 @@ def size_of(proved: Proved | list[Proved]) -> float:
 
 
 class LandingErrors(NamedTuple):
-    """Largest errors of the numbers of a `vibrosweep.model.landing.Stay`, in its units."""
+    """Largest errors of the numbers of a `vibrosweep.model.observables.Stay`, in its units."""
 
     phase: float
     flight_time: float

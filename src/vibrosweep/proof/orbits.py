@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from vibrosweep.analysis.branches import Plane
 from vibrosweep.analysis.conditions import Locked, named
-from vibrosweep.analysis.continuation import AT_CORNER, AT_YIELDING, Line
-from vibrosweep.analysis.line_equations import FIX_E
-from vibrosweep.analysis.orbit_lines import Plane
-from vibrosweep.analysis.window_codes import NO_WINDOW, OPEN_END, PROVED
+from vibrosweep.analysis.continuation import AT_CORNER, AT_YIELDING, FIX_E, Line
+from vibrosweep.analysis.windows import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
@@ -57,7 +56,7 @@ from vibrosweep.proof.report import Judgement, Outcome, Report, State, judge
 from vibrosweep.runs.driver import count
 from vibrosweep.runs.progress import Advance
 from vibrosweep.scene.scene import Scene, stored
-from vibrosweep.store.kinds import load_dataset
+from vibrosweep.store.reading import load_dataset
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -27,7 +27,7 @@ from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import DataError, ParameterError, SpecError, TableError
-from vibrosweep.kernels.deviates import (
+from vibrosweep.kernels.noise import (
     LARGEST,
     OF_DRIVE,
     OF_KICK,
@@ -35,11 +35,19 @@ from vibrosweep.kernels.deviates import (
     draw,
     key_of,
 )
-from vibrosweep.kernels.deviates import (
+from vibrosweep.kernels.noise import (
     OF_RESTITUTION as OF_SLIP,
 )
 from vibrosweep.model.forcing import INPUTS, inputs_of
-from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
+from vibrosweep.model.measures import (
+    MEASURE_OF,
+    OF_TRAJECTORIES,
+    RECORD,
+    VARIABLES,
+    Variable,
+    counts_agree,
+    padded,
+)
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
@@ -51,10 +59,11 @@ from vibrosweep.model.parameters import (
     SPRUNG,
     STAGGERED,
     STREAM,
+    Periods,
+    Time,
+    amount,
 )
-from vibrosweep.model.ragged_arrays import OF_TRAJECTORIES, counts_agree, padded
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
-from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import Deviates
 from vibrosweep.proof.reference.trajectories import REFERENCE_OF, Reference
@@ -64,10 +73,9 @@ from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.scene import Scene, stored
 from vibrosweep.scene.sweep import Sweep, parse_spec
-from vibrosweep.store.dataset import NO_VARIABLE
-from vibrosweep.store.provenance import provenance
+from vibrosweep.store.arranged import read_rows, row_count, row_dims
 from vibrosweep.store.reading import result_file
-from vibrosweep.store.rows import read_rows, row_count, row_dims
+from vibrosweep.store.writing import NO_VARIABLE, provenance
 
 BLOCK: Final = 512  # deviates that are drawn at a time
 

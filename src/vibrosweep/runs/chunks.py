@@ -24,17 +24,16 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, TableError, VibrosweepError
 from vibrosweep.mistakes import toml
 from vibrosweep.model.forcing import only_parameters
-from vibrosweep.model.observables import Observable
-from vibrosweep.model.outside_laws import OUTSIDE
-from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.observables import Measures, Observable
+from vibrosweep.model.parameters import Periods, in_periods, unit_of
+from vibrosweep.model.restitution_laws import OUTSIDE
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.model.times import Periods, in_periods, unit_of
 from vibrosweep.scene.design import Axis, Design, GivenTable, Range
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, short_axis
 from vibrosweep.store.parts import Columns, Parts
-from vibrosweep.store.provenance import version
+from vibrosweep.store.writing import version
 
 Tick = Callable[[int], object]
 
@@ -249,10 +248,10 @@ def batch_size(spec: Sweep) -> int:
 EXEMPT: Final[Mapping[str, str]] = {
     "text": "wording and comments; the values of the text are in the other fields",
     "source": "path of the sweep file",
-    "states_duration": "the end of the observation is that of the scene",
+    "stated": "names of keys; the values of all are in the scene",
     "windows": "keys of `vibrosweep windows`, which a sweep does not use",
     "scene.given": "names of the stated parameters; the values of all are in the inputs",
-    "scene.skip": "cycles that are counted instead of followed give the same bits",
+    "scene.skip": "cycles that are added exactly instead of simulated give the same bits",
     "design.table": "path of the table, replaced by a digest of its contents",
     "record.given": "as for the scene",
     "record.skip": "as for the scene",

@@ -1,7 +1,7 @@
 """Run a sweep from its spec to its result: in memory, or into a file, resumably.
 
-A run of several chunks keeps those that are finished and computes the missing ones; incomplete
-realizations of a finished result can be computed again.
+A run of several chunks keeps those that are finished and computes the missing ones.  Incomplete
+realizations of a finished result can be computed again, and more of them added.
 """
 
 from __future__ import annotations
@@ -64,19 +64,31 @@ from vibrosweep.runs.result import (
     write_result,
     write_rows,
 )
+from vibrosweep.scene.design import begins_alike
 from vibrosweep.scene.realizations import Realizations, open_design
 from vibrosweep.scene.sweep import Sweep
+from vibrosweep.store.arranged import read_rows
 from vibrosweep.store.disk import check_output, reporting
-from vibrosweep.store.kinds import SWEEP, kind_of
-from vibrosweep.store.parts import Columns, Manifest, Parts, kinds, read_manifest, write_manifest
-from vibrosweep.store.reading import result_file
-from vibrosweep.store.rows import read_rows
-from vibrosweep.store.rundir import abandon, empty, holding, run_directory
-from vibrosweep.store.writer import Attributes, Writer
+from vibrosweep.store.parts import (
+    Columns,
+    Manifest,
+    Parts,
+    abandon,
+    empty,
+    holding,
+    kinds,
+    read_manifest,
+    run_directory,
+    write_manifest,
+)
+from vibrosweep.store.reading import SWEEP, kind_of, result_file
+from vibrosweep.store.writing import Attributes, Writer
 from vibrosweep.system import MOST_THREADS, physical_memory
 
 if TYPE_CHECKING:
     import xarray as xr
+
+__all__ = ["count"]
 
 
 def available_threads() -> int:
@@ -130,7 +142,8 @@ def run_sweep(
     """Compute a sweep and write it to `output`, which appears only when complete.
 
     A sweep of more than one chunk saves each finished chunk in a run directory next to the output;
-    if the run is interrupted, the same call resumes it and computes the missing chunks.
+    if the run is interrupted, the same call resumes it and computes the missing chunks.  A result
+    of the same sweep with fewer realizations is continued, if its design begins alike.
 
     Parameters
     ----------
@@ -161,6 +174,9 @@ def run_sweep(
         The file cannot be written, a table cannot be used, or the sweep does not fit into memory.
     """
     with holding(output) as directory:
+        if not force and (rows := added(spec, output)):
+            again = Again(spec, output, threads, chunk, runner, at_least)
+            return again.compute(directory, ADDED, rows, advance)
         manifest = continued(output, directory, lambda: identity(spec), force=force)
         replaces = force or (manifest is not None and manifest.replaces)
         check_output(output, force=replaces)
@@ -437,7 +453,7 @@ def cleared(spec: Sweep, output: Path) -> bool:
     try:
         with holding(output) as directory:
             manifest = read_manifest(directory)
-            if manifest is not None and differences(manifest.identity, identity(spec)):
+            if manifest is not None and differences(_without(manifest, ADDED), identity(spec)):
                 return False
             abandon(directory)
     except (OutputError, RunError):  # nothing can be written here, or another run is at work
@@ -454,7 +470,34 @@ def origin(spec: Sweep, path: Path) -> str:
         return changes
     if not changes:
         return "it is the finished result of exactly this sweep"
-    return "it is the result of another sweep or version:\n  " + "\n  ".join(changes) + "\n"
+    reason = ""
+    if len(changes) == 1 and changes[0].startswith(f"{REALIZATIONS}: "):
+        reason = 'only more realizations of design = "uniform" or "sobol" continue a result\n'
+        if spec.design.name == "latin":
+            reason = (
+                "a Latin hypercube of another number of realizations has other points, so that it "
+                'cannot be continued: take design = "sobol" or "uniform"\n'
+            )
+    listed = "\n  ".join(changes)
+    return f"it is the result of another sweep or version:\n  {listed}\n{reason}"
+
+
+def added(spec: Sweep, path: Path) -> tuple[int, ...]:
+    """Return the indices of the realizations by which this sweep continues a finished result.
+
+    Empty unless the result is of the same sweep and version with fewer realizations, which are the
+    first ones of this sweep.
+    """
+    if not begins_alike(spec.design.name):
+        return ()
+    try:
+        with result_file(path) as file:
+            before = json.loads(identity_in(file)) if kind_of(path, file.attrs) is SWEEP else {}
+    except DataError:
+        return ()
+    if differences({**before, REALIZATIONS: ""}, {**identity(spec), REALIZATIONS: ""}):
+        return ()
+    return tuple(range(int(before[REALIZATIONS]), int(spec.design.realizations or 0)))
 
 
 def _changes(spec: Sweep, path: Path) -> list[str] | str | None:
@@ -472,7 +515,55 @@ def _changes(spec: Sweep, path: Path) -> list[str] | str | None:
 
 
 BUDGET = "measure.impact_budget"
-AGAIN = "rows computed again"
+REALIZATIONS = "sample.realizations"
+AGAIN, ADDED = "rows computed again", "rows added"  # in the identity of a run
+
+
+@dataclass(frozen=True)
+class Again:
+    """Computation of some realizations of a finished result: incomplete ones, or more of them."""
+
+    spec: Sweep
+    output: Path  # the result, which the new one replaces when it is complete
+    threads: int
+    chunk: int | None
+    runner: Runner | None
+    at_least: int
+
+    def compute(
+        self,
+        directory: Path,
+        why: str,
+        rows: tuple[int, ...],
+        advance: Advance,
+        *,
+        force: bool = False,
+    ) -> Summary:
+        """Compute the rows, resuming an unfinished run with the same ones, and join the results.
+
+        `why` is the key of the rows in the identity of the run, `AGAIN` or `ADDED`.
+        """
+        spec, output = self.spec, self.output
+        with result_file(output) as file:
+            before = json.loads(identity_in(file))
+        now = {**identity(spec), why: _digest(rows)}
+        if not force:
+            _abandon_merged(directory, before, now)
+        manifest = continued(output, directory, lambda: now, force=force)
+        if manifest is None and rows:
+            with Workers(self.threads) as workers:
+                plan = make_plan(spec, workers, self.chunk, at_least=self.at_least, rows=rows)
+            columns = kinds(no_rows(spec, plan.design))
+            manifest = Manifest(now, len(rows), plan.chunk, columns, force, spec.text)
+            write_manifest(directory, manifest)
+        if manifest is None:
+            with result_file(output) as file:
+                return summary_of(file)
+        job = Job(spec, Parts(directory, manifest), rows)
+        run = KeptRun(output, open_design(spec), job, self.threads)
+        summary = run.complete(self.runner, advance, _merged(run, np.asarray(rows)), force=True)
+        summary.kept += rows[0] if why == ADDED else 0
+        return summary
 
 
 def retry_failed(
@@ -529,29 +620,13 @@ def retry_failed(
     with holding(output) as directory:
         if not output.exists() and read_manifest(directory) is not None:
             raise RunError(f"{output}: is not finished; finish the run before any of it is retried")
-        before, rows = _rows(spec, output)
-        design = open_design(spec)
-        now = {**identity(spec), AGAIN: _digest(rows)}
-        if not force:
-            _abandon_merged(directory, before, now)
-        manifest = continued(output, directory, lambda: now, force=force)
-        if manifest is None and rows:
-            with Workers(threads) as workers:
-                plan = make_plan(spec, workers, chunk, at_least=at_least, rows=rows)
-            columns = kinds(no_rows(spec, design))
-            manifest = Manifest(now, len(rows), plan.chunk, columns, force, spec.text)
-            write_manifest(directory, manifest)
-        if manifest is None:
-            with result_file(output) as file:
-                return summary_of(file), 0
-        job = Job(spec, Parts(directory, manifest), rows)
-        run = KeptRun(output, design, job, threads)
-        summary = run.complete(runner, advance, _merged(run, np.asarray(rows)), force=True)
-    return summary, len(rows)
+        rows = _rows(spec, output)
+        again = Again(spec, output, threads, chunk, runner, at_least)
+        return again.compute(directory, AGAIN, rows, advance, force=force), len(rows)
 
 
-def _rows(spec: Sweep, output: Path) -> tuple[dict[str, str], tuple[int, ...]]:
-    """Return the identity of a result of this sweep, and the indices of realizations to retry.
+def _rows(spec: Sweep, output: Path) -> tuple[int, ...]:
+    """Return the indices of realizations of a result of this sweep to retry.
 
     Index 0 is among them if the record lacks landings.
     """
@@ -578,16 +653,21 @@ def _rows(spec: Sweep, output: Path) -> tuple[dict[str, str], tuple[int, ...]]:
             f"{spec.scene.measures.impact_budget} would not reach: raise it with ",
             IMPACT_BUDGET,
         )
-    return before, tuple(np.flatnonzero(failed).tolist())
+    return tuple(np.flatnonzero(failed).tolist())
 
 
 def _abandon_merged(directory: Path, before: Mapping[str, str], now: Mapping[str, str]) -> None:
     """Abandon a run that was killed after its rows had been written into the result."""
     manifest = read_manifest(directory)
-    if manifest is not None and manifest.identity.get(AGAIN) != now[AGAIN]:
-        made = {key: value for key, value in manifest.identity.items() if key != AGAIN}
-        if made == before:
-            abandon(directory)
+    if manifest is None or not differences(manifest.identity, now):
+        return
+    if _without(manifest, AGAIN, ADDED) == before:
+        abandon(directory)
+
+
+def _without(manifest: Manifest, *keys: str) -> dict[str, str]:
+    """Return the identity of a run without some keys."""
+    return {key: value for key, value in manifest.identity.items() if key not in keys}
 
 
 def _digest(rows: tuple[int, ...]) -> str:
@@ -596,14 +676,19 @@ def _digest(rows: tuple[int, ...]) -> str:
 
 
 def _merged(run: KeptRun, retried: NDArray[np.int64]) -> Iterator[Columns]:
-    """Yield the rows of the old result in blocks, with the retried ones in their places."""
-    spec, design, fresh = run.job.spec, run.design, Stream(run.columns())
-    names, size = list(no_rows(spec, design)), batch_size(spec)
+    """Yield the rows of the old result in blocks, with the retried ones in their places.
+
+    New ones follow.
+    """
+    spec, fresh = run.job.spec, Stream(run.columns())
+    names, size = list(no_rows(spec, run.design)), batch_size(spec)
     with result_file(run.output) as file:
-        for start in range(0, design.realizations, size):
-            rows = slice(start, min(start + size, design.realizations))
+        total = len(file.variables["status"])
+        for start in range(0, total, size):
+            rows = slice(start, min(start + size, total))
             columns = {name: read_rows(file, name, rows) for name in names}
             first, last = np.searchsorted(retried, (rows.start, rows.stop))
             for name, values in fresh.take(int(last - first)).items():
                 columns[name][retried[first:last] - start] = values
             yield columns
+    yield from fresh.blocks(size)

@@ -26,16 +26,16 @@ from vibrosweep.engine.workers import AHEAD, Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError, VibrosweepError
 from vibrosweep.mistakes import CHUNK, OUTPUT, Word
 from vibrosweep.model.forcing import only_parameters
-from vibrosweep.model.ragged_arrays import IN_FILE
-from vibrosweep.model.times import fraction_of
+from vibrosweep.model.measures import IN_FILE
+from vibrosweep.model.parameters import fraction_of
 from vibrosweep.runs.chunks import batch_size, bytes_per_realization, periods_of, rows_at_once
 from vibrosweep.runs.result import declare, write_record, write_rows
 from vibrosweep.scene.design import DESIGNS, Axis
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import naming, target_of
 from vibrosweep.store.parts import Columns, kinds
+from vibrosweep.store.writing import creating
 from vibrosweep.system import physical_memory, resident_memory
 
 # A killed run loses at most the chunk that it was computing; a shorter sweep is one chunk
@@ -242,8 +242,7 @@ def memory_per_realization(spec: Sweep, design: Realizations, workers: Workers) 
     sizes, peaks = (size, STEP * size), []
     share = next(_shares(spec, design)) / STEP**2  # array sizes do not depend on the duration
     for size in sizes:
-        factors = 1.0 - 1e-9 * np.arange(size)  # duplicates would be computed only once
-        sampled = {name: values * factors for name, values in design.take(0, 1).items()}
+        sampled = {name: values.repeat(size) for name, values in design.take(0, 1).items()}
         tracemalloc.start()
         try:
             with Workers(workers.threads) as fresh:  # workers without memory of earlier batches

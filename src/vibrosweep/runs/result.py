@@ -19,31 +19,40 @@ from vibrosweep.errors import RunError
 from vibrosweep.kernels._jit import sources_digest
 from vibrosweep.model.forcing import (
     ACCELERATION,
+    AMPLITUDE,
     INPUTS,
     completed,
     inputs_of,
     only_parameters,
     sources,
 )
-from vibrosweep.model.measures import OF_REALIZATIONS, OPTIONS, RECORD, VARIABLES, Variable, known
+from vibrosweep.model.measures import (
+    IN_FILE,
+    LANDINGS_OF_AN_EXPONENT,
+    OF_REALIZATIONS,
+    OPTIONS,
+    RECORD,
+    VARIABLES,
+    Column,
+    Status,
+    Variable,
+    known,
+    ragged_columns,
+    wasted,
+)
 from vibrosweep.model.orbit_theory import FIXED, recognition_periods
-from vibrosweep.model.parameters import STREAM, Parameter
-from vibrosweep.model.ragged_arrays import IN_FILE, Column, ragged_columns, wasted
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, STREAM, Parameter, Periods, in_periods
 from vibrosweep.model.restitution_laws import CONSTANT, range_of
-from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Status
-from vibrosweep.model.times import Periods, in_periods
 from vibrosweep.runs.chunks import Stream, batch_size, identity, no_rows
 from vibrosweep.scene.realizations import Realizations
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.arranged import REALIZATION
-from vibrosweep.store.dataset import Group, creating
-from vibrosweep.store.kinds import KIND, SWEEP
-from vibrosweep.store.parts import kinds
-from vibrosweep.store.provenance import provenance
-from vibrosweep.store.rows import read_rows, row_count, slices
-from vibrosweep.store.rundir import run_directory
-from vibrosweep.store.writer import Writer
+from vibrosweep.store.arranged import REALIZATION, read_rows, row_count, slices
+from vibrosweep.store.parts import kinds, run_directory
+from vibrosweep.store.reading import KIND, SWEEP
+from vibrosweep.store.writing import Group, Writer, creating, provenance
+
+__all__ = ["identity_in"]
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -57,15 +66,12 @@ TIMES: Final[Mapping[str, Mapping[str, str]]] = {
 
 
 def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
-    """Return the CF attributes of a physical parameter.
-
-    The acceleration of the base, whose name states g, has no units: CF has none for g, and xarray
-    would write "1" beside the name on axes.
-    """
-    attributes = {"long_name": parameter.long_name, "symbol": parameter.symbol}
-    if parameter.name == ACCELERATION:
-        return attributes
-    return {"units": parameter.units, **attributes}
+    """Return the CF attributes of a physical parameter."""
+    return {
+        "units": parameter.units,
+        "long_name": parameter.long_name,
+        "symbol": parameter.symbol,
+    }
 
 
 def write_rows(
@@ -110,7 +116,7 @@ def write_result(
     Parameters
     ----------
     output, force
-        Arguments of `vibrosweep.store.dataset.creating`; the run directory of the output holds the
+        Arguments of `vibrosweep.store.writing.creating`; the run directory of the output holds the
         unfinished file.
     spec, design
         The sweep.
@@ -292,6 +298,7 @@ def write_record(file: Group, spec: Sweep, workers: Workers, counted: Counted | 
 
 
 STRONGEST: Final = 100.0  # acceleration of a shaker in g
+LONGEST_LAUNCH: Final = 25.0  # forcing periods of a first flight
 NEVER_REPEATS: Final = (
     "random motion never repeats: no cycle is searched for, and regimes are at_rest or undetermined"
 )
@@ -299,7 +306,14 @@ NEVER_REPEATS: Final = (
 
 def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
     """Return the remarks on a sweep, by subject; empty if there are none."""
-    found = {"defaults": _defaults(spec, design), "forcing": _strong_forcing(spec, design)}
+    forcing = spec.scene.forcing(design.sampled)
+    fastest = {n: _ends(spec, design, n)[1] for n in ("launch_velocity", "frequency")}
+    found = {
+        "defaults": _defaults(spec, design),
+        "base": "" if "base" in spec.stated else still_base(forcing),
+        "forcing": _strong_forcing(spec, design),
+        "launch": long_launch(**fastest, gravity=_ends(spec, design, "gravity")[0]),
+    }
     if spec.scene.noise(design.sampled):
         found["noise"] = NEVER_REPEATS if spec.scene.measures.regimes else ""
     elif spec.scene.measures.regimes:
@@ -318,9 +332,34 @@ def silent_defaults(spec: Sweep, design: Realizations) -> dict[str, float]:
 
 
 def _defaults(spec: Sweep, design: Realizations) -> str:
-    return ", ".join(
+    silent = [
         f"{name} {value:g} {INPUTS[name].units}".removesuffix(" 1")
         for name, value in silent_defaults(spec, design).items()
+    ]
+    if {*spec.scene.given, *design.sampled} and "base" not in spec.stated:
+        silent.insert(0, f"base {spec.scene.base}")
+    return ", ".join(silent)
+
+
+def still_base(forcing: str) -> str:
+    """Return a remark if the motion of a base is given, but by default none moves; else empty."""
+    if forcing == AMPLITUDE:
+        return ""
+    return (
+        f'{forcing} is that of a base that moves, but the default, "{HIGH_BOUNCE}", stays at '
+        f'height zero and kicks: base = "{MOVING}" lets it move, base = "{HIGH_BOUNCE}" leaves '
+        f"this out"
+    )
+
+
+def long_launch(launch_velocity: float, frequency: float, gravity: float) -> str:
+    """Return a remark if the first flight lasts longer than launches usually do; else empty."""
+    periods = 2.0 * launch_velocity / gravity * frequency
+    if periods <= LONGEST_LAUNCH:
+        return ""
+    return (
+        f"the first flight lasts up to {periods:.3g} forcing periods: check launch_velocity "
+        f"(m s-1) and frequency (Hz)"
     )
 
 
@@ -421,6 +460,12 @@ class _Spread:
             self.low = min(self.low, float(finite.min()))
             self.high = max(self.high, float(finite.max()))
 
+    def facts(self) -> dict[str, float | None]:
+        """Return the numbers by name."""
+        known = {"min": self.low, "mean": self.total / self.count, "max": self.high}
+        empty = dict.fromkeys(("min", "mean", "max"))
+        return {**(known if self.count else empty), "finite": self.count}
+
 
 @dataclass
 class Summary:
@@ -467,6 +512,23 @@ class Summary:
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+    def facts(self) -> dict[str, Any]:
+        """Return the summary as numbers and texts by name."""
+        return {
+            "realizations": self.realizations,
+            "landings": self.landings,
+            "kept": self.kept,
+            "repaired": self.repaired,
+            "notes": self.notes,
+            "variables": {
+                **{name: spread.facts() for name, spread in self.spreads.items()},
+                **{
+                    name: {dict(OF_REALIZATIONS[name].flags)[code]: n for code, n in counts.items()}
+                    for name, counts in self.codes.items()
+                },
+            },
+        }
 
     def _spread(self, spread: _Spread) -> str:
         """Write smallest, mean and largest finite value, and the number of other realizations."""

@@ -21,8 +21,7 @@ from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.functions import parts
 from vibrosweep.model.parameters import refuse_masked
-from vibrosweep.store.arranged import REALIZATION
-from vibrosweep.store.rows import flat
+from vibrosweep.store.arranged import REALIZATION, flat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -171,6 +170,11 @@ DESIGNS: Final[dict[str, Drawn]] = {
     "latin": Drawn(_latin, linear),
     "sobol": Drawn(_sobol, linear),
 }
+
+
+def begins_alike(name: str) -> bool:
+    """Return whether a design begins with the same points, however many realizations it has."""
+    return name in DESIGNS and DESIGNS[name].points in (_uniform, _sobol)
 
 
 def register_design(name: str, place: Place, points: str | Points = "uniform") -> Place:

@@ -36,31 +36,40 @@ from vibrosweep.mistakes import (
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
+    another_name,
+    answer_to,
     completed,
     forcing_of,
+    likely_parameter,
     only_parameters,
     refuse_extreme,
 )
-from vibrosweep.model.limits import another_name, answer_to, likely_parameter
 from vibrosweep.model.measures import MEASURES, OPTIONS, Option
-from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, mount_mistakes
+from vibrosweep.model.observables import KEYS, Measures
 from vibrosweep.model.parameters import (
     BASES,
     LAWS,
+    MASS_RATIO,
+    MASSES,
     MOUNT,
     NOISE,
+    OF_MOUNT,
     OF_RESTITUTION,
     SPRUNG,
     STAGGERED,
     STREAM_PARTICLES,
     STREAMS,
     Parameter,
+    Periods,
+    Time,
+    amount,
     dimensionless,
     launches,
+    mount_mistakes,
+    precedes,
+    unit_of,
 )
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, speed_mistakes
-from vibrosweep.model.scene_measures import KEYS, Measures
-from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, GivenTable, Range
 from vibrosweep.scene.scene import Scene, waveform_of
 
@@ -191,15 +200,16 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
     raise ValueError("must be ", Word(f"a table: write [{name}] on a line of its own", "a mapping"))
 
 
+def whole(low: int, high: int, value: object) -> int:
+    """Return a whole number in a range, or raise ValueError."""
+    if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high:
+        return int(value)
+    raise ValueError(f"must be a whole number, at least {low} and at most {high}")
+
+
 def whole_number(low: int, high: int) -> Check:
     """Return the check of a whole number in a range."""
-
-    def check(value: object) -> int:
-        if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high:
-            return int(value)
-        raise ValueError(f"must be a whole number, at least {low} and at most {high}")
-
-    return check
+    return partial(whole, low, high)
 
 
 def flag(value: object) -> bool:

@@ -34,17 +34,17 @@ from vibrosweep.mistakes import (
     separator_mistake,
     table,
 )
-from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.limits import misspelled
+from vibrosweep.model.forcing import FORCINGS, INPUTS, misspelled
 from vibrosweep.model.measures import MEASURES, RESERVED
-from vibrosweep.model.mount import mount_mistakes
-from vibrosweep.model.parameters import STREAM
+from vibrosweep.model.parameters import STREAM, mount_mistakes
 from vibrosweep.model.restitution_laws import range_mistake, speed_mistakes
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable, Label, columns_of
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.sweep import Sweep
-from vibrosweep.store.rows import UNSTORABLE
+from vibrosweep.store.arranged import UNSTORABLE
 from vibrosweep.store.trial import require_readable
+
+__all__ = ["Realizations", "chosen", "open_design"]
 
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter
 Columns = Callable[[int, int], Sequence[Array]]

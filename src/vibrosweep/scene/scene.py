@@ -15,6 +15,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import quoted
 from vibrosweep.model.forcing import (
+    ANSWERS,
     FORCINGS,
     completed,
     differing,
@@ -22,9 +23,19 @@ from vibrosweep.model.forcing import (
     inputs_of,
     only_parameters,
 )
-from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, NOISE, STAGGERED, STREAM
+from vibrosweep.model.observables import Measures
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    LAWS,
+    NOISE,
+    STAGGERED,
+    STREAM,
+    Periods,
+    Time,
+    amount,
+    in_seconds,
+)
 from vibrosweep.model.restitution_laws import CONSTANT
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.shapes import (
     FORMS,
     HARMONICS_NAME,
@@ -37,7 +48,8 @@ from vibrosweep.model.shapes import (
     harmonics_of,
     name_in,
 )
-from vibrosweep.model.times import Periods, Time, amount, in_seconds
+
+__all__ = ["Launch", "Scene", "stored"]
 
 Launch = str | tuple[float, ...]
 
@@ -191,7 +203,9 @@ def waveform_of(value: object) -> Waveform | Traced:
     if isinstance(value, Mapping) and set(value) == {"trace", "column", HARMONICS_NAME}:
         return _traced(**value)
     if not isinstance(value, Mapping) or set(value) not in ({HARMONICS_NAME}, {*_STORED}):
-        raise ValueError(FORMS)
+        word = value.lower() if isinstance(value, str) else ""
+        answer = f"; {ANSWERS[word]}" if word in ANSWERS else ""
+        raise ValueError(f"{FORMS}{answer}")
     origin = Trace(*(value[name] for name in Trace._fields)) if "trace" in value else ()
     return harmonics_of(value[HARMONICS_NAME], origin)
 

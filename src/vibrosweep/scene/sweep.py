@@ -22,15 +22,22 @@ from vibrosweep.abilities import WITHOUT_MEANING
 from vibrosweep.arrays import Array
 from vibrosweep.errors import SpecError, refuse
 from vibrosweep.mistakes import PYTHON, RANGE, TOML, Mistakes, Text, nearest, toml
-from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
-from vibrosweep.model.limits import another_name, answer_to, likely_parameter
-from vibrosweep.model.observables import Observable, observables_of
+from vibrosweep.model.forcing import (
+    FORCINGS,
+    INPUTS,
+    another_name,
+    answer_to,
+    inputs_of,
+    likely_parameter,
+)
+from vibrosweep.model.observables import Measures, Observable, observables_of
 from vibrosweep.model.parameters import NOISE, STREAM, STREAMS, refuse_masked
-from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene import keys
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS, Tables, read_tables
 from vibrosweep.scene.scene import Scene, Traced
+
+__all__ = ["Sweep", "batch", "parse_spec"]
 
 # Fields of a scene, apart from its inputs, that [record] takes from [scene] by default
 SHARED: Final = (
@@ -60,7 +67,7 @@ class Sweep:
     windows: Mapping[str, Any] | None  # values of [windows] by their keys; None if it is missing
     # True to store recorded landings as one list without padding; None if there is no record
     ragged: bool | None = None
-    states_duration: bool = False  # True if the end of the observation was stated
+    stated: frozenset[str] = frozenset()  # keys of [scene] that were given
 
     def with_measures(self, **changes: Any) -> Sweep:
         """Return the same sweep with other values of some keys of [measure]."""
@@ -178,8 +185,8 @@ def checked(
         quoted = WRITTEN_FOR + _quoted(text or text_of(data))
         text = text_of({**data, "title": title or "", "scene": scene}) + quoted
     sweep = _assembled(tables, source, mistakes)
-    stated = "duration" in tables.get("scene", {})
-    sweep = replace(sweep, title=title or "", text=text, states_duration=stated)
+    stated = frozenset(tables.get("scene", {}))
+    sweep = replace(sweep, title=title or "", text=text, stated=stated)
     # a table is checked when it is read
     if sweep.design.name != TABLE:
         keys.check_extremes("scene", sweep.scene, sweep.design.sampled, mistakes)

@@ -16,7 +16,7 @@ from xarray.backends import BackendArray, CachingFileManager
 from xarray.backends.locks import HDF5_LOCK
 from xarray.core import indexing
 
-from vibrosweep.store.dataset import just_written
+from vibrosweep.store.writing import just_written
 
 
 def opened(path: Path) -> xr.Dataset | None:

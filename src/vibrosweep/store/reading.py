@@ -1,20 +1,33 @@
-"""Clear errors for result files that cannot be read."""
+"""Result files are opened here, with clear errors, and have a kind: command, lines and figure.
+
+An attribute of the file names its kind.  `OWN` registers the kinds of this package, when a kind is
+asked for.  Another package names its kinds in entry points of the group `GROUP`, which are searched
+when a file of an unregistered kind is read.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import h5netcdf
 import h5py
 
-from vibrosweep.errors import DataError, VibrosweepError
-from vibrosweep.store.disk import path_of, undisturbed
-from vibrosweep.store.seal import State, state_of
+from vibrosweep.errors import DataError, ParameterError, VibrosweepError
+from vibrosweep.store.disk import State, path_of, state_of, undisturbed
 from vibrosweep.store.trial import open_for_writing, require_readable, require_whole
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+__all__ = ["KINDS", "SWEEP", "load_dataset", "read_kind", "result_file"]
 
 
 @contextmanager
@@ -108,3 +121,143 @@ def _unreadable(path: str | os.PathLike[str], reason: str = "") -> DataError:
         f"{path}: is not a result of vibrosweep, or is damaged{reason}; check the path, or compute "
         f"it again with the command that made it"
     )
+
+
+KIND: Final = "result"  # attribute of a file that names its kind
+GROUP: Final = "vibrosweep.results"
+OWN: Final = "vibrosweep.api.result_kinds"  # module that registers the kinds of this package
+
+
+def _no_lines(result: xr.Dataset) -> Iterable[str]:
+    return ()
+
+
+class ResultKind(NamedTuple):
+    """A kind of result, for ``vibrosweep info``, ``figures`` and ``verify``.
+
+    Attributes
+    ----------
+    name
+        Name of the kind, which its files hold as the attribute ``result``.
+    command
+        The command that makes such a result, as messages name it.
+    lines
+        Function from the dataset to the lines that ``vibrosweep info`` prints.
+    draw
+        Function from the dataset to the axes, or an array of axes, of the figure of
+        ``vibrosweep figures``; None if it has no figure.
+    stem
+        Name of the figure's files without their ending; by default `name`.
+    undrawn
+        Reason why there is no figure, and what to do instead.
+    unverified
+        Reason why ``vibrosweep verify`` does not check such a result; empty if it does.
+    verify
+        Function from the path and the keywords ``sample``, ``seed`` and ``advance`` of
+        `vibrosweep.verify` to its report; None for results of a sweep, and for results that are
+        not checked.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> vs.ResultKind("echo", "the echo package").undrawn
+    'results of this kind have no figure'
+    """
+
+    name: str
+    command: str
+    lines: Callable[[xr.Dataset], Iterable[str]] = _no_lines
+    draw: Callable[[xr.Dataset], Axes | NDArray[Any]] | None = None
+    stem: str = ""
+    undrawn: str = "results of this kind have no figure"
+    unverified: str = "verify proves only results of vibrosweep run and vibrosweep orbits"
+    verify: Callable[..., Any] | None = None
+
+    def axes(self, result: xr.Dataset) -> Axes | NDArray[Any]:
+        """Draw a result; a DataError if results of this kind have no figure."""
+        if self.draw is None:
+            raise DataError(self.undrawn)
+        return self.draw(result)
+
+
+SWEEP: Final = ResultKind("sweep", "vibrosweep run", unverified="")
+KINDS: Final[dict[str, ResultKind]] = {SWEEP.name: SWEEP}  # registered kinds by name
+
+
+def register_kind(kind: ResultKind) -> ResultKind:
+    """Make a kind of result known to ``info``, ``figures``, ``verify`` and `save_result`.
+
+    The command line finds a kind of another package by an entry point of the group
+    ``vibrosweep.results``, whose name is that of the kind, and whose value is the `ResultKind`.
+
+    Parameters
+    ----------
+    kind
+        The kind; registering it twice changes nothing.
+
+    Returns
+    -------
+    ResultKind
+        The kind that was given.
+
+    Raises
+    ------
+    ParameterError
+        Another kind has this name, or a field is of another type.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> echo = vs.register_kind(vs.ResultKind("echo", "the echo package"))
+    """
+    if not isinstance(kind, ResultKind):
+        raise ParameterError(f"kind = {kind!r}: must be a vibrosweep.ResultKind")
+    for field, value in kind._asdict().items():
+        wanted = kind._field_defaults.get(field, "")
+        if isinstance(wanted, str) and not isinstance(value, str):
+            raise ParameterError(f"kind {kind.name!r}: {field} = {value!r} must be a text")
+        if not isinstance(wanted, str) and value is not None and not callable(value):
+            raise ParameterError(f"kind {kind.name!r}: {field} = {value!r} must be a function")
+    import_module(OWN)
+    if KINDS.setdefault(kind.name, kind) != kind:
+        raise ParameterError(
+            f"kind {kind.name!r}: {KINDS[kind.name].command} has registered another kind of this "
+            f"name; choose another name"
+        )
+    return kind
+
+
+def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> ResultKind:
+    """Return the kind of a file from its attributes; by default the result of a sweep.
+
+    Raises a DataError if no installed package knows the kind.
+    """
+    name = str(attributes.get(KIND, SWEEP.name))
+    import_module(OWN)
+    if name not in KINDS:
+        from importlib.metadata import entry_points  # takes 30 ms
+
+        for entry_point in entry_points(group=GROUP, name=name):
+            register_kind(entry_point.load())
+    if name not in KINDS:
+        raise DataError(
+            f"{path}: is a result of the kind {name!r}, which this version of vibrosweep does not "
+            f"know; use the version that wrote it, or install the package that did"
+        )
+    return KINDS[name]
+
+
+def read_kind(path: Path) -> ResultKind:
+    """Return the kind of a result file; a DataError if it is none, or cannot be read."""
+    with result_file(path) as file:
+        return kind_of(path, file.attrs)
+
+
+def load_dataset(path: Path) -> xr.Dataset:
+    """Read a result other than a sweep into memory; raises a DataError as `read_kind` does."""
+    import xarray as xr
+
+    with reading(path), undisturbed(), warnings.catch_warnings():
+        # h5netcdf warns of unexpected attributes, which another program may have written
+        warnings.simplefilter("ignore", xr.SerializationWarning)
+        return xr.load_dataset(path, engine="h5netcdf")

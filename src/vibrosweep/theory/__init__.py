@@ -5,7 +5,6 @@ The forms in `sprung` hold over a base of finite mass, the others over a base of
 
 from __future__ import annotations
 
-from vibrosweep.model.locked_shapes import locked_windows
 from vibrosweep.model.locked_theory import (
     amplitude_max,
     amplitude_min,
@@ -13,6 +12,7 @@ from vibrosweep.model.locked_theory import (
     locked_height,
     locked_phase,
     locked_velocity,
+    locked_windows,
     multipliers,
 )
 from vibrosweep.model.orbit_theory import (
@@ -50,3 +50,7 @@ __all__ = [
     "unforced_rest_impact",
     "unforced_rest_time",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -10,8 +10,8 @@ from flint import arb, ctx
 
 from proved_pieces import sine, step
 from vibrosweep.errors import VibrosweepError
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.status import Status
 from vibrosweep.proof.reference.arithmetic import UndecidableError
 from vibrosweep.proof.reference.trajectories import trajectory
 

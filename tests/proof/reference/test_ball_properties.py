@@ -108,6 +108,28 @@ def test_enclosure_keeps_every_point(e, amplitude, speed, radius, corner, reflec
                 point = (point[0], -point[1])
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    speed=number(-8.0, 8.0),
+    radius=number(1e-12, 1e-3),
+    corner=st.tuples(number(-1.0, 1.0), number(-1.0, 1.0)),
+    slopes=st.tuples(number(-3.0, 3.0), number(-3.0, 3.0)),
+    bits=st.sampled_from([20, 53, 400]),
+)
+def test_a_mirrored_set_holds_the_mirrored_points(speed, radius, corner, slopes, bits):
+    """At any precision, also below that of the centre, and after the set has been turned."""
+    with ctx.workprec(400):
+        by_flown, by_speed = (arb(slope) for slope in slopes)
+        state = Enclosure(arb(0, radius), arb(speed, radius))
+        state.turn(state.flown, state.speed / 3, ((arb(1), arb(1)), (by_flown, by_speed)))
+        off = [arb(radius) * arb(part) for part in corner]
+        flown, v = off[0] + off[1], arb(speed) / 3 + by_flown * off[0] + by_speed * off[1]
+        with ctx.workprec(bits):
+            state.mirror()
+        assert (state.flown + state.change(arb(1), arb(0))).contains(flown.mid())
+        assert (state.speed + state.change(arb(0), arb(1))).contains(-v.mid())
+
+
 def decimal_pi():
     """Machin's formula."""
 

@@ -8,7 +8,7 @@ from flint import arb, ctx
 from scipy.integrate import solve_ivp
 
 from vibrosweep.model.shapes import SINE, Waveform
-from vibrosweep.proof.reference.mount import Arc, Mount
+from vibrosweep.proof.reference.sprung import Arc, Mount
 
 X, D, V = 0.3, 0.12, -0.4
 

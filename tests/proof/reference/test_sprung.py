@@ -14,13 +14,13 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.reference.arithmetic import UndecidableError
 from vibrosweep.proof.reference.laws import Constant
-from vibrosweep.proof.reference.mount import Mount
 from vibrosweep.proof.reference.sprung import (
     LANDING,
     LAUNCH,
     LIFTOFF,
     Bodies,
     Launch,
+    Mount,
     System,
     bodies_of,
     coupled,

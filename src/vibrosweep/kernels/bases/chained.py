@@ -20,10 +20,31 @@ import numpy as np
 
 from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, fma, implements, jit, wide_vectors
-from vibrosweep.kernels.bases import Counted, Flight
-from vibrosweep.kernels.bases.landing_search import BORDER, ULP, phase_after
-from vibrosweep.kernels.bases.moving import LARGEST_GAMMA, TRIES, Chained, ChainedConstants
-from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.arithmetic import HALF_ULP
+from vibrosweep.kernels.bases import Counted, Flight, StateError
+from vibrosweep.kernels.bases.chords import height
+from vibrosweep.kernels.bases.moving import (
+    BORDER,
+    LARGEST_GAMMA,
+    TRIES,
+    ULP,
+    Chained,
+    ChainedConstants,
+    phase_after,
+)
+from vibrosweep.kernels.bases.moving_errors import (
+    ALPHA_ERROR,
+    GAMMA_ERROR,
+    Along,
+    Bends,
+    Limits,
+    along,
+    below_top,
+    bends,
+    keeps_pressing,
+    limits,
+)
+from vibrosweep.kernels.memory import ROW, STRIDE
 from vibrosweep.kernels.noise import SILENT, STILL, drawn_in
 from vibrosweep.kernels.restitution import scale_of
 from vibrosweep.kernels.waveforms import Parabolic, velocity
@@ -33,7 +54,7 @@ TOP = 0.125  # largest height W; the lowest is its negative
 CORNER = 0.25  # phase at which the acceleration turns downwards; upwards at its negative
 
 
-class Guess(NamedTuple):
+class ChainedGuess(NamedTuple):
     """A guess of the landing, from the beginning of the flight alone."""
 
     begin: float  # time at which the search begins
@@ -94,7 +115,7 @@ def clearance(alpha: float, x: float, y: float, t: float) -> tuple[float, float]
 
 
 @jit
-def first_guess(alpha: float, x: float, y: float) -> Guess:
+def first_guess(alpha: float, x: float, y: float) -> ChainedGuess:
     """Guess when the flight from phase x with speed y ends."""
     u, level = fma(alpha, velocity(Parabolic(), x), y), level_at(x)
     depth = 4.0 * alpha * (TOP - level)  # below the top, as the square of a speed
@@ -103,7 +124,7 @@ def first_guess(alpha: float, x: float, y: float) -> Guess:
     fast = (u > 0.0) & (u * u >= fma(alpha, alpha, depth) * (1.0 + 16.0 * ULP))
     rising = u if u > 0.0 else 0.0
     until = u - rise
-    return Guess(
+    return ChainedGuess(
         until if fast & (until > 0.0) else 0.0,
         rise,
         until,
@@ -113,7 +134,7 @@ def first_guess(alpha: float, x: float, y: float) -> Guess:
 
 @jit
 def try_stretch(
-    alpha: float, x: float, y: float, guess: Guess, t: float
+    alpha: float, x: float, y: float, guess: ChainedGuess, t: float
 ) -> tuple[float, float, bool, float]:
     """Solve the equation of the stretch that begins after t periods without a landing.
 
@@ -198,3 +219,76 @@ def counted_now_chained(
     fixed: ChainedConstants, s: Floats, j: int, time: float, u_off: float
 ) -> Counted:
     return Counted(time, first_guess(fixed.alpha, s[ROW.X + j], s[ROW.U + j]).apex, 1.0)
+
+
+# --- Derivatives, and bounds on errors ------------------------------------------------------------
+# The acceleration jumps at the corners of the velocity.  Between them derivatives do not depend on
+# the phase; where an error reaches across a corner, they change by a bounded step.
+
+
+# Error of W(x + t) - W(x) - t w(x) and of w(x + t) - w(x), relative to the size of their terms:
+# that of alpha, half an ulp of 1 in a phase, which moves w by 4 times as much, four roundings each
+TERM_ERROR = ALPHA_ERROR + 16.0 * HALF_ULP
+
+
+@implements(along, ChainedConstants)
+def along_chained(fixed: ChainedConstants, x: float, y: float, t: float) -> Along:
+    alpha, half = fixed.alpha, 0.5 * fixed.alpha
+    rise, gain, size = since(x, t)
+    f = fma(0.5 * t, y - t, -half * rise)
+    f_error = HALF_ULP * (0.5 * t * abs(y - t) + abs(f)) + half * TERM_ERROR * size
+    z = fma(alpha, gain, 2.0 * t - y)
+    turns = min(12.0 * t, 2.0)
+    z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * TERM_ERROR * turns
+    first, last = stretch_at(x)[0], stretch_at(phase_after(x, t))[0]
+    return Along(
+        f,
+        f_error,
+        z,
+        z_error,
+        alpha * fma(4.0 * first, t, -gain),
+        2.0 * alpha * last,
+        2.0 * alpha * (first - last),
+        8.0 * alpha * t,
+        alpha * turns,
+        4.0 * alpha,
+    )
+
+
+@implements(height, ChainedConstants)
+def height_chained(fixed: ChainedConstants, x: float, y: float, s: float) -> tuple[float, float]:
+    return clearance(fixed.alpha, x, y, s)
+
+
+@implements(limits, ChainedConstants)
+def limits_chained(fixed: ChainedConstants, slack: float) -> Limits:
+    alpha = fixed.alpha * slack
+    return Limits(2.0 * alpha, 2.0 * alpha, math.pi * alpha, np.inf, 0.0, 0.0)
+
+
+@implements(below_top, ChainedConstants)
+def below_top_chained(fixed: ChainedConstants, x: float, dx: float, slack: float) -> float:
+    below = (TOP - level_at(x)) + dx + HALF_ULP
+    return 4.0 * math.pi * math.pi * (fixed.alpha * slack) * below
+
+
+@implements(bends, ChainedConstants)
+def bends_chained(fixed: ChainedConstants, flight: Flight, dx: float, off: float) -> Bends:
+    step = 4.0 * fixed.alpha  # of G at a corner
+    begins = abs(abs(flight.x) - CORNER) < dx
+    ends = abs(abs(flight.landing) - CORNER) <= dx + off + HALF_ULP
+    of_p = 2.0 * step * (dx + off)
+    of_p += 2.0 * step * (flight.time + off) if begins else 0.0
+    jumps = (1.0 if begins else 0.0) + (1.0 if ends else 0.0)
+    return Bends(of_p, 2.0 * step if ends else 0.0, 2.0 * step * jumps)
+
+
+@implements(keeps_pressing, ChainedConstants)
+def keeps_pressing_chained(fixed: ChainedConstants, x: float, pull: float, error: float) -> bool:
+    return not abs(abs(x) - CORNER) <= error or 2.0 * fixed.alpha * (1.0 + GAMMA_ERROR) < 1.0
+
+
+@implements(bases.liftoff_error, ChainedConstants)
+def liftoff_error_chained(fixed: ChainedConstants) -> StateError:
+    doubtful = abs(2.0 * fixed.alpha - 1.0) <= 8.0 * GAMMA_ERROR
+    return StateError(np.inf if doubtful else 0.0, 0.0)

@@ -7,13 +7,12 @@ from typing import NamedTuple
 
 from vibrosweep.kernels._jit import generic, implements, jit
 from vibrosweep.kernels.bases import Constants as AnyConstants
-from vibrosweep.kernels.bases import Flight, jacobian, landing_search, shaped_search
-from vibrosweep.kernels.bases.high_bounce import Constants
-from vibrosweep.kernels.bases.landing_search import begin_at
-from vibrosweep.kernels.bases.moving import ANY, SINGLE, MovingConstants, ShapedConstants
-from vibrosweep.kernels.bases.moving_jacobian import along
-from vibrosweep.kernels.harmonics import next_phase
+from vibrosweep.kernels.bases import Flight, jacobian, moving, shaped
+from vibrosweep.kernels.bases.high_bounce import HighBounceConstants
+from vibrosweep.kernels.bases.moving import ANY, SINGLE, MovingConstants, ShapedConstants, begin_at
+from vibrosweep.kernels.bases.moving_errors import along
 from vibrosweep.kernels.restitution import slope
+from vibrosweep.kernels.waveforms import next_phase
 
 HALVINGS = 30  # the error of a minimum is of the order of the square of the last interval
 
@@ -26,8 +25,8 @@ def chord(fixed: AnyConstants, x: float, s: float) -> tuple[float, float]:
     """
 
 
-@implements(chord, Constants)
-def chord_high_bounce(fixed: Constants, x: float, s: float) -> tuple[float, float]:
+@implements(chord, HighBounceConstants)
+def chord_high_bounce(fixed: HighBounceConstants, x: float, s: float) -> tuple[float, float]:
     return s, s
 
 
@@ -38,13 +37,13 @@ def height(fixed: AnyConstants, x: float, y: float, s: float) -> tuple[float, fl
 
 @implements(height, MovingConstants)
 def height_moving(fixed: MovingConstants, x: float, y: float, s: float) -> tuple[float, float]:
-    clear = landing_search.clearance(fixed, begin_at(x, y), s, *landing_search.turn(s))
+    clear = moving.clearance(fixed, begin_at(x, y), s, *moving.turn(s))
     return clear.f, clear.f1
 
 
 @implements(height, ShapedConstants)
 def height_shaped(fixed: ShapedConstants, x: float, y: float, s: float) -> tuple[float, float]:
-    clear = shaped_search.clearance(fixed, begin_at(x, y), s, *shaped_search.turn(s))
+    clear = shaped.clearance(fixed, begin_at(x, y), s, *shaped.turn(s))
     return clear.f, clear.f1
 
 
@@ -76,15 +75,15 @@ def slopes(fixed: AnyConstants, arc: Flight) -> Slopes:
     """Jacobian of the impact that ends a flight, also where the speed of arrival is 0."""
 
 
-@implements(slopes, Constants)
-def slopes_high_bounce(fixed: Constants, arc: Flight) -> Slopes:
+@implements(slopes, HighBounceConstants)
+def slopes_high_bounce(fixed: HighBounceConstants, arc: Flight) -> Slopes:
     xx, xu, ux, uu, _ = jacobian(fixed, arc)
     return Slopes(1.0, xx, xu, ux, uu, uu - ux)
 
 
 @implements(slopes, *ANY)
 def slopes_moving(fixed: AnyConstants, arc: Flight) -> Slopes:
-    # as in `moving_jacobian`, without its divisions by the speed of arrival
+    # as in `jacobian_moving`, without its divisions by the speed of arrival
     s, z = arc.time, arc.v
     q, at = slope(fixed.base.restitution, fixed.e, fixed.scale, z), along(fixed, arc.x, arc.u, s)
     pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
@@ -97,8 +96,8 @@ def clearing(fixed: AnyConstants, arc: Flight) -> float:
     """Least local minimum of the height above the base in a flight; infinite if there is none."""
 
 
-@implements(clearing, Constants)
-def clearing_high_bounce(fixed: Constants, arc: Flight) -> float:
+@implements(clearing, HighBounceConstants)
+def clearing_high_bounce(fixed: HighBounceConstants, arc: Flight) -> float:
     return math.inf
 
 

@@ -15,39 +15,64 @@ if and only if |f| < 1 and 0 < -g s < 2 (1 + f).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases, noise
-from vibrosweep.kernels._jit import Floats, fma, implements, jit, uncompiled
-from vibrosweep.kernels.bases import Counted, Flight, Jacobian, LiftOff
-from vibrosweep.kernels.deviates import LARGEST
-from vibrosweep.kernels.lanes import ROW, STRIDE
-from vibrosweep.kernels.laws import Law, direction, speed_after
-from vibrosweep.kernels.noise import SILENT, STILL, Draw, Noise, Source
+from vibrosweep.kernels._jit import Floats, fma, generic, implements, jit, uncompiled, wide_vectors
+from vibrosweep.kernels.arithmetic import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
+from vibrosweep.kernels.bases import Counted, Flight, Instant, Jacobian, LiftOff, StateError
+from vibrosweep.kernels.memory import ROW, STRIDE
+from vibrosweep.kernels.noise import (
+    LARGEST,
+    OF_DRIVE,
+    SILENT,
+    STILL,
+    Draw,
+    Noise,
+    Source,
+    deviate,
+    draw_of,
+    noisy_amplitude,
+    period_of,
+)
 from vibrosweep.kernels.restitution import (
     Constant,
+    Law,
     Restitution,
+    direction,
     lost_speed,
     ratio,
+    ratio_error,
     scale_of,
     slack,
     slope,
+    slope_change,
+    speed_after,
     straight,
 )
 from vibrosweep.kernels.waveforms import (
+    Harmonics,
     LiftOffs,
+    Parabolic,
     Shape,
     Sine,
     depth_of,
+    kick_bend,
+    kick_rounding,
     kick_slope,
+    left_out,
+    lift_off_error,
     lift_offs,
     lifts_once,
     next_lift_off,
     peak_of,
     put_phases,
+    rise_error,
+    rise_of,
+    rises_through,
     steepness,
     take_phases,
     velocity,
@@ -65,7 +90,7 @@ class HighBounce(NamedTuple):
     noise: Noise | None = None
 
 
-class Constants(NamedTuple):
+class HighBounceConstants(NamedTuple):
     """Numbers that decide the impacts of one realization."""
 
     base: HighBounce
@@ -85,19 +110,19 @@ class Constants(NamedTuple):
 
 
 @implements(bases.constants, HighBounce)
-def constants_high_bounce(base: HighBounce, problem: Dimensionless, i: int) -> Constants:
+def constants_high_bounce(base: HighBounce, problem: Dimensionless, i: int) -> HighBounceConstants:
     e, a, r = problem.restitution[i], problem.kick[i], problem.rest_flight[i]
     source = noise.source_of(problem.noise, problem.end_count, i)
     up, down = a * peak_of(base.waveform), a * depth_of(base.waveform)
-    peak = noise.strongest(base.noise, up, down, source)
+    peak = noise.strongest_kick(base.noise, up, down, source)
     wait, u_lift = (0.0, r) if peak > r else (np.inf, 0.0)
     x_lift = lift_offs(base.waveform, a, r, problem.liftoff_phase[i])
     scale = scale_of(base.restitution, e, problem.restitution_speed[i])
-    return Constants(base, e, a, r, scale, x_lift, wait, u_lift, source, STILL)
+    return HighBounceConstants(base, e, a, r, scale, x_lift, wait, u_lift, source, STILL)
 
 
-@implements(bases.put, Constants)
-def put_high_bounce(fixed: Constants, s: Floats, j: int) -> None:
+@implements(bases.put, HighBounceConstants)
+def put_high_bounce(fixed: HighBounceConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.a, fixed.r
     put_phases(fixed.base.waveform, fixed.x_lift, fixed.wait, s, j)
@@ -107,33 +132,35 @@ def put_high_bounce(fixed: Constants, s: Floats, j: int) -> None:
 
 
 @implements(bases.take, HighBounce)
-def take_high_bounce(base: HighBounce, s: Floats, j: int) -> Constants:
+def take_high_bounce(base: HighBounce, s: Floats, j: int) -> HighBounceConstants:
     row = ROW.CONSTANTS + j
     e, a, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
     draw, x_lift = noise.drawn_in(base.noise, s, j), take_phases(base.waveform, s, j)
-    a, scale = noise.driven(base.noise, a, draw.drive), s[ROW.SCALE + j]
-    return Constants(base, e, a, r, scale, x_lift, 0.0, s[row + 4 * STRIDE], SILENT, draw)
+    a, scale = noise.noisy_amplitude(base.noise, a, draw.drive), s[ROW.SCALE + j]
+    return HighBounceConstants(base, e, a, r, scale, x_lift, 0.0, s[row + 4 * STRIDE], SILENT, draw)
 
 
-@implements(bases.fly, Constants)
-def fly_high_bounce(fixed: Constants, x: float, u: float) -> tuple[float, float]:
+@implements(bases.fly, HighBounceConstants)
+def fly_high_bounce(fixed: HighBounceConstants, x: float, u: float) -> tuple[float, float]:
     return u, u
 
 
-@implements(bases.approach, Constants)
-def approach_high_bounce(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
+@implements(bases.approach, HighBounceConstants)
+def approach_high_bounce(
+    fixed: HighBounceConstants, s: Floats, j: int
+) -> tuple[float, float, bool]:
     u = s[ROW.U + j]
-    return u, u, noise.lands(fixed.base.noise, s, j)
+    return u, u, noise.lands_now(fixed.base.noise, s, j)
 
 
-@implements(bases.may_land, Constants)
-def may_land_high_bounce(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
-    return noise.together(fixed.base.noise) == 1.0 or bool(s[ROW.AGE + j] < budget)
+@implements(bases.may_land, HighBounceConstants)
+def may_land_high_bounce(fixed: HighBounceConstants, s: Floats, j: int, budget: float) -> bool:
+    return noise.every_pass(fixed.base.noise) == 1.0 or bool(s[ROW.AGE + j] < budget)
 
 
-@implements(bases.keep, Constants)
+@implements(bases.keep, HighBounceConstants)
 def keep_high_bounce(
-    fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool
+    fixed: HighBounceConstants, s: Floats, j: int, time: float, landed: bool, seen: bool
 ) -> bool:
     noise.count_impact(fixed.base.noise, s, j, landed)
     return seen
@@ -151,17 +178,17 @@ def pending_high_bounce(base: HighBounce, s: Floats, j: int) -> bool:
 
 @implements(bases.common_age, HighBounce)
 def common_age_high_bounce(base: HighBounce) -> float:
-    return noise.together(base.noise)
+    return noise.every_pass(base.noise)
 
 
-@implements(bases.counted, Constants)
-def counted_high_bounce(fixed: Constants, flight: Flight, u_off: float) -> Counted:
+@implements(bases.counted, HighBounceConstants)
+def counted_high_bounce(fixed: HighBounceConstants, flight: Flight, u_off: float) -> Counted:
     return Counted(u_off, u_off, u_off)
 
 
-@implements(bases.counted_now, Constants)
+@implements(bases.counted_now, HighBounceConstants)
 def counted_now_high_bounce(
-    fixed: Constants, s: Floats, j: int, time: float, u_off: float
+    fixed: HighBounceConstants, s: Floats, j: int, time: float, u_off: float
 ) -> Counted:
     return Counted(u_off, u_off, u_off)
 
@@ -181,36 +208,36 @@ def lifts_high_bounce(base: HighBounce, problem: Dimensionless) -> NDArray[np.bo
     return strongest_kick > problem.rest_flight
 
 
-@implements(bases.leave, Constants)
-@implements(bases.speed, Constants)
-def speed_high_bounce(fixed: Constants, x: float, u: float) -> float:
+@implements(bases.leave, HighBounceConstants)
+@implements(bases.speed, HighBounceConstants)
+def speed_high_bounce(fixed: HighBounceConstants, x: float, u: float) -> float:
     return u
 
 
-@implements(bases.rebound, Constants)
-def rebound_high_bounce(fixed: Constants, x: float, v: float) -> float:
+@implements(bases.rebound, HighBounceConstants)
+def rebound_high_bounce(fixed: HighBounceConstants, x: float, v: float) -> float:
     return speed_after(fixed.base.law, _restitution(fixed, v), v, _kick(fixed, x))
 
 
-@implements(bases.lift_off, Constants)
-def lift_off_high_bounce(fixed: Constants, n: float, x: float, w: float) -> LiftOff:
+@implements(bases.lift_off, HighBounceConstants)
+def lift_off_high_bounce(fixed: HighBounceConstants, n: float, x: float, w: float) -> LiftOff:
     leaves = w > fixed.r
     x_lift, carry = next_lift_off(fixed.base.waveform, fixed.x_lift, x)
     known = n + (fixed.wait + carry), x_lift
     # in lanes, where `wait` is always 0, the phase NaN marks a rest for good
     has_phase = (fixed.u_lift > 0.0) | (fixed.wait > 0.0)
-    later, x_lift = noise.lifted(
+    later, x_lift = noise.noisy_lift_off(
         fixed.base.noise, known, n + fixed.wait, x if has_phase else np.nan
     )
     kick = fixed.a * velocity(fixed.base.waveform, x)
-    stays = not (leaves | noise.exceeds(fixed.base.noise, kick, fixed.r))
+    stays = not (leaves | noise.lifts_at_once(fixed.base.noise, kick, fixed.r))
     return LiftOff(
         later if stays else n, x_lift if stays else x, w if leaves else fixed.u_lift, leaves
     )
 
 
-@implements(bases.after_rest, Constants)
-def after_rest_high_bounce(fixed: Constants) -> tuple[float, float]:
+@implements(bases.after_rest, HighBounceConstants)
+def after_rest_high_bounce(fixed: HighBounceConstants) -> tuple[float, float]:
     return next_lift_off(fixed.base.waveform, fixed.x_lift, -0.5)[0], fixed.u_lift
 
 
@@ -219,80 +246,425 @@ def lifts_alike_high_bounce(base: HighBounce) -> bool:
     return lifts_once(base.waveform) and base.noise is None
 
 
-@implements(bases.contact_time, Constants)
-def contact_time_high_bounce(fixed: Constants) -> float:
+@implements(bases.contact_time, HighBounceConstants)
+def contact_time_high_bounce(fixed: HighBounceConstants) -> float:
     return fixed.r
 
 
 @jit
-def _restitution(fixed: Constants, v: float) -> float:
+def _restitution(fixed: HighBounceConstants, v: float) -> float:
     """Coefficient of restitution of an impact at speed v."""
     share = ratio(fixed.base.restitution, fixed.e, fixed.scale, v)
-    return noise.slipped(fixed.base.noise, share, fixed.draw.slip)
+    return noise.noisy_restitution(fixed.base.noise, share, fixed.draw.restitution)
 
 
 @jit
-def _slope(fixed: Constants, v: float) -> float:
+def _slope(fixed: HighBounceConstants, v: float) -> float:
     """Derivative by v of the speed that an impact leaves, without the kick."""
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
     share, q = ratio(law, e, scale, v), slope(law, e, scale, v)
-    return noise.slipped_slope(fixed.base.noise, share, q, fixed.draw.slip)
+    return noise.noisy_slope(fixed.base.noise, share, q, fixed.draw.restitution)
 
 
 @jit
-def _kick(fixed: Constants, x: float) -> float:
+def _kick(fixed: HighBounceConstants, x: float) -> float:
     """Kick of an impact at phase x."""
     kick = fixed.a * velocity(fixed.base.waveform, x)
-    return noise.pushed(fixed.base.noise, kick, fixed.draw.push)
+    return noise.noisy_kick(fixed.base.noise, kick, fixed.draw.kick)
 
 
 @jit
-def _slopes(fixed: Constants, x: float, v: float) -> tuple[float, float]:
+def _slopes(fixed: HighBounceConstants, x: float, v: float) -> tuple[float, float]:
     """Derivatives of the speed after an impact by v and by the kick."""
     sign = direction(fixed.base.law, fma(_restitution(fixed, v), v, _kick(fixed, x)))
     return sign * _slope(fixed, v), sign
 
 
-@implements(bases.jacobian, Constants)
-def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
+@implements(bases.jacobian, HighBounceConstants)
+def jacobian_high_bounce(fixed: HighBounceConstants, flight: Flight) -> Jacobian:
     by_speed, by_kick = _slopes(fixed, flight.landing, flight.v)
     k = by_kick * kick_slope(fixed.base.waveform, fixed.a, flight.landing)
     size = 2.0 + slack(fixed.base.restitution) * abs(by_speed) + 2.0 * abs(k)
     steepest = max(TWO_PI, steepness(fixed.base.waveform))
-    size += steepest * noise.swing(fixed.base.noise, fixed.a, fixed.draw.drive)
+    size += steepest * noise.amplitude_change(fixed.base.noise, fixed.a, fixed.draw.drive)
     return Jacobian(1.0, 1.0, k, by_speed + k, size)
 
 
-@implements(bases.reverses, Constants)
-def reverses_high_bounce(fixed: Constants, x: float, v: float) -> float:
+@implements(bases.reverses, HighBounceConstants)
+def reverses_high_bounce(fixed: HighBounceConstants, x: float, v: float) -> float:
     return -1.0 if _slopes(fixed, x, v)[0] < 0.0 else 1.0
 
 
-@implements(bases.contraction, Constants)
-def contraction_high_bounce(fixed: Constants, v: float) -> float:
+@implements(bases.contraction, HighBounceConstants)
+def contraction_high_bounce(fixed: HighBounceConstants, v: float) -> float:
     return abs(_slope(fixed, v))
 
 
-@implements(bases.density, Constants)
-def density_high_bounce(fixed: Constants, u: float) -> float:
+@implements(bases.density, HighBounceConstants)
+def density_high_bounce(fixed: HighBounceConstants, u: float) -> float:
     return 1.0
 
 
-@implements(bases.fixed_residual, Constants)
+@implements(bases.fixed_residual, HighBounceConstants)
 def fixed_residual_high_bounce(
-    fixed: Constants, x: float, k: float, sign: float
+    fixed: HighBounceConstants, x: float, k: float, sign: float
 ) -> tuple[float, float, float]:
     need = lost_speed(fixed.base.restitution, fixed.e, fixed.scale, k, sign)
     return _kick(fixed, x) - need, kick_slope(fixed.base.waveform, fixed.a, x), fixed.a
 
 
-@implements(bases.fixed_attracts, Constants)
-def fixed_attracts_high_bounce(fixed: Constants, x: float, k: float) -> bool:
+@implements(bases.fixed_attracts, HighBounceConstants)
+def fixed_attracts_high_bounce(fixed: HighBounceConstants, x: float, k: float) -> bool:
     by_speed, by_kick = _slopes(fixed, x, k)
     pull = -by_kick * kick_slope(fixed.base.waveform, fixed.a, x)
     return abs(by_speed) < 1.0 and 0.0 < pull < 2.0 * (1.0 + by_speed)
 
 
-@implements(bases.fixed_holds, Constants)
-def fixed_holds_high_bounce(fixed: Constants, x: float, k: float) -> bool:
+@implements(bases.fixed_holds, HighBounceConstants)
+def fixed_holds_high_bounce(fixed: HighBounceConstants, x: float, k: float) -> bool:
     return k > fixed.r
+
+
+# --- Lift-off from a rest in one forcing period, with noise of the drive --------------------------
+
+
+USELESS: Final = 2.0**-20  # turns; a larger bound on the error of a lift-off is of no use
+
+
+@generic
+def lift_in(shape: Shape, kick: float, r: float, after: float, rests: bool) -> tuple[bool, float]:
+    """Return whether the kick exceeds r in a period from `after` on, and when first, in turns.
+
+    The result has no meaning for a particle that does not rest.
+    """
+
+
+@generic
+def lift_in_error(
+    shape: Shape, a: float, drive: float, r: float, after: float, error: float
+) -> tuple[bool, float]:
+    """Return whether `lift_in` lifts, and a bound on the error of its time.
+
+    `error` is that of `after`.  The bound is infinite where either is in doubt.  The kick of a
+    period, a (1 + drive), takes two more roundings than without noise, and its noise another two.
+    """
+
+
+@implements(lift_in, Sine, Parabolic)
+def lift_in_even(
+    shape: Shape, kick: float, r: float, after: float, rests: bool
+) -> tuple[bool, float]:
+    rises = rise_of(shape, r / abs(kick))
+    falls = 0.5 - rises
+    # where it is negative the kick is upward in the second half of the period
+    rises, falls = (0.5 + rises, 0.5 + falls) if kick < 0.0 else (rises, falls)
+    return (abs(kick) > r) & (after < falls), max(after, rises)
+
+
+@implements(lift_in_error, Sine, Parabolic)
+def lift_in_error_even(
+    shape: Shape, a: float, drive: float, r: float, after: float, error: float
+) -> tuple[bool, float]:
+    kick = abs(fma(a, drive, a))
+    off = 2.0 * KICK_ERROR * (kick + a * abs(drive)) + REST_ERROR * r
+    if not abs(kick - r) > 2.0 * off:
+        return True, np.inf
+    if not kick > r:
+        return False, 0.0
+    rises = rise_of(shape, r / kick)
+    factor = 3.0 + a * abs(drive) / kick
+    edge = error + (factor * lift_off_error(shape, kick, r, rises) + 4.0 * HALF_ULP)
+    turned = 0.5 if 1.0 + drive < 0.0 else 0.0
+    rises, falls = turned + rises, turned + 0.5 - rises
+    if not min(abs(after - rises), abs(after - falls)) > edge or edge > USELESS:
+        return True, np.inf
+    return after < falls, error if after > rises else edge
+
+
+@implements(lift_in, Harmonics)
+def lift_in_harmonics(
+    shape: Harmonics, kick: float, r: float, after: float, rests: bool
+) -> tuple[bool, float]:
+    if not rests:
+        return False, after
+    begun = velocity(shape, after - np.rint(after)) if after > 0.0 else shape.extremes[-1]
+    if kick * begun > r:
+        return True, after
+    for k in range(len(shape.turns)):
+        if shape.turns[k] > after:
+            if kick * shape.extremes[k] > r:
+                return True, rises_through(shape, kick, r, after, shape.turns[k])
+            after = shape.turns[k]
+    return False, after
+
+
+@implements(lift_in_error, Harmonics)
+def lift_in_error_harmonics(
+    shape: Harmonics, a: float, drive: float, r: float, after: float, error: float
+) -> tuple[bool, float]:
+    kick = fma(a, drive, a)
+    size = abs(kick)
+    more = 2.0 * KICK_ERROR * (size + a * abs(drive)) * shape.fastest
+    x, near = after - np.rint(after), error + HALF_ULP * after
+    w = velocity(shape, x)
+    off = kick_rounding(shape, size, w) + REST_ERROR * r + more
+    off += abs(kick_slope(shape, kick, x)) * near + left_out(shape, size, x, near)
+    if not abs(kick * w - r) > 2.0 * off:
+        return True, np.inf
+    if kick * w > r:
+        return True, near
+    for k in range(len(shape.turns)):
+        w = shape.extremes[k]
+        off = kick_rounding(shape, size, w) + REST_ERROR * r + more
+        if shape.turns[k] > after and not abs(kick * w - r) > 2.0 * off:
+            return True, np.inf
+        if shape.turns[k] > after and kick * w > r:
+            x = rises_through(shape, kick, r, after, shape.turns[k])
+            return True, rise_error(shape, kick, r, x - np.rint(x), more)
+        after = max(after, shape.turns[k])
+    return False, 0.0
+
+
+# --- Random impacts, and ends of rests ------------------------------------------------------------
+# Where the amplitude is random, a particle that has come to rest is lifted in the first forcing
+# period whose kick rises through the threshold of rest; no formula gives this period.
+
+
+LONGEST: Final = 2**24  # forcing periods after which the search for a lift-off ends
+
+
+@implements(bases.random, HighBounceConstants)
+def random_high_bounce(
+    fixed: HighBounceConstants, particle: float, number: float, n: float, x: float
+) -> HighBounceConstants:
+    period = period_of(n + fixed.source.turns, x)
+    draw = draw_of(fixed.base.noise, fixed.source, particle, number, period)
+    e, a, r, scale = (
+        fixed.e,
+        noisy_amplitude(fixed.base.noise, fixed.a, draw.drive),
+        fixed.r,
+        fixed.scale,
+    )
+    x_lift, wait, u_lift, source = fixed.x_lift, fixed.wait, fixed.u_lift, fixed.source
+    return HighBounceConstants(fixed.base, e, a, r, scale, x_lift, wait, u_lift, source, draw)
+
+
+@jit
+def random_drive(noise: Noise | None) -> int | None:
+    """Return the field `drive` of the noise of a base; None if there is no noise."""
+    if noise is None:
+        return None
+    return noise.drive
+
+
+@jit
+def _first_lift(fixed: HighBounceConstants, n: float, x: float) -> tuple[float, float]:
+    """Whole periods and phase at which the kick first exceeds r from (n, x) on.
+
+    The counts include the whole turns in the phase at t = 0.  After `LONGEST` periods the search
+    ends: the count is NaN then.
+    """
+    noise, period, size = fixed.base.noise, period_of(n, x), fixed.source.drive
+    key, stream = noise.key, fixed.source.stream  # type: ignore[union-attr]
+    after = x + (n - period)  # turns from the beginning of the period, in [0, 1]
+    for _ in range(LONGEST):
+        kick = noisy_amplitude(noise, fixed.a, size * deviate(key, stream, 0.0, period, OF_DRIVE))
+        lifts, after = lift_in(fixed.base.waveform, kick, fixed.r, after, True)
+        if lifts:
+            whole = np.rint(after)
+            return period + whole, after - whole
+        period, after = period + 1.0, 0.0
+    return np.nan, 0.0
+
+
+@jit
+def first_lift_error(fixed: HighBounceConstants, n: float, x: float, error: float) -> StateError:
+    """Bounds on the errors of `_first_lift`, from that of the phase x of the rest.
+
+    The bound of the phase is infinite where it is in doubt which forcing period lifts the particle.
+    """
+    shape, a, r = fixed.base.waveform, fixed.a, fixed.r
+    period, size = period_of(n + fixed.source.turns, x), fixed.source.drive
+    key, stream = fixed.base.noise.key, fixed.source.stream  # type: ignore[union-attr]
+    after = x + (n + fixed.source.turns - period)
+    for _ in range(LONGEST):
+        drive = size * deviate(key, stream, 0.0, period, OF_DRIVE)
+        lifts, off = lift_in_error(shape, a, drive, r, after, error)
+        if lifts:
+            return StateError(off, REST_ERROR * r if off < np.inf else np.inf)
+        period, after, error = period + 1.0, 0.0, 0.0
+    return StateError(np.inf, np.inf)
+
+
+@implements(bases.wake, HighBounceConstants)
+def wake_high_bounce(
+    fixed: HighBounceConstants, n: float, x: float, origin: float
+) -> tuple[float, float]:
+    return _wake(random_drive(fixed.base.noise), fixed, n, x, origin)
+
+
+@jit
+def _wake(
+    on: int | None, fixed: HighBounceConstants, n: float, x: float, origin: float
+) -> tuple[float, float]:
+    if on is None or n == np.inf:
+        return n, x
+    origin += fixed.source.turns
+    whole, phase = _first_lift(fixed, n + origin, x)
+    return whole - origin, phase
+
+
+@implements(bases.prepare, HighBounce)
+def prepare_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
+    _wake_lanes(random_drive(base.noise), base, s, lanes)
+
+
+@jit
+def _wake_lanes(on: int | None, base: HighBounce, s: Floats, lanes: int) -> None:
+    """Check in each resting lane if its present period ends the rest, as `_first_lift` does."""
+    if on is not None:
+        wide_vectors()
+        for j in range(lanes):
+            a, r = s[ROW.CONSTANTS + STRIDE + j], s[ROW.CONSTANTS + 2 * STRIDE + j]
+            n, x, origin = s[ROW.N + j], s[ROW.X + j], s[ROW.ORIGIN + j]
+            tried = s[ROW.ASLEEP + j]
+            period = period_of(n + origin, x)
+            kick = noisy_amplitude(base.noise, a, s[ROW.DRIVE_DRAWN + j])
+            rests = tried > 0.0
+            lifts, after = lift_in(base.waveform, kick, r, x + (n + origin - period), rests)
+            given_up = rests & (tried >= LONGEST) & (not lifts)
+            whole = np.rint(after) if lifts else 1.0
+            x_off = after - whole if lifts else 0.0
+            s[ROW.N + j] = period + whole - origin if rests else n
+            s[ROW.X + j] = (np.nan if given_up else x_off) if rests else x
+            s[ROW.AGE + j] = np.inf if given_up else s[ROW.AGE + j]
+            s[ROW.ASLEEP + j] = (-1.0 if lifts else tried + 1.0) if rests else tried
+
+
+# --- Bounds on the errors that an impact adds -----------------------------------------------------
+
+
+@implements(bases.jacobian_error, HighBounceConstants)
+def jacobian_error_high_bounce(
+    fixed: HighBounceConstants, flight: Flight, error: float, spread: StateError
+) -> tuple[float, float, float]:
+    by_phase = kick_bend(fixed.base.waveform, abs(fixed.a), flight.landing, error)
+    change = slope_change(fixed.base.restitution, fixed.e, fixed.scale, flight.v, spread.speed)[1]
+    return 0.0, change, by_phase
+
+
+@implements(bases.launch_error, HighBounceConstants)
+def launch_error_high_bounce(fixed: HighBounceConstants, x: float, u: float) -> float:
+    return KICK_ERROR * u + SMALLEST
+
+
+@implements(bases.landing_added, HighBounceConstants)
+def landing_added_high_bounce(
+    fixed: HighBounceConstants, flight: Flight, spread: StateError
+) -> StateError:
+    return StateError(bases.landing_rounding(flight), 0.0)
+
+
+@implements(bases.rebound_error, HighBounceConstants)
+def rebound_error_high_bounce(
+    fixed: HighBounceConstants, flight: Flight, added: StateError, error: float, spread: StateError
+) -> float:
+    x, v = flight.landing, flight.v
+    law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
+    a, shape = fixed.a, fixed.base.waveform
+    share, of_base = ratio(law, e, scale, v), velocity(shape, x)
+    random, draw = fixed.base.noise, fixed.draw
+    kick = a * of_base
+    w = fma(
+        noise.noisy_restitution(random, share, draw.restitution),
+        v,
+        noise.noisy_kick(random, kick, draw.kick),
+    )
+    kicked = abs(kick_slope(shape, a, x)) * added.phase + (HALF_ULP * abs(w) + SMALLEST)
+    kicked += ratio_error(law, e, scale, v) * (share * v)
+    kicked += kick_rounding(shape, abs(a), of_base)
+    kicked += left_out(shape, abs(a), x, error)
+    kicked += slope_change(law, e, scale, v, spread.speed)[1] * spread.speed
+    kicked += noise.rounding(random, share, v, draw, kick)
+    kicked += 2.0 * HALF_ULP * noise.amplitude_change(random, a, draw.drive) * abs(of_base)
+    clips = not straight(law) and noise.clip_is_doubtful(
+        random, share, draw.restitution, spread.speed / v
+    )
+    return np.inf if clips or noise.period_is_doubtful(random, x, error) else kicked
+
+
+@implements(bases.absolute_error, HighBounceConstants)
+def absolute_error_high_bounce(
+    fixed: HighBounceConstants, x: float, u: float, spread: StateError
+) -> float:
+    return spread.speed
+
+
+@implements(bases.rest_is_doubtful, HighBounceConstants)
+def rest_is_doubtful_high_bounce(
+    fixed: HighBounceConstants, x: float, w: float, spread: StateError
+) -> bool:
+    return abs(w - fixed.r) <= spread.speed + REST_ERROR * fixed.r
+
+
+@implements(bases.liftoff_error, HighBounceConstants)
+def liftoff_error_high_bounce(fixed: HighBounceConstants) -> StateError:
+    shape, a, r = fixed.base.waveform, fixed.a, fixed.r
+    most = a * peak_of(shape)
+    if abs(most - r) <= KICK_ERROR * most + REST_ERROR * r:
+        return StateError(np.inf, np.inf)
+    if most < r:  # it is never lifted
+        return StateError(0.0, 0.0)
+    error = lift_off_error(shape, a, r, fixed.x_lift)
+    return StateError(error, REST_ERROR * r if error < np.inf else np.inf)
+
+
+@implements(bases.random_liftoff_error, HighBounceConstants)
+def random_liftoff_error_high_bounce(
+    fixed: HighBounceConstants, n: float, x: float, error: float, later: Instant
+) -> StateError:
+    return _random_liftoff(fixed.base.noise, fixed, Instant(n, x), error, later)
+
+
+@jit
+def _random_liftoff(
+    random: noise.Noise | None,
+    fixed: HighBounceConstants,
+    begin: Instant,
+    error: float,
+    later: Instant,
+) -> StateError:
+    if random is None:
+        return bases.liftoff_error(fixed)
+    return _liftoff(random.drive, random, fixed, begin, error, later)
+
+
+@jit
+def _liftoff(
+    on: int | None,
+    random: noise.Noise,
+    fixed: HighBounceConstants,
+    begin: Instant,
+    error: float,
+    later: Instant,
+) -> StateError:
+    n, x = begin
+    shape, a, r = fixed.base.waveform, fixed.a, fixed.r
+    if on is not None:
+        up, down = a * peak_of(shape), a * depth_of(shape)
+        most = noise.strongest_kick(random, up, down, fixed.source)
+        if abs(most - r) <= 2.0 * KICK_ERROR * most + REST_ERROR * r:
+            return StateError(np.inf, np.inf)
+        if most < r:
+            return StateError(0.0, 0.0)
+        return first_lift_error(fixed, n, x, error)
+    of_base = velocity(shape, x)
+    off = abs(kick_slope(shape, a, x)) * error + left_out(shape, a, x, error)
+    off += kick_rounding(shape, a, of_base) + REST_ERROR * r
+    if not abs(a * of_base - r) > 2.0 * off:
+        return StateError(np.inf, np.inf)
+    if a * of_base > r:  # the noise has pushed it down
+        return StateError(error, REST_ERROR * r)
+    found = bases.liftoff_error(fixed)
+    doubtful = later.whole < np.inf and abs(x - later.phase) <= error + found.phase
+    return StateError(np.inf, np.inf) if doubtful else found

@@ -1,19 +1,4 @@
-"""Bounds on the errors that an impact on the moving base adds.
-
-The notation is that of `vibrosweep.kernels.bases.moving_jacobian`; Gamma is a bound of |G|.  The
-errors have four sources:
-
-- The duration s.  F is evaluated at s, with a bound of its rounding.  As |F''| <= 1 + Gamma, F has
-  a root within about |F| / |F'| of s if |F| is small against F'^2 (Kantorovich's condition for
-  Newton's iteration).  A graze fails this condition.
-- alpha, which has the roundings of the kick and two more; they count as errors of F and of z.
-- The nonlinear remainder: the change of the Jacobian within the error, by the mean value theorem.
-  For N harmonics |G'| <= 2 pi N Gamma by Bernstein's inequality, and so on for higher derivatives.
-- The choice of the root.  Steps in time that pass no root of any state within the error must reach
-  the interval in which F decreases to the root.
-
-The bound is infinite if a proof fails.
-"""
+"""Derivatives of an impact on the moving base, and bounds on the errors that it adds."""
 
 from __future__ import annotations
 
@@ -23,24 +8,339 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels import bases, noise
-from vibrosweep.kernels._jit import implements, jit
-from vibrosweep.kernels.bases import Constants, Flight, Instant, error_bounds
-from vibrosweep.kernels.bases.error_bounds import StateError
-from vibrosweep.kernels.bases.moving import ANY, SINGLE, MovingConstants
-from vibrosweep.kernels.bases.moving_jacobian import ALPHA_ERROR, GAMMA_ERROR, Along, along
-from vibrosweep.kernels.bases.moving_limits import (
-    SURE,
-    below_top,
-    bends,
-    first_stretch,
-    keeps_pressing,
-    limits,
+from vibrosweep.kernels._jit import fma, generic, implements, jit
+from vibrosweep.kernels.arithmetic import (
+    COSINE_ERROR,
+    HALF_ULP,
+    KICK_ERROR,
+    LAG_ERROR,
+    LAUNCH_ERROR,
+    REST_ERROR,
+    SINE_ERROR,
+    SMALLEST,
+    cos_turns,
+    sin_and_lag,
+    sin_near,
+    sin_turns,
 )
-from vibrosweep.kernels.restitution import ratio, ratio_error, slope, slope_change, straight
-from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, LAUNCH_ERROR, REST_ERROR, SMALLEST
-from vibrosweep.kernels.sine import SINE_ERROR
-from vibrosweep.kernels.waveforms import kick_slope, velocity
+from vibrosweep.kernels.bases import Constants, Flight, Instant, Jacobian, StateError
+from vibrosweep.kernels.bases.moving import ANY, BORDER, SINGLE, MovingConstants, ShapedConstants
+from vibrosweep.kernels.bases.shaped import at_phase, stretch
+from vibrosweep.kernels.noise import noisy_rebound_slope
+from vibrosweep.kernels.restitution import (
+    arrival_to_repeat,
+    leaving_to_repeat,
+    ratio,
+    ratio_error,
+    rise_to_repeat,
+    slack,
+    slope,
+    slope_change,
+    straight,
+)
+from vibrosweep.kernels.waveforms import kick_curvature, kick_slope, velocity
 from vibrosweep.model.shapes import TWO_PI
+
+# --- Bounds of the motion of a base ---------------------------------------------------------------
+
+
+SURE = 1.0 + 2.0**-30  # factor for the rounding of compared numbers
+AT_LIFT_OFF = 2.0**-48  # turns; this near to the phase of lift-off the base counts as falling
+UPWARDS = 1.0 + 2.0**-30  # factor for the rounding of extremes of a shape
+
+
+class Limits(NamedTuple):
+    """Bounds of the acceleration G of a base, in units of gravity, and of its velocity."""
+
+    # steep, fall: of |G|, and of -G
+    steep: float
+    fall: float
+    speed: float  # of the velocity, times pi
+    angle: float  # of |G'| relative to that of |G|, and so on for each further derivative
+    # rounding, slope_rounding: of errors of velocity and G, beyond a few roundings of their values
+    rounding: float
+    slope_rounding: float
+
+
+@generic
+def limits(fixed: Constants, slack: float) -> Limits:
+    """Bound the motion of the base for alpha times the factor `slack`."""
+
+
+class Bends(NamedTuple):
+    """Bounds of changes of the derivatives of a flight, in the notation of `jacobian_moving`.
+
+    They are those of P, of 2 G(x + s), and of 2 (G(x) - G(x + s)).
+    """
+
+    of_p: float
+    of_pull: float
+    of_lost: float
+
+
+@generic
+def bends(fixed: Constants, flight: Flight, dx: float, off: float) -> Bends:
+    """Bound changes within dx of the phase of a lift-off and `off` of the duration."""
+
+
+@generic
+def keeps_pressing(fixed: Constants, x: float, pull: float, error: float) -> bool:
+    """Return whether a base with 1 + G >= pull at x presses at every phase within an error of x."""
+
+
+@generic
+def below_top(fixed: Constants, x: float, dx: float, slack: float) -> float:
+    """Bound of the depth below the top of the base at phases within dx of x.
+
+    The depth is given as pi^2 times the square of the speed with which a particle just reaches the
+    top; alpha is enlarged by the factor `slack`.
+    """
+
+
+@generic
+def first_stretch(fixed: Constants, x: float) -> tuple[bool, float]:
+    """Return whether the base falls faster than gravity at x, and periods until that changes."""
+
+
+@implements(limits, MovingConstants)
+def limits_moving(fixed: MovingConstants, slack: float) -> Limits:
+    gamma = math.pi * (fixed.alpha * slack)
+    return Limits(gamma, gamma, gamma, TWO_PI, 0.0, 0.0)
+
+
+@implements(limits, ShapedConstants)
+def limits_shaped(fixed: ShapedConstants, slack: float) -> Limits:
+    shape, alpha = fixed.base.waveform, fixed.alpha * slack * UPWARDS
+    half = 0.5 * alpha
+    return Limits(
+        half * shape.steepest,
+        half * shape.fall,
+        math.pi * alpha * shape.fastest,
+        TWO_PI * len(shape.p),
+        alpha * shape.rounding,
+        half * shape.slope_rounding,
+    )
+
+
+@implements(below_top, MovingConstants)
+def below_top_moving(fixed: MovingConstants, x: float, dx: float, slack: float) -> float:
+    gamma = math.pi * (fixed.alpha * slack)
+    return 2.0 * gamma * (1.0 + cos_turns(x) + TWO_PI * dx + COSINE_ERROR)
+
+
+@implements(below_top, ShapedConstants)
+def below_top_shaped(fixed: ShapedConstants, x: float, dx: float, slack: float) -> float:
+    shape = fixed.base.waveform
+    _, _, level = at_phase(shape, sin_turns(x), cos_turns(x))
+    below = (shape.top - level) + shape.fastest * UPWARDS * dx + 2.0 * shape.rounding
+    return 4.0 * math.pi * math.pi * (fixed.alpha * slack) * below
+
+
+@implements(bends, MovingConstants, ShapedConstants)
+def bends_smooth(fixed: Constants, flight: Flight, dx: float, off: float) -> Bends:
+    limit = limits(fixed, 1.0)
+    gamma, angle = limit.steep, limit.angle
+    q = angle * (flight.time + off)
+    turns = min(2.0, q)
+    return Bends(
+        2.0 * gamma * (turns * off + min(q + turns, 0.5 * q * q) * dx),
+        2.0 * angle * gamma * (dx + off),
+        2.0 * angle * gamma * (off + turns * dx),
+    )
+
+
+@implements(keeps_pressing, MovingConstants, ShapedConstants)
+def keeps_pressing_smooth(fixed: Constants, x: float, pull: float, error: float) -> bool:
+    limit = limits(fixed, 1.0)
+    return 2.0 * limit.angle * limit.steep * SURE * error <= pull
+
+
+@implements(first_stretch, *SINGLE)
+def first_stretch_moving(fixed: MovingConstants, x: float) -> tuple[bool, float]:
+    falls = abs(x) >= fixed.x_lift
+    to_press = (1.0 if x > 0.0 else 0.0) - fixed.x_lift - x
+    return falls, to_press if falls else fixed.x_lift - x
+
+
+@implements(first_stretch, ShapedConstants)
+def first_stretch_shaped(fixed: ShapedConstants, x: float) -> tuple[bool, float]:
+    _, to_fall, to_press = stretch(fixed, x)
+    falls = to_press < to_fall or to_fall <= AT_LIFT_OFF
+    return falls, to_press if falls else to_fall
+
+
+# --- The Jacobian of an impact, and orbits that land every k periods ------------------------------
+# The flight from phase x with relative speed y lasts s and arrives with the speed z.  With the
+# velocity w of the base in units of alpha and its acceleration G = alpha w' / 2 in units of gravity
+#
+#     ds = (P dx + s dy) / z,     P = alpha (w(x) + s w'(x) - w(x + s))
+#     dz = 2 (1 + G(x + s)) ds + 2 (G(x + s) - G(x)) dx - dy
+#
+# The determinant of (dx + ds, dz) is y / z.  For a sine, with q = 2 pi s, P is alpha (cos(2 pi x)
+# (q - sin q) + sin(2 pi x) (1 - cos q)), in which nothing cancels; for harmonics it is a sum of
+# such terms.
+#
+# An orbit that lands every k periods meets the base with the relative speed c, where c + E(c) = 2
+# k, at a phase x at which the base rises with c - k.  With the slope q of E at c and e = E(c) / c,
+# its multipliers are the roots of z^2 - (1 + q e + (1 + q)(1 + e) G) z + q e.
+
+
+# Relative errors of alpha = a / (1 + e) and of Gamma = pi alpha, which takes two roundings more.
+ALPHA_ERROR = KICK_ERROR + 2.0 * HALF_ULP
+GAMMA_ERROR = ALPHA_ERROR + 2.0 * HALF_ULP
+# Relative error of sin t (q - sin q), sin t (1 - cos q) and so on, for an exact cosine: that of the
+# functions, 1 - cos q = 2 sin^2(q / 2), the products, their sum, and alpha.
+TERM_ERROR = SINE_ERROR + LAG_ERROR + ALPHA_ERROR + 6.0 * HALF_ULP
+# The same for harmonics, relative to |p| + |q| of each: both functions, nine roundings of p and q,
+# five of the phase, with their effect on 2 pi h s - sin and 1 - cos; one more for each term.
+SUM_ERROR = SINE_ERROR + COSINE_ERROR + LAG_ERROR + ALPHA_ERROR + 32.0 * HALF_ULP
+AT_LANDING = 2.0**-20  # periods; an earlier landing is farther than this from the end of the flight
+
+
+class Along(NamedTuple):
+    """A flight after t periods."""
+
+    # f, f_error, z, z_error: clearance F, speed z = -2 F' towards the base, and their errors
+    f: float
+    f_error: float
+    z: float
+    z_error: float
+    # by_x, acceleration, lost: P, G(x + t), and G(x) - G(x + t)
+    by_x: float
+    acceleration: float
+    lost: float
+    # of_x, of_z, of_lost: bounds, at any phase of the lift-off, of the sums of the moduli of the
+    # terms of P, of the base's part of z, and of `lost`
+    of_x: float
+    of_z: float
+    of_lost: float
+
+
+@generic
+def along(fixed: Constants, x: float, y: float, t: float) -> Along:
+    """State of a flight from phase x with relative speed y after t periods."""
+
+
+@implements(along, MovingConstants)
+def along_moving(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
+    alpha, sine, cosine = fixed.alpha, sin_turns(x), cos_turns(x)
+    gamma = math.pi * alpha
+    part = t - np.rint(t)
+    turned, lag = sin_and_lag(t, part)
+    half = sin_near(0.5 * part)
+    c = 2.0 * half * half
+    level = (0.25 / math.pi) * alpha
+    f = fma(0.5 * t, y - t, level * fma(sine, lag, -cosine * c))
+    f_error = HALF_ULP * (0.5 * t * abs(y - t) + abs(f)) + level * (
+        TERM_ERROR * (abs(sine) * lag + abs(cosine) * c) + COSINE_ERROR * c
+    )
+    slowed = fma(sine, c, -cosine * turned)
+    z = fma(-alpha, slowed, 2.0 * t - y)
+    z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * (
+        TERM_ERROR * (abs(sine) * c + abs(cosine * turned)) + COSINE_ERROR * abs(turned)
+    )
+    by_x = alpha * fma(cosine, lag, sine * c)
+    dropped, turns = cosine * c + sine * turned, c + abs(turned)
+    then, lost = gamma * (cosine - dropped), gamma * dropped
+    of_x, of_z, of_lost = alpha * (lag + c), alpha * turns, gamma * turns
+    return Along(f, f_error, z, z_error, by_x, then, lost, of_x, of_z, of_lost)
+
+
+@implements(along, ShapedConstants)
+def along_shaped(fixed: ShapedConstants, x: float, y: float, t: float) -> Along:
+    shape, alpha, half = fixed.base.waveform, fixed.alpha, 0.5 * fixed.alpha
+    sunk, slowed, by_x, at_first, dropped = 0.0, 0.0, 0.0, 0.0, 0.0
+    of_f, of_z, of_x, of_lost = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(shape.p)):
+        h, angle = k + 1.0, TWO_PI * (k + 1)
+        p, q = shape.p[k], shape.q[k]
+        size, begin = abs(p) + abs(q), fma(h, x, -np.rint(h * x))
+        part = fma(h, t, -np.rint(h * t))
+        sine, cosine = sin_turns(begin), cos_turns(begin)
+        turned, lag = sin_and_lag(h * t, part)
+        over = sin_near(0.5 * part)
+        c = 2.0 * over * over
+        u, v = fma(p, sine, q * cosine), fma(p, cosine, -q * sine)
+        sunk += fma(u, lag, -v * c) / angle
+        slowed += fma(u, c, -v * turned)
+        by_x += fma(v, lag, u * c)
+        at_first = fma(angle, v, at_first)
+        dropped = fma(angle, fma(v, c, u * turned), dropped)
+        of_f += size * (lag + c) / angle
+        of_z += size * (c + abs(turned))
+        of_x += size * (lag + c)
+        of_lost += angle * size * (c + abs(turned))
+    relative = SUM_ERROR + HALF_ULP * len(shape.p)
+    f = fma(0.5 * t, y - t, half * sunk)
+    f_error = HALF_ULP * (0.5 * t * abs(y - t) + abs(f)) + half * relative * of_f
+    z = fma(-alpha, slowed, 2.0 * t - y)
+    z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * relative * of_z
+    then, lost = half * (at_first - dropped), half * dropped
+    of_x, of_z, of_lost = alpha * of_x, alpha * of_z, half * of_lost
+    return Along(f, f_error, z, z_error, alpha * by_x, then, lost, of_x, of_z, of_lost)
+
+
+@implements(bases.jacobian, *ANY)
+def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
+    law, s, z = fixed.base.restitution, flight.time, flight.v
+    share, q = ratio(law, fixed.e, fixed.scale, z), slope(law, fixed.e, fixed.scale, z)
+    q = noisy_rebound_slope(fixed.base.noise, share, q, fixed.draw, z)
+    if s == 0.0:  # it lands at once
+        return Jacobian(1.0, 0.0, 0.0, -q, 1.0 + slack(law) * abs(q))
+    at = along(fixed, flight.x, flight.u, s)
+    by_x, by_y = at.by_x / z, s / z
+    pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
+    # sum of the moduli of all terms; the rounding error of z is relative to the terms of z
+    parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * at.of_z) / z
+    size = 1.0 + parts * (at.of_x + s) / z
+    largest = abs(pull) + 2.0 * limits(fixed, 1.0).steep + 2.0
+    size += (
+        slack(law) * (abs(q) + abs(fixed.draw.restitution)) * (largest * size + 4.0 * at.of_lost)
+    )
+    return Jacobian(1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size)
+
+
+@implements(bases.fixed_residual, *ANY)
+def fixed_residual_moving(
+    fixed: Constants, x: float, k: float, sign: float
+) -> tuple[float, float, float]:
+    a, shape = fixed.alpha * (1.0 + fixed.e), fixed.base.waveform
+    need = rise_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
+    return a * velocity(shape, x) - need, kick_slope(shape, a, x), a
+
+
+@implements(bases.fixed_attracts, *ANY)
+def fixed_attracts_moving(fixed: Constants, x: float, k: float) -> bool:
+    # both multipliers are inside the unit circle
+    law = fixed.base.restitution
+    c = arrival_to_repeat(law, fixed.e, fixed.scale, k)
+    q, e = slope(law, fixed.e, fixed.scale, c), ratio(law, fixed.e, fixed.scale, c)
+    s = -kick_slope(fixed.base.waveform, 0.5 * fixed.alpha, x)
+    return q * e < 1.0 and 0.0 < s < 2.0 * (1.0 + q * e) / ((1.0 + q) * (1.0 + e))
+
+
+@implements(bases.fixed_holds, *ANY)
+def fixed_holds_moving(fixed: Constants, x: float, k: float) -> bool:
+    y = leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
+    time, _ = bases.fly(fixed, x, y)
+    return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y).leaves
+
+
+# --- Bounds on errors -----------------------------------------------------------------------------
+# Gamma is a bound of |G|.  The errors have four sources:
+#
+# - The duration s.  F is evaluated at s, with a bound of its rounding.  As |F''| <= 1 + Gamma, F
+#   has a root within about |F| / |F'| of s if |F| is small against F'^2 (Kantorovich's condition
+#   for Newton's iteration).  A graze fails this condition.
+# - alpha, which has the roundings of the kick and two more; they count as errors of F and of z.
+# - The nonlinear remainder: the change of the Jacobian within the error, by the mean value theorem.
+#   For N harmonics |G'| <= 2 pi N Gamma by Bernstein's inequality, and so on for higher
+#   derivatives.
+# - The choice of the root.  Steps in time that pass no root of any state within the error must
+#   reach the interval in which F decreases to the root.
+#
+# The bound is infinite if a proof fails.
+
 
 # Absolute error of x_lift: the root, the arcsine of at most 1 / sqrt(2), and the difference
 ARCSINE_ERROR = 4.0 * HALF_ULP
@@ -120,7 +420,7 @@ def _start(fixed: Constants, flight: Flight, spread: StateError, last: float) ->
     """Return a time early in the flight before which no state in a spread lands; or NaN."""
     y = max(0.0, flight.u - spread.speed)
     least = 0.5 * y / (1.0 + limits(fixed, 1.0).steep)
-    edge = spread.phase + error_bounds.liftoff_error(fixed).phase + 2.0 * HALF_ULP
+    edge = spread.phase + bases.liftoff_error(fixed).phase + 2.0 * HALF_ULP
     falls, ahead = first_stretch(fixed, flight.x)
     if falls:  # F is convex, and increases, until the base presses again
         return max(least, ahead - edge)
@@ -204,7 +504,7 @@ def _pressed(fixed: Constants, flight: Flight, spread: StateError) -> StateError
     return StateError(time, 2.0 * most + 2.0 * (1.0 + gamma) * time)
 
 
-@implements(error_bounds.landing_added, *ANY)
+@implements(bases.landing_added, *ANY)
 def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
@@ -215,28 +515,31 @@ def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -
     last = flight.time - off - 0.4 * least / (1.0 + limits(fixed, 1.0).steep)
     if not (off < np.inf and _is_first(fixed, flight, spread, last)):
         return StateError(np.inf, np.inf)
-    rounding, (dx, dy) = landed.time + error_bounds.landing_rounding(flight), spread
+    rounding, (dx, dy) = landed.time + bases.landing_rounding(flight), spread
     by_phase, by_speed = change.s_x * dx + change.s_y * dy, change.z_x * dx + change.z_y * dy
     return StateError(rounding + by_phase, landed.v + by_speed)
 
 
-@implements(error_bounds.rebound_error, *ANY)
+@implements(bases.rebound_error, *ANY)
 def rebound_error_moving(
     fixed: Constants, flight: Flight, added: StateError, error: float, spread: StateError
 ) -> float:
     law, e, scale, z = fixed.base.restitution, fixed.e, fixed.scale, flight.v
     share, (random, draw) = ratio(law, e, scale, z), (fixed.base.noise, fixed.draw)
-    left, of_noise = noise.slipped(random, share, draw.slip), noise.rounding(random, share, z, draw)
+    left, of_noise = (
+        noise.noisy_restitution(random, share, draw.restitution),
+        noise.rounding(random, share, z, draw),
+    )
     if straight(law) or share == 0.0:
         error = left * (added.speed + HALF_ULP * abs(z)) + SMALLEST + of_noise
         return _unless_turned(random, fixed, flight, spread, error)
-    q = noise.slipped_slope(random, share, slope(law, e, scale, z), draw.slip)
+    q = noise.noisy_slope(random, share, slope(law, e, scale, z), draw.restitution)
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
     linear = SURE * (abs(by_x) * spread.phase + abs(by_y) * spread.speed) / abs(q)
     _, change = slope_change(law, e, scale, z, linear + added.speed)
     rounding = (HALF_ULP + ratio_error(law, e, scale, z)) * share * abs(z)
     error = (abs(q) + change) * added.speed + change * linear + rounding + SMALLEST + of_noise
-    if noise.clip_is_doubtful(random, share, draw.slip, (linear + added.speed) / abs(z)):
+    if noise.clip_is_doubtful(random, share, draw.restitution, (linear + added.speed) / abs(z)):
         return np.inf
     return _unless_turned(random, fixed, flight, spread, error)
 
@@ -255,11 +558,11 @@ def _unless_turned(
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
     every = error + SURE * (abs(by_x) * spread.phase + abs(by_y) * spread.speed)
     share = ratio(fixed.base.restitution, fixed.e, fixed.scale, flight.v)
-    w = noise.slipped(random, share, fixed.draw.slip) * flight.v + fixed.draw.push
+    w = noise.noisy_restitution(random, share, fixed.draw.restitution) * flight.v + fixed.draw.kick
     return error if abs(w) > 2.0 * every else np.inf
 
 
-@implements(error_bounds.jacobian_error, *ANY)
+@implements(bases.jacobian_error, *ANY)
 def jacobian_error_moving(
     fixed: Constants, flight: Flight, error: float, spread: StateError
 ) -> tuple[float, float, float]:
@@ -277,7 +580,7 @@ def jacobian_error_moving(
     return max(derivatives.s_x, u_x), max(derivatives.s_y, u_y), 0.0
 
 
-@implements(error_bounds.launch_error, *ANY)
+@implements(bases.launch_error, *ANY)
 def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
@@ -287,7 +590,7 @@ def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
     return error if abs(u) > error or presses else np.inf
 
 
-@implements(error_bounds.absolute_error, *ANY)
+@implements(bases.absolute_error, *ANY)
 def absolute_error_moving(fixed: Constants, x: float, u: float, spread: StateError) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
@@ -297,19 +600,19 @@ def absolute_error_moving(fixed: Constants, x: float, u: float, spread: StateErr
     return error
 
 
-@implements(error_bounds.rest_is_doubtful, *SINGLE)
+@implements(bases.rest_is_doubtful, *SINGLE)
 def rest_is_doubtful_moving(fixed: MovingConstants, x: float, w: float, spread: StateError) -> bool:
     w_error = spread.speed + REST_ERROR * fixed.r
     if w - fixed.r > w_error:
         return False
-    edge = spread.phase + error_bounds.liftoff_error(fixed).phase
+    edge = spread.phase + bases.liftoff_error(fixed).phase
     if abs(x) - fixed.x_lift > edge:  # it leaves whatever its speed
         return False
     within = not abs(x) + edge >= fixed.x_lift
     return not (within and fixed.r - w > w_error)
 
 
-@implements(error_bounds.liftoff_error, MovingConstants)
+@implements(bases.liftoff_error, MovingConstants)
 def liftoff_error_moving(fixed: MovingConstants) -> StateError:
     gamma = math.pi * fixed.alpha
     if gamma * (1.0 + 2.0 * GAMMA_ERROR) <= 1.0:  # it is never lifted
@@ -320,10 +623,60 @@ def liftoff_error_moving(fixed: MovingConstants) -> StateError:
     return StateError(2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0)
 
 
-@implements(error_bounds.random_liftoff_error, *ANY)
+@implements(bases.random_liftoff_error, *ANY)
 def random_liftoff_error_moving(
     fixed: Constants, n: float, x: float, error: float, later: Instant
 ) -> StateError:
-    found = error_bounds.liftoff_error(fixed)
+    found = bases.liftoff_error(fixed)
     doubtful = later.whole < np.inf and abs(x - later.phase) <= error + found.phase
     return StateError(np.inf, np.inf) if doubtful else found
+
+
+# --- Rests on a base that moves as a sum of harmonics ---------------------------------------------
+
+
+@jit
+def _nearest_end(fixed: ShapedConstants, x: float) -> float:
+    """Periods between phase x and the nearest end of a stretch in which the base presses."""
+    nearest = np.inf
+    for k in range(len(fixed.falls)):
+        for end in (fixed.falls[k], fixed.presses[k]):
+            apart = abs(x - end)
+            apart = min(apart, 1.0 - apart)
+            nearest = apart if apart < nearest else nearest
+    return nearest
+
+
+@implements(bases.rest_is_doubtful, ShapedConstants)
+def rest_is_doubtful_shaped(fixed: ShapedConstants, x: float, w: float, spread: StateError) -> bool:
+    w_error = spread.speed + REST_ERROR * fixed.r
+    if w - fixed.r > w_error:
+        return False
+    edge = spread.phase + bases.liftoff_error(fixed).phase
+    if _nearest_end(fixed, x) <= edge + 2.0 * BORDER:
+        return True
+    presses, _, _ = stretch(fixed, x)
+    return not edge < np.inf or (presses and not fixed.r - w > w_error)
+
+
+@implements(bases.liftoff_error, ShapedConstants)
+def liftoff_error_shaped(fixed: ShapedConstants) -> StateError:
+    shape, half, limit = fixed.base.waveform, 0.5 * fixed.alpha, limits(fixed, 1.0)
+    off = 4.0 * GAMMA_ERROR * (1.0 + limit.steep) + 2.0 * limit.slope_rounding
+    if limit.fall + off <= 1.0:  # it is never lifted
+        return StateError(0.0, 0.0)
+    jolt = limit.angle * limit.angle * limit.steep  # of |G''|
+    worst = 0.0
+    for k in range(len(fixed.falls)):
+        for x in (shape.dip[k], shape.before[k], shape.after[k]):
+            if abs(1.0 + kick_slope(shape, half, x - np.rint(x))) <= off:
+                return StateError(np.inf, np.inf)
+        x = fixed.falls[k]
+        if x == x:
+            wrong = abs(1.0 + kick_slope(shape, half, x)) + off
+            slope = abs(kick_curvature(shape, half, x)) - limit.angle * limit.slope_rounding
+            # Kantorovich's condition for Newton's method
+            if not (slope > 0.0 and wrong * jolt <= 0.25 * slope * slope):
+                return StateError(np.inf, np.inf)
+            worst = max(worst, 2.0 * wrong / slope + HALF_ULP)
+    return StateError(worst, 0.0)

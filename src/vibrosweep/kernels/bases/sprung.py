@@ -6,8 +6,8 @@ being the mass of one in units of that of the base, its height Y obeys
 
     (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f.
 
-Y is the sum of a forced motion (`drives`), the sag under the load, and a free oscillation D, which
-impacts excite.  Every impact pushes the base down.
+Y is the sum of a forced motion (`drive_of`), the sag under the load, and a free oscillation D,
+which impacts excite.  Every impact pushes the base down.
 
 An overdamped mount does not swing: D decays with a slow and a fast rate.  Once the fast part has
 decayed, D' = -slow D, and the acceleration would be a small difference of large terms: at a damping
@@ -18,20 +18,351 @@ with the fast rate alone.  For a mount that swings, slow is 0 and B is the veloc
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels import elementary
-from vibrosweep.kernels._jit import fma, jit, part
-from vibrosweep.kernels.bases import parabolic_drive  # noqa: F401 -- implementations
-from vibrosweep.kernels.bases.drives import Drive, Motion, Phase, Reach, forced, onto, reach_of
-from vibrosweep.kernels.bases.landing_search import turn
+from vibrosweep.kernels import arithmetic
+from vibrosweep.kernels._jit import fma, generic, implements, jit, part
+from vibrosweep.kernels.arithmetic import cos_turns, sin_turns
+from vibrosweep.kernels.bases.chained import CORNER, TOP, stretch_at
+from vibrosweep.kernels.bases.moving import turn
+from vibrosweep.kernels.bases.shaped import next_harmonic, next_turns
 from vibrosweep.kernels.noise import SILENT, Noise, Source, source_of
 from vibrosweep.kernels.restitution import Restitution, ratio, scale_of
-from vibrosweep.kernels.waveforms import Shape, Sine, steepness
+from vibrosweep.kernels.waveforms import Harmonics, Parabolic, Shape, Sine, for_each, steepness
 from vibrosweep.model.parameters import Dimensionless, Mounts
 from vibrosweep.model.shapes import TWO_PI
+
+# --- Forced motion, by the type of the waveform ---------------------------------------------------
+# Yf = alpha W(x) is the forced motion of the base without riders.  With riders, `mass` is the total
+# mass in units of that of the base, and the forced motion Y solves
+#
+#     mass Y'' + 2 zeta w Y' + w^2 Y = Yf'' + 2 zeta w Yf' + w^2 Yf.
+#
+# Each harmonic of Yf is multiplied by (b + i c) / (b - (mass - 1) v^2 + i c) with v = 2 pi h, c = 2
+# zeta w v, b = w^2 - v^2.  A drive whose velocity has corners has a closed form from one corner to
+# the next.
+
+
+Drive = Any  # one of the following named tuples
+
+
+class Oscillation(NamedTuple):
+    """The forced oscillation p cos(2 pi x) + q sin(2 pi x)."""
+
+    p: float
+    q: float
+
+
+class Oscillations(NamedTuple):
+    """The sum of p_h cos(2 pi h x) + q_h sin(2 pi h x)."""
+
+    p: tuple[float, ...]
+    q: tuple[float, ...]
+
+
+class Phase(NamedTuple):
+    """A phase in turns, its sine and its cosine."""
+
+    x: float
+    sine: float
+    cosine: float
+
+
+class ForcedMotion(NamedTuple):
+    """Forced motion at a phase: height, velocity, acceleration and its rate."""
+
+    height: float
+    speed: float
+    pull: float
+    jerk: float
+
+
+class Motion(NamedTuple):
+    """Motion of the base some time after an instant."""
+
+    # rise, gain: height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'
+    rise: float
+    gain: float
+    # d, b: deviation from the forced oscillation, and its velocity beyond that of slow decay
+    d: float
+    b: float
+    # pull, jerk: acceleration Y''(s) and its rate
+    pull: float
+    jerk: float
+
+
+class ForcedBounds(NamedTuple):
+    """Bounds of the forced motion: of its height and of the moduli of its derivatives."""
+
+    # height; pull, jerk, snap: of Y'', Y''' and Y''''
+    height: float
+    pull: float
+    jerk: float
+    snap: float
+
+
+@generic
+def side_at(shape: Shape, x: float) -> float:
+    """Side of a phase: the sign of the acceleration there; 1 for a shape without corners."""
+
+
+@generic
+def side_of(drive: Drive) -> float:
+    """Side of a drive; 1 for a drive without corners."""
+
+
+@generic
+def until_corner(drive: Drive, x: float) -> float:
+    """Periods from a phase until the present stretch ends; infinite if there are no corners."""
+
+
+@generic
+def drive_of(shape: Shape, alpha: float, w: float, zeta: float, mass: float, side: float) -> Drive:
+    """Forced motion, on a side, of a base that without riders has the velocity alpha w(x)."""
+
+
+@generic
+def forced_motion(drive: Drive, at: Phase) -> ForcedMotion:
+    """Return the forced motion at a phase."""
+
+
+@generic
+def forced_bounds(drive: Drive) -> ForcedBounds:
+    """Bound the forced motion."""
+
+
+@generic
+def add_forced(drive: Drive, at: Phase, s: float, free: Motion) -> Motion:
+    """Add the forced motion s periods after a phase to the free one."""
+
+
+@generic
+def forcing(drive: Drive, at: Phase, stiffness: float, drag: float) -> float:
+    """Y'' + 2 drag Y' + stiffness Y of the forced motion Y."""
+
+
+@jit
+def phase_of(x: float) -> Phase:
+    """Return a phase in [-1/2, 1/2] with its sine and cosine."""
+    return Phase(x, sin_turns(x), cos_turns(x))
+
+
+@implements(side_at, Sine, Harmonics)
+def side_at_smooth(shape: Shape, x: float) -> float:
+    return 1.0
+
+
+@implements(side_of, Oscillation, Oscillations)
+def side_of_smooth(drive: Drive) -> float:
+    return 1.0
+
+
+@implements(until_corner, Oscillation, Oscillations)
+def until_corner_smooth(drive: Drive, x: float) -> float:
+    return np.inf
+
+
+@jit
+def _response(p: float, q: float, v: float, w: float, zeta: float, mass: float) -> Oscillation:
+    """Response of the loaded base where the bare one moves as p cos(v x) + q sin(v x)."""
+    if not mass > 1.0:
+        return Oscillation(p, q)
+    damping = 2.0 * zeta * w * v
+    bare = w * w - v * v
+    full = bare - (mass - 1.0) * v * v
+    norm = full * full + damping * damping
+    along, across = bare * full + damping * damping, full - bare
+    return Oscillation(
+        (p * along + q * damping * across) / norm, (q * along - p * damping * across) / norm
+    )
+
+
+@implements(drive_of, Sine)
+def drive_of_sine(
+    shape: Shape, alpha: float, w: float, zeta: float, mass: float, side: float
+) -> Oscillation:
+    return _response(-alpha / TWO_PI, 0.0, TWO_PI, w, zeta, mass)
+
+
+@implements(forced_motion, Oscillation)
+def forced_motion_oscillation(drive: Oscillation, at: Phase) -> ForcedMotion:
+    height = drive.p * at.cosine + drive.q * at.sine
+    slope = drive.q * at.cosine - drive.p * at.sine
+    return ForcedMotion(height, TWO_PI * slope, -(TWO_PI**2) * height, -(TWO_PI**3) * slope)
+
+
+@implements(forcing, Oscillation)
+def forcing_oscillation(drive: Oscillation, at: Phase, stiffness: float, drag: float) -> float:
+    """Return the forcing of the base without riders, for which q is 0."""
+    driven = (stiffness - TWO_PI**2) * at.cosine
+    driven -= 2.0 * drag * TWO_PI * at.sine
+    return drive.p * driven
+
+
+@implements(forced_bounds, Oscillation)
+def forced_bounds_oscillation(drive: Oscillation) -> ForcedBounds:
+    height = math.sqrt(fma(drive.p, drive.p, drive.q * drive.q))
+    pull = TWO_PI**2 * height
+    return ForcedBounds(height, pull, TWO_PI * pull, TWO_PI**2 * pull)
+
+
+@implements(add_forced, Oscillation)
+def add_forced_oscillation(drive: Oscillation, at: Phase, s: float, free: Motion) -> Motion:
+    turned, lag, c = turn(s)
+    height = drive.p * at.cosine + drive.q * at.sine
+    slope = drive.q * at.cosine - drive.p * at.sine
+    h = height * (1.0 - c) + slope * turned
+    h1 = slope * (1.0 - c) - height * turned
+    return Motion(
+        free.rise - height * c - slope * lag,
+        free.gain - TWO_PI * (height * turned + slope * c),
+        free.d,
+        free.b,
+        free.pull - TWO_PI**2 * h,
+        free.jerk - TWO_PI**3 * h1,
+    )
+
+
+@jit
+def _harmonic(
+    shape: Harmonics, alpha: float, w: float, zeta: float, mass: float, k: int
+) -> Oscillation:
+    """Harmonic k + 1 of the forced motion of the loaded base."""
+    v = TWO_PI * (k + 1)
+    return _response(-alpha * shape.p[k] / v, alpha * shape.q[k] / v, v, w, zeta, mass)
+
+
+_GIVEN = "alpha, w, zeta, mass"
+_cosines = for_each("p", f"harmonic(shape, {_GIVEN}, {{k}}).p", _GIVEN, harmonic=_harmonic)
+_sines = for_each("p", f"harmonic(shape, {_GIVEN}, {{k}}).q", _GIVEN, harmonic=_harmonic)
+
+
+@implements(drive_of, Harmonics)
+def drive_of_harmonics(
+    shape: Harmonics, alpha: float, w: float, zeta: float, mass: float, side: float
+) -> Oscillations:
+    return Oscillations(_cosines(shape, alpha, w, zeta, mass), _sines(shape, alpha, w, zeta, mass))
+
+
+@implements(forced_motion, Oscillations)
+def forced_motion_oscillations(drive: Oscillations, at: Phase) -> ForcedMotion:
+    height, speed, pull, jerk = 0.0, 0.0, 0.0, 0.0
+    sine, cosine = at.sine, at.cosine
+    for k in range(len(drive.p)):
+        v, p, q = TWO_PI * (k + 1), drive.p[k], drive.q[k]
+        even, odd = fma(p, cosine, q * sine), fma(q, cosine, -p * sine)
+        height += even
+        speed = fma(v, odd, speed)
+        pull = fma(-v * v, even, pull)
+        jerk = fma(-v * v * v, odd, jerk)
+        sine, cosine = next_harmonic(sine, cosine, (at.sine, at.cosine))
+    return ForcedMotion(height, speed, pull, jerk)
+
+
+@implements(forcing, Oscillations)
+def forcing_oscillations(drive: Drive, at: Phase, stiffness: float, drag: float) -> float:
+    forced = forced_motion(drive, at)
+    return forced.pull + 2.0 * drag * forced.speed + stiffness * forced.height
+
+
+@implements(forced_bounds, Oscillations)
+def forced_bounds_oscillations(drive: Oscillations) -> ForcedBounds:
+    height, pull, jerk, snap = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(drive.p)):
+        v, p, q = TWO_PI * (k + 1), drive.p[k], drive.q[k]
+        size = math.sqrt(fma(p, p, q * q))
+        height += size
+        pull = fma(v * v, size, pull)
+        jerk = fma(v * v * v, size, jerk)
+        snap = fma(v * v * v * v, size, snap)
+    return ForcedBounds(height, pull, jerk, snap)
+
+
+@implements(add_forced, Oscillations)
+def add_forced_oscillations(drive: Oscillations, at: Phase, s: float, free: Motion) -> Motion:
+    turned, lag, c = turn(s - np.rint(s))
+    whole, turns = np.rint(s), (turned, lag, c, lag, c)
+    rise, gain, d, b, pull, jerk = free
+    sine, cosine = at.sine, at.cosine
+    for k in range(len(drive.p)):
+        v, p, q = TWO_PI * (k + 1), drive.p[k], drive.q[k]
+        even, odd = fma(p, cosine, q * sine), fma(q, cosine, -p * sine)
+        s_h, d_h, c_h, _, _ = turns
+        ahead = 1.0 - c_h
+        rise = rise - even * c_h - odd * fma(v, whole, d_h)
+        gain -= v * fma(even, s_h, odd * c_h)
+        pull -= v * v * fma(even, ahead, odd * s_h)
+        jerk -= v * v * v * fma(odd, ahead, -even * s_h)
+        sine, cosine = next_harmonic(sine, cosine, (at.sine, at.cosine))
+        turns = next_turns(turns, turned, c)
+    return Motion(rise, gain, d, b, pull, jerk)
+
+
+# --- Forced parabolic motion ----------------------------------------------------------------------
+# The acceleration Yf'' of the bare base is 4 alpha or -4 alpha; under a load the base oscillates
+# about a level that is (mass - 1) Yf'' / w^2 lower.
+
+
+class Parabola(NamedTuple):
+    """One stretch of the parabolic motion, from one corner of the velocity to the next."""
+
+    alpha: float
+    side: float  # 1 where the base is accelerated upwards, around phase 0; -1 in the other half
+    sag: float  # under the load, due to the acceleration of the drive
+
+
+@implements(side_at, Parabolic)
+def side_at_parabolic(shape: Shape, x: float) -> float:
+    return stretch_at(x)[0]
+
+
+@implements(side_of, Parabola)
+def side_of_parabola(drive: Parabola) -> float:
+    return drive.side
+
+
+@jit
+def _from_middle(drive: Parabola, x: float) -> float:
+    """Phase relative to the middle of the present stretch."""
+    return x if drive.side > 0.0 else x - math.copysign(0.5, x)
+
+
+@implements(until_corner, Parabola)
+def until_corner_parabola(drive: Parabola, x: float) -> float:
+    left = CORNER - _from_middle(drive, x)
+    return left if left > 0.0 else 0.0
+
+
+@implements(drive_of, Parabolic)
+def drive_of_parabolic(
+    shape: Shape, alpha: float, w: float, zeta: float, mass: float, side: float
+) -> Parabola:
+    return Parabola(alpha, side, 4.0 * alpha * side * (mass - 1.0) / (w * w))
+
+
+@implements(forced_motion, Parabola)
+def forced_motion_parabola(drive: Parabola, at: Phase) -> ForcedMotion:
+    y, pull = _from_middle(drive, at.x), 4.0 * drive.alpha * drive.side
+    height = drive.alpha * drive.side * fma(2.0 * y, y, -TOP)
+    return ForcedMotion(height - drive.sag, pull * y, pull, 0.0)
+
+
+@implements(forced_bounds, Parabola)
+def forced_bounds_parabola(drive: Parabola) -> ForcedBounds:
+    return ForcedBounds(drive.alpha * TOP + abs(drive.sag), 4.0 * drive.alpha, 0.0, 0.0)
+
+
+@implements(add_forced, Parabola)
+def add_forced_parabola(drive: Parabola, at: Phase, s: float, free: Motion) -> Motion:
+    pull = 4.0 * drive.alpha * drive.side
+    rise, gain = fma(0.5 * pull * s, s, free.rise), fma(pull, s, free.gain)
+    return Motion(rise, gain, free.d, free.b, free.pull + pull, free.jerk)
+
+
+implements(forcing, Parabola)(forcing_oscillations)
+
 
 LARGEST_GAMMA = 1e9  # as over the base of infinite mass
 SERIES = 1.0  # largest s (2 drag + natural) for which the series of overdamped motion is summed
@@ -77,7 +408,7 @@ class Load(NamedTuple):
     # slow, fast: rates of decay of an overdamped one, else 0
     slow: float
     fast: float
-    reach: Reach  # bounds of the forced motion
+    reach: ForcedBounds  # bounds of the forced motion
     # natural, grip: a free motion with the energy of the velocity v reaches the height v / natural
     # and the acceleration grip v
     natural: float
@@ -132,7 +463,7 @@ def loaded(fixed: Mount, riders: int, side: float) -> Load:
     """Return the base under the load of so many particles, on a side of its drive."""
     mass = 1.0 + riders * fixed.mu
     stiffness, drag = fixed.w * fixed.w / mass, fixed.zeta * fixed.w / mass
-    drive = forced(fixed.waveform, fixed.alpha, fixed.w, fixed.zeta, mass, side)
+    drive = drive_of(fixed.waveform, fixed.alpha, fixed.w, fixed.zeta, mass, side)
     swing = math.sqrt(max(stiffness - drag * drag, 0.0))
     keeps = math.pi / swing if swing > 0.0 else np.inf
     fast = slow = 0.0
@@ -140,7 +471,7 @@ def loaded(fixed: Mount, riders: int, side: float) -> Load:
         fast = drag + math.sqrt(max(fma(drag, drag, -stiffness), 0.0))
         slow = stiffness / fast
     level = -2.0 * (mass - 1.0) / (fixed.w * fixed.w) if mass > 1.0 else 0.0
-    reach, natural = reach_of(drive), math.sqrt(stiffness)
+    reach, natural = forced_bounds(drive), math.sqrt(stiffness)
     grip = math.sqrt(4.0 * drag * drag + stiffness)
     return Load(
         riders, stiffness, drag, drive, level, keeps, swing, slow, fast, reach, natural, grip
@@ -199,7 +530,7 @@ def bounds(load: Load, d: float, b: float) -> Bounds:
 def _bend(z: float) -> float:
     """Return exp(-z) - 1 + z for z >= 0 to a few roundings."""
     if z > 0.5:
-        return elementary.exp(-z) - 1.0 + z
+        return arithmetic.exp(-z) - 1.0 + z
     z2 = z * z
     even, odd = fma(z2, TAYLOR[14], TAYLOR[12]), fma(z2, TAYLOR[15], TAYLOR[13])
     even, odd = fma(z2, even, TAYLOR[10]), fma(z2, odd, TAYLOR[11])
@@ -214,7 +545,7 @@ def _bend(z: float) -> float:
 def _decayed(z: float) -> tuple[float, float, float]:
     """Return exp(-z), 1 - exp(-z) and 1 - (1 + z) exp(-z) for z >= 0, each to a few roundings."""
     if z > 0.5:
-        left = elementary.exp(-z)
+        left = arithmetic.exp(-z)
         return left, 1.0 - left, 1.0 - left - z * left
     bent = _bend(z)
     lost = z - bent
@@ -240,14 +571,14 @@ def _series(load: Load, b: float, s: float) -> tuple[float, float]:
 def _overdamped(load: Load, d: float, b: float, s: float) -> Free:
     """Return the same as `free_motion`, for a mount that does not swing."""
     slow, fast, width = load.slow, load.fast, load.fast - load.slow
-    left, ended = elementary.exp(-slow * s), elementary.exp(-fast * s)
-    rise, gain = d * _bend(slow * s), -slow * d * elementary.expm1(-slow * s)
+    left, ended = arithmetic.exp(-slow * s), arithmetic.exp(-fast * s)
+    rise, gain = d * _bend(slow * s), -slow * d * arithmetic.expm1(-slow * s)
     if s * (2.0 * load.drag + load.natural) <= SERIES:
         risen, gained = _series(load, b, s)
         return Free(rise + risen, gain + gained, d * left + (b * s + risen), b * ended)
-    odd = left * (-elementary.expm1(-width * s) / width if width > 0.0 else s)
+    odd = left * (-arithmetic.expm1(-width * s) / width if width > 0.0 else s)
     rise += b * (odd - s)
-    gain += b * (elementary.expm1(-fast * s) - slow * odd)
+    gain += b * (arithmetic.expm1(-fast * s) - slow * odd)
     return Free(rise, gain, d * left + b * odd, b * ended)
 
 
@@ -285,7 +616,7 @@ def move(load: Load, at: Phase, d: float, b: float, s: float) -> Motion:
     """Return the motion of the base s periods after a phase."""
     rise, gain, d, b = free_motion(load, d, b, s)
     pull, jerk = free_pull(load, d, b)
-    return onto(load.drive, at, s, Motion(rise, gain, d, b, pull, jerk))
+    return add_forced(load.drive, at, s, Motion(rise, gain, d, b, pull, jerk))
 
 
 @jit

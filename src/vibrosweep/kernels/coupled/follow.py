@@ -7,22 +7,20 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncached, uncounted
-from vibrosweep.kernels.bases import Instant
-from vibrosweep.kernels.bases.drives import until_corner
-from vibrosweep.kernels.bases.sprung import Load, bounds, mount
-from vibrosweep.kernels.coupled.counting import (
-    CoupledStatistics,
-    Work,
-    apex,
-    begin_statistics,
-    count_landing,
-    judge,
-    take_off,
+from vibrosweep.kernels.bases import Counted, Instant
+from vibrosweep.kernels.bases.sprung import (
+    Load,
+    bounds,
+    forced_motion,
+    loaded,
+    mount,
+    move,
+    phase_of,
+    side_of,
+    until_corner,
+    velocity,
 )
-from vibrosweep.kernels.coupled.events import next_event
-from vibrosweep.kernels.coupled.motion_record import MotionRecord, write_base
-from vibrosweep.kernels.coupled.noted import Noted, clear, close, end_stay, lacks_memory, note
-from vibrosweep.kernels.coupled.state import (
+from vibrosweep.kernels.coupled.events import (
     EVENT,
     MODE,
     NOW,
@@ -31,29 +29,403 @@ from vibrosweep.kernels.coupled.state import (
     System,
     begin,
     motion_after,
+    next_event,
     since_now,
+    system,
 )
-from vibrosweep.kernels.listing import Listed
+from vibrosweep.kernels.memory import unwritten
+from vibrosweep.kernels.ordering import (
+    Listed,
+    Order,
+    Orders,
+    Turns,
+    before_window,
+    empty_orders,
+    empty_turns,
+    has_landed,
+    in_window,
+    latest,
+    neighbours,
+    no_order,
+    nobody,
+    note_turn,
+    particle_of,
+    write_order,
+)
 from vibrosweep.kernels.record import (
     Record,
     Scale,
     Units,
     no_landings,
+    seconds,
     write_landing,
     write_lift_off,
 )
-from vibrosweep.kernels.separation import Separations, empty_separations, write_separations
-from vibrosweep.kernels.sequence import Orders, empty_orders, write_order
-from vibrosweep.kernels.slabs import UNKNOWN
-from vibrosweep.kernels.statistics import Statistics
-from vibrosweep.kernels.totals import add_up
-from vibrosweep.kernels.unwritten import unwritten
+from vibrosweep.kernels.separation import UNKNOWN, Separations, empty_separations, write_separations
+from vibrosweep.kernels.statistics import (
+    Kinds,
+    Observer,
+    Statistics,
+    add_flight,
+    add_landing,
+    add_up,
+    empty_statistics,
+    empty_sums,
+    flight_sums,
+    forget,
+)
+from vibrosweep.model.measures import Status
+from vibrosweep.model.observables import Landing
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
-from vibrosweep.model.status import Status
+
+# --- Landings in the order of time: separations and order -----------------------------------------
+
+
+INDICES = 256  # impact numbers remembered at first
+MOST_INDICES = 2**22
+
+
+class Landings(NamedTuple):
+    """The landings that are remembered; not shared between threads."""
+
+    turns: Turns
+    # How long each particle stays on the base after its last landing, at least the contact time;
+    # infinite while it rests
+    stay: Floats
+    total: Integers  # landings of each particle since its launch
+    # Last landing in the window with an impact number: whole periods, phase, and particle; shape
+    # (3, place)
+    numbered: Floats
+    number: Integers  # the impact number that stands in each place, 0 for none
+
+
+class Noted(NamedTuple):
+    """Separations and order so far."""
+
+    # gap, same: smallest separation of landings of different particles, and of those with the same
+    # impact number
+    gap: float
+    same: float
+    shared: int  # 1 where two particles were on the base at once in the window
+    seen: bool  # True if the last landing was in the window
+    order: Order
+
+
+def landings(particles: int, indices: int = INDICES) -> Landings:
+    """Allocate memory of landings, for `indices` impact numbers."""
+    stay, numbered = np.zeros(particles), np.zeros((3, indices))
+    total, number = np.zeros(particles, np.int64), np.zeros(indices, np.int64)
+    return Landings(empty_turns(particles), stay, total, numbered, number)
+
+
+@jit
+def clear(memory: Landings) -> Noted:
+    """Forget all landings."""
+    for j in range(memory.total.size):
+        memory.total[j] = 0
+    for place in range(memory.number.size):
+        memory.number[place] = 0
+    return Noted(np.inf, np.inf, 0, False, no_order(memory.turns))
+
+
+@jit
+def _displaced(memory: Landings, mine: int) -> bool:
+    """Return whether landing number `mine` displaces a number that a particle has yet to reach."""
+    there = memory.number[mine % memory.number.size]
+    if there in (0, mine):
+        return False
+    least = there
+    for total in memory.total:
+        least = min(least, total)
+    return bool(least < there)
+
+
+@jit
+def lacks_memory(memory: Landings, who: int, seen: bool) -> bool:
+    """Return whether the next landing of particle `who` needs more memory.
+
+    Results do not depend on the initial memory, which grows up to `MOST_INDICES`; beyond that the
+    separation is undetermined.
+    """
+    return seen and memory.number.size < MOST_INDICES and _displaced(memory, memory.total[who] + 1)
+
+
+@jit
+def _numbered(memory: Landings, landing: Listed, mine: int, gap: float) -> float:
+    """Compare landing number `mine` of a particle with the previous landing of that number.
+
+    Returns the smallest separation so far; NaN, from then on, if a landing is no longer remembered.
+    Independent particles are followed number by number (`vibrosweep.kernels.separation`), which
+    needs no memory of other numbers.  Coupled particles land in the order of time, so that a number
+    is remembered until all particles have reached it.
+    """
+    place, numbered = mine % memory.number.size, memory.numbered
+    if memory.number[place] == mine:
+        before = Listed(numbered[0, place], numbered[1, place], 0.0, numbered[2, place])
+        gap, _ = neighbours(before, landing, gap, 0)
+    elif _displaced(memory, mine):
+        return np.nan
+    numbered[0, place], numbered[1, place] = landing.whole, landing.phase
+    numbered[2, place], memory.number[place] = landing.who, mine
+    return gap
+
+
+@jit
+def _last_of(memory: Landings, j: int) -> Listed:
+    """Return the last landing of particle j, in the window or before."""
+    last = memory.turns.last
+    return Listed(last[0, j], last[1, j], memory.stay[j], float(j))
+
+
+@jit
+def _occupants(memory: Landings, begin: Instant) -> tuple[Listed, int]:
+    """Return a particle that is on the base as the window begins, and whether there is another."""
+    before, shared = nobody(), 0
+    for j in range(memory.total.size):
+        if has_landed(memory.turns, j):
+            occupant = in_window(_last_of(memory, j), begin)
+            if occupant.whole < np.inf:
+                _, shared = neighbours(before, occupant, np.inf, shared)
+                before = occupant
+    return before, shared
+
+
+@jit
+def close(memory: Landings, noted: Noted, begin: Instant) -> Noted:
+    """Note the end of the window; if nobody has landed in it, the base may still be shared."""
+    gap, same, shared, seen, order = noted
+    if not seen:
+        _, shared = _occupants(memory, begin)
+    return Noted(gap, same, shared, seen, order)
+
+
+@jit  # as a `part` it would make the loop that calls it a sixth slower
+def note(memory: Landings, noted: Noted, landing: Listed, late: bool, begin: Instant) -> Noted:
+    """Note a landing; `late` is True if it is in the last period of the window."""
+    seen = landing.who >= 0.0
+    who = int(particle_of(landing.who))
+    gap, shared, same = noted.gap, noted.shared, noted.same
+    memory.total[who] += 1
+    if seen:
+        if noted.seen:
+            before = _last_of(memory, latest(memory.turns))
+        else:
+            before, shared = _occupants(memory, begin)
+        gap, shared = neighbours(before, landing, gap, shared)
+        same = _numbered(memory, landing, memory.total[who], same)
+    memory.stay[who] = landing.stay
+    order = note_turn(memory.turns, noted.order, landing, late)
+    return Noted(gap, same, shared, seen, order)
+
+
+@jit
+def end_stay(state: System, memory: Landings, who: int, least: float) -> None:
+    """Note that particle `who` leaves the base, now."""
+    last = memory.turns.last
+    stayed = (state.now[NOW.N] - last[0, who]) + (state.now[NOW.X] - last[1, who])
+    memory.stay[who] = max(stayed, least)
+
+
+# --- Statistics -----------------------------------------------------------------------------------
+
+
+NON_FINITE = int(Status.NON_FINITE)
+
+
+class CoupledStatistics(NamedTuple):
+    """Statistics of particles, ordered by realization, and of realizations."""
+
+    particles: Statistics
+    realizations: Statistics
+    launch_height: Floats  # greatest height after each particle's launch; -inf if after the end
+    observer: Observer | None  # called for each landing in the window
+
+
+def empty_coupled(
+    realizations: int, particles: int, kinds: Kinds, observer: Observer | None
+) -> CoupledStatistics:
+    """Allocate the statistics of a batch."""
+    by_particle = empty_statistics(realizations * particles, kinds)
+    sums = empty_sums(realizations, kinds)
+    return CoupledStatistics(by_particle, sums, unwritten(by_particle.status.size), observer)
+
+
+class Work(NamedTuple):
+    """Scratch memory of one thread."""
+
+    state: System  # state of the realization
+    landings: Landings  # those that are remembered
+    # Whole periods and phase of the last lift-off of each particle, and the greatest height of the
+    # flight that began with it, in g / (8 f^2); shape (3, particle)
+    lifted: Floats
+    # counts, flies, rides: for each particle, 1 where its last landing is in the window, where its
+    # flight counts, and where it has rested since a landing up to the end
+    counts: Integers
+    flies: Integers
+    rides: Integers
+
+
+def work_for(particles: int) -> Work:
+    """Allocate scratch memory for one thread."""
+    counts, flies, rides = (np.zeros(particles, np.int64) for _ in range(3))
+    lifted = np.zeros((3, particles))
+    return Work(system(particles), landings(particles), lifted, counts, flies, rides)
+
+
+def more_numbers(work: Work) -> Work:
+    """Return scratch memory for twice as many impact numbers."""
+    memory = landings(work.counts.size, 2 * work.landings.number.size)
+    return work._replace(landings=memory)
+
+
+@part
+def begin_statistics(
+    work: Work,
+    first: int,
+    by_particle: Statistics,
+    launch_height: Floats,
+    observer: Observer | None,
+) -> None:
+    """Reset the statistics of the particles in the places from `first` on."""
+    for j in range(work.counts.size):
+        t = first + j
+        work.counts[j] = work.flies[j] = work.rides[j] = 0
+        forget(by_particle.kinds, by_particle.totals, t)
+        by_particle.at_rest[t] = 0
+        launch_height[t] = -np.inf
+        if observer is not None:
+            observer.totals[t] = observer.initial
+
+
+@jit
+def apex(height: float, speed: float, relative: float) -> float:
+    """Return the greatest height of a flight, in g / (8 f^2).
+
+    It begins on a base of this height and speed, in g / (2 f^2) and g / (2 f), with the speed
+    `relative` to the base.
+    """
+    u = speed + relative
+    # a particle that falls, or that the base pushes at once, is highest where its flight begins
+    rises = u > 0.0 and relative >= 0.0
+    return 4.0 * height + (u * u if rises else 0.0)
+
+
+@jit
+def _flight_time(work: Work, j: int) -> float:
+    """Return the time since the last lift-off of particle j."""
+    whole = work.state.now[NOW.N] - work.lifted[0, j]
+    return float(whole + (work.state.now[NOW.X] - work.lifted[1, j]))
+
+
+@part
+def take_off(work: Work, j: int) -> None:
+    """Begin the flight of particle j; it counts if the landing before it did."""
+    state = work.state
+    work.lifted[0, j], work.lifted[1, j] = state.now[NOW.N], state.now[NOW.X]
+    speed = state.particle[PARTICLE.SPEED, j]
+    work.lifted[2, j] = apex(state.now[NOW.HEIGHT], state.now[NOW.SPEED], speed)
+    work.flies[j] = work.counts[j]
+
+
+@part
+def count_landing(
+    work: Work, event: Event, seen: bool, t: int, by_particle: Statistics, observer: Observer | None
+) -> None:
+    """Count a landing, if it is `seen`, and the flight that ends with it, in place t."""
+    j, sticks = event.who, event.kind == EVENT.STICK
+    time = _flight_time(work, j)
+    if work.flies[j] == 1:
+        add_flight(by_particle.kinds, by_particle.totals, t, Counted(time, work.lifted[2, j], 1.0))
+        work.flies[j] = 0
+    work.counts[j] = 1 if seen else 0
+    if seen:
+        speed = 0.0 if sticks else work.state.particle[PARTICLE.SPEED, j]
+        landing = Landing(work.state.now[NOW.X], time, event.speed, speed, sticks)
+        add_landing(by_particle.kinds, by_particle.totals, t, landing)
+        if observer is not None:
+            observer.function(observer.totals[t], landing)
+
+
+@jit
+def judge(first: int, particles: int, status: int, by_particle: Statistics) -> None:
+    """Write the worst status of the particles for all of them, because they are coupled."""
+    for t in range(first, first + particles):
+        if not np.isfinite(flight_sums(by_particle.kinds, by_particle.totals, t)):
+            status = NON_FINITE
+    for t in range(first, first + particles):
+        by_particle.status[t] = status
+
+
+# --- The motion of the base -----------------------------------------------------------------------
+
+
+class Track(NamedTuple):
+    """Motion of the base after every event, each array of shape (realization, event)."""
+
+    time: Floats  # s; NaN past the last event
+    # deviation, beyond: deviation from the forced oscillation under the present load, in
+    # g / (2 f^2), and its velocity beyond that of slow decay, in g / (2 f)
+    deviation: Floats
+    beyond: Floats
+    riders: Integers  # how many particles ride
+    side: Floats  # of the drive
+
+
+class MotionRecord(NamedTuple):
+    """Record of every landing and of the motion of the base, as far as its arrays reach."""
+
+    record: Record
+    track: Track
+    units: Units
+
+
+def empty_track(realizations: int, events: int) -> Track:
+    """Allocate the motion up to so many events of each realization."""
+    time, deviation, beyond, side = (np.full((realizations, events), np.nan) for _ in range(4))
+    return Track(time, deviation, beyond, unwritten((realizations, events), np.int64), side)
+
+
+@part
+def write_base(state: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
+    """Write the motion of the base after an event of realization i."""
+    if event < out.time.shape[1]:
+        out.time[i, event] = seconds(scale, state.now[NOW.N], state.now[NOW.X])
+        out.deviation[i, event], out.beyond[i, event] = state.now[NOW.D], state.now[NOW.B]
+        out.riders[i, event], out.side[i, event] = load.riders, side_of(load.drive)
+
+
+@uncounted
+def trace(
+    problem: Dimensionless,
+    mounts: Mounts,
+    scale: Scale,
+    i: int,
+    track: Track,
+    times: Floats,
+    out: Floats,
+) -> None:
+    """Write the height and velocity of the base of realization i at increasing times.
+
+    Times in s, none before the first event; `out` is of shape (2, time), in g / (2 f^2) and
+    g / (2 f).
+    """
+    fixed, event = mount(problem, mounts, i), 0
+    for k in range(times.size):
+        while event + 1 < track.time.shape[1] and track.time[i, event + 1] <= times[k]:
+            event += 1
+        load = loaded(fixed, track.riders[i, event], track.side[i, event])
+        turns = scale.frequency * track.time[i, event] + scale.phase
+        at = phase_of(turns - np.rint(turns))
+        d, b = track.deviation[i, event], track.beyond[i, event]
+        passed = scale.frequency * (times[k] - track.time[i, event])
+        motion, forced = move(load, at, d, b, passed), forced_motion(load.drive, at)
+        speed = forced.speed + velocity(load, d, b)
+        out[0, k] = (forced.height + load.level + d) + speed * passed + motion.rise
+        out[1, k] = speed + motion.gain
+
 
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
-NON_FINITE = int(Status.NON_FINITE)
 AFTER_THE_END = 100_000  # events after the end within which counted flights must land
 # Periods after the end within which the lift-off of resting particles is awaited: if the base lifts
 # them without further impacts, it does so within one period
@@ -91,7 +463,7 @@ def _listed(state: System, event: Event, begin: Instant, least: float) -> Listed
     n, x = state.now[NOW.N], state.now[NOW.X]
     seen = begin.whole - n <= x - begin.phase
     stay = np.inf if event.kind == EVENT.STICK else least
-    return Listed(n, x, stay, float(event.who if seen else -1 - event.who))
+    return Listed(n, x, stay, float(event.who) if seen else before_window(event.who))
 
 
 @part

@@ -215,8 +215,8 @@ class Enclosure:
         self._cos, self._sin = cos, sin
 
     def mirror(self) -> None:
-        """Replace v by -v: the box of errors is symmetric, so the frame's angle changes sign."""
-        self.speed, self._sin = self.speed.neg(exact=True), self._sin.neg(exact=True)
+        """Replace v by -v."""
+        self.turn(self.flown, -self.speed, ((ONE, ZERO), (ZERO, -ONE)))
 
 
 class Jet:

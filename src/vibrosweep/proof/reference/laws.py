@@ -18,9 +18,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 
-from vibrosweep.model.outside_laws import OUTSIDE
-from vibrosweep.model.outside_laws import Law as OutsideLaw
-from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.restitution_laws import CONSTANT, OUTSIDE
+from vibrosweep.model.restitution_laws import Law as OutsideLaw
 from vibrosweep.model.shapes import HARMONICS_NAME, PARABOLIC_NAME, SINE, Waveform
 from vibrosweep.proof.reference.arithmetic import (
     FRAME_BITS,

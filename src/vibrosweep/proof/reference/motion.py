@@ -11,8 +11,8 @@ particle is
 above the base, of velocity w and height W (`vibrosweep.proof.reference.laws`), after s periods.
 G'' >= -(1 + Gamma), where Gamma bounds alpha |w'| / 2.  For a while G'', G''' and a bound on the
 next derivative give a better bound, even where both are close to 0, as when a base of little more
-than 1 g throws a particle for a moment.  A base of finite mass (`vibrosweep.proof.reference.mount`)
-has such bounds too.
+than 1 g throws a particle for a moment.  A base of finite mass has
+such bounds too.
 
 So a parabola of this curvature that touches G at any s with G(s) >= 0 stays below it; steps to
 where the parabola comes down pass no root and converge to the first one from below.  While the
@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.model.status import Status
+from vibrosweep.model.measures import Status
 from vibrosweep.proof.reference.arithmetic import Rows, UncertainError, arb, exact
 from vibrosweep.proof.reference.laws import (
     Laws,

@@ -42,10 +42,10 @@ from functools import partial
 from itertools import zip_longest
 from typing import Final, NamedTuple
 
+from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import NOISE
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE, Waveform
-from vibrosweep.model.status import Status
 from vibrosweep.proof.reference import high_bounce, moving
 from vibrosweep.proof.reference.arithmetic import (
     WidthLimits,
