@@ -14,6 +14,7 @@ from tests.figures.drawn import (
     curves,
     drawn,
     legend,
+    marked,
     meshes,
     near,
     scale,
@@ -218,3 +219,22 @@ def test_distributions_over_chance(random):
     known = ratio[np.isfinite(ratio)]
     for at in 10.0 ** random.uniform(-2.0, 2.0, 20):
         assert step_at(steps, at) == pytest.approx(np.mean(known <= at), abs=1e-15)
+
+
+def test_shares_against_a_parameter(random):
+    edges = np.sort(random.uniform(0.1, 3.0, 6))
+    shares = np.sort(random.random((2, 3, 5)), axis=1)
+    ends = {"amplitude_low": ("part", edges[:-1]), "amplitude_high": ("part", edges[1:])}
+    names = ("share_low", "share", "share_high")
+    found = [
+        xr.Dataset({n: ("part", one[k]) for k, n in enumerate(names)}, coords=ends)
+        for one in shares
+    ]
+    (plot,) = drawn(figures.share_curves, found, ["a", "b"])
+    middle = (edges[:-1] + edges[1:]) / 2.0
+    expected = [
+        (x, y, legend(plot)[name], True)
+        for name, one in zip("ab", shares, strict=True)
+        for x, y in zip(middle, one[1], strict=True)
+    ]
+    near(marked(plot), expected)
