@@ -105,7 +105,7 @@ def drawings(sweep, twenty, make_record):
         "sobol": of("sobol_bars", INDICES, count=2),
         "branches": of("orbit_branches", many_lines("branch")),
         "boundaries": of("orbit_boundaries", lines),
-        "boundaries over a plane": of("orbit_boundaries", lines.isel(curve=[0, 1, 2]), sweep=sweep),
+        "boundaries over a plane": of("orbit_boundaries", lines.isel(curve=[0, 1]), sweep=sweep),
         "orbits": of("periodic_orbits", random_orbits(random)),
         "orbits along an axis": of("periodic_orbits", random_orbits(random, amplitude=at)),
         "basins": of("basins_of_attraction", random_basins(random)),
