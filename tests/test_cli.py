@@ -152,7 +152,7 @@ def test_the_whole_job(vibrosweep, tmp_path, monkeypatch):
     assert text.startswith("Height of one particle")
     code, text, _ = vibrosweep("figures", "single_ball.h5")
     assert code == 0
-    written = [line for line in text.splitlines() if not line.startswith("left out: figure ")]
+    written = [line for line in text.splitlines() if not line.startswith("left out: ")]
     assert sorted(written) == sorted(str(p) for p in Path("figures").iterdir())
     assert len(written) > 2
     assert {p.name for p in tmp_path.iterdir()} == {"single_ball.h5", "figures"}
@@ -164,7 +164,7 @@ def test_figures_of_a_result_without_particles(vibrosweep, spec, tmp_path):
     assert vibrosweep("run", sweep, "-o", tmp_path / "f.h5")[0] == 0
     code, text, message = vibrosweep("figures", tmp_path / "f.h5", "-o", tmp_path / "figures")
     assert (code, message) == (0, "")
-    assert "figure return_map needs" in text
+    assert "return_map need the record" in text
 
 
 def test_options_do_not_change_the_result(vibrosweep, result, tmp_path):

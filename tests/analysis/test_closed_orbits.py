@@ -105,7 +105,7 @@ def test_bad_input_is_refused_with_its_range():
 
 def test_the_summary_counts_and_judges(plane):
     lines = list(summary(plane))
-    assert lines[0].startswith("1 in 1 period")
+    assert lines[0].startswith("1 impact / 1 period")
     assert "equal in number unless orbits are missing, differ in 0 of 24 searches" in lines[-1]
     nothing = vs.orbits(amplitude=[1e-6], impacts=1, periods=1)  # too weak a kick for any orbit
     assert len(list(summary(nothing))) == 1

@@ -146,13 +146,13 @@ def test_a_spent_budget_is_reported_and_harms_no_other_realization(compute):
 # figures of the sweeps of the repository
 RECORDED = ("height_time", "height_time_all", "return_map")
 SAMPLED = {
-    "moving": ("height_against_restitution", "parameter_plane"),
-    "paper": ("height_against_restitution", "parameter_plane"),
-    "steel_ball": ("height_against_restitution", "parameter_plane"),
-    "two_tones": ("height_against_restitution", "parameter_plane"),
-    "population": ("height_against_restitution", "parameter_plane"),
+    "moving": ("height_against_restitution", "plane_of_heights"),
+    "paper": ("height_against_restitution", "plane_of_heights"),
+    "steel_ball": ("height_against_restitution", "plane_of_heights"),
+    "two_tones": ("height_against_restitution", "plane_of_heights"),
+    "population": ("height_against_restitution", "plane_of_heights"),
     "sensitivity": ("height_against_restitution",),
-    "separations": ("height_against_restitution", "parameter_plane"),
+    "separations": ("height_against_restitution", "plane_of_heights"),
 }
 TABLE = {
     "restitution": [0.8, 0.85, 0.9],
@@ -214,6 +214,10 @@ def test_every_sweep_of_the_repository(spec, tmp_path):
         # over a base of finite mass every realization has a particle that rests or is locked
         if separated and "particle_impact_count" in sweep and spec.stem != "ordering":
             separated += ("separation_over_chance",)
+        if "plane_of_heights" in sampled:
+            measured = {"dt_min": "parameter_plane", "regime": "plane_of_regimes"}
+            measured |= {"lyapunov_max": "plane_of_exponents", "slot_count": "plane_of_slots"}
+            sampled += tuple(figure for name, figure in measured.items() if name in sweep)
         recorded = RECORDED if record is not None else ()
         assert drawn == [name for name in FIGURES if name in (*recorded, *sampled, *separated)]
         for name in () if NUMBERED.search(spec.stem) else drawn:

@@ -223,7 +223,8 @@ def name_of(attractor: xr.Dataset) -> str:
     if regime not in (Regime.RESTING, Regime.LOCKED):
         return regime.meaning.replace("_", " ")
     impacts, periods = np.unique(attractor["cycle_impacts"]), int(attractor["cycle_periods"])
-    number = f"{impacts[-1]} in " if (impacts > 0).sum() == 1 else ""
+    p = int(impacts[-1])
+    number = f"{p} impact{'s' if p > 1 else ''} / " if (impacts > 0).sum() == 1 else ""
     return f"{regime.meaning}, {number}{periods} period{'s' if periods > 1 else ''}"
 
 

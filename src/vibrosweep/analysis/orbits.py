@@ -263,7 +263,11 @@ def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> di
 
 def cycle_name(impacts: int, periods: int) -> str:
     """Return the name of an orbit by its numbers of impacts and forcing periods."""
-    return f"{impacts} in {periods} period{'s' if periods > 1 else ''}"
+    some = [
+        f"{number} {what}{'s' if number > 1 else ''}"
+        for number, what in ((impacts, "impact"), (periods, "period"))
+    ]
+    return " / ".join(some)
 
 
 def summary(found: xr.Dataset) -> Iterator[str]:

@@ -52,7 +52,7 @@ def figures(options: argparse.Namespace) -> None:
 def _draw(options: argparse.Namespace, path: Path, directory: Path) -> None:
     from vibrosweep.analysis.records import as_rectangle
     from vibrosweep.api.results import has_record, open_record, open_sweep
-    from vibrosweep.figures.registry import FIGURES, missing, save_all, save_formats
+    from vibrosweep.figures.registry import FIGURES, left_out, save_all, save_formats
     from vibrosweep.figures.style import for_file
     from vibrosweep.store.reading import SWEEP, load_dataset, read_kind
 
@@ -72,8 +72,8 @@ def _draw(options: argparse.Namespace, path: Path, directory: Path) -> None:
     record = _loaded(path, open_record, as_rectangle) if has_record(path) else None
     for written in save_all(sweep, record, directory):
         say(options, str(written))
-    for sentence in missing(sweep, record).values():
-        say(options, f"left out: {sentence}")
+    if line := left_out(sweep, record):
+        say(options, line)
 
 
 def _loaded(

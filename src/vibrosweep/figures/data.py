@@ -288,7 +288,8 @@ def conditions(dataset: xr.Dataset) -> str:
         values = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
         units = _units(name)
         unit = "" if units == "1" else f" {_raised(units)}"
-        parts.append(f"${SYMBOLS[name]}$ = {values}{unit}")
+        words = f"{name.replace('_', ' ')} " if name in NOISE else ""
+        parts.append(f"{words}${SYMBOLS[name]}$ = {values}{unit}")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
     if (law := law_in(dataset.attrs)) != CONSTANT:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.patheffects import withStroke
+from matplotlib.typing import ColorType
 
 from vibrosweep.analysis.basins import UNSETTLED, name_of
 from vibrosweep.analysis.orbits import cycle_name
@@ -44,6 +45,7 @@ LINE_NEEDS: Final = data.Requirements(
 SHARED_BY_BOUNDARIES: Final = ("frequency", "gravity", "contact_time", *OF_RESTITUTION)
 TIES: Final = (2, 3, 7)  # grazes and rest among the codes of `bifurcation`
 THIN, THICK = 0.6, 1.8  # lines of unstable and of stable orbits
+MOST_CYCLES: Final = 6, 4  # numbers of impacts and periods that are named, also in narrow axes
 AT_BORDER: Final = 1e-9  # by which a modulus may exceed 1 where a stable part of a branch ends
 # By the codes of `bifurcation`: the marker of a point, the dashes of a curve, and the name
 KINDS: Final = (
@@ -59,11 +61,16 @@ KINDS: Final = (
 BASIN_NEEDS: Final = data.Requirements(
     ("basin", "fraction", "regime", "cycle_impacts", "cycle_periods")
 )
-COLOURS: Final = (*style.OKABE_ITO, "0.75")
-NAMED: Final = len(COLOURS)  # attractors that the legend names one by one
+OTHERS: Final = "0.75"
+MOST_ATTRACTORS: Final = 8, 5  # that the legend names, also in narrow axes
 DIAGRAM_NEEDS: Final = data.Requirements(("direction", "lyapunov_largest", "regime"))
-# Larger dots for the downward direction, under the upward ones, so that both stay visible
-ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.7))
+# From the bottom to the top, with smaller and smaller dots, so that all stay visible
+ORDER: Final = (
+    ("launched", style.OKABE_ITO[2], 2.6),
+    ("down", style.OKABE_ITO[1], 1.4),
+    ("up", style.OKABE_ITO[0], 0.5),
+)
+FAINT: Final = 0.4  # opacity: impacts of a cycle lie over each other, those of chaos do not
 
 
 @style.styled
@@ -203,7 +210,7 @@ def _draw_numbers(axes: Axes, orbits: xr.Dataset, plane: list[str]) -> None:
     scale = {"vmin": -0.5, "vmax": most + 0.5}
     drawn = paint_grid(axes, number, across, up, cmap=style.SEQUENTIAL_MAP, **scale)
     data.name_axes(axes, orbits, across, up)
-    axes.figure.colorbar(drawn, ax=axes, label="stable orbits")
+    style.bar(axes, drawn, "stable orbits")
 
 
 @style.styled
@@ -241,16 +248,17 @@ def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     LINE_NEEDS.check("orbit_branches", branches)
     along = str(branches.attrs["along"])
     axes = style.axes_on(ax, style.PAGE, 3.6)
-    kinds = _by_kind(branches, "branch")
+    kinds = _by_kind(axes, branches, "branch")
     for colour, (kind, rows) in zip(style.colours(len(kinds)), kinds.items(), strict=True):
         for i in rows:
             one = branches.isel(branch=i)
-            at, speed = one[along].values, one["rebound_velocity"].values[:, : kind[0]]
+            speed = one["rebound_velocity"].values[:, : int(one["cycle_impacts"])]
+            at = one[along].values
             modulus = np.hypot(one["multiplier_real"].values, one["multiplier_imaginary"].values)
             stable = modulus[:, :1] <= 1.0 + AT_BORDER
             axes.plot(at, speed, color=colour, linewidth=THIN)
             axes.plot(at, np.where(stable, speed, np.nan), color=colour, linewidth=THICK)
-        axes.plot([], [], color=colour, label=cycle_name(*kind))
+        axes.plot([], [], color=colour, label=kind)
     for width, name in ((THICK, "stable"), (THIN, "unstable")) if kinds else ():
         axes.plot([], [], color=style.GREY, linewidth=width, label=name)
     _mark_events(axes, branches, along)
@@ -344,45 +352,55 @@ def orbit_boundaries(
         data.Requirements((forcing,)).check("orbit_boundaries", boundaries)
         axes = parameter_plane(sweep, variable, ax=ax)
     view = axes.axis()
-    kinds, seen = _by_kind(boundaries, "curve"), set()
+    kinds, seen = _by_kind(axes, boundaries, "curve"), set()
     colours = style.colours(len(kinds))
     if sweep is not None:  # white is seen on every colour of a plane
         colours = ["white", *colours[:-1]]
     for colour, (kind, rows) in zip(colours, kinds.items(), strict=True):
+        effects = None
+        if colour == "white":
+            effects = [withStroke(linewidth=2.3, foreground="black")]
         for i in rows:
             one = boundaries.isel(curve=i)
             code = int(one["bifurcation"])
-            name = f"{cycle_name(*kind)}, {KINDS[code][2]}"
             # at a graze or rest, rounding decides whether the orbit is admissible
             admissible = (one["admissible"].values == 1) | (code in TIES)
-            for chosen, width in ((np.ones_like(admissible), 0.5), (admissible, 1.3)):
-                edge = [withStroke(linewidth=width + 1.0, foreground="black")]
+            beside = np.convolve(~admissible, np.ones(3), "same") > 0.0  # joins both parts
+            for chosen, width in ((beside, 0.5), (admissible, 1.3)):
                 axes.plot(
                     one["restitution"].values,
                     np.where(chosen, one[forcing].values, np.nan),
                     color=colour,
                     linestyle=KINDS[code][1],
                     linewidth=width,
-                    label=name if width > 1.0 and name not in seen else "",
                     zorder=3.0,
-                    path_effects=edge if colour == "white" else None,
+                    path_effects=effects,
                 )
-            seen.add(name)
+            seen.add(KINDS[code][1:])
+        axes.plot([], [], color=colour, path_effects=effects, label=kind)
+    for dashes, name in sorted(seen):
+        axes.plot([], [], color=style.GREY, linestyle=dashes, label=name)
     if sweep is None:
         style.beside(axes, data.conditions(boundaries.drop_dims("point")))
     else:
         axes.axis(view)
-        style.head(axes, style.remark_of(axes), columns=1)
+        style.head(axes, style.remark_of(axes))
     return axes
 
 
-def _by_kind(lines: xr.Dataset, dim: str) -> dict[tuple[int, int], list[int]]:
-    """Indices of lines by their impacts and periods."""
+def _by_kind(axes: Axes, lines: xr.Dataset, dim: str) -> dict[str, list[int]]:
+    """Indices of lines by the names of their cycles; the longest ones share one name."""
     found: dict[tuple[int, int], list[int]] = {}
     for i in range(lines.sizes[dim]):
         kind = int(lines["cycle_impacts"][i]), int(lines["cycle_periods"][i])
         found.setdefault(kind, []).append(i)
-    return dict(sorted(found.items()))
+    kinds = sorted(found)
+    most = MOST_CYCLES[style.is_narrow(axes)]
+    kept = len(kinds) if len(kinds) <= most else most - 1
+    named = {cycle_name(*kind): found[kind] for kind in kinds[:kept]}
+    if others := [i for kind in kinds[kept:] for i in found[kind]]:
+        named[f"{len(kinds) - kept} longer cycles"] = others
+    return named
 
 
 @style.styled
@@ -422,14 +440,14 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
             f"a single value, or draw basin_shares"
         )
     axes = style.axes_on(ax, style.PAGE, 3.6)
-    names, shares = _named(basins)
+    names, shares, colours = _named(axes, basins)
     reached = basins["basin"].values
     unsettled = float((reached == UNSETTLED).mean())
-    drawn = basins["basin"].clip(max=NAMED - 1)
-    colours = ListedColormap(["white", *COLOURS])
-    scale = {"vmin": UNSETTLED - 0.5, "vmax": NAMED - 0.5}
-    paint_grid(axes, drawn, "launch_time", "launch_velocity", cmap=colours, **scale)
-    for name, share, colour in zip(names, shares, COLOURS, strict=False):
+    drawn = basins["basin"].clip(max=len(names) - 1)
+    cmap = ListedColormap(["white", *colours])
+    scale = {"vmin": UNSETTLED - 0.5, "vmax": len(names) - 0.5}
+    paint_grid(axes, drawn, "launch_time", "launch_velocity", cmap=cmap, **scale)
+    for name, share, colour in zip(names, shares, colours, strict=True):
         label = f"{name}, {100.0 * float(share):.3g} %"
         axes.plot([], [], "s", color=colour, label=label, markersize=5.0)
     if unsettled > 0.0:
@@ -480,11 +498,11 @@ def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     along = str(basins.attrs["along"])
     axes = style.axes_on(ax, style.PAGE, 3.6)
     basins = basins.sortby(along)
-    names, shares = _named(basins)
+    names, shares, colours = _named(axes, basins)
     values = basins[along].values
     if values.size == 1:
         values, shares = between(values), np.repeat(shares, 2, axis=1)
-    axes.stackplot(values, shares, colors=COLOURS[: len(names)], labels=names, linewidth=0.0)
+    axes.stackplot(values, shares, colors=colours, labels=names, linewidth=0.0)
     if (basins["basin"].values == UNSETTLED).any():
         axes.plot([], [], "s", color="white", markeredgecolor="0.5", label="unsettled")
     axes.set(xlim=(values[0], values[-1]), ylim=(0.0, 1.0), ylabel="share of the launches")
@@ -493,15 +511,21 @@ def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def _named(basins: xr.Dataset) -> tuple[list[str], Array]:
-    """Names of attractors and their fractions, shape (name, ...); the rarest share one name."""
+def _named(axes: Axes, basins: xr.Dataset) -> tuple[list[str], Array, list[ColorType]]:
+    """Names of attractors, their fractions, shape (name, ...), and colours.
+
+    The rarest share one name.
+    """
     fraction = basins["fraction"].transpose("attractor", ...).values
     names = [name_of(basins.isel(attractor=i)) for i in range(fraction.shape[0])]
-    if len(names) <= NAMED:
-        return names, fraction
-    kept = NAMED - 1
-    shares = np.concatenate([fraction[:kept], fraction[kept:].sum(axis=0, keepdims=True)])
-    return [*names[:kept], f"{len(names) - kept} others"], shares
+    most = MOST_ATTRACTORS[style.is_narrow(axes)]
+    if len(names) < most:
+        return names, fraction, list(style.OKABE_ITO[: len(names)])
+    kept = most - 1
+    if len(names) > most:
+        fraction = np.concatenate([fraction[:kept], fraction[kept:].sum(axis=0, keepdims=True)])
+        names[kept:] = [f"{len(names) - kept} others"]
+    return names, fraction, [*style.OKABE_ITO[:kept], OTHERS]
 
 
 @style.styled
@@ -510,9 +534,11 @@ def bifurcation_diagram(
 ) -> Panels:
     """Draw the impacts of all particles along the forcing, up and down, above their exponents.
 
-    The axis is the forcing as given.  An orbit with rests has the exponent minus infinity,
-    drawn at the lower edge.  The head of the figure states the share of unsettled orbits, whose
-    impacts need not belong to an attractor.
+    The axis is the forcing as given.  Particles that are launched anew at each point are drawn
+    under those that are followed up and down, black marks at the top show where attractors coexist,
+    and a dotted line where the first exponent above zero lies, if the diagram holds them.  An orbit
+    with rests has the exponent minus infinity, drawn at the lower edge.  The head of the figure
+    states the share of unsettled orbits, whose impacts need not belong to an attractor.
 
     Parameters
     ----------
@@ -540,23 +566,26 @@ def bifurcation_diagram(
     2
     """
     DIAGRAM_NEEDS.check("bifurcation_diagram", diagram)
-    layout = {"sharex": True, "height_ratios": (2.0, 1.0)}
+    layout = {"sharex": True, "height_ratios": (3.0, 1.0)}
     upper, lower = panels = style.panels_on(ax, style.PAGE, 5.0, [[0], [1]], **layout)
     name, along = str(diagram.attrs["observable"]), str(diagram.attrs["forcing"])
-    words = along.removeprefix("base_")
-    for direction, colour, size in ORDER:
-        values = diagram[name].sel(direction=direction)
-        x, y = np.broadcast_arrays(
-            diagram[along].values[:, np.newaxis], values.values.reshape(values.shape[0], -1)
-        )
-        upper.scatter(x, y, s=size, color=colour, linewidths=0.0, rasterized=True)
-        upper.plot([], [], ".", color=colour, markersize=6.0, label=f"{words} {direction}")
-    _exponents(lower, diagram, diagram[along].values)
+    at, words = diagram[along].values, along.removeprefix("base_")
+    for way, colour, size in ORDER:
+        values = _of(diagram, name, way)
+        if values is None:
+            continue
+        x, y = np.broadcast_arrays(at[:, np.newaxis], values.reshape(at.size, -1))
+        look = {"color": colour, "linewidths": 0.0, "alpha": FAINT, "rasterized": True}
+        upper.scatter(x, y, s=size, **look)
+        label = "launched anew" if way == "launched" else f"{words} {way}"
+        upper.plot([], [], ".", color=colour, markersize=6.0, label=label)
+    _mark_coexistence(upper, diagram, at)
+    _exponents(lower, diagram, at)
     upper.set_ylabel(data.label(diagram, name))
     lower.set_xlabel(data.label(diagram, along))
     if upper.get_position().x0 != lower.get_position().x0:  # a user has put them side by side
         upper.set_xlabel(data.label(diagram, along))
-    lower.set_ylabel("largest Lyapunov\nexponent per impact")
+    lower.set_ylabel("largest Lyapunov exponent per impact")
     drawn = {along, "amplitude", "base_acceleration"}
     head = data.conditions(diagram.drop_vars(drawn, errors="ignore"))
     unsettled = np.mean(diagram["regime"].values == Regime.UNSETTLED)
@@ -564,17 +593,48 @@ def bifurcation_diagram(
     return panels
 
 
-def _exponents(axes: Axes, diagram: xr.Dataset, x: Array) -> None:
-    exponents = diagram["lyapunov_largest"]
-    known = exponents.values[np.isfinite(exponents.values)]
+def _of(diagram: xr.Dataset, name: str, way: str) -> Array | None:
+    """Values of particles that are followed up or down, or launched anew, at each point."""
+    if way != "launched":
+        return np.asarray(diagram[name].sel(direction=way).values)
+    anew = diagram.get(f"launched_{name}")
+    return None if anew is None or not anew.size else np.asarray(anew.values)
+
+
+def _mark_coexistence(axes: Axes, diagram: xr.Dataset, at: Array) -> None:
+    """Mark points with several attractors at the top, and the first exponent above zero."""
+    if "attractors" not in diagram:
+        return
+    several = at[diagram["attractors"].values > 1]
+    if several.size:
+        axes.plot(
+            several,
+            np.ones_like(several),
+            "|",
+            transform=axes.get_xaxis_transform(),
+            color="black",
+            markersize=5.0,
+            markeredgewidth=0.6,
+            label="attractors coexist",
+        )
+    first = float(diagram["chaos_high"])
+    if np.isfinite(first):
+        name = "first exponent above 0"
+        axes.axvline(first, color="black", linestyle=":", linewidth=0.9, label=name)
+
+
+def _exponents(axes: Axes, diagram: xr.Dataset, at: Array) -> None:
+    found = ((_of(diagram, "lyapunov_largest", way), colour, size) for way, colour, size in ORDER)
+    shown = [(values, colour, size) for values, colour, size in found if values is not None]
+    every = np.concatenate([values.ravel() for values, _, _ in shown])
+    known, resting = every[np.isfinite(every)], bool(np.any(every == -np.inf))
     low, high = (float(known.min()), float(known.max())) if known.size else (-1.0, 0.0)
-    floor = low - 0.25 * max(high - low, 0.1)
-    for direction, colour, size in ORDER:
-        values = exponents.sel(direction=direction).values
-        values = np.where(values == -np.inf, floor, values)
+    floor = low - (0.25 * max(high - low, 0.1) if resting else 0.0)
+    for exponents, colour, size in shown:
+        values = np.where(exponents == -np.inf, floor, exponents)
         for particle in range(values.shape[1]):
-            axes.plot(x, values[:, particle], ".", color=colour, markersize=size + 0.8)
+            axes.plot(at, values[:, particle], ".", color=colour, markersize=size + 0.8)
     axes.axhline(0.0, color=style.GREY, linewidth=0.7, zorder=0.5)
-    axes.set_ylim(floor - 0.03 * (high - floor), max(high, 0.0) + 0.08 * (high - floor))
-    if np.any(exponents.values == -np.inf):
-        axes.text(0.005, 0.06, data.MINUS_INFINITY, transform=axes.transAxes, fontsize=7.5)
+    axes.set_ylim(floor - 0.06 * (high - floor), max(high, 0.0) + 0.08 * (high - floor))
+    if resting:
+        axes.text(0.005, 0.09, data.MINUS_INFINITY, transform=axes.transAxes, fontsize=7.5)

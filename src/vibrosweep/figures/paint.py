@@ -63,11 +63,12 @@ def paint_numbers(
     apart: Mapping[float, str],
     *,
     signed: bool,
+    logarithmic: bool = False,
 ) -> Colorbar | None:
     """Paint numbers, one per realization, with a labelled colour bar; NaN means no value.
 
-    `apart` names the values that have colours apart from the scale.  With zero among them the scale
-    is logarithmic; a scale of signed numbers is diverging, with zero in its middle.
+    `apart` names the values that have colours apart from the scale.  A scale of signed numbers is
+    diverging, with zero in its middle; a logarithmic one is for numbers above zero.
     """
     drawn = values if points.cells is None else median(points.cells, values)
     for (value, name), colour in zip(apart.items(), APART, strict=False):
@@ -77,18 +78,16 @@ def paint_numbers(
     known = drawn[np.isfinite(drawn)]
     if not known.size:
         return None
-    norm = _around_zero(known) if signed else _norm(known, logarithmic=0.0 in apart)
+    norm = _around_zero(known) if signed else _norm(known, logarithmic=logarithmic)
     colours = style.DIVERGING_MAP if signed else style.SEQUENTIAL_MAP
     mappable = _paint(axes, points, drawn, colormaps[colours], norm)
     # a scale of counts has ticks at whole numbers only
-    counts = 0.0 not in apart and bool(np.all(known == np.rint(known)))
+    counts = not logarithmic and bool(np.all(known == np.rint(known)))
     ticks = _ticks_around_zero(norm) if signed else None
-    return axes.figure.colorbar(
+    return style.bar(
+        axes,
         mappable,
-        ax=axes,
-        label=f"{label}, cell median" if points.repeated else label,
-        pad=0.02,
-        aspect=30,
+        f"{label}, cell median" if points.repeated else label,
         extend=_beyond(known, norm),
         ticks=MaxNLocator(integer=True, min_n_ticks=1) if counts and not signed else ticks,
     )

@@ -52,7 +52,7 @@ HEIGHT_NEEDS: Final = data.Requirements(
 FLIGHTS_PER_PATH: Final = 200
 # With more flights a vector file is larger than the same picture in pixels
 VECTOR_FLIGHTS: Final = 20_000
-REST, RIDE = 3.0, 1.5  # points: widths of bars of rests, and of rests on a base that moves
+REST, RIDE = 3.0, 1.2  # points: widths of bars of rests, and of rests on a base that moves
 BELOW: Final = 0.06  # room under the base for them, relative to the greatest height
 # Forcing periods that a reader can distinguish across a page
 READABLE_PERIODS: Final = 40.0
@@ -193,14 +193,8 @@ def _colours(axes: Axes, shown: list[int]) -> list[ColorType]:
     # without the palest tenth of the map, in which thin lines would vanish on white
     cmap = ListedColormap(colormaps[style.SEQUENTIAL_MAP](np.linspace(0.0, 0.9, 256)))
     norm = Normalize(shown[0], shown[-1])
-    axes.figure.colorbar(
-        ScalarMappable(norm, cmap),
-        ax=axes,
-        label="particle",
-        pad=0.01,
-        aspect=30,
-        ticks=MaxNLocator(6, integer=True),
-    )
+    ticks = MaxNLocator(6, integer=True)
+    style.bar(axes, ScalarMappable(norm, cmap), "particle", pad=0.01, ticks=ticks)
     return [cmap(norm(i)) for i in shown]
 
 
@@ -393,8 +387,8 @@ def _draw_points(
 ) -> None:
     size = float(np.clip(20.0 / np.sqrt(np.sqrt(before.size + 1)), 0.8, 3.5))
     for chosen, colour, name in (
-        (~late, EARLY, f"to {half:.4g} s"),
-        (late, LATE, f"after {half:.4g} s"),
+        (~late, EARLY, rf"$t \leq {half:.4g}$ s"),
+        (late, LATE, f"$t > {half:.4g}$ s"),
     ):
         axes.plot(
             before[chosen],
@@ -439,4 +433,4 @@ def _draw_locked(axes: Axes, one: xr.Dataset, top: float) -> None:
                 zorder=3,
             )
     if np.any(exists):
-        style.name_levels(axes, speeds[exists], [f"$k={k}$" for k in modes[exists]])
+        style.name_levels(axes, speeds[exists], [f"mode $k$ = {k}" for k in modes[exists]])

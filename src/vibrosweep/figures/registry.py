@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -51,9 +52,8 @@ class FigureEntry:
         return f"fig{self.number}_{self.name}" if self.number else self.name
 
     def lacking(self, dataset: xr.Dataset | None) -> str | None:
-        """Return a sentence on why the figure cannot be drawn; None if it can."""
-        reason = _SOURCES[self.source] if dataset is None else self.needs.lacking(flat(dataset))
-        return None if reason is None else f"figure {self.name} needs {reason}"
+        """Return what the figure needs in order to be drawn; None if it can be."""
+        return _SOURCES[self.source] if dataset is None else self.needs.lacking(flat(dataset))
 
 
 def _height_time_one(record: xr.Dataset) -> Axes:
@@ -64,6 +64,7 @@ def _height_time_all(record: xr.Dataset) -> Axes:
     return records.height_time(record, None, records.readable_until(record))
 
 
+@style.styled
 def _separation_distribution(sweep: xr.Dataset) -> Axes:
     from vibrosweep.analysis.separations import separation_distribution
 
@@ -74,7 +75,9 @@ def _separation_distribution(sweep: xr.Dataset) -> Axes:
         _counted(name, int(one["known"]), part.sizes["realization"])
         for (name, part), one in zip(parts.items(), found, strict=True)
     ]
-    return sweeps.separation_distributions(found, names, sweep["contact_time"].values)
+    axes = sweeps.separation_distributions(found, names, sweep["contact_time"].values)
+    style.head(axes, data.conditions(sweep))
+    return axes
 
 
 def _counted(name: str, known: int, many: int) -> str:
@@ -105,10 +108,38 @@ def _by_noise(sweep: xr.Dataset) -> dict[str, xr.Dataset]:
     return found
 
 
+@style.styled
 def _separation_over_chance(sweep: xr.Dataset) -> Axes:
     from vibrosweep.analysis.separations import separations_against_chance
 
-    return sweeps.separations_over_chance([separations_against_chance(sweep)], ["this sweep"])
+    axes = sweeps.separations_over_chance([separations_against_chance(sweep)], ["this sweep"])
+    style.head(axes, data.conditions(sweep), columns=1)
+    return axes
+
+
+def _regimes(sweep: xr.Dataset) -> Axes:
+    """Draw the commonest regime of the particles of each realization."""
+    sweep = flat(sweep)
+    regime = sweep["regime"].transpose("realization", ...)
+    codes = np.atleast_1d(regime.attrs["flag_values"])
+    each = regime.values.reshape(regime.sizes["realization"], -1)
+    commonest = codes[np.argmax([(each == code).sum(axis=1) for code in codes], axis=0)]
+    named = regime.attrs | {"long_name": "commonest regime of the particles"}
+    sweep = sweep.assign(regime=("realization", commonest, named))
+    return sweeps.parameter_plane(sweep, "regime")
+
+
+def _plane(
+    name: str, variable: str, draw: Callable[[xr.Dataset], Axes] | None = None
+) -> FigureEntry:
+    """A variable over the plane of restitution and forcing, where it was measured."""
+    needed = (*sweeps.AXES, variable)
+    needs = data.Requirements(needed, varied=sweeps.PLANE_NEEDS.varied)
+    return FigureEntry(name, "sweep", needs, draw or partial(_draw_plane, variable))
+
+
+def _draw_plane(variable: str, sweep: xr.Dataset) -> Axes:
+    return sweeps.parameter_plane(sweep, variable)
 
 
 FIGURES: Final[Mapping[str, FigureEntry]] = {
@@ -130,7 +161,11 @@ FIGURES: Final[Mapping[str, FigureEntry]] = {
         FigureEntry(
             "separation_over_chance", "sweep", sweeps.CHANCE_NEEDS, _separation_over_chance
         ),
-        FigureEntry("parameter_plane", "sweep", sweeps.PLANE_NEEDS, sweeps.parameter_plane),
+        _plane("parameter_plane", "dt_min"),
+        _plane("plane_of_heights", "rebound_height_max"),
+        _plane("plane_of_regimes", "regime", _regimes),
+        _plane("plane_of_exponents", "lyapunov_max"),
+        _plane("plane_of_slots", "slot_count"),
     )
 }
 
@@ -162,10 +197,22 @@ def available(sweep: xr.Dataset | None, record: xr.Dataset | None) -> list[str]:
 
 
 def missing(sweep: xr.Dataset | None, record: xr.Dataset | None) -> dict[str, str]:
-    """Return the figures that cannot be drawn, each with a sentence on what it needs."""
+    """Return the figures that cannot be drawn, each with what it needs."""
     sources = {"sweep": sweep, "record": record}
     reasons = {name: entry.lacking(sources[entry.source]) for name, entry in FIGURES.items()}
     return {name: reason for name, reason in reasons.items() if reason is not None}
+
+
+def left_out(sweep: xr.Dataset | None, record: xr.Dataset | None) -> str:
+    """Say in a line which figures cannot be drawn, and what they need; empty if all can be."""
+    needs: dict[str, list[str]] = {}
+    for name, reason in missing(sweep, record).items():
+        needs.setdefault(reason, []).append(name)
+    some = [
+        f"{', '.join(names)} need{'s' if len(names) == 1 else ''} {reason}"
+        for reason, names in needs.items()
+    ]
+    return f"left out: {'; '.join(some)}" if some else ""
 
 
 def save_all(

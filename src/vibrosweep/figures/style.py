@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import re
+import textwrap
 import warnings
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
@@ -14,9 +15,12 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotParams
 from matplotlib.layout_engine import PlaceHolderLayoutEngine
+from matplotlib.text import Text
 from matplotlib.typing import ColorType
 from numpy.typing import NDArray
 
@@ -60,7 +64,22 @@ PAGE: Final = 7.0
 # Above this number, points are gathered in cells instead of drawn one by one
 MANY: Final = 20_000
 LETTERS_PER_INCH: Final = 14  # of a remark
+ENTRIES_PER_INCH: Final = 4  # of a legend in letters of usual size, beside the axes
+LETTERS_OF_TITLES: Final = 8  # for each inch of room
 BESIDE: Final = 0.5  # inches of the width of a figure that a remark cannot use
+LEFT: Final = 1.0  # inches of it that a legend above narrow axes cannot use
+UNDER: Final = 0.5  # inches of the height of a figure below its axes
+# Inches: in less width no legend stands beside the axes, and letters are smaller
+NARROW: Final = 4.5
+SMALL: Final[dict[str, Any]] = {
+    "fontsize": 7.0,
+    "title_fontsize": 7.0,
+    "handlelength": 1.2,
+    "columnspacing": 0.8,
+}
+REMARK: Final = 2.9  # inches of a remark beside the axes
+MARGIN: Final = 0.2  # inches that stay free
+MOST_LINES: Final = 3  # of a label
 INSIDE: Final = 0.7  # share of the remaining width for a remark inside the axes
 SEQUENTIAL_MAP: Final = "viridis"
 DIVERGING_MAP: Final = "coolwarm"  # of signed numbers
@@ -154,6 +173,8 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
         with mpl.rc_context(RC):
             named: Any = {name: _read(value) for name, value in kwargs.items()}
             drawn = draw(*map(_read, args), **named)
+            for axes in np.ravel(np.asarray(drawn, dtype=object)):
+                _fit_labels(axes)
             if kwargs.get("ax") is not None:
                 make_room(np.ravel(np.asarray(kwargs["ax"], dtype=object))[0])
             return drawn
@@ -232,13 +253,17 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
     >>> axes.get_title()
     'without a legend'
     """
-    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": columns}
-    _explain(axes, _in_lines(remark, _room(axes)), place)
+    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
+    _explain(axes, _in_lines(remark, _room(axes)[0]), place, columns)
 
 
 def beside(axes: Axes, remark: str) -> None:
-    """Put a remark and the legend to the right of the axes, as `head` puts them above."""
-    _explain(axes, remark, {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)})
+    """Put a remark and the legend to the right of the axes, or above them if they are narrow."""
+    if is_narrow(axes):
+        head(axes, remark)
+    else:
+        place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+        _explain(axes, _in_lines(remark, REMARK), place)
 
 
 def remark_of(axes: Axes) -> str:
@@ -247,26 +272,100 @@ def remark_of(axes: Axes) -> str:
     return legend.get_title().get_text() if legend else axes.get_title(loc="left")
 
 
-def _explain(axes: Axes, remark: str, place: dict[str, Any]) -> None:
-    """Put a remark and the legend at a place outside the axes, if there is room."""
+def _explain(axes: Axes, remark: str, place: dict[str, Any], columns: int = 1) -> None:
+    """Put a remark and the legend at a place outside the axes, if there is room.
+
+    The legend has as many of the columns as fit into the width.
+    """
     handles, labels = axes.get_legend_handles_labels()
+    width, height = _room(axes)
     if not has_room(axes):
-        remark = _in_lines(remark, INSIDE * _room(axes))
-        place = {"loc": "best", "frameon": True, "borderpad": 0.4, "fontsize": 7.0}
+        remark = _in_lines(remark, INSIDE * width)
+        place, columns = {"loc": "best", "frameon": True, "borderpad": 0.4, "fontsize": 7.0}, 1
+    elif width < NARROW or len(handles) > ENTRIES_PER_INCH * height:
+        place |= SMALL
     if remark:
         axes.set_title("" if handles else remark)
-    if handles:
-        axes.legend(handles, labels, title=remark or None, alignment="left", **place)
+    above = place["loc"] == "lower left"
+    for ncols in range(columns, 0, -1) if handles else ():
+        place |= {"title": remark or None, "alignment": "left", "ncols": ncols}
+        legend = axes.legend(handles, labels, **place)
+        wide = legend.get_window_extent().width / legend.figure.dpi
+        if wide <= width - LEFT:
+            break
+        if above and width < NARROW and wide <= width - _right(axes):  # above the label of y, too
+            axes.legend(
+                handles, labels, **(place | {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)})
+            )
+            break
 
 
-def _room(axes: Axes) -> float:
-    """Width in inches that the axes have in their figure, with everything beside them."""
+def _right(axes: Axes) -> float:
+    """Inches of the width of a figure to the right of narrow axes, roughly."""
+    bars = any(one.colorbar for one in axes.collections)
+    return LEFT if bars or axes.child_axes else MARGIN
+
+
+def is_narrow(axes: Axes) -> bool:
+    """Return whether the axes have too little width for a long legend."""
+    return _room(axes)[0] < NARROW
+
+
+def letters(axes: Axes) -> int:
+    """Return the number of letters of a title that fit above the axes."""
+    return max(8, round(LETTERS_OF_TITLES * _room(axes)[0]))
+
+
+def bar(axes: Axes, mappable: ScalarMappable, label: str, **options: Any) -> Colorbar:
+    """Draw a thin labelled bar of colours to the right of the axes."""
+    options = {"pad": 0.02, "aspect": 30, "fraction": 0.05} | options
+    drawn = axes.figure.colorbar(mappable, ax=axes, label=label, **options)
+    if is_narrow(axes):
+        drawn.ax.tick_params(labelsize=SMALL["fontsize"])
+        drawn.ax.yaxis.label.set_fontsize(RC["xtick.labelsize"])
+    _break(drawn.ax.yaxis.label, _room(axes)[1] - 2.0 * UNDER)
+    return drawn
+
+
+def _fit_labels(axes: Axes) -> None:
+    """Break labels that are longer than their axis into lines."""
+    width, height = _room(axes)
+    above = axes.get_legend()
+    taken = 0.0 if above is None else above.get_window_extent().height / axes.figure.dpi
+    if above is not None and taken > height / 2.0:  # beside the axes
+        taken = 0.0
+    _break(axes.xaxis.label, width - BESIDE)
+    _break(axes.yaxis.label, height - UNDER - taken)
+
+
+def _break(label: Text, inches: float) -> None:
+    """Break a label into lines that are at most as long, if that is possible."""
+    text, figure = label.get_text(), label.get_figure(root=True)
+    if figure is None or not text:
+        return
+    # neither units nor mathtext are broken
+    whole = re.sub(r"\$[^$]*\$|\([^)]*\)", lambda part: part[0].replace(" ", "\xa0"), text)
+    for lines in range(1, MOST_LINES + 1):
+        box = label.get_window_extent()
+        if max(box.width, box.height) <= inches * figure.dpi:
+            return
+        broken = textwrap.fill(whole.replace("\n", " "), max(len(whole) // (lines + 1) + 4, 8))
+        label.set_text(broken.replace("\xa0", " "))
+
+
+def _room(axes: Axes) -> tuple[float, float]:
+    """Width and height in inches that the axes have in their figure, with all around them."""
     figure, spec = axes.get_figure(root=True), axes.get_subplotspec()
-    width = float(figure.get_figwidth()) if figure else PAGE
+    size = figure.get_size_inches() if figure else (PAGE, PAGE)
     if spec is None:
-        return width * axes.get_position().width
+        place = axes.get_position()
+        return float(size[0]) * place.width, float(size[1]) * place.height
     spec = spec.get_topmost_subplotspec()
-    return width * len(spec.colspan) / spec.get_gridspec().ncols
+    rows, columns = spec.get_gridspec().get_geometry()
+    return (
+        float(size[0]) * len(spec.colspan) / columns,
+        float(size[1]) * len(spec.rowspan) / rows,
+    )
 
 
 def _in_lines(remark: str, width: float) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.colors import LogNorm
+from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike
 
 from vibrosweep import theory
@@ -47,9 +48,11 @@ CELLS: Final = 160
 LARGEST_DOT: Final = 14.0
 # Of two plateaus closer than this fraction of the axis only one is drawn
 LABEL_GAP: Final = 0.06
-# Left edges, at which smaller values are drawn: of separations (s), and of ratios to chance
+# Left edges, beside which smaller values are bars: the least of separations (s), and that of ratios
+# to chance
 EDGE: Final = 1e-9
 EDGE_OF_CHANCE: Final = 1e-3
+BESIDE_THE_AXIS: Final = 0.1  # width of the bars of smaller values, relative to the axis
 MEANINGLESS: Final = "a realization in which no particle rests or is locked, as chance assumes"
 SEPARATION_NEEDS: Final = data.Requirements(
     ("dt_min", "collision_free", "contact_time", "duration"), known=("dt_min",)
@@ -77,8 +80,9 @@ def parameter_plane(
     variable
         Variable that sets the colour: a numeric one, or one of codes with the attributes
         ``flag_values`` and ``flag_meanings``.  By default ``dt_min`` if it was measured, otherwise
-        ``rebound_height_max``.  Separations have a logarithmic scale, with a line at the
-        contact time, and a separate marker where they are 0.
+        ``rebound_height_max``.  Separations have a logarithmic scale, with a mark at the
+        contact time, and a separate marker where they are 0; so have heights over more than a
+        decade.
     ax
         Axes to draw on; by default those of a new figure of pyplot.
 
@@ -161,14 +165,31 @@ def _paint_variable(
         apart = {0.0: "landing or resting together"}
     label = data.label(sweep, variable)
     signed = variable.startswith("lyapunov") or bool(np.any(values < 0.0))
-    bar = paint.paint_numbers(axes, points, values, label, apart, signed=signed)
+    logarithmic = separation or ("height" in variable and _wide(values))
+    bar = paint.paint_numbers(
+        axes, points, values, label, apart, signed=signed, logarithmic=logarithmic
+    )
     contact = data.fixed(sweep, "contact_time") if "contact_time" in sweep.variables else None
     if bar is None or not separation or contact is None:
         return
     low, high = bar.ax.get_ylim()
     if low < contact < high:
-        bar.ax.axhline(contact, color="black")
-        axes.plot([], [], color="black", label=f"$\\tau_c$ = {contact:.4g} s")
+        for drawn, at in ((bar.ax, [contact]), (axes, [])):
+            drawn.plot(
+                [0.0] * len(at),
+                at,
+                ">",
+                markersize=5.0,
+                color=style.OKABE_ITO[1],
+                clip_on=drawn is axes,
+                label=f"$\\tau_c$ = {contact:.4g} s",
+            )
+
+
+def _wide(values: Array) -> bool:
+    """Return whether numbers lie above zero, over more than a decade."""
+    known = values[np.isfinite(values)]
+    return known.size > 0 and known.max() > 10.0 * known.min() > 0.0
 
 
 @style.styled
@@ -294,7 +315,7 @@ def _draw_dots(axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array)
         engine = figure.get_layout_engine() if figure else None
         # some layout engines themselves place the bar beyond the names of the plateaus
         moved = engine is not None and not engine.colorbar_gridspec
-        axes.figure.colorbar(dots, ax=axes, label=words, pad=0.02 if moved else 0.1, aspect=30)
+        style.bar(axes, dots, words, pad=0.02 if moved else 0.1)
 
 
 def _draw_density(axes: Axes, restitution: Array, height: Array) -> None:
@@ -313,7 +334,7 @@ def _draw_density(axes: Axes, restitution: Array, height: Array) -> None:
         norm=LogNorm(1.0, max(counts.max(), 2.0)),
         rasterized=True,
     )
-    axes.figure.colorbar(mesh, ax=axes, label="realizations per cell", pad=0.02, aspect=30)
+    style.bar(axes, mesh, "realizations per cell")
 
 
 def _draw_launches(axes: Axes, restitution: Array, rebound: Array, flight: Array) -> None:
@@ -327,7 +348,7 @@ def _draw_launches(axes: Axes, restitution: Array, rebound: Array, flight: Array
             facecolors="none",
             edgecolors=style.GREY,
             linewidths=0.5,
-            label="launch counted",
+            label="including the launch",
             zorder=2.2,
         )
 
@@ -442,9 +463,10 @@ def separation_distributions(
         needed = ("separation", "cumulative_fraction")
         require(one, "separation_distributions", *needed, source="separation_distribution")
     curves = [(one["separation"].values, one["cumulative_fraction"].values) for one in found]
-    ends = (EDGE, max(1.0, *(float(values.max(initial=0.0)) for values, _ in curves)))
-    axes = _distributions(ax, curves, names, ends, linewidth=1.2)
     least, greatest = float(np.min(contact_time)), float(np.max(contact_time))
+    known = np.concatenate([[least / 10.0, 1.0], *(values for values, _ in curves)])
+    left = 10.0 ** np.floor(np.log10(np.min(known, initial=1.0, where=known >= EDGE)))
+    axes = _distributions(ax, curves, names, (float(left), float(known.max())), "s", linewidth=1.2)
     if least < greatest:
         axes.axvspan(least, greatest, color="0.9", zorder=0.5)
     else:
@@ -466,9 +488,10 @@ def _distributions(
     curves: Sequence[tuple[Array, Array]],
     labels: Sequence[str],
     ends: tuple[float, float],
+    units: str,
     linewidth: float | None = None,
 ) -> Axes:
-    """Draw the fractions at sorted values; values below the left end are drawn there."""
+    """Draw the fractions at sorted values; those of values below the left end as bars beside it."""
     axes, (left, right) = style.axes_on(ax, style.MEDIUM, 2.9), ends
     drawn = zip(curves, labels, style.colours(len(labels)), strict=True)
     for (values, fraction), label, colour in drawn:
@@ -481,8 +504,36 @@ def _distributions(
             label=label,
         )
     axes.set(xscale="log", xlim=ends, ylim=(0.0, 1.02))
-    axes.set_ylabel("fraction of realizations\nwith at most this")
+    axes.set_ylabel("cumulative fraction")
+    below = [
+        float(np.max(fraction, initial=0.0, where=values < left)) for values, fraction in curves
+    ]
+    if any(below):
+        _draw_below(axes, below, ends, units)
     return axes
+
+
+def _draw_below(axes: Axes, below: Sequence[float], ends: tuple[float, float], units: str) -> None:
+    """Draw bars of the fractions of values below the left end of an axis, which say so."""
+    left, right = ends
+    begin = left * (left / right) ** BESIDE_THE_AXIS
+    edges = np.geomspace(begin, left, len(below) + 1)
+    colours = style.colours(len(below))
+    axes.bar(edges[:-1], below, np.diff(edges), align="edge", color=colours, alpha=0.6)
+    axes.text(
+        float(np.sqrt(begin * left)),
+        0.03,
+        f"below $10^{{{np.log10(left):.0f}}}$ {units}".rstrip(),
+        rotation=90.0,
+        ha="center",
+        va="bottom",
+        fontsize=7.5,
+        path_effects=style.halo(),
+    )
+    decades = np.arange(round(np.log10(left)), np.log10(right) + 1e-9, 1.0)
+    axes.set_xticks(10.0 ** decades[:: max(1, decades.size // 5)], minor=False)
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xlim(begin, right)
 
 
 @style.styled
@@ -539,7 +590,7 @@ def separations_over_chance(
         f"{name}: {z.size} of {ratio.size} realizations"
         for name, z, ratio in zip(names, known, ratios, strict=True)
     ]
-    axes = _distributions(ax, curves, labels, ends)
+    axes = _distributions(ax, curves, labels, ends, "")
     z = np.geomspace(*ends, 200)
     axes.plot(z, -np.expm1(-z), color="black", linewidth=1.2, label="chance: $1 - e^{-z}$")
     axes.set_xlabel(r"$z = \Lambda\,\Delta t_{\mathrm{min}}$")
@@ -594,10 +645,16 @@ def sobol_bars(indices: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None
             low, high = one[f"{name}_low"].values, one[f"{name}_high"].values
             axes.hlines(at + shift, low, high, color="black", linewidth=0.7)
         words = VARIABLES[output].long_name if output in VARIABLES else output
-        axes.set_title(textwrap.fill(words, 18))
+        axes.set_title(textwrap.fill(words, style.letters(axes)))
         axes.axvline(0.0, color="black", linewidth=0.6)
         axes.set_xlabel("Sobol' index")
         axes.set_yticks(at, [f"{n.replace('_', ' ')}{data.symbol(n)}" for n in names])
         axes.set_ylim(at[-1] + 0.6, -0.6)  # the first parameter is on top
-    style.beside(panels[-1], "")
+        if axes.get_position().x0 > panels[0].get_position().x0:  # it stands beside the first
+            axes.tick_params(labelleft=False)
+    style.head(panels[0], panels[0].get_title(loc="left"), columns=1)
+    if style.has_room(panels[0]):  # there is more of it above the names of the parameters
+        legend = panels[0].get_legend()
+        legend.set_loc("lower right")
+        legend.set_bbox_to_anchor((1.0, 1.0), panels[0].transAxes)
     return panels

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, to_rgb
+from matplotlib.colors import ListedColormap
 from matplotlib.typing import ColorType
 
 from vibrosweep import theory
@@ -26,11 +27,15 @@ if TYPE_CHECKING:
 
 __all__ = ["per_amplitude"]
 
+Interval = tuple[int, float, float]  # position of a restitution, lower and upper end
+
 WINDOW_NEEDS: Final = ("window_ends", "restitution", "scan", "frequency", "gravity")
 PANEL_HEIGHT: Final = 3.2
 LEGEND_LINE: Final = 0.18
 NONE_FOUND: Final = ": no window found"
-BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0}
+# Of windows in both directions, and in one of them only
+OF_DIRECTIONS: Final = (style.OKABE_ITO[2], style.OKABE_ITO[5], style.OKABE_ITO[4])
+TINT: Final = 0.2  # opacity of the windows of locked orbits, which overlap
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
 # Where a lower and an upper end is named, as a share of its visible part: the lower ends meet at
@@ -45,12 +50,12 @@ def stability_windows(
 ) -> Panels:
     """Draw the intervals of the forcing in which conditions hold against restitution.
 
-    All locked orbits share the first panel; every other condition has a panel.  Where orbits were
-    continued along the forcing, both directions are drawn over each other, and a window that
-    appears in only one of them is hysteretic.  A window may continue beyond a bar that reaches the
-    end of the scan, or that ends at grey points, where the condition is undetermined.  Curves are
-    the closed forms of locked orbits without reflection: the orbit exists above the solid curve and
-    is stable up to the dashed one.
+    All locked orbits share the first panel, with curves through the ends of their windows; every
+    other condition has a panel, with a bar for each window.  Where orbits were continued along the
+    forcing, colours tell windows in both directions from those in one, which are hysteretic.  A
+    window may continue beyond the end of the scan, or beyond grey points, where the condition is
+    undetermined.  Black curves are the closed forms of locked orbits without reflection: the orbit
+    exists above the solid curve and is stable up to the dashed one.
 
     Parameters
     ----------
@@ -99,16 +104,18 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     axes.set_xlim(*between(e)[[0, -1]])
     # existence and stability of a locked orbit do not depend on the direction
     directions = windows["direction"].values[: 1 if is_locked else None]
-    shown = [(name, direction) for name in names for direction in directions]
-    top = 0.0
-    colours = style.colours(len(shown))
-    for (name, direction), colour in zip(shown, colours, strict=True):
-        chosen = windows.sel(condition=name, direction=direction)
-        label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
-        top = max(top, _bands(axes, chosen, scan, colour, label))
+    of_names = [_intervals(windows.sel(condition=n, direction=directions[0])) for n in names]
+    labels = [name.replace("_", " ") for name in names]
+    if len(directions) == 2:
+        other = _intervals(windows.sel(condition=names[0], direction=directions[1]))
+        _draw_directions(axes, e, of_names[0], other, labels[0], [str(d) for d in directions])
+        of_names.append(other)
+    else:
+        draw = _draw_ends if is_locked else _draw_bars
+        for one, label, colour in zip(of_names, labels, style.colours(len(names)), strict=True):
+            draw(axes, e, one, colour, label)
+    top = max((high for one in of_names for _, _, high in one), default=0.0)
     _undetermined(axes, windows.sel(condition=names, direction=directions))
-    if len(directions) == 2 and top > 0.0:
-        axes.plot([], [], "s", color=_over(*colours), label="in both directions")
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
     name = _scanned(windows)
     axes.set_ylabel(data.label(windows, name))
@@ -125,39 +132,85 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     style.head(axes, data.conditions(windows) + remark, columns=2 if few else 4)
 
 
-def _over(lower: ColorType, upper: ColorType) -> Array:
-    """Colour of a band that is drawn over another one on white."""
-    mixed = np.ones(3)
-    for colour in (lower, upper):
-        mixed += BAND["alpha"] * (np.array(to_rgb(colour)) - mixed)
-    return mixed
-
-
-def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label: str) -> float:
-    """Draw a bar for each window, as wide as the distance between restitutions.
-
-    A window that reaches an end of the scan is drawn up to it.  Returns the highest end, or 0.
-    """
-    edges = between(chosen["restitution"].values)
+def _intervals(chosen: xr.Dataset) -> list[Interval]:
+    """Windows of one condition in one direction; one that reaches an end of the scan ends there."""
+    scan, symbol = chosen["scan"].values, FORCINGS[_scanned(chosen)].symbol
     exists = chosen["window_ends"].values >= 0
-    symbol = FORCINGS[_scanned(chosen)].symbol
     lower, upper = (chosen[f"{symbol}_{end}"].values for end in ("min", "max"))
-    lower = np.where(exists & np.isnan(lower), scan[0], lower)
-    upper = np.where(exists & np.isnan(upper), scan[-1], upper)
-    if not exists.any():
-        label += NONE_FOUND
-    for window, (low, high) in enumerate(zip(lower.T, upper.T, strict=True)):
-        axes.bar(
-            edges[:-1],
-            high - low,
-            width=np.diff(edges),
-            bottom=low,
-            align="edge",
-            color=colour,
-            label=label if window == 0 else None,
-            **BAND,
-        )
-    return float(np.max(upper, initial=0.0, where=exists))
+    lower = np.where(np.isnan(lower), scan[0], lower)
+    upper = np.where(np.isnan(upper), scan[-1], upper)
+    return [
+        (int(i), float(lower[i, k]), float(upper[i, k]))
+        for i, k in zip(*np.nonzero(exists), strict=True)
+    ]
+
+
+def _draw_bars(
+    axes: Axes, e: Array, found: Sequence[Interval], colour: ColorType, label: str
+) -> None:
+    """Draw a bar for each interval, as wide as the cell of its restitution."""
+    edges = between(e)
+    if not found:
+        axes.plot([], [], "s", color=colour, label=label + NONE_FOUND)
+        return
+    at, low, high = (np.array(numbers) for numbers in zip(*found, strict=True))
+    axes.bar(
+        edges[at],
+        high - low,
+        width=np.diff(edges)[at],
+        bottom=low,
+        align="edge",
+        color=colour,
+        linewidth=0.0,
+        label=label,
+        zorder=1.0,
+    )
+
+
+def _draw_ends(
+    axes: Axes, e: Array, found: Sequence[Interval], colour: ColorType, label: str
+) -> None:
+    """Draw curves through both ends of the windows of an orbit, and what lies between them."""
+    counts: dict[int, int] = {}
+    ends = np.full((2, e.size, len(found)), np.nan)
+    for at, *pair in found:
+        ends[:, at, counts.get(at, 0)] = pair
+        counts[at] = counts.get(at, 0) + 1
+    for k in range(max(counts.values(), default=0)):
+        low, high = ends[:, :, k]
+        axes.fill_between(e, low, high, color=colour, alpha=TINT, linewidth=0.0, zorder=1.0)
+        for end in low, high:  # dots show a window that stands alone
+            axes.plot(e, end, ".-", color=colour, linewidth=1.2, markersize=2.0, zorder=1.5)
+    axes.plot([], [], "s", color=colour, label=label if found else label + NONE_FOUND)
+
+
+def _draw_directions(
+    axes: Axes,
+    e: Array,
+    one: Sequence[Interval],
+    other: Sequence[Interval],
+    label: str,
+    directions: Sequence[str],
+) -> None:
+    """Draw where windows of two directions overlap, and where there is one of them only."""
+    parts: dict[tuple[bool, bool], list[Interval]] = {}
+    for i in range(e.size):
+        here = [[(low, high) for j, low, high in some if j == i] for some in (one, other)]
+        for low, high in pairwise(sorted({end for some in here for pair in some for end in pair})):
+            middle = (low + high) / 2.0
+            inside = [any(a < middle < b for a, b in some) for some in here]
+            parts.setdefault((inside[0], inside[1]), []).append((i, low, high))
+    first, second = directions
+    names = {
+        (True, True): f"{label}, both ways",
+        (True, False): f"{label}, {first} only",
+        (False, True): f"{label}, {second} only",
+    }
+    for (where, name), colour in zip(names.items(), OF_DIRECTIONS, strict=True):
+        if where in parts:
+            _draw_bars(axes, e, parts[where], colour, name)
+    if not one and not other:
+        _draw_bars(axes, e, [], OF_DIRECTIONS[0], label)
 
 
 def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
