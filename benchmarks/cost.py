@@ -1,6 +1,6 @@
 """Processor time and memory of whole sweeps against their work, and what Dask adds to a chunk.
 
-    python benchmarks/cost.py -o docs
+    python benchmarks/cost.py
 
 writes ``cost.md``, ``cost.csv``, and ``cost.png`` in ``images``.  Every point is a sweep from its
 ranges to its result file, on one thread.  Time is processor time, which other programs disturb
@@ -167,7 +167,7 @@ def report(found: list[Point], chunks: list[Chunked], load: float) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs"), metavar="DIR")
+    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent, metavar="DIR")
     options = parser.parse_args()
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:

@@ -2,7 +2,7 @@
 
     python benchmarks/peers.py [--threads N]
 
-writes ``docs/peers.csv``, ``docs/images/peers.png`` and the section between the markers of
+writes ``benchmarks/peers.csv``, ``docs/images/peers.png`` and the section between the markers of
 ``docs/evidence.md``.  All run the same scenes (`methods.sweeps.SWEEPS`) and find the same landings;
 errors are against the proved reference.  A peer takes part where it is installed (extra ``bench``).
 """
@@ -23,7 +23,7 @@ from vibrosweep.runs.driver import available_threads
 from vibrosweep.store.writing import provenance
 
 ROOT = Path(__file__).parents[1]
-TABLE = ROOT / "docs" / "peers.csv"
+TABLE = ROOT / "benchmarks" / "peers.csv"
 PICTURE = ROOT / "docs" / "images" / "peers.png"
 LIBRARIES = ("numpy", "numba", "scipy", "pynamicalsys", "jax", "diffrax", "heyoka")
 OPTIONAL = (

@@ -1,7 +1,7 @@
 """Time the kernels against their sine, with each width of vectors that this processor has.
 
     python benchmarks/processors.py             print the table
-    python benchmarks/processors.py --write     and put it into docs/speed.md
+    python benchmarks/processors.py --write     and put it into benchmarks/README.md
     python benchmarks/processors.py --here      time in this process only, and print JSON
 
 Each width is timed in a separate process, in which all jobs take turns: a figure is the median
@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from llvmlite import binding
 
-PAGE = Path(__file__).parents[1] / "docs" / "speed.md"
+PAGE = Path(__file__).parent / "README.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 ROUNDS = 15
 SECONDS = 60.0  # after which no further round is begun
@@ -141,7 +141,9 @@ def table(found):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--write", action="store_true", help="put the table into docs/speed.md")
+    parser.add_argument(
+        "--write", action="store_true", help="put the table into benchmarks/README.md"
+    )
     parser.add_argument("--here", action="store_true", help="time in this process, print JSON")
     options = parser.parse_args()
     if options.here:

@@ -2,7 +2,7 @@
 
     python benchmarks/work_precision.py prove      # benchmarks/references.csv, once
     python benchmarks/work_precision.py time       # benchmarks/finals.csv
-    python benchmarks/work_precision.py compare    # docs: work-precision.md, its table and figure
+    python benchmarks/work_precision.py compare    # work-precision.md, its table and figure
 
 Each step reads only what the step before has stored.  All methods run on one thread; heyoka and
 diffrax are timed if they are installed, otherwise their stored rows are kept.
@@ -27,7 +27,7 @@ from methods.finals import (
 )
 from methods.scenes import SCENES
 
-DOCS = Path(__file__).parents[1] / "docs"
+HERE = Path(__file__).parent
 HEYOKA = ("heyoka", "methods.taylor", "heyoka_events")
 DIFFRAX = ("diffrax", "methods.jaxed", "diffrax_events")
 
@@ -69,9 +69,9 @@ def compare() -> None:
         del row["finals"]
     order = [scene.key for scene in SCENES]
     rows.sort(key=lambda row: order.index(row["scene"]))
-    write(DOCS / "work_precision.csv", tuple(rows[0]), (row.values() for row in rows))
-    draw(rows, SCENES, DOCS / "images" / "work_precision.png")
-    (DOCS / "work-precision.md").write_text(report(rows, references), encoding="utf-8")
+    write(HERE / "work_precision.csv", tuple(rows[0]), (row.values() for row in rows))
+    draw(rows, SCENES, HERE / "images" / "work_precision.png")
+    (HERE / "work-precision.md").write_text(report(rows, references), encoding="utf-8")
 
 
 def main() -> None:

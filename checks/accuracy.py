@@ -17,7 +17,7 @@ from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_spe
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, launches
 from vibrosweep.store.writing import provenance as environment
 
-REPORT = Path(__file__).parents[1] / "docs" / "accuracy.md"
+REPORT = Path(__file__).parent / "README.md"
 ULP = 2.0**-53  # spacing of doubles in [1/2, 1): one ulp of a turn
 
 

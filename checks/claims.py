@@ -4,7 +4,7 @@
 
 A verdict must be the same for 20 other seeds, unless one of the two says that it cannot be judged.
 The exit code is 1 if one changes.  --write replaces the table of verdicts in
-docs/separations-and-claims.md by that of the first seeds; --claims judges some of the claims and
+study/claims.md by that of the first seeds; --claims judges some of the claims and
 replaces their rows.
 """
 
@@ -24,7 +24,7 @@ from study.collect import TESTS, judge_all
 from study.samples import Plan
 from study.verdict import ANY_BASE, Verdict
 
-PAGE = Path(__file__).parents[1] / "docs" / "separations-and-claims.md"
+PAGE = Path(__file__).parents[1] / "study" / "claims.md"
 SEEDS = 20
 FIRST_SEEDS = (0, 1000)
 # On the base of finite mass a condition speaks of two particles; the docs use the other wording

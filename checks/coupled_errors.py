@@ -21,7 +21,7 @@ from vibrosweep.proof.reference.sprung import TooManyLandingsError
 from vibrosweep.proof.sampling import Realization
 from vibrosweep.scene.scene import Scene
 
-PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
+PAGE = Path(__file__).parent / "README.md"
 STATES = ("compared", "not claimed", "undecided", "too many landings", "different")
 PARTICLES = (2, 4, 10)
 DURATION = 6.0  # s

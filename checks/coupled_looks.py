@@ -1,4 +1,4 @@
-"""Number of particles that the search over a base of finite mass examines, for docs/speed.md.
+"""Particles that the search over a base of finite mass examines, for benchmarks/README.md.
 
 ``NUMBA_DISABLE_JIT=1 PYTHONPATH=benchmarks python checks/coupled_looks.py`` counts, per landing,
 how often a single particle is examined (a look), and the steps of the iteration that ends at the

@@ -36,7 +36,7 @@ from vibrosweep.cli import main as command
 from vibrosweep.store.disk import Disk
 from vibrosweep.store.parts import LOCK, MANIFEST, Parts, run_directory
 
-REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+REPORT = Path(__file__).parent / "README.md"
 OUTPUT, SPEC = "out.h5", "sweep.toml"
 SWEEP = """title = "A sweep whose power is cut"
 [scene]

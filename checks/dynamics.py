@@ -1,6 +1,6 @@
 """Regimes, exponents and windows over a grid of 200 x 200 with 20 particles: times and accuracy.
 
-Prints the numbers of docs/analysis.md.  Times are processor times, summed over both threads, since
+Prints the numbers of checks/README.md.  Times are processor times, summed over both threads, since
 the machine may be shared; kernels are compiled beforehand.
 """
 

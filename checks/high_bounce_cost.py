@@ -2,7 +2,7 @@
 
     python checks/high_bounce_cost.py [--seed 1] [--only NAME] [--pictures FOLDER] [--write]
 
-Draws the pictures of docs/what-high-bounce-costs.md and prints its tables; --write replaces them.
+Draws the pictures of study/high-bounce.md and prints its tables; --write replaces them.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import Regime
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "what-high-bounce-costs.md"
-IMAGES = ROOT / "docs" / "images"
+PAGE = ROOT / "study" / "high-bounce.md"
+IMAGES = ROOT / "study" / "images"
 NAMES = ("at rest", "resting", "locked", "other")
 COUNT = 20_000
 

@@ -1,4 +1,4 @@
-"""Pictures of docs/what-high-bounce-costs.md."""
+"""Pictures of study/high-bounce.md."""
 
 from __future__ import annotations
 

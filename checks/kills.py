@@ -27,7 +27,7 @@ from accuracy import options_of, processor, show, table
 from vibrosweep.store.disk import LENGTH
 from vibrosweep.store.parts import Parts, read_manifest, run_directory
 
-REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+REPORT = Path(__file__).parent / "README.md"
 COMMAND = (sys.executable, "-c", "import sys; from vibrosweep.cli import main; sys.exit(main())")
 CHUNK, CHUNKS = 400, 60
 SWEEP = f"""

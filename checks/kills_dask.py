@@ -25,7 +25,7 @@ from accuracy import options_of, processor, show, table
 from kills import CHUNK, CHUNKS, SWEEPS, contents, finished, killed, run_words
 from vibrosweep.store.parts import run_directory
 
-REPORT = Path(__file__).parents[1] / "docs" / "cluster.md"
+REPORT = Path(__file__).parent / "README.md"
 # every landing is computed, for error bounds or coupled particles: a chunk takes a second
 LONGER = {
     base: sweep.replace("duration_periods = 4.0", "duration_periods = 60.0")
@@ -173,7 +173,7 @@ def main() -> None:
                 Path(directory), sweep, options.kills, options.workers, options.seed, seconds
             )
     text = report(found, options.workers, time.perf_counter() - began, options.seed)
-    show(options, "kills", text, REPORT)
+    show(options, "kills on Dask", text, REPORT)
     raise SystemExit(1 if any(findings.failures for findings in found.values()) else 0)
 
 

@@ -1,4 +1,4 @@
-"""Accuracy of the laboratory's measurements: the tables and figures of docs/laboratory.md.
+"""Accuracy of the laboratory's measurements, for checks/README.md and study/table-4.md.
 
 ``python checks/laboratory.py [accuracy|estimates|bases|time|imperfections|cases ...]`` prints the
 tables, all of them by default; ``--figures DIR`` draws; ``--films N`` and ``--seed S`` set number

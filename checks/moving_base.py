@@ -1,4 +1,4 @@
-"""Accuracy of recordings of a moving base: the table of docs/laboratory.md.
+"""Accuracy of recordings of a moving base: the table of checks/README.md.
 
 ``python checks/moving_base.py [--recordings N] [--first SEED]`` films virtual experiments at random
 phases and launches over a moving and over a level base, measures them, and compares landings,

@@ -2,8 +2,7 @@
 
     python checks/noise.py [--impacts 1000000] [--seed 1] [--write]
 
-With --write the tables go into docs/noise.md.  Pictures go into docs/images, or where --pictures
-says.
+With --write the tables go into checks/README.md.  Pictures go into noise, or where --pictures says.
 """
 
 from __future__ import annotations
@@ -21,8 +20,7 @@ import vibrosweep as vs
 from accuracy import options_of, provenance, show, table
 from noise_pictures import energy, lifetimes, staggering, windows
 
-DOCS = Path(__file__).parents[1] / "docs"
-PAGE = DOCS / "noise.md"
+PAGE = Path(__file__).parent / "README.md"
 # Speeds in units of g / (2 f), at which flights last one forcing period
 UNITS = {"gravity": 2.0, "frequency": 1.0, "phase": 0.0}
 TREMBLING = {**UNITS, "amplitude": 0.0, "contact_time": 1e-30}
@@ -193,13 +191,14 @@ def apart(noise, seed, replicas=400, duration=500.0):
 
 
 def save(name, figure, folder):
+    folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.png"
     figure.savefig(path, dpi=150)
     Image.open(path).convert("RGB").quantize(64).save(path, optimize=True)
 
 
 def main() -> None:
-    folder = (DOCS / "images", "where pictures go")
+    folder = (Path("noise"), "where pictures go")
     options = options_of(__doc__, impacts=1_000_000, seed=1, pictures=folder)
     began, seed = time.time(), options.seed
     every = [

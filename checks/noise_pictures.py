@@ -1,4 +1,4 @@
-"""Pictures of docs/noise.md."""
+"""Pictures of docs/noise.md, checks/README.md and study/claims.md."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
     python checks/ordering.py [--only NAME] [--pictures FOLDER] [--write]
 
-Draws the pictures of docs/ordering.md and prints its tables in full; --write replaces them by short
-ones.
+Draws the pictures of study/ordering.md and prints its tables in full; --write replaces them by
+short ones.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.coupled_theory import CoupledBase, spectral_radius, staggered, steepness
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "ordering.md"
-IMAGES = ROOT / "docs" / "images"
+PAGE = ROOT / "study" / "ordering.md"
+IMAGES = ROOT / "study" / "images"
 LARGEST = 0.3  # mass of all particles in units of that of the base
 BANDS = (1e-3, 1e-2, 3e-2, 1e-1, LARGEST)
 PIECE = 150  # realizations at a time

@@ -1,4 +1,4 @@
-"""Pictures of docs/ordering.md."""
+"""Pictures of study/ordering.md."""
 
 from __future__ import annotations
 

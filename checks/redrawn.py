@@ -1,4 +1,4 @@
-"""Pictures of docs/images drawn again by the code as it is, and compared with those stored.
+"""Pictures of the pages drawn again by the code as it is, and compared with those stored.
 
 A picture whose share of changed pixels is above the tolerance is older than the code that draws it.
 ``--write`` puts such a picture in its place: look at it first, where ``--output`` keeps it.
@@ -23,8 +23,11 @@ import numpy as np
 from PIL import Image
 
 ROOT = Path(__file__).parents[1]
-DOCS = ROOT / "docs"
-IMAGES = DOCS / "images"
+STORED = {
+    path.stem: path
+    for page in ("docs", "study", "benchmarks")
+    for path in (ROOT / page / "images").glob("*.png")
+}
 COMMAND = f"{shlex.quote(sys.executable)} -m vibrosweep"
 WIDTH = 200  # pixels to which pictures are reduced, so that neither dots nor the few colours count
 STEP = 40  # of 255: a pixel that differs by less in each colour is the same
@@ -69,50 +72,24 @@ def campaign(line: str, file: str) -> Recipe:
     return Recipe(f"python {{ROOT}}/checks/{line}", f"{file}.png")
 
 
-CLAIMS = [
-    "claim01_energy_decay",
-    "claim02_energy_balance",
-    "claim03_separations",
-    "claim04_synchronous_pairs",
-    "claim05_locked_share",
-    "claim06_decay_per_impact",
-    "claim07_from_launch",
-    "claim07_steady",
-    "claim07_sobol_indices",
-    "claim10_distribution",
-    "claim10_slot",
-    "claim11_crossings",
-    "claim12_landing_time_errors",
-]
 NOISE = ["noise_lifetime", "noise_windows", "noise_energy", "noise_staggering"]
 RECIPES: dict[str, Recipe] = {
     "height_time": figure("single_ball", "fig1_height_time"),
-    "height_time_all": figure("twenty_balls", "fig2_height_time_all"),
     "moving_height_time_all": block("moving_height_time_all"),
     "two_tones": figure("two_tones", "fig1_height_time"),
     "return_map": figure("return_map", "fig4_return_map"),
     "spectrum": block("spectrum"),
-    "height_against_restitution": figure("sensitivity", "fig3_height_against_restitution"),
     "separation_distribution": figure("separations", "separation_distribution"),
+    "locked_plane": block("locked_plane"),
     "parameter_plane": figure("paper", "parameter_plane"),
-    "first_sharing_100": block("first_sharing_100"),
-    "slots": block("slots"),
     "windows": command("windows", "windows"),
-    "windows_hysteresis": command("windows", "windows_hysteresis"),
     "bifurcation": command("bifurcation", "bifurcation"),
-    "bifurcation_reflect": command("bifurcation", "bifurcation_reflect"),
     "basins": command("basins", "basins"),
     "basin_shares": command("basins", "basin_shares"),
     "orbits": command("orbits", "orbits", "--impacts 2 --periods 3"),
     "orbit_branches": command("branches", "branches", "--impacts 2 --doublings 4"),
     "orbit_boundaries": command("boundaries", "boundaries", "--impacts 2"),
     **{name: campaign("noise.py --pictures .", name) for name in NOISE},
-    **{
-        name: Recipe(
-            "cd {ROOT} && python -m study -o $OLDPWD/claims --pictures", f"claims/{name}.png"
-        )
-        for name in CLAIMS
-    },
     "high_bounce_plane": campaign(
         "high_bounce_cost.py --only plane --pictures .", "high_bounce_plane"
     ),
@@ -143,7 +120,7 @@ def draw_card(picture: str) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    page = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
     card = page.partition(f"](images/{picture}.png)")[2].partition("\n![")[0]
     lines = re.search(r"```\{testcode\}\n(.*?)```", card, re.DOTALL)[1]
     exec(compile(lines, picture, "exec"), {})
@@ -153,7 +130,7 @@ def draw_card(picture: str) -> None:
 def draw_stored(picture: str) -> None:
     """Draw a picture of times from their table."""
     sys.path.append(str(ROOT / "benchmarks"))
-    with (DOCS / f"{picture}.csv").open(newline="", encoding="utf-8") as file:
+    with (ROOT / "benchmarks" / f"{picture}.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     path = Path(f"{picture}.png")
     if picture == "cost":
@@ -201,7 +178,7 @@ def changed(old: Path, new: Path) -> float:
 
 def write(drawn: Path, picture: str) -> None:
     """Store a picture as large as before, in few colours, which make it smaller."""
-    path = IMAGES / f"{picture}.png"
+    path = STORED[picture]
     width = Image.open(path).width
     image = Image.open(drawn).convert("RGB")
     size = (width, round(width * image.height / image.width))
@@ -233,7 +210,7 @@ def main() -> None:
         for picture in options.pictures or RECIPES:
             recipe = RECIPES[picture]
             cooked(recipe.lines, output)
-            share = changed(IMAGES / f"{picture}.png", output / recipe.file)
+            share = changed(STORED[picture], output / recipe.file)
             print(f"{picture:30} {100.0 * share:.2f} % of the pixels changed", flush=True)
             if share > TOLERANCE:
                 stale.append(picture)

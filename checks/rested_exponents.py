@@ -1,6 +1,6 @@
 """Largest exponents of chaos over a moving base, by a plain loop: what rests do to their mean.
 
-Prints the numbers of docs/analysis.md; takes about 90 s of processor time.  The loop shares no code
+Prints the numbers of checks/README.md; takes about 90 s of processor time.  The loop shares no code
 with the package.  A trajectory that rests forgets its past, so that it has no finite exponent: the
 package gives NaN.  The loop averages the growth of a tangent vector over trajectories that do not
 rest within so many impacts, and over all impacts before the first rest.

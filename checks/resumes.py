@@ -33,7 +33,7 @@ from vibrosweep.scene.sweep import Sweep, parse_spec
 from vibrosweep.store.disk import LENGTH
 from vibrosweep.store.parts import Parts, run_directory
 
-REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+REPORT = Path(__file__).parent / "README.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: owner and name of a function
 PLACES = ((Parts, "write"), (Parts, "read"), (result, "kinds"), (result, "write_record"))

@@ -1,4 +1,4 @@
-"""Accuracy for bases other than a sine and for laws of restitution: numbers of docs/laboratory.md.
+"""Accuracy for bases other than a sine and for laws of restitution: numbers of checks/README.md.
 
 ``python checks/shaker.py [--recordings N] [--first SEED]`` films virtual experiments over bases of
 two to four random harmonics, whose traces are known, and compares harmonics, restitution and motion

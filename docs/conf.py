@@ -100,7 +100,7 @@ UNREADABLE = {
     r"~P\b": "P",
 }
 SENTENCE = 45  # characters of a table's cell
-FUNCTION = re.compile(r"<mi>(sin|cos|tan|ln|log)</mi>(<mo[^>]*>&#x00028;)?")
+FUNCTION = re.compile(r"<m[io]>(sin|cos|tan|ln|log|max|min)</m[io]>(<mo[^>]*>&#x00028;)?")
 NUMBER = re.compile(r"[-+\d.,e]+( %)?( (to|of) [-+\d.,e]+( %)?)?")
 UNIT = re.compile(r"(?<=\d) (?=%|(?:k?Hz|[mµn]?s|[cmµ]?m|m/s|g|rad|[MG]B|[KM]iB)\b)")
 EQUAL = re.compile(r"(?<=\b[A-Za-zΓ]) = (?=[-\d])")
@@ -117,6 +117,8 @@ EXPONENT = re.compile(r"(?<=\de-)(?=\d)")
 NAME = re.compile(r">[^<>\s]{12,}<")  # a word that is alone in its element
 JOINT = re.compile(r"(?<=\w)[._/(=](?=[^\W\d]\w\w)|(?<=[a-z])(?=[A-Z][a-z])")
 BAR = re.compile("<mo[^>]*>&#x0007C;</mo>")
+PRIME = re.compile("<msup>(<m[in]>[^<]*</m[in]>)<mi>&#x02032;</mi></msup>")
+MINUS = re.compile("(<mrow>|<mo[^>]*>(?:\\[|&#x00028;|&#x0002C;|&#x0003D;)</mo>)<mo>&#x02212;</mo>")
 
 # python -m sphinx -b linkcheck -D nb_execution_mode=off docs build/links
 linkcheck_timeout = 20
@@ -164,6 +166,9 @@ def _write(translator: HTML5Translator, node: Element, shown: str) -> None:
     # the spacing of TeX: around the names of functions, and none beside bars
     formula = FUNCTION.sub(_spaced, formula)
     formula = BAR.sub('<mo lspace="0" rspace="0" stretchy="false">|</mo>', formula)
+    # a prime as large as its letter, which the font has raised; a minus that belongs to one number
+    formula = PRIME.sub(r'<mrow>\1<mo lspace="0" rspace="0">&#x02032;</mo></mrow>', formula)
+    formula = MINUS.sub(r'\1<mo form="prefix" lspace="0" rspace="0">&#x02212;</mo>', formula)
     translator.body.append(f'<div class="formula">{formula}</div>' if shown == "block" else formula)
     raise SkipNode
 

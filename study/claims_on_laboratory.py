@@ -71,9 +71,10 @@ def judged(study: xr.Dataset) -> Evidence:
         largest, rises = [], []
         for trial in range(study.sizes["trial"]):
             one = found.isel(trial=trial)
-            name = f"{one['imperfection'].item()} {one['size'].item():g} {one['units'].item()}"
-            name = name.removesuffix(" 1")  # the unit of a pure number
             imperfection = {one["imperfection"].item(): one["size"].item()}
+            words = one["imperfection"].item().replace("_", " ")
+            name = f"{words} {one['size'].item():g} {one['units'].item()}"
+            name = name.removesuffix(" 1")  # the unit of a pure number
             setting = Setting(name, constants={**SCENE, **imperfection})
             errors = np.stack(
                 [one[f"{q}_error"].transpose("seed", "case").values for q in QUANTITIES]
@@ -84,9 +85,9 @@ def judged(study: xr.Dataset) -> Evidence:
             largest.append(check(what, worst, "at most", TOLERANCE, "%", setting))
             what = "smaller of the increases of both errors from the smallest N to the largest"
             rises.append(check(what, mean(rise), "at least", GROWTH, "%", setting))
-        words = DIFFERENCES[str(reading)]
-        below.append(Reading(f"the text: below 8 %; {words}", largest))
-        growing.append(Reading(f"Table 4: and growing with N; {words}", largest + rises))
+        between = DIFFERENCES[str(reading)]
+        below.append(Reading(f"the text: below 8 %; {between}", largest))
+        growing.append(Reading(f"Table 4: and growing with N; {between}", largest + rises))
     return Evidence(
         HIGH_BOUNCE,
         readings=(*below, *growing),

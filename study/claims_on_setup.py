@@ -62,7 +62,7 @@ def _timing(plan: Plan, rate: float, camera: str) -> Check:
             )
         ]
         errors.append(rate * float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
-    setting = Setting(f"{rate:g} fps, {camera}", constants=SCENE)
+    setting = Setting(f"{rate:g} fps, {camera.replace('_', ' ')}", constants=SCENE)
     what = "error of an impact time, root mean square, in frames"
     return check(what, mean(errors, 0.0), "at most", 1.0, setting=setting)
 

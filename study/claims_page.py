@@ -7,7 +7,8 @@ import html
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from string import Template
 from typing import Any, Final
@@ -43,6 +44,13 @@ CLASSES: Final = {
 }
 MARKS: Final = {True: ("holds", "passed"), False: ("fails", "missed"), None: ("open", "open")}
 NO_VERDICT: Final = "<small>not computed</small>"
+KINDS: Final = {
+    "drive_noise": "noise of the drive",
+    "kick_noise": "noise of the kick",
+    "restitution_noise": "noise of the restitution",
+}
+# heights of flights, which the list of tests gives
+AT_HEIGHT: Final = re.compile(r" \(at 1 Hz, flights .*?\)")
 MINUS: Final = "\N{MINUS SIGN}"
 # Glyphs as outlines: the page looks the same wherever it is opened; a fixed salt gives the same
 # names to the same clip paths in every run.
@@ -55,17 +63,46 @@ def as_html(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
     words = texts()
     page = files("study")
     template = Template(page.joinpath("page.html").read_text(encoding="utf-8"))
+    shown = in_order(claims)
     return template.substitute(
         style=page.joinpath("page.css").read_text(encoding="utf-8"),
-        **{name: marked_up(words[name]) for name in ("rule", "samples", "bases")},
+        **{name: marked_up(words[name]) for name in ("rule", "samples", "bases", "reply")},
+        short="".join(f"<p>{marked_up(text)}</p>" for text in (words["summary"], words["lesson"])),
+        counts="".join(f"<li>{line}</li>" for line in _counts(shown)),
         heads="".join(f"<th>{html.escape(name)}</th>" for name in BASES.values()),
-        summary="\n".join(_summary_row(claim) for claim in claims),
-        claims="\n".join(_section(claim) for claim in claims),
+        summary="\n".join(_summary_row(claim) for claim in shown),
+        claims="\n".join(_section(claim) for claim in shown),
         origin="\n".join(
             f"<dt>{html.escape(name.replace('_', ' '))}</dt><dd>{html.escape(value)}</dd>"
             for name, value in origin.items()
         ),
     )
+
+
+def in_order(claims: Sequence[Claim]) -> list[Claim]:
+    """Claims about the dynamics first, then those about apparatus and scheme."""
+    return sorted(claims, key=lambda claim: claim.incidental)
+
+
+def _counts(claims: Sequence[Claim]) -> Iterator[str]:
+    """How many of the claims about the dynamics come to each verdict, for every base."""
+    for base, name in BASES.items():
+        found = Counter(
+            one.verdict
+            for claim in claims
+            if not claim.incidental
+            for one in claim.outcome.evidence
+            if one.base == base
+        )
+        each = [
+            f"{n} {_in_number(verdict.value, n)}" for verdict in Verdict if (n := found[verdict])
+        ]
+        if each:
+            yield f"<b>{name.capitalize()}</b>, {found.total()} claims: {', '.join(each)}."
+
+
+def _in_number(verb: str, number: int) -> str:
+    return verb if number == 1 else verb.replace("holds", "hold").replace("fails", "fail")
 
 
 def plain(text: str) -> str:
@@ -108,41 +145,77 @@ def _summary_row(claim: Claim) -> str:
             f'<td data-base="{html.escape(name)}">{found.get(base, NO_VERDICT)}</td>'
             for base, name in BASES.items()
         )
-    names = marked_up("; or ".join(claim.conditions))
-    if_so = f"<small>condition: {names}</small>" if names else ""
     link = f'<a href="#claim-{claim.key}">{claim.key}</a>'
-    return f'<tr><th scope="row">{link} {marked_up(claim.sentence)}{if_so}</th>{cells}</tr>'
+    kind = ' class="incidental"' if claim.incidental else ""
+    return f'<tr{kind}><th scope="row">{link} {marked_up(claim.sentence)}</th>{cells}</tr>'
 
 
 def _section(claim: Claim) -> str:
+    found = {one.base for one in claim.outcome.evidence}
+    absent = (
+        [] if ANY_BASE in found else [name for base, name in BASES.items() if base not in found]
+    )
+    if absent:
+        why = f": {marked_up(claim.absent)}" if claim.absent else ""
+        absent = [f"<li>Not computed on the {html.escape(' and the '.join(absent))}{why}.</li>"]
+    holds = "; or ".join(dict.fromkeys(AT_HEIGHT.sub("", one) for one in claim.conditions))
     return "\n".join(
         [
             f'<section class="claim" id="claim-{claim.key}">',
             f"<h2><span>{claim.key}</span> {marked_up(claim.sentence)}</h2>",
             f'<p class="source">{html.escape(claim.source)}</p>',
-            f"<p><b>Tested.</b> {marked_up(claim.method)}</p>",
-            *(_evidence(one) for one in claim.outcome.evidence),
+            f'<ul class="verdicts">{"".join([*_verdicts(claim), *absent])}</ul>',
+            *([f"<p><b>Holds if</b> {marked_up(holds)}.</p>"] if holds else []),
             f"<p><b>Why.</b> {marked_up(claim.reason)}</p>",
             *(_figure(picture) for picture in claim.outcome.pictures),
+            "<details><summary>How it was tested, and all numbers</summary>",
+            f"<p>{marked_up(claim.method)}</p>",
+            *(_evidence(one) for one in claim.outcome.evidence),
+            "</details>",
             "</section>",
         ]
     )
 
 
+def _verdicts(claim: Claim) -> Iterator[str]:
+    """The verdict on each base, with the number that decides it; a test is named once."""
+    named = ""
+    for evidence in claim.outcome.evidence:
+        test = evidence.decisive
+        found = _estimate(test.value, test.units)
+        what = f"{test.what} {test.relation} {test.bound}"
+        bound = quantity(test.bound, test.units)
+        whole = f"{marked_up(test.what)} {found}, {test.relation} {bound} required"
+        why = marked_up(brief_reason(evidence))
+        shown = why or (f"here {found}" if what == named else whole)
+        named = named if why else what
+        base = BASES.get(evidence.base, "any base").capitalize()
+        badge = _badge(evidence.verdict)
+        yield f"<li>{html.escape(base)}: {badge} <small>{shown}</small></li>"
+
+
 def _evidence(evidence: Evidence) -> str:
     name = BASES.get(evidence.base, "any base").capitalize()
-    parts = [f"<h3>{html.escape(name)} {_badge(evidence.verdict)}</h3>"]
+    parts = [f"<h3>{html.escape(name)}</h3>"]
     if evidence.reason:
         parts.append(f'<p class="reason">{marked_up(evidence.reason)}</p>')
     parts += [
-        f'<p class="reason">Not computed: {html.escape(one)}</p>' for one in evidence.not_computed
+        f'<p class="reason">Not computed: {html.escape(in_words(one))}</p>'
+        for one in evidence.not_computed
     ]
     for title, readings in (("read as", evidence.readings), ("condition", evidence.conditions)):
         parts += [_reading(title, one) for one in readings]
     if evidence.numbers:
         items = "".join(f"<li>{_number(one)}</li>" for one in evidence.numbers)
-        parts.append(f"<details open><summary>Further numbers</summary><ul>{items}</ul></details>")
+        parts.append(f"<p>Further numbers:</p><ul>{items}</ul>")
     return "\n".join(parts)
+
+
+def in_words(refusal: str) -> str:
+    """A refusal of the package, without the names of its keywords."""
+    key, _, rest = refusal.partition(": ")
+    why = rest.rpartition(": ")[2].partition(";")[0]
+    return f"{KINDS.get(key, key)}, because {why}"
 
 
 def _reading(title: str, reading: Reading) -> str:

@@ -29,5 +29,6 @@ def pictures(figures: Mapping[str, Figure]) -> list[Picture]:
     return [Picture(name, captions[name], figure) for name, figure in figures.items()]
 
 
-def _in_one_line(words: Mapping[str, str]) -> dict[str, str]:
-    return {key: " ".join(text.split()) for key, text in words.items()}
+def _in_one_line(words: Mapping[str, Any]) -> dict[str, Any]:
+    """Texts in one line each; what is no text stays."""
+    return {k: " ".join(v.split()) if isinstance(v, str) else v for k, v in words.items()}

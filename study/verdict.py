@@ -151,6 +151,13 @@ class Evidence:
         return Verdict.FAILS if all(missed) else Verdict.UNDECIDED
 
     @property
+    def decisive(self) -> Check:
+        """The first test that decides the verdict: one that is missed, else one that is open."""
+        of_readings = [one for reading in self.readings for one in reading.checks]
+        order = {False: 0, None: 1, True: 2}
+        return min(of_readings, key=lambda one: order[one.passed])
+
+    @property
     def holding(self) -> tuple[Reading, ...]:
         """Readings and conditions under which the claim holds."""
         return tuple(one for one in (*self.readings, *self.conditions) if one.passed)
@@ -192,6 +199,8 @@ class Claim:
     method: str  # how it was tested
     reason: str  # the physics behind the outcome
     outcome: Outcome
+    incidental: bool = False  # about the apparatus or the scheme, not about the dynamics
+    absent: str = ""  # why it is not computed on some base
 
     @property
     def conditions(self) -> tuple[str, ...]:

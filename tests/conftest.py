@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests import general
 from tests.compilations import Compilations
 from vibrosweep.cli import OBJECTS_BETWEEN_COLLECTIONS
 from vibrosweep.kernels._numba import register
@@ -26,6 +27,8 @@ settings.load_profile("repeatable")
 
 # Compiling makes many objects and little garbage; the command line sets the same threshold.
 gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
+
+general.in_tests()
 
 # Background jobs of a shell ignore SIGINT, and so would the commands that tests start there.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -8,6 +8,7 @@ import xarray as xr
 from matplotlib import pyplot
 
 import vibrosweep as vs
+from tests.scenes import TWO_TONES
 from vibrosweep import analysis, figures
 from vibrosweep.errors import DataError
 from vibrosweep.model.measures import UNDETERMINED
@@ -267,7 +268,7 @@ OTHERS = {
     "base": ({}, {"base": "moving"}),
     "seed": (NOISY, {**NOISY, "noise_seed": 4}),
     "law": ({}, {"rebound": "reflect"}),
-    "waveform": ({}, {"waveform": "parabolic"}),
+    "waveform": ({}, {"waveform": TWO_TONES}),
 }
 
 
@@ -279,7 +280,7 @@ def test_sweeps_of_different_scenes_are_not_followed(first, second):
         vs.simulate(both)
 
 
-@pytest.mark.parametrize("base", [{"base": "moving"}, {"waveform": "parabolic", "base": "moving"}])
+@pytest.mark.parametrize("base", [{"base": "moving"}, {"waveform": TWO_TONES, "base": "moving"}])
 @pytest.mark.parametrize("name", ["positions", "return_map"])
 def test_records_of_different_bases_are_not_analysed(name, base):
     scene = {"amplitude": 2.0, **LAUNCHES}

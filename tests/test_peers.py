@@ -12,7 +12,7 @@ from methods.sweeps import Sweep
 from methods.truth import prove, worst
 
 ROOT = Path(__file__).parents[1]
-ROWS = read_rows(ROOT / "docs" / "peers.csv")
+ROWS = read_rows(ROOT / "benchmarks" / "peers.csv")
 PAGE = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
 SECTION = PAGE.partition("<!-- begin peers -->")[2].partition("<!-- end peers -->")[0]
 

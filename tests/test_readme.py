@@ -60,12 +60,18 @@ def test_every_file_exists():
     assert {"sweeps/paper.toml", "docs/model.md", "docs/images/moving_height_time_all.png"} <= named
 
 
-def test_one_small_picture():
-    (shown,) = re.findall(r"!\[.+\]\((.+\.png)\)", README)
-    assert (ROOT / shown).stat().st_size < 200_000
+def test_two_small_pictures():
+    shown = re.findall(r"!\[.+\]\((.+\.png)\)", README)
+    assert len(shown) == 2
+    assert all((ROOT / path).stat().st_size < 200_000 for path in shown)
 
 
-def test_the_python_runs(capsys):
+def test_the_first_screen_is_short():
+    assert len(README.split()) <= 700
+
+
+def test_the_python_runs():
     (code,) = blocks("python")
-    exec(compile(code, "README.md", "exec"), {})
-    assert "rebound_velocity" in capsys.readouterr().out
+    done = {}
+    exec(compile(code, "README.md", "exec"), done)
+    assert done["sweep"]["locked_count"].shape == (120, 120)

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_every_picture_has_a_recipe():
-    assert sorted(redrawn.RECIPES) == sorted(path.stem for path in redrawn.IMAGES.glob("*.png"))
+    assert sorted(redrawn.RECIPES) == sorted(redrawn.STORED)
 
 
 def test_recipes_name_files_that_exist():
@@ -25,12 +25,12 @@ def test_recipes_name_files_that_exist():
 def test_times_are_drawn_from_their_stored_tables(picture, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     redrawn.draw_stored(picture)
-    old, new = redrawn.IMAGES / f"{picture}.png", tmp_path / f"{picture}.png"
+    old, new = redrawn.STORED[picture], tmp_path / f"{picture}.png"
     assert redrawn.changed(old, new) < redrawn.TOLERANCE
 
 
 def test_a_legend_that_has_moved_is_noticed_and_fewer_colours_are_not(tmp_path):
-    old = redrawn.IMAGES / "parameter_plane.png"
+    old = redrawn.STORED["parameter_plane"]
     image = Image.open(old).convert("RGB")
     image.quantize(64).save(tmp_path / "fewer.png")  # as few as any script keeps
     assert redrawn.changed(old, tmp_path / "fewer.png") < redrawn.TOLERANCE / 2

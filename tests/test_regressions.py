@@ -123,6 +123,7 @@ def test_the_command_stores_compares_and_fails(command):
     assert (code, f"misses a target, twice: {NAME}" in said) == (0, True)
 
 
+@pytest.mark.weekly
 def test_a_missing_figure_fails_and_storing_drops_it(command):
     gone = "benchmarks/test_gone.py::test"
     known = {"ratios": {NAME: 2.0, gone: 1.0}}
@@ -134,6 +135,7 @@ def test_a_missing_figure_fails_and_storing_drops_it(command):
     assert list(json.loads(command.stored.read_text(encoding="utf-8"))[FAMILY]["ratios"]) == [NAME]
 
 
+@pytest.mark.weekly
 def test_a_figure_that_misses_a_target_is_stored_and_a_broken_test_keeps_its_own(command):
     broken = "benchmarks/test_made_up.py::test_can_fail"
     known = {"ratios": {NAME: 9.0, broken: 3.0}}
@@ -145,6 +147,7 @@ def test_a_figure_that_misses_a_target_is_stored_and_a_broken_test_keeps_its_own
     assert ratios == {NAME: pytest.approx(2.0, rel=0.2), broken: 3.0}
 
 
+@pytest.mark.weekly
 def test_another_family_is_measured_and_not_judged(command):
     known = {"abacus": {"ratios": {NAME: 1e9, "benchmarks/test_gone.py::test": 1.0}}}
     command.stored.write_text(json.dumps(known), encoding="utf-8")

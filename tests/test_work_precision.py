@@ -15,7 +15,7 @@ from vibrosweep.proof.sampling import deviates_of
 REFERENCES = read_references()
 ROWS = read(FINALS)
 SCENE = {scene.key: scene for scene in SCENES}
-TABLE = read(ROOT / "docs" / "work_precision.csv")
+TABLE = read(ROOT / "benchmarks" / "work_precision.csv")
 
 
 def test_every_particle_of_every_problem_has_a_reference():
@@ -68,5 +68,5 @@ def test_the_page_and_its_table_show_what_is_stored():
         error = error_of(stored, REFERENCES[row["scene"]])
         assert row["last_landing_error_s"] == f"{error:.3e}"
     assert len(TABLE) == len(ROWS)
-    page = (ROOT / "docs" / "work-precision.md").read_text(encoding="utf-8")
+    page = (ROOT / "benchmarks" / "work-precision.md").read_text(encoding="utf-8")
     assert page == report(TABLE, REFERENCES)

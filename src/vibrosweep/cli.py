@@ -25,8 +25,8 @@ from typing import Any, Final, NoReturn
 
 from vibrosweep._version import __version__
 from vibrosweep.commands import COMMANDS
-from vibrosweep.errors import Interruption, VibrosweepError
-from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text
+from vibrosweep.errors import Interruption, ParameterError, VibrosweepError
+from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text, cut, nearest
 from vibrosweep.system import ENDINGS, POLL
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
@@ -70,6 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _perform(arguments: Sequence[str]) -> int:
     options = argparse.Namespace()
     try:
+        _refuse_unknown(arguments)
         _parser(arguments).parse_args(arguments, options)
         code: int | None = options.perform(options)
         sys.stdout.flush()
@@ -168,6 +169,15 @@ def _leave() -> NoReturn:
         with suppress(OSError, ValueError):
             stream.flush()
     os._exit(INTERRUPTED)
+
+
+def _refuse_unknown(arguments: Sequence[str]) -> None:
+    """Raise a ParameterError for a command that there is not, with the one that was meant."""
+    if not arguments or arguments[0].startswith("-") or arguments[0] in COMMANDS:
+        return
+    guess = nearest(arguments[0], COMMANDS)
+    hint = f'did you mean "{guess}"?' if guess else f"there are {', '.join(COMMANDS)}"
+    raise ParameterError(f"{cut(repr(arguments[0]))} is not a command; {hint}")
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:

@@ -29,6 +29,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 class _InDialect(BaseException):
     """An exception whose message can be written again in another dialect."""
 

@@ -70,7 +70,7 @@ def test_the_page_is_well_formed_and_needs_nothing_else(shown):
 
 def test_the_page_shows_every_verdict_reading_and_figure(claims, shown):
     table = shown.split("<tbody>")[1].split("</tbody>")[0].split("</tr>")
-    for claim, row in zip(claims, table, strict=False):
+    for claim, row in zip(claims_page.in_order(claims), table, strict=False):
         section = shown.split(f'id="claim-{claim.key}"')[1].split("</section>")[0]
         verdicts = [one.verdict.value for one in claim.outcome.evidence]
         assert re.findall(r'class="badge \w+">([^<]*)<', row) == verdicts

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 import vibrosweep as vs
 from orbit_branches import judge
+from tests.scenes import TWO_TONES
 from vibrosweep.analysis.branches import summary
 from vibrosweep.analysis.continuation import LOST
 from vibrosweep.errors import ParameterError, SpecError
@@ -86,9 +87,6 @@ def test_two_impacts_are_born_at_saddle_nodes(base, e):
             ]
             number = [int(((o.cycle_impacts == 2) & (o.cycle_periods == q)).sum()) for o in count]
             assert number[1] - number[0] == 2
-
-
-TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
 
 
 def test_a_mode_under_two_tones_ends_in_a_fold_and_begins_again_before_it():
@@ -311,23 +309,3 @@ def test_figures_show_branches_and_curves_alone_and_over_a_sweep():
     assert sorted(named) == ["1 in 1 period, period doubling", "1 in 1 period, saddle-node"]
     alone = orbit_boundaries(curves, ax=Figure().add_subplot())
     assert len(alone.lines) == 2 * curves.sizes["curve"]
-
-
-def test_orbits_born_at_a_doubling_may_all_exist_at_one_amplitude():
-    # flights over a base of constant acceleration: the equations of two landings are linear
-    found = vs.branches(
-        base="moving",
-        waveform="parabolic",
-        restitution=0.75,
-        amplitude=[2.5, 5.5],
-        impacts=1,
-        periods=1,
-        doublings=1,
-    )
-    for i in np.flatnonzero(found.parent >= 0):
-        values = found.amplitude.values[i][np.isfinite(found.amplitude.values[i])]
-        assert values.size > 2
-        assert np.ptp(values) < 1e-11
-        assert not (found.bifurcation[i] == 0).any()
-        assert found.ends.values[i, 1] == 7  # at a corner of the waveform
-    assert (found.parent >= 0).any()

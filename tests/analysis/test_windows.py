@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.scans import find_windows
+from tests.scenes import STILL
 from vibrosweep import theory, windows
 from vibrosweep.analysis.conditions import NAMED, Condition, named
 from vibrosweep.analysis.windows import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW, summary
@@ -437,6 +438,7 @@ def test_windows_under_a_law_of_restitution():
 
 
 NOISY = {"restitution": 0.9, "kick_noise": 1e-3, "duration_periods": 60.0, "noise_replicas": 5}
+NOISY = {**STILL, **NOISY}
 
 
 def test_windows_under_noise_are_shares_of_replicas():
@@ -461,7 +463,7 @@ def test_windows_under_noise_are_shares_of_replicas():
         ({"continuation": True}, "continuation = True: looks for orbits that repeat"),
         ({"prove": True}, "prove = True: looks for orbits that repeat"),
         ({"conditions": ["ordered"]}, "conditions = 'ordered': looks for orbits that repeat"),
-        ({"kick_noise": 0.0}, "noise_replicas = 5: has no meaning, since nothing is random"),
+        (dict.fromkeys(STILL, 0.0), "noise_replicas = 5: has no meaning, since nothing is random"),
         ({"noise_replicas": 0}, "noise_replicas = 0.*at least 1"),
     ],
 )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from tests.scenes import STILL_MOVING
 from vibrosweep.errors import DataError, OtherKernelsWarning, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.parameters import NOISE, OF_MOUNT
@@ -25,6 +26,7 @@ SCENES = {
     "law": {"restitution_law": "plastic", "restitution_speed": (0.05, 0.5)},
     "law on a mount": {
         **MOUNT,
+        **STILL_MOVING,
         "amplitude": (0.5, 2.0),
         "restitution_law": "plastic",
         "restitution_speed": (0.05, 0.5),

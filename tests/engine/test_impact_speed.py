@@ -28,7 +28,7 @@ def test_results_without_landings_state_the_range_of_the_law():
     assert f"up to {limit:.4g} m s-1" in range_of("viscoelastic", inputs)
     assert "e(v) is at least 0.46;" in range_of("viscoelastic", {})
     assert range_of("plastic", inputs) == ""
-    found = vs.branches({**LIMITED, "amplitude": [0.4, 0.5]})
+    found = vs.windows({**LIMITED, "amplitude": [0.4, 0.5], "conditions": ["locked(1)"]})
     assert found.restitution_law_range == range_of("viscoelastic", inputs)
 
 

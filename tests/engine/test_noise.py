@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from tests.scenes import STILL
 from vibrosweep.kernels.noise import OF_DRIVE, OF_KICK, OF_RESTITUTION, deviate, key_of
 
 ALL = {"restitution_noise": 0.05, "kick_noise": 0.1, "drive_noise": 0.4}
@@ -170,17 +171,16 @@ def test_noise_of_strength_zero_is_no_noise():
 
 def test_particles_share_the_noise_of_the_drive_alone():
     scene = {**UNITS, "amplitude": 0.4, "launch_velocity": 1.0, "launch_time": [0.2, 0.2]}
-    drive = vs.simulate(**scene, drive_noise=0.2, duration=50.0)
+    drive = vs.simulate(**scene, **STILL | {"drive_noise": 0.2}, duration=50.0)
     first, second = drive.landing_time.values[0]
     assert np.array_equal(first, second, equal_nan=True)
-    kick = vs.simulate(**scene, kick_noise=0.02, duration=50.0)
+    kick = vs.simulate(**scene, **STILL | {"kick_noise": 0.02}, duration=50.0)
     assert (kick.landing_time[0, 0, 1:10] != kick.landing_time[0, 1, 1:10]).all()
 
 
 def test_a_rest_without_end_is_given_up():
     """A deviate above 8.4 would lift the particle of the first sweep; none exceeds 8.4908."""
-    scene = {**UNITS, "restitution": 0.0, "contact_time": 0.1, "drive_noise": 1.0}
-    scene |= {"waveform": "parabolic"}
+    scene = {**UNITS, **STILL, "restitution": 0.0, "contact_time": 0.1, "drive_noise": 1.0}
     found = vs.sweep(**scene, amplitude=0.1 / 9.4, launch_velocity=1.0, duration_periods=1e12)
     assert vs.Status(found.status.item()) == vs.Status.BUDGET_EXCEEDED
     never = vs.sweep(**scene, amplitude=0.1 / 9.5, launch_velocity=1.0, duration_periods=1e12)
@@ -209,7 +209,7 @@ def test_the_stationary_energy_of_a_base_that_only_trembles():
 def test_particles_still_bouncing_after_n_impacts():
     """C(2n, n) / 4^n of them (Sparre Andersen), if kicks are purely random and e = 1."""
     found = vs.simulate(
-        **UNITS, kick_noise=0.5, restitution=1.0, amplitude=0.0, contact_time=1e-30,
+        **UNITS, **STILL | {"kick_noise": 0.5}, restitution=1.0, amplitude=0.0, contact_time=1e-30,
         launch_velocity=1e-20, launch=[0.0] * 20000, duration=1e9, impact_budget=12,
     )  # fmt: skip
     rested = found.rested.values[0]
@@ -232,7 +232,7 @@ def test_the_covariance_about_a_locked_orbit(noise, known):
     """S = J S J^T + Q, within the standard error of 200 realizations or 1 %."""
     phase = 0.5 - math.asin(0.1 / 0.4) / (2.0 * math.pi)
     found = vs.simulate(
-        **UNITS, **LOCKED, **noise, launch_time=phase, duration=400.0,
+        **UNITS, **LOCKED, **STILL | noise, launch_time=phase, duration=400.0,
         noise_stream=np.arange(200),
     )  # fmt: skip
     landing, left = (found[n].values[:, 0, 60:380] for n in ("landing_time", "rebound_velocity"))
@@ -246,10 +246,10 @@ def test_how_far_apart_two_particles_in_one_slot_stay():
     """sqrt(2 S_xx) under separate noise of their kicks, roundings under noise of the drive."""
     phase = 0.5 - math.asin(0.1 / 0.4) / (2.0 * math.pi)
     scene = {**UNITS, **LOCKED, "launch_time": [phase, phase + 1e-3], "duration": 600.0}
-    kick = vs.simulate(**scene, kick_noise=1e-3 / 1.9, noise_stream=np.arange(60))
+    kick = vs.simulate(**scene, **STILL | {"kick_noise": 1e-3 / 1.9}, noise_stream=np.arange(60))
     apart = np.diff(kick.landing_time.values[:, :, 300:580], axis=1)
     assert apart.std() == pytest.approx(math.sqrt(2 * 5.7136e-6), rel=0.05)
-    drive = vs.simulate(**scene, drive_noise=1e-3, noise_stream=np.arange(10))
+    drive = vs.simulate(**scene, **STILL | {"drive_noise": 1e-3}, noise_stream=np.arange(10))
     apart = np.diff(drive.landing_time.values[:, :, 500:590], axis=1)
     assert np.abs(apart).max() < 1e-10
 
@@ -284,7 +284,8 @@ def test_streams_that_are_refused(given, words):
 
 
 def test_noise_in_a_table_obeys_the_rules_of_its_key():
-    table = {"restitution": [0.8, 0.9], "amplitude": [1.0, 1.1], "drive_noise": [0.0, 0.1]}
+    table = {"restitution": [0.8, 0.9], "amplitude": [1.0, 1.1]}
+    table |= {name: [0.0, 0.1] for name in ALL}
     found = vs.sweep(design=table, duration=5.0)
     assert found.noise_stream.values.tolist() == [0.0, 1.0]
     with pytest.raises(vs.errors.TableError, match="drive_noise"):

@@ -126,20 +126,6 @@ def test_a_late_end_costs_no_impact():
         np.testing.assert_array_equal(skipped[name][known], earlier[name][known], err_msg=name)
 
 
-@pytest.mark.parametrize("transient", [0.0, 2.5])
-def test_duplicate_realizations_are_computed_once(transient):
-    # equal in e, a, r, x0, u0 and window, at three values of gravity
-    once = drawn(15, 7)
-    parameters = {name: np.tile(values, 3) for name, values in once.items()}
-    for name in ("amplitude", "launch_velocity"):  # powers of two: the quotients are the same bits
-        parameters[name] = parameters[name] * np.repeat([1.0, 2.0, 4.0], 7)
-    parameters["gravity"] = 9.81 * np.repeat([1.0, 2.0, 4.0], 7)
-    scene = observed(9.0, 4, transient=transient, trust=True, regimes=False)
-    skipped, followed = both(parameters, scene)
-    assert [work(parameters, scene, skip=skip)[0] for skip in (True, False)] == [28, 84]
-    assert_same(skipped, followed, rtol=0.0)
-
-
 def test_problems_with_launches_of_their_own_are_not_confused():
     # the same launch times are other phases at another frequency
     parameters = drawn(16, 2, restitution=0.8, amplitude=1.0, phase=0.0)

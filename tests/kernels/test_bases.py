@@ -13,6 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from proved_pieces import step
+from tests.general import as_the_engine_chooses
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.arithmetic import COSINE_ERROR, HALF_ULP, ROUNDING
@@ -197,7 +198,10 @@ for kind in KINDS:
 """
 
 
-def test_every_generic_function_gives_the_same_bits_compiled_and_in_plain_python(capsys):
+def test_every_generic_function_gives_the_same_bits_compiled_and_in_plain_python(
+    capsys, monkeypatch
+):
+    as_the_engine_chooses(monkeypatch)
     exec(SAME_BITS, {"__name__": __name__})
     compiled = capsys.readouterr().out.splitlines()
     plain = subprocess.run(

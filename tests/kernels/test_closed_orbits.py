@@ -134,11 +134,11 @@ def test_one_orbit_has_doubled():
     assert own.sum() == 1
 
 
-@given(st.floats(0.3, 0.99), st.floats(0.02, 2.0), st.sampled_from(["high-bounce", "moving"]))
+@given(st.floats(0.3, 0.99), st.floats(0.02, 2.0))
 @settings(max_examples=40, deadline=None)
-def test_all_orbits_of_one_impact_are_found_under_harmonics(e, a, base):
-    """There are as many as roots of a w(x) = (1 - e) k, over both bases."""
-    found = search(base, e, a, impacts=1, periods=4, waveform=TONES)
+def test_all_orbits_of_one_impact_are_found_under_harmonics(e, a):
+    """There are as many as roots of a w(x) = (1 - e) k."""
+    found = search("high-bounce", e, a, impacts=1, periods=4, waveform=TONES)
     w = TONES.velocity(np.linspace(0.0, 1.0, 20_001))
     extremes = np.abs(w[1:-1][(np.diff(w)[1:] > 0.0) != (np.diff(w)[:-1] > 0.0)])
     for k in range(1, 5):
@@ -152,28 +152,12 @@ def test_all_orbits_of_one_impact_are_found_under_harmonics(e, a, base):
 def test_orbits_do_not_depend_on_how_a_waveform_is_scaled():
     """Weights ten times as large with a tenth of the kick are the same motion."""
     scaled = Waveform(HARMONICS_NAME, tuple((h, 10.0 * c, psi) for h, c, psi in TONES.harmonics))
-    one = search("moving", 0.7, 0.8, 2, 2, TONES)
-    other = search("moving", 0.7, 0.08, 2, 2, scaled)
+    one = search("high-bounce", 0.7, 0.8, 2, 2, TONES)
+    other = search("high-bounce", 0.7, 0.08, 2, 2, scaled)
     assert one.orbits[0] == other.orbits[0] > 4
     assert np.sort(one.trace[0, : one.orbits[0]]) == pytest.approx(
         np.sort(other.trace[0, : one.orbits[0]]), rel=1e-6
     )
-
-
-def test_a_stable_orbit_under_steep_harmonics_is_found():
-    """Newton's method leads to it from a small region only; trajectories settle on it."""
-    tones = (
-        (2, -0.5632604946323857, -0.41719416078983107),
-        (5, -0.055606027087918695, 1.3496419404578157),
-        (6, 0.24382204464520169, 1.7694305540175774),
-    )
-    a = 4.266485748572371 * 2.0 / GRAVITY
-    found = search("moving", 0.6166970876905427, a, 2, 2, Waveform(HARMONICS_NAME, tones))
-    stable = np.abs(found.trace[0]) < 1.0 + found.determinant[0]
-    (k,) = np.flatnonzero(stable & (found.admissible[0] == ADMISSIBLE))
-    assert (found.impacts[0, k], found.periods[0, k]) == (2, 2)
-    phases = found.times[0, k] - np.rint(found.times[0, k])
-    assert np.sort(phases) == pytest.approx([-0.124988, -0.096335], abs=1e-6)
 
 
 def test_many_seeds_find_nothing_more():

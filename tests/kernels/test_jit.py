@@ -63,7 +63,7 @@ found.write_bytes(pickle.dumps(results))
     [
         ("high-bounce", "reflect", ()),
         ("moving", "rest", ()),
-        ("sprung", "rest", ()),
+        pytest.param("sprung", "rest", (), marks=pytest.mark.weekly),
         ("high-bounce", "rest", tuple(NOISE)),
     ],
 )

@@ -12,13 +12,12 @@ from numba.core.compiler import DefaultPassBuilder
 from numba.core.registry import cpu_target
 from packaging.requirements import Requirement
 
-from numba_names import HOME, NEEDED, PACKAGE, command_without, complaints, from_numba
-from vibrosweep.errors import VibrosweepError
+from numba_names import HOME, PACKAGE, command_without, complaints, from_numba
 from vibrosweep.kernels import _numba, _pieces
 
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(from_numba(HOME))
-PUBLIC = {"njit", "types", "intrinsic"}  # documented for those who extend numba
+PUBLIC = {"njit", "types", "intrinsic", "overload"}  # documented for those who extend numba
 IN_PIECES = {
     *("CompilerBase", "DefaultPassBuilder", "JITCodeLibrary", "LoweringPass", "NativeLowering"),
     *("make_function", "register_pass"),
@@ -34,12 +33,12 @@ def test_private_names_are_imported_in_one_file_only():
     others = {name for f in PACKAGE.rglob("*.py") if f != HOME for name in from_numba(f)}
     assert others <= PUBLIC
     assert PUBLIC.isdisjoint(NAMES)
-    assert set(NAMES) >= NEEDED | IN_PIECES | IN_CACHE
+    assert set(NAMES) >= IN_PIECES | IN_CACHE
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_without_a_name(name, monkeypatch):
-    """It is noted with what it costs, or refused with the versions that were tried."""
+    """It is noted with what it costs."""
     genuine = builtins.__import__
 
     def importing(module, space=None, own=None, fromlist=(), level=0):
@@ -50,10 +49,6 @@ def test_without_a_name(name, monkeypatch):
     spec = importlib.util.spec_from_file_location("vibrosweep.kernels._numba_again", HOME)
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setattr(builtins, "__import__", importing)
-    if name in NEEDED:
-        with pytest.raises(VibrosweepError, match=r"no kernel.*'; versions 0\.62.* were tried"):
-            spec.loader.exec_module(module)
-        return
     spec.loader.exec_module(module)
     ((text, cost),) = module.lost.items()
     assert text.startswith(f"cannot import name {name!r} from 'numba")
@@ -64,19 +59,10 @@ def test_without_a_name(name, monkeypatch):
 
 
 @compiles
-@pytest.mark.parametrize("name", ["JITCodeLibrary", "FunctionCache", *NEEDED])
+@pytest.mark.parametrize("name", ["JITCodeLibrary", "FunctionCache"])
 def test_doctor_says_in_one_line_what_is_lost(name, tmp_path):
     code, text = command_without(name, "doctor", place=tmp_path)
     assert list(complaints(name, code, text)) == []
-
-
-def test_a_run_without_what_it_needs_ends_in_one_line(tmp_path):
-    (name,) = NEEDED
-    example = Path(__file__).parents[2] / "sweeps" / "single_ball.toml"
-    code, text = command_without(name, "run", str(example), place=tmp_path)
-    assert code == 2
-    assert text.startswith("vibrosweep: no kernel can be compiled: cannot import name")
-    assert text.count("\n") == 1
 
 
 def test_everything_is_there():

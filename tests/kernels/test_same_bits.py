@@ -92,6 +92,7 @@ def test_the_hashes_of_this_processor(name):
     assert of_scene(name) == HASHES[name]
 
 
+@pytest.mark.weekly
 @pytest.mark.skipif(config.DISABLE_JIT, reason="plain Python has no vector registers")
 def test_the_hash_of_the_narrowest_width():
     # it compiles everything anew; this file as a script compares every scene at every width

@@ -7,6 +7,7 @@ import pytest
 import vibrosweep as vs
 from accuracy import bare_problem
 from shaped_roots import drawn, judge
+from tests.scenes import TWO_TONES
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.bases.moving_errors import along
 from vibrosweep.kernels.impact import base_of
@@ -14,7 +15,6 @@ from vibrosweep.model.shapes import Waveform
 from vibrosweep.proof.report import State
 from vibrosweep.proof.verifying import verify
 
-TWO_TONES = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
 NAMES = ("landing_time", "liftoff_time", "rebound_velocity")
 
 

@@ -92,7 +92,7 @@ AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi
 @pytest.mark.parametrize(
     ("base", "bits", "register", "feature"),
     [
-        ("high-bounce", 128, "xmm", "avx2"),
+        pytest.param("high-bounce", 128, "xmm", "avx2", marks=pytest.mark.weekly),
         ("moving", 256, "ymm", "avx2"),
         ("moving", 512, "zmm", "avx512f"),
     ],
@@ -129,7 +129,10 @@ print(arm.emit_assembly(module))
 
 
 @compiles
-@pytest.mark.parametrize("base", KIND_OF)
+@pytest.mark.parametrize(
+    "base",
+    ["moving", *(pytest.param(b, marks=pytest.mark.weekly) for b in KIND_OF if b != "moving")],
+)
 def test_the_hot_loop_becomes_vector_code_on_arm(base):
     plain = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     try:

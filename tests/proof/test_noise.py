@@ -4,6 +4,7 @@ import h5py
 import pytest
 
 import vibrosweep as vs
+from tests.scenes import RIGID
 from vibrosweep.proof.report import State
 
 NOISE = {"restitution_noise": 0.3, "kick_noise": 0.2}
@@ -18,7 +19,7 @@ DRIVE = {"drive_noise": 0.9, "contact_time": 0.06, "record": RECORD}
         DRIVE,
         {**DRIVE, "phase": 8.0, "trust": True},
         {"base": "moving"},
-        {"base": "sprung", "mass_ratio": 0.05, "mount_frequency": 2.3},
+        {"base": "sprung", "mass_ratio": 0.05, "mount_frequency": 2.3, **RIGID},
     ],
     ids=["high-bounce", "turned", "moving", "sprung"],
 )

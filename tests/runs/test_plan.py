@@ -181,7 +181,10 @@ def foreseen_and_used(text, number, path, chunk):
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak of a process")
 @pytest.mark.parametrize(
     ("measures", "chunk"),
-    [("regimes = true\nseparation = true\n", 60_000), ("per_particle = true\n", 15_000)],
+    [
+        ("regimes = true\nseparation = true\n", 60_000),
+        pytest.param("per_particle = true\n", 15_000, marks=pytest.mark.weekly),
+    ],
 )
 def test_memory_is_foreseen(tmp_path, measures, chunk):
     foreseen, used = foreseen_and_used(WIDE + measures, 60_000, tmp_path / "out.h5", chunk)
@@ -196,8 +199,15 @@ RECORDS = {
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak of a process")
-@pytest.mark.parametrize("scene", RECORDS.values(), ids=RECORDS)
-def test_the_memory_of_a_record_is_foreseen(tmp_path, scene):
+@pytest.mark.parametrize(
+    "name",
+    [
+        "early landings",
+        *(pytest.param(n, marks=pytest.mark.weekly) for n in RECORDS if n != "early landings"),
+    ],
+)
+def test_the_memory_of_a_record_is_foreseen(tmp_path, name):
+    scene = RECORDS[name]
     text = f'title = "x"\n[measure]\nimpact_budget = {{:_}}\n[record]\n{scene}\n'
     foreseen, used = foreseen_and_used(text, 4_000_000, tmp_path / "out.h5", 1)
     assert foreseen == pytest.approx(used, rel=0.2)

@@ -58,3 +58,7 @@ _REPLACED: Final = {
     "find_windows": "call vibrosweep.windows, with the keywords of a scene",
 }
 __getattr__ = lazily(__name__, _HOMES, _REPLACED)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -74,7 +74,7 @@ from vibrosweep.scene.scene import Scene
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["boundaries", "branches", "summary"]
+__all__ = ["Plane", "boundaries", "branches", "summary"]
 
 CORNER_PHASE: Final = 0.25  # the parabolic waveform has corners at plus and minus this phase
 EVENTS: Final = (

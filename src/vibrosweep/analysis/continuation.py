@@ -41,6 +41,8 @@ from vibrosweep.kernels.bifurcations import (
 from vibrosweep.kernels.closed import SAME
 from vibrosweep.model.parameters import Dimensionless
 
+__all__ = ["AT_CORNER", "AT_YIELDING", "FIX_E", "Line"]
+
 FIX_E, FIX_DRIVE = -3, -2  # instead of a condition of all points: the parameter that is fixed
 NEWTON_STEPS: Final = 10  # from points so near that 4 suffice
 # Ends of a line: border of the range, its own beginning, a period doubling from which it branches,

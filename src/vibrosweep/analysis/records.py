@@ -42,9 +42,13 @@ if TYPE_CHECKING:
     from vibrosweep.engine.coupled import BaseTrack
 
 __all__ = [
+    "BaseMotion",
+    "base_motion",
+    "course",
     "landing_phases",
     "landing_separations",
     "positions",
+    "recoils",
     "rectangle",
     "return_map",
     "return_points",

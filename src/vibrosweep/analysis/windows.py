@@ -80,7 +80,17 @@ from vibrosweep.scene.scene import Scene
 if TYPE_CHECKING:
     from vibrosweep.scene.sweep import Sweep
 
-__all__ = ["DIRECTIONS", "TOLERANCE", "find_windows"]
+__all__ = [
+    "DIRECTIONS",
+    "ENDS",
+    "NO_WINDOW",
+    "OPEN_END",
+    "PROVED",
+    "TOLERANCE",
+    "UNDETERMINED_ABOVE",
+    "UNDETERMINED_BELOW",
+    "find_windows",
+]
 
 FRESH: Final = ("launch",)  # the only direction without continuation
 NO_WINDOW: Final = -1

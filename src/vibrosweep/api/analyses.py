@@ -91,20 +91,35 @@ def windows(
     Returns
     -------
     xarray.Dataset
-        Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
-        middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
-        reaches the end of the scan and past the last window; ``window_ends``, a code for windows
-        that reach an end of the scan, and for ends beyond which the condition is undetermined.
-        Names begin with the symbol of the scanned forcing: ``A``, ``V0``, ``B``, ``Gamma``.  Dims
-        (condition, direction, restitution): ``window_count`` and ``widest``, the index of the
-        widest window, -1 if there is none.  Dims (condition, direction, restitution, scan):
-        ``holds``, 1 where the condition holds, 0 where it fails, -1 where it is undetermined.  With
-        `prove` also ``min_proof``, ``max_proof`` and ``inside_proof``, with the dims of ``A_min``:
-        codes for a proof, or for the reason why there is none; and ``A_min_low``, ``A_min_high``,
-        ``A_max_low``, ``A_max_high``, which enclose proved ends.  Under noise also ``share``,
-        ``share_low`` and ``share_high`` with the dims of ``holds``: the share of replicas (for
-        ``locked(k)`` of replicas and particles) for which the condition holds, with its 95 %
-        interval (Clopper & Pearson 1934).
+        Dims: c stands for (condition, direction, restitution).  Names of ends begin with
+        the symbol of the scanned forcing: ``A``, ``V0``, ``B``, ``Gamma``.
+
+        ========================================  =========  =======================================
+        variable                                  dims       meaning
+        ========================================  =========  =======================================
+        ``A_min``, ``A_max``                      c, window  ends (m s-1), the middles of brackets;
+                                                             NaN where a window reaches the end of
+                                                             the scan, and past the last window
+        ``A_min_bracket``, ``A_max_bracket``      c, window  widths of these brackets
+        ``window_ends``                           c, window  code: the window reaches an end of the
+                                                             scan, or the condition is undetermined
+                                                             beyond an end
+        ``window_count``, ``widest``              c          number of windows; index of the widest,
+                                                             -1 if there is none
+        ``holds``                                 c, scan    1 where the condition holds, 0 where it
+                                                             fails, -1 where it is undetermined
+        ``min_proof``, ``max_proof``              c, window  with `prove`: codes for a proof of an
+                                                             end, or for the reason why there is
+                                                             none
+        ``inside_proof``                          c, window  with `prove`: the same for the inside
+        ``A_min_low``, ``A_min_high``, ...        c, window  with `prove`: numbers that enclose
+                                                             proved ends
+        ``share``, ``share_low``, ``share_high``  c, scan    under noise: share of replicas (for
+                                                             ``locked(k)`` of replicas and
+                                                             particles) for which the condition
+                                                             holds, with its 95 % interval (Clopper
+                                                             & Pearson 1934)
+        ========================================  =========  =======================================
 
     Raises
     ------
@@ -229,16 +244,44 @@ def basins(
     Returns
     -------
     xarray.Dataset
-        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, -1 for
-        unsettled launches; and ``slot``, the number of the time-shifted copy of the attractor.  Dim
-        attractor, the most frequent first: ``fraction`` of the launches with its 95 % interval,
-        ``fraction_low`` and ``fraction_high``; ``regime``, ``cycle_impacts``, ``cycle_periods``,
-        ``cycle_rests``, ``lyapunov_largest``; and, at the impact before the shortest flight of the
-        cycle, ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1).  Scalars:
-        ``unsettled_fraction``, ``basin_entropy``, ``boundary_entropy``, ``uncertainty_exponent``
-        and its error.  If a parameter is a list, it is the first dim of all variables but
-        ``regime``, ``cycle_periods`` and ``cycle_rests``, which an attractor keeps from value to
-        value; it is identified with the nearest attractor of its kind at the next value.
+        =======================================  ============================  =====================
+        variable                                 dims                          meaning
+        =======================================  ============================  =====================
+        ``basin``                                launch_velocity, launch_time  index into the dim
+                                                                               attractor, -1 for
+                                                                               unsettled launches
+        ``slot``                                 launch_velocity, launch_time  number of the
+                                                                               time-shifted copy of
+                                                                               the attractor
+        ``fraction``                             attractor                     share of the
+                                                                               launches; the most
+                                                                               frequent attractor is
+                                                                               the first
+        ``fraction_low``, ``fraction_high``      attractor                     95 % interval of this
+                                                                               share
+        ``regime``                               attractor                     regime of the
+                                                                               attractor
+        ``cycle_impacts``                        attractor                     impacts in a cycle
+        ``cycle_periods``, ``cycle_rests``       attractor                     forcing periods and
+                                                                               rests in a cycle
+        ``lyapunov_largest``                     attractor                     largest Lyapunov
+                                                                               exponent per impact
+        ``impact_phase`` (turns)                 attractor                     at the impact before
+                                                                               the shortest flight
+                                                                               of the cycle
+        ``rebound_velocity`` (m s-1)             attractor                     at the same impact
+        ``unsettled_fraction``                                                 share of launches
+                                                                               that have not settled
+        ``basin_entropy``, ``boundary_entropy``                                mean entropies of
+                                                                               boxes of launches
+        ``uncertainty_exponent``                                               1 for a smooth
+                                                                               boundary; and its
+                                                                               error
+        =======================================  ============================  =====================
+
+        If a parameter is a list, it is the first dim of all variables but ``regime``,
+        ``cycle_periods`` and ``cycle_rests``, which an attractor keeps from value to value;
+        it is identified with the nearest attractor of its kind at the next value.
 
     Raises
     ------
@@ -364,16 +407,33 @@ def orbits(
     Returns
     -------
     xarray.Dataset
-        With the axes of a grid, or ``realization``, as first dims where parameters vary.  Dims
-        (..., orbit): ``cycle_impacts`` and ``cycle_periods``, 0 past the last orbit; ``stable``;
-        ``admissible``, a code: a particle can follow the orbit, would land earlier, or would rest.
-        Dims (..., orbit, multiplier): ``multiplier_real`` and ``multiplier_imaginary``.  Dims (...,
-        orbit, impact), from the impact before the shortest flight: ``impact_phase`` (turns),
-        ``rebound_velocity`` (m s-1), and, for the flight that follows, ``flight_time`` (s) and
-        ``arrival_velocity`` (m s-1).  Dims (..., impacts, periods): ``seeds``; ``late_orbits``, the
-        number of new orbits to which the last half of the seeds led; ``saddle_points`` and
-        ``other_points``, two numbers that differ over the high-bounce base only if orbits were
-        missed, and ``balanced``, 1 if they are equal, which does not show that none was missed.
+        The axes of a grid, or ``realization``, are first dims where parameters vary;
+        further dims are these:
+
+        ====================================  =================  ===================================
+        variable                              dims               meaning
+        ====================================  =================  ===================================
+        ``cycle_impacts``, ``cycle_periods``  orbit              0 past the last orbit
+        ``stable``                            orbit              whether the orbit attracts
+        ``admissible``                        orbit              code: a particle can follow the
+                                                                 orbit, would land earlier, or would
+                                                                 rest
+        ``multiplier_real``                   orbit, multiplier  real parts of the multipliers
+        ``multiplier_imaginary``              orbit, multiplier  their imaginary parts
+        ``impact_phase`` (turns)              orbit, impact      from the impact before the shortest
+                                                                 flight on
+        ``rebound_velocity`` (m s-1)          orbit, impact      velocity at lift-off
+        ``flight_time`` (s)                   orbit, impact      of the flight that follows
+        ``arrival_velocity`` (m s-1)          orbit, impact      at the end of that flight
+        ``seeds``                             impacts, periods   number of seeds tried
+        ``late_orbits``                       impacts, periods   new orbits to which the last half
+                                                                 of the seeds led
+        ``saddle_points``, ``other_points``   impacts, periods   numbers that differ over the
+                                                                 high-bounce base only if orbits
+                                                                 were missed
+        ``balanced``                          impacts, periods   1 if they are equal, which does not
+                                                                 show that none was missed
+        ====================================  =================  ===================================
 
     Raises
     ------
@@ -442,13 +502,27 @@ def branches(
     Returns
     -------
     xarray.Dataset
-        Dims (branch, point): the parameter under its name, ``stable``, ``admissible``; with dim
-        multiplier ``multiplier_real`` and ``multiplier_imaginary``; with dim impact
-        ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1).  Dims (branch, event):
-        ``bifurcation``, its kind; ``bifurcation_amplitude``, the parameter there, under its own
-        name; and with dim impact ``bifurcation_phase``.  Dim branch: ``cycle_impacts``,
-        ``cycle_periods``, ``parent``, the branch from which it was born; with dim end ``ends``,
-        why it ends.
+        The parameter has its own name, as here ``amplitude``.
+
+        =========================================  =========================  ======================
+        variable                                   dims                       meaning
+        =========================================  =========================  ======================
+        ``amplitude``, ``stable``, ``admissible``  branch, point              the parameter, and
+                                                                              codes as in `orbits`
+        ``multiplier_real``                        branch, point, multiplier  real parts of the
+                                                                              multipliers
+        ``multiplier_imaginary``                   branch, point, multiplier  their imaginary parts
+        ``impact_phase`` (turns)                   branch, point, impact      phase of the forcing
+        ``rebound_velocity`` (m s-1)               branch, point, impact      velocity at lift-off
+        ``bifurcation``                            branch, event              kind of each event
+        ``bifurcation_amplitude``                  branch, event              the parameter there
+        ``bifurcation_phase``                      branch, event, impact      phases of the impacts
+                                                                              there
+        ``cycle_impacts``, ``cycle_periods``       branch                     of the orbit
+        ``parent``                                 branch                     the branch from which
+                                                                              it was born
+        ``ends``                                   branch, end                why it ends
+        =========================================  =========================  ======================
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Every landing of a small scene, or of realizations of a sweep that are followed again."""
+"""Every landing of a small scene, or of realizations of a sweep that are simulated again."""
 
 from __future__ import annotations
 
@@ -116,18 +116,33 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        Dims (realization, particle, impact): ``landing_time`` and ``liftoff_time`` (s),
-        ``rebound_velocity`` (m s-1), ``rested``, ``impact_phase`` (turns), ``arrival_speed``
-        (m s-1); dims (realization, particle): ``impact_count``, ``status``, and the variables of
-        measures, such as ``regime``, ``cycle_periods``, ``cycle_impacts`` and
-        ``lyapunov_largest``, as in a sweep.  Values past the last landing are NaN, and so is the
-        lift-off of a particle that rests for good, or until more than a forcing period past the
-        end.  The attribute ``notes`` says if particles were given up, if more than half of the
-        places are empty, if the base is driven more strongly than any shaker could, and if the
-        observation is too short for the regimes.  If `ragged`, the dim landing replaces
-        (realization, particle, impact), and trajectory replaces (realization, particle), with
-        ``realization_index`` and ``particle_index``.  Parameters that differ between realizations
-        are coordinates, the others variables without dims.
+        ==================================  =============================  =========================
+        variable                            dims                           meaning
+        ==================================  =============================  =========================
+        ``landing_time`` (s)                realization, particle, impact  NaN past the last
+                                                                           landing, as all of these
+        ``liftoff_time`` (s)                realization, particle, impact  NaN too if the particle
+                                                                           rests for good, or until
+                                                                           more than a forcing
+                                                                           period past the end
+        ``rebound_velocity`` (m s-1)        realization, particle, impact  absolute velocity at
+                                                                           lift-off
+        ``rested``                          realization, particle, impact  whether the particle
+                                                                           rested after the landing
+        ``impact_phase`` (turns)            realization, particle, impact  phase of the forcing at
+                                                                           the landing
+        ``arrival_speed`` (m s-1)           realization, particle, impact  before the landing
+        ``impact_count``, ``status``        realization, particle          landings; status of the
+                                                                           computation
+        ``regime``, ``cycle_periods``, ...  realization, particle          measures, as in a sweep
+        ==================================  =============================  =========================
+
+        The attribute ``notes`` says if particles were given up, if more than half of the
+        places are empty, if the base is driven more strongly than any shaker could, and if
+        the observation is too short for the regimes.  If `ragged`, the dim landing replaces
+        (realization, particle, impact), and trajectory replaces (realization, particle),
+        with ``realization_index`` and ``particle_index``.  Parameters that differ between
+        realizations are coordinates, the others variables without dims.
 
     Raises
     ------

@@ -66,7 +66,7 @@ def sweep(
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
         is taken; keywords beside a result complete it.
     observables
-        Functions of your own that are called at every landing.
+        Functions that are called at every landing.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     progress
@@ -132,7 +132,7 @@ def sweep(
         Measured variables with units and meanings as attributes, and parameters as coordinates.
         The dims are the axes of a grid, for other designs ``realization``; and ``particle`` for
         measures of each particle.  The attribute ``notes`` says which defaults were taken, and
-        whether the observation is too short for the regimes or exponents asked for.
+        whether the observation is too short for the requested regimes or exponents.
 
     Raises
     ------

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from vibrosweep.mistakes import cut
 from vibrosweep.system import MOST_THREADS
@@ -46,6 +48,45 @@ def directory(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("'' is not the name of a directory")
     return Path(text)
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add the option that leaves out what is printed beside errors."""
+    parser.add_argument("-q", "--quiet", action="store_true", help="print errors only")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add the option that prints one JSON object in place of lines."""
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object in place of lines"
+    )
+
+
+def say(options: argparse.Namespace, *lines: str) -> None:
+    """Print lines, unless `options` ask for JSON or for nothing."""
+    if lines and not (getattr(options, "quiet", False) or getattr(options, "json", False)):
+        print("\n".join(lines), flush=True)
+
+
+def tell(options: argparse.Namespace, facts: Mapping[str, Any]) -> None:
+    """Print facts as one JSON object where `options` ask for it."""
+    if options.json:
+        import json
+
+        print(json.dumps(_plain(facts), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON can hold it; numbers that are not finite become null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def some(number: int, thing: str) -> str:

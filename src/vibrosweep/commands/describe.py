@@ -17,7 +17,7 @@ from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.runs.result import SETTLING, summary_of, unsettled
 from vibrosweep.store.arranged import read_rows, row_count, slices
 from vibrosweep.store.disk import State, state_of
-from vibrosweep.store.parts import Parts, read_manifest, run_directory
+from vibrosweep.store.parts import Manifest, Parts, read_manifest, run_directory
 from vibrosweep.store.reading import (
     SWEEP,
     ResultKind,
@@ -52,6 +52,43 @@ def describe(path: Path) -> Iterator[str]:
         yield "no seal: another program wrote this file, so that damage to it would go unnoticed"
 
 
+def facts(path: Path) -> dict[str, Any]:
+    """Return what a result file holds, or an unfinished run, as numbers and texts by name.
+
+    Raises errors as `describe` does.
+    """
+    if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110
+        manifest, finished = _manifest(path)
+        counts = {"chunks": manifest.chunks, "chunks_finished": finished}
+        return {"file": path, "finished": False, **counts, "identity": manifest.identity}
+    with result_file(path) as file:
+        kind = kind_of(path, file.attrs)
+        variables: dict[str, dict[str, Any]] = {
+            name: {"dimensions": one.dimensions, **_words(one.attrs)}
+            for name, one in file.variables.items()
+        }
+        found = {
+            "file": path,
+            "finished": True,
+            "kind": kind.name,
+            "command": kind.command,
+            "dimensions": {name: one.size for name, one in file.dimensions.items()},
+            "attributes": {name: file.attrs[name] for name in file.attrs},
+            "variables": variables,
+        }
+        if kind is SWEEP:
+            for name in (*INPUTS, "transient", "duration"):
+                if name in file.variables:
+                    low, high = _ends(file.variables[name])
+                    variables[name] |= {"min": low, "max": high}
+            found["summary"] = summary_of(file).facts()
+    return found
+
+
+def _words(attributes: Mapping[str, Any]) -> dict[str, str]:
+    return {name: str(attributes[name]) for name in ("units", "long_name") if name in attributes}
+
+
 def _other(path: Path, kind: ResultKind) -> Iterator[str]:
     """Describe a result that is not a sweep."""
     dataset = load_dataset(path)
@@ -66,14 +103,20 @@ def _other(path: Path, kind: ResultKind) -> Iterator[str]:
 
 def _unfinished(path: Path) -> Iterator[str]:
     """Describe an unfinished run."""
+    manifest, finished = _manifest(path)
+    directory = run_directory(path)
+    yield f"{path}: is not finished: {finished} of {manifest.chunks} chunks are in {directory}"
+    for key, value in manifest.identity.items():
+        yield f"{key:32}{value}"
+
+
+def _manifest(path: Path) -> tuple[Manifest, int]:
+    """Return the manifest of an unfinished run, and the number of its finished chunks."""
     directory = run_directory(path)
     manifest = read_manifest(directory)
     if manifest is None:
         raise no_result(path)
-    finished = len(Parts(directory, manifest).finished())
-    yield f"{path}: is not finished: {finished} of {manifest.chunks} chunks are in {directory}"
-    for key, value in manifest.identity.items():
-        yield f"{key:32}{value}"
+    return manifest, len(Parts(directory, manifest).finished())
 
 
 def _head(file: Any) -> Iterator[str]:
@@ -112,10 +155,16 @@ def _spread(variable: Any) -> str:
     """Return the value of a coordinate, or its smallest and largest value, with the unit."""
     units = variable.attrs.get("units", "1")
     unit = "" if units == "1" else f" {units}"
+    low, high = _ends(variable)
+    return f"{low:g} ... {high:g}{unit}" if variable.dimensions else f"{low:g}{unit}"
+
+
+def _ends(variable: Any) -> tuple[float, float]:
+    """Return the smallest and the largest value of a coordinate."""
     if not variable.dimensions:
-        return f"{variable[()]:g}{unit}"
+        return float(variable[()]), float(variable[()])
     ends = [(v.min(), v.max()) for v in (variable[rows] for rows in slices(variable.shape[0]))]
-    return f"{min(low for low, _ in ends):g} ... {max(high for _, high in ends):g}{unit}"
+    return float(min(low for low, _ in ends)), float(max(high for _, high in ends))
 
 
 def _provenance(attributes: Mapping[str, Any]) -> Iterator[str]:

@@ -7,27 +7,30 @@ import time
 from pathlib import Path
 from typing import Final
 
-from vibrosweep.commands.arguments import some
+from vibrosweep.commands.arguments import add_json, add_quiet, say, some, tell
 
 
 def add_doctor(parser: argparse.ArgumentParser) -> None:
-    """Add nothing: the command has no arguments."""
+    add_json(parser)
+    add_quiet(parser)
 
 
 def doctor(options: argparse.Namespace) -> int:
     """Perform the command; return 1 if anything is wrong."""
     from vibrosweep.doctor import findings
 
-    wrong = 0
+    found = []
     for finding in findings(Path.cwd()):
-        print("\n".join(finding.lines()), flush=True)
-        wrong += bool(finding.trouble)
-    print(f"{some(wrong, 'problem')}, marked WRONG above" if wrong else "all is well")
+        say(options, *finding.lines())
+        found.append(finding)
+    wrong = sum(bool(finding.trouble) for finding in found)
+    say(options, f"{some(wrong, 'problem')}, marked WRONG above" if wrong else "all is well")
+    tell(options, {"problems": wrong, "findings": [finding._asdict() for finding in found]})
     return 1 if wrong else 0
 
 
 def add_warmup(parser: argparse.ArgumentParser) -> None:
-    """Add nothing: the command has no arguments."""
+    add_quiet(parser)
 
 
 def warmup(options: argparse.Namespace) -> None:
@@ -35,9 +38,10 @@ def warmup(options: argparse.Namespace) -> None:
 
     began = time.perf_counter()
     compiled = warm_up()
-    print(
+    say(
+        options,
         f"{some(compiled.made, 'variant')} compiled, {compiled.kept} found on disk, in "
-        f"{time.perf_counter() - began:.3g} s; kept in {compiled.directory}"
+        f"{time.perf_counter() - began:.3g} s; kept in {compiled.directory}",
     )
 
 

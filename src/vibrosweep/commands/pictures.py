@@ -11,7 +11,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from vibrosweep.commands.arguments import output_file, positive, some, threads, whole
+from vibrosweep.commands.arguments import (
+    add_json,
+    add_quiet,
+    output_file,
+    positive,
+    say,
+    some,
+    tell,
+    threads,
+    whole,
+)
 from vibrosweep.errors import ExistingOutputError, Interruption, OutputError, VibrosweepError
 from vibrosweep.mistakes import OUTPUT
 
@@ -41,7 +51,8 @@ def _orbits(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _bifurcation(options: argparse.Namespace) -> dict[str, Any]:
-    return {"observable": options.observable, "samples": options.samples}
+    names = "observable", "samples", "launches"
+    return {name: getattr(options, name) for name in names}
 
 
 class Analysis(NamedTuple):
@@ -64,7 +75,10 @@ ANALYSES: Final[Mapping[str, Analysis]] = {
         "vibrosweep.analysis.bifurcation",
         "bifurcation",
         "a grid over the forcing",
-        {"samples": ("impacts kept", 64)},
+        {
+            "samples": ("impacts kept", 64),
+            "launches": ("particles launched anew at each point", 8),
+        },
         _bifurcation,
     ),
     "basins": Analysis(
@@ -113,6 +127,8 @@ def _add(name: str, parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
     parser.add_argument("--force", action="store_true", help="replace existing outputs")
+    add_json(parser)
+    add_quiet(parser)
     if name == "bifurcation":
         parser.add_argument(
             "--observable",
@@ -143,20 +159,34 @@ def _perform(name: str, options: argparse.Namespace) -> None:
     from vibrosweep.store.writing import provenance, write_dataset
 
     count = options.threads or available_threads()
-    print(spec.title)
+    say(options, spec.title)
     began = time.perf_counter()
     compute = getattr(import_module(analysis.module), analysis.function)
     found: xr.Dataset = compute(spec, threads=count, **analysis.keywords(options))
-    print(f"{time.perf_counter() - began:.3g} s on {some(count, 'thread')}")
-    print("\n".join(kind.lines(found)))
+    taken, lines = time.perf_counter() - began, [*kind.lines(found)]
+    say(options, f"{taken:.3g} s on {some(count, 'thread')}", *lines)
     if found.attrs["notes"]:
-        print(f"observation: {found.attrs['notes']}")
+        say(options, f"observation: {found.attrs['notes']}")
     if limited := found.attrs.get("restitution_law_range"):
-        print(f"restitution_law: {limited}")
+        say(options, f"restitution_law: {limited}")
     write_dataset(found.assign_attrs(provenance(count)), output, kind, force=options.force)
     with drawing(output):
         save(for_file(kind.axes, found), picture, force=options.force)
-    print(f"written to {output} and {picture}")
+    say(options, f"written to {output} and {picture}")
+    tell(
+        options,
+        {
+            "title": spec.title,
+            "kind": kind.name,
+            "output": output,
+            "picture": picture,
+            "seconds": taken,
+            "threads": count,
+            "dimensions": dict(found.sizes),
+            "lines": lines,
+            "notes": found.attrs["notes"],
+        },
+    )
 
 
 def default_output(spec: Path, kind: ResultKind) -> Path:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.commands.arguments import directory, positive, whole
+from vibrosweep.commands.arguments import add_json, add_quiet, directory, positive, say, tell, whole
 from vibrosweep.errors import DataError
 
 if TYPE_CHECKING:
@@ -17,12 +17,16 @@ if TYPE_CHECKING:
 
 def add_info(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("result", metavar="OUT.h5", type=Path)
+    add_json(parser)
 
 
 def info(options: argparse.Namespace) -> None:
-    from vibrosweep.commands.describe import describe
+    from vibrosweep.commands.describe import describe, facts
 
-    print("\n".join(describe(options.result)))
+    if options.json:
+        tell(options, facts(options.result))
+    else:
+        print("\n".join(describe(options.result)))
 
 
 def add_figures(parser: argparse.ArgumentParser) -> None:
@@ -35,16 +39,17 @@ def add_figures(parser: argparse.ArgumentParser) -> None:
         default=Path("figures"),
         help="default: figures",
     )
+    add_quiet(parser)
 
 
 def figures(options: argparse.Namespace) -> None:
     from vibrosweep.store.reading import using
 
     with using(options.result):
-        _draw(options.result, options.output)
+        _draw(options, options.result, options.output)
 
 
-def _draw(path: Path, directory: Path) -> None:
+def _draw(options: argparse.Namespace, path: Path, directory: Path) -> None:
     from vibrosweep.analysis.records import as_rectangle
     from vibrosweep.api.results import has_record, open_record, open_sweep
     from vibrosweep.figures.registry import FIGURES, missing, save_all, save_formats
@@ -54,7 +59,7 @@ def _draw(path: Path, directory: Path) -> None:
     kind = read_kind(path)
     if kind is not SWEEP:
         figure = for_file(kind.axes, load_dataset(path))
-        print("\n".join(map(str, save_formats(figure, directory, kind.stem or kind.name))))
+        say(options, *map(str, save_formats(figure, directory, kind.stem or kind.name)))
         return
     needed = {name for entry in FIGURES.values() for name in entry.needs.variables}
 
@@ -66,9 +71,9 @@ def _draw(path: Path, directory: Path) -> None:
     sweep = _loaded(path, open_sweep, without_particles)
     record = _loaded(path, open_record, as_rectangle) if has_record(path) else None
     for written in save_all(sweep, record, directory):
-        print(written)
+        say(options, str(written))
     for sentence in missing(sweep, record).values():
-        print(f"left out: {sentence}")
+        say(options, f"left out: {sentence}")
 
 
 def _loaded(
@@ -95,6 +100,8 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         help="leave out realizations with more landings; default: 250000, which take some ten "
         "seconds, or 1000 over a sprung base",
     )
+    add_json(parser)
+    add_quiet(parser)
 
 
 def verify(options: argparse.Namespace) -> int:
@@ -103,7 +110,7 @@ def verify(options: argparse.Namespace) -> int:
     from vibrosweep.runs.progress import reporting
     from vibrosweep.store.reading import using
 
-    with using(options.result), reporting(sys.stderr) as advance:
+    with using(options.result), reporting(sys.stderr, quiet=options.quiet) as advance:
         report = proof.verify(
             options.result,
             sample=options.sample,
@@ -111,7 +118,8 @@ def verify(options: argparse.Namespace) -> int:
             max_landings=options.max_landings,
             advance=advance,
         )
-    print("\n".join(report.lines()))
+    say(options, *report.lines())
+    tell(options, report.facts())
     return 0 if report.passed else 1
 
 

@@ -8,10 +8,21 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from vibrosweep.commands.arguments import directory, output_file, positive, some, threads
+from vibrosweep.commands.arguments import (
+    add_json,
+    add_quiet,
+    directory,
+    output_file,
+    positive,
+    say,
+    some,
+    tell,
+    threads,
+)
 
 if TYPE_CHECKING:
     from vibrosweep.runs.plan import Needs, Plan
@@ -128,6 +139,7 @@ def add_plan(parser: argparse.ArgumentParser) -> None:
     _add_sweep(parser)
     parser.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
     parser.add_argument("--chunk", metavar="N", type=positive, help="realizations in a chunk")
+    add_json(parser)
 
 
 def plan(options: argparse.Namespace) -> None:
@@ -144,10 +156,25 @@ def plan(options: argparse.Namespace) -> None:
         made = make_plan(spec, workers, options.chunk)  # as a run makes it
         made = refined(spec, made, workers, SECONDS)
         needs = estimate(spec, made, workers)
-        print(spec.title)
-        print("\n".join(_plan_lines(options, made, needs, spec.scene.particles, workers.threads)))
-        for subject, text in notes(spec, made.design).items():
-            print(f"{subject:16}{text}")
+        remarks = notes(spec, made.design)
+        say(options, spec.title)
+        say(options, *_plan_lines(options, made, needs, spec.scene.particles, workers.threads))
+        say(options, *(f"{subject:16}{text}" for subject, text in remarks.items()))
+        tell(
+            options,
+            {
+                "title": spec.title,
+                "realizations": made.design.realizations,
+                "particles": spec.scene.particles,
+                "chunks": made.chunks,
+                "chunk": made.chunk,
+                **asdict(needs),
+                "threads": workers.threads,
+                "sampled": made.cost.columns["status"].size,
+                "share": made.cost.share,
+                "notes": remarks,
+            },
+        )
     require_memory(needs.memory)
     require_disk(output, needs.result + needs.parts)
 
@@ -207,6 +234,8 @@ def add_run(parser: argparse.ArgumentParser) -> None:
         type=positive,
         help="with --retry-failed: impacts after which a particle is given up",
     )
+    add_json(parser)
+    add_quiet(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -221,18 +250,24 @@ def run(options: argparse.Namespace) -> None:
 
     spec = read_spec(options.spec, kept)
     if not _to_compute(options, spec, output):
-        print(
+        say(
+            options,
             f"{output}: is the finished result of exactly this sweep; the parts that its run left "
-            f"beside it are removed"
+            f"beside it are removed",
         )
+        tell(options, {"title": spec.title, "output": output, "computed": 0})
         return
     from vibrosweep.engine.workers import seconds_of_compiling
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.runs.progress import reporting
 
-    print(spec.title)
+    say(options, spec.title)
     began, before = time.perf_counter(), seconds_of_compiling()
-    with _opened_place(options) as (place, settings), reporting(sys.stderr) as advance:
+    quiet = options.quiet
+    with (
+        _opened_place(options) as (place, settings),
+        reporting(sys.stderr, quiet=quiet) as advance,
+    ):
         settings |= {"chunk": options.chunk, "force": options.force, "advance": advance}
         if options.retry_failed:
             from vibrosweep.runs.driver import retry_failed
@@ -243,23 +278,29 @@ def run(options: argparse.Namespace) -> None:
             summary = run_sweep(spec, output, **settings)
     compiled = seconds_of_compiling() - before
     taken = time.perf_counter() - began - compiled
+    computed = again if options.retry_failed else summary.realizations - summary.kept
     if options.retry_failed:
-        print(f"{some(again, 'realization')} computed again")
-    print(
-        f"{some(summary.realizations, 'realization')} of {some(spec.scene.particles, 'particle')}, "
+        say(options, f"{some(again, 'realization')} computed again")
+    particles = some(spec.scene.particles, "particle")
+    say(
+        options,
+        f"{some(summary.realizations, 'realization')} of {particles}, "
         f"{some(summary.landings, 'landing')} in {taken:.3g} s on {place}"
-        + (f", after {compiled:.3g} s of compiling" if compiled else "")
+        + (f", after {compiled:.3g} s of compiling" if compiled else ""),
     )
     if summary.kept:
-        print(
+        say(
+            options,
             f"{some(summary.kept, 'realization')} of them kept from the run before: the time is "
-            f"that of the others"
+            f"that of the others",
         )
     if summary.repaired:
-        print(f"{some(summary.repaired, 'damaged part')} found and computed again")
-    print("\n".join(summary.lines()))
+        say(options, f"{some(summary.repaired, 'damaged part')} found and computed again")
+    say(options, *summary.lines())
     unchanged = options.retry_failed and not again
-    print(f"{output} is unchanged" if unchanged else f"written to {output}")
+    say(options, f"{output} is unchanged" if unchanged else f"written to {output}")
+    facts = {"computed": computed, "seconds": taken, "compiling": compiled, "place": place}
+    tell(options, {"title": spec.title, "output": output, **facts, **summary.facts()})
 
 
 @contextmanager

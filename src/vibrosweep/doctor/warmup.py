@@ -52,8 +52,8 @@ def warm_up() -> Compiled:
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
     ways = [(base, law) for base, law in product(KIND_OF, LAWS) if not refusal(base, law=law)]
-    # each problem twice, so that duplicates are found; a moving base below and above 1 g
-    batches = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
+    # a moving base below and above 1 g
+    batches = [all_parameters({"amplitude": np.array([a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:
         for (base, rebound), transient, regimes in product(ways, (0.0, 1.0), (False, True)):
             endless = Scene(2, "staggered", 2.0, rebound, base=base).recorded(1000)

@@ -1,6 +1,6 @@
 """Measure a batch of realizations: from arrays of parameters to arrays of variables.
 
-Kernels follow a batch of dimensionless problems, duplicates only once; then totals get their units.
+Kernels follow a batch of dimensionless problems; then totals get their units.
 A trajectory depends on its own problem only; results therefore depend neither on the number of
 threads nor on how a sweep is cut into batches.
 """
@@ -22,7 +22,6 @@ from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import Base, fitted, lifts, lowest
 from vibrosweep.kernels.cycles import CYCLE, Cycles, empty_rests
-from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.memory import require_written
 from vibrosweep.kernels.noise import noise_of
@@ -60,7 +59,6 @@ from vibrosweep.model.parameters import (
     in_seconds,
     launches,
     representable,
-    taken,
 )
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
 from vibrosweep.model.shapes import Waveform
@@ -218,28 +216,11 @@ class Followed:
 def follow(
     problem: Dimensionless, launch: Launches, tolerance: Array, scene: Scene, workers: Workers
 ) -> Followed:
-    """Simulate all trajectories of a batch, and duplicate realizations only once.
+    """Simulate all trajectories of a batch.
 
     `tolerance` is the largest error of a trusted landing time in forcing periods, shape
     (realization,).
     """
-    others = [tolerance] if scene.measures.trust else []
-    search = scene.skip and problem.noise is None
-    first = find_equal(problem, launch, *others) if search else None
-    if first is None:
-        return _follow(problem, launch, tolerance, scene, workers)
-    chosen = np.flatnonzero(first == np.arange(first.size))
-    place = np.empty_like(first)
-    place[chosen] = np.arange(chosen.size)
-    if launch.whole.shape[0] > 1:  # otherwise all realizations share their launches
-        launch = Launches._make(values[chosen] for values in launch)
-    found = _follow(taken(problem, chosen), launch, tolerance[chosen], scene, workers)
-    return _repeated(found, place[first], scene)
-
-
-def _follow(
-    problem: Dimensionless, launch: Launches, tolerance: Array, scene: Scene, workers: Workers
-) -> Followed:
     size, particles = tolerance.size, scene.particles
     measures, cycles = scene.measures, None
     wanted = measures.regimes or (scene.skip and _longest(problem, launch) > PERIODS_TO_RECUR)
@@ -377,47 +358,6 @@ def _bounded(batch: Batch, tolerance: Array, scene: Scene, workers: Workers) -> 
 
     workers.run(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64, bounds)
     return bounds
-
-
-def find_equal(
-    problem: Dimensionless, launch: Launches, *others: Array
-) -> NDArray[np.int64] | None:
-    """Return the index of the first equal realization for each one; None if all are distinct.
-
-    `others` are further arrays of shape (realization,) that have to agree.  The problem must be
-    without noise.
-    """
-    known = [values for values in problem if isinstance(values, np.ndarray)]
-    if any(map(_all_differ, known)):  # as in most designs that draw values
-        return None
-    columns = np.stack([*known, *others])
-    first = np.empty(columns.shape[1], np.int64)
-    return first if first_of_each(columns, launch, first) < first.size else None
-
-
-def _all_differ(column: Array) -> bool:
-    ordered = np.sort(column)  # np.unique would import the masked arrays
-    return bool(np.all(ordered[1:] != ordered[:-1]))
-
-
-def _repeated(found: Followed, source: NDArray[np.intp], scene: Scene) -> Followed:
-    """Copy the results of distinct realizations to all their duplicates."""
-    particles = source[:, np.newaxis] * scene.particles + np.arange(scene.particles)
-
-    def copied(values: Any, places: NDArray[np.intp]) -> Any:
-        if values is None:
-            return None
-        arrays = (v.take(places, -1) if isinstance(v, np.ndarray) else v for v in values)
-        return type(values)(*arrays)
-
-    return Followed(
-        copied(found.trajectories, particles.ravel()),
-        copied(found.realizations, source),
-        copied(found.orbits, particles.ravel()),
-        copied(found.separations, source),
-        copied(found.order, source),
-        copied(found.bounds, particles.ravel()),
-    )
 
 
 Codes = NDArray[np.int64]

@@ -4,26 +4,40 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final, TypeVar
+from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
 from bokeh.document import Document
-from bokeh.events import SelectionGeometry, Tap
+from bokeh.events import DocumentReady, RangesUpdate, SelectionGeometry, Tap
 from bokeh.layouts import column, row
-from bokeh.models import Button, CheckboxGroup, ColumnDataSource, CustomJS, RadioButtonGroup, Slider
+from bokeh.models import (
+    Button,
+    CheckboxGroup,
+    ColumnDataSource,
+    CustomJS,
+    RadioButtonGroup,
+    Slider,
+    Toggle,
+)
 from numpy.typing import NDArray
 
-from vibrosweep.explorer.pictures import are_numbers
+from vibrosweep.explorer.pictures import are_numbers, is_window, moving_point
 from vibrosweep.explorer.points import LAUNCHED, Choice, Points, Spread, input_label
 from vibrosweep.explorer.views import (
+    AUTOMATIC,
+    NO_MARKER,
+    SCALES,
     TEMPLATE,
     WRAP,
     MotionView,
     PlaneView,
+    Scale,
     code_block,
     code_picker,
     fill,
@@ -31,6 +45,7 @@ from vibrosweep.explorer.views import (
     picker,
     picker_row,
     save_button,
+    scale_pickers,
 )
 from vibrosweep.explorer.words import (
     PICTURES,
@@ -163,11 +178,9 @@ class Controls:
             for name, slider in self.sliders.items():
                 self._move(slider, self.choice.inputs[name])
                 slider.visible = name not in MOUNT or choice.scene.base == SPRUNG
-            spread = choice.spread or Spread()
-            self._move(self.launch["particles"], choice.scene.particles)
-            self._move(self.launch["first"], spread.first)
-            self._move(self.launch["width"], spread.width)
-            self._move(self.launch["periods"], self.choice.periods)
+            values = settings(self.choice)
+            for name, slider in self.launch.items():
+                self._move(slider, values[name])
             self.base.active = BASES.index(choice.scene.base)
         finally:
             self._setting = False
@@ -202,18 +215,18 @@ class Controls:
         def moved(attribute: str, old: Any, new: Any) -> None:
             if self._setting:
                 return
-            self.choice = self._after(name, new)
+            self.choice = self.after(name, new)
             self.set(self.choice)  # even if unchanged: the browser may have sent a forbidden value
             self._changed()
 
         return moved
 
-    def _after(self, name: str, value: Any) -> Choice:
+    def after(self, name: str, value: Any) -> Choice:
         """Return the choice after a widget was moved; an impossible value changes nothing."""
         choice = self.choice
         if name == "base":
-            return choice.over(BASES[value]) if value in range(len(BASES)) else choice
-        if value != value:
+            return choice.over(BASES[int(value)]) if value in range(len(BASES)) else choice
+        if value != value or name not in self._ranges:
             return choice
         value = float(self.clamped(name, value))
         if name in self.sliders:
@@ -252,8 +265,34 @@ if (text) {
   URL.revokeObjectURL(link.href);
 }
 """
+ADDRESS: Final = 'history.replaceState(null, "", "#" + said.data.text[0])'
+# `opened` is set in page.html; before the next task nothing is sent to the server
+ASKED: Final = "if (opened.length > 1) setTimeout(() => { asked.data = {text: [opened]} })"
 PLACE: Final = "document.getElementById('motion-2').hidden = !cb_obj.visible"
 COPY: Final = "navigator.clipboard.writeText(code.text)"
+
+
+def settings(choice: Choice) -> dict[str, float]:
+    """Values of all widgets by their names, in the order in which they are to be set."""
+    spread, scene = choice.spread or Spread(), choice.scene
+    launch = {"particles": scene.particles, "first": spread.first, "width": spread.width}
+    return {"base": BASES.index(scene.base), **choice.inputs, **launch, "periods": choice.periods}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A motion: the choice, and the point that was chosen before the controls were moved."""
+
+    index: int
+    of_point: Choice
+    choice: Choice
+
+    @property
+    def words(self) -> dict[str, str]:
+        """What an address says of it: the point, and what the controls changed."""
+        before = settings(self.of_point)
+        changed = {n: repr(v) for n, v in settings(self.choice).items() if v != before[n]}
+        return {"point": str(self.index), **changed}
 
 
 class Page:
@@ -267,14 +306,24 @@ class Page:
         Bokeh document of the visitor.
     background
         Thread for computations that would keep the visitor waiting.
+    first
+        Returns the index of the point that is shown first; by default `moving_point`.
     """
 
-    def __init__(self, points: Points, document: Document, background: Background) -> None:
+    def __init__(
+        self,
+        points: Points,
+        document: Document,
+        background: Background,
+        first: Callable[[], int] | None = None,
+    ) -> None:
         self.points = points
         self.document = document
         self.background = background
         self.plane = PlaneView(points)
         self.index = points.count // 2  # of the point that was chosen last
+        self._pinned: Shown | None = None
+        self._begun = False
         self.controls = Controls(points, points.choice(self.index).shortened(), self._moved)
         self.motions = (MotionView("first"), MotionView("second"))
         second = self.motions[1].heading
@@ -284,9 +333,10 @@ class Page:
         self._waiting: Any = None
         self._shown: list[Choice] = []
         self._scheduled = self._painting = False
+        self._of_point = self.controls.choice
         self._build()
         self._listen()
-        self.select_point(self.index)
+        self._begin(first or partial(moving_point, points))
 
     def _build(self) -> None:
         self.pickers = {name: picker(self.plane, name) for name in ("x", "y", "colour", "marker")}
@@ -297,7 +347,12 @@ class Page:
         )
         self.save = save_button()
         self.holder = ColumnDataSource({"text": [""]})
-        self.save.tags = [self.holder]  # a browser receives only models that belong to a widget
+        # the state of the page, as the address says it and as an address that was opened asks for
+        self.said, self.asked = (ColumnDataSource({"text": [""]}) for _ in range(2))
+        # a browser receives only models that belong to a widget
+        self.save.tags = [self.holder, self.said, self.asked]
+        self.scale, self.low, self.high = self.scales = scale_pickers()
+        self.pin = Toggle(label="Pin this motion, to see another beside it", name="pin")
         self.picture = code_picker([PLANE, *PICTURES, "table of the selection"])
         self.code = code_block()
         copy = Button(label="Copy")
@@ -306,10 +361,12 @@ class Page:
         note = paragraph("remark", remark)
         note.visible = bool(remark)
         self.left = [
-            picker_row(self.pickers.values()),
+            picker_row("pickers", self.pickers.values()),
+            picker_row("scales", self.scales),
             self.plane.figure,
             self.status,
             note,
+            self.pin,
             self.controls.layout,
             self.selection,
             self.save,
@@ -328,7 +385,13 @@ class Page:
         self.holder.js_on_change(
             "data", CustomJS(args={"holder": self.holder, "name": TABLE}, code=DOWNLOAD)
         )
-        if self.plane.pixels:
+        for one in self.scales:
+            one.on_change("value", self._scaled)
+        self.pin.on_change("active", lambda attribute, old, new: self._pin(bool(new)))
+        plot.on_event(RangesUpdate, lambda event: self._say())
+        self.said.js_on_change("data", CustomJS(args={"said": self.said}, code=ADDRESS))
+        self.asked.on_change("data", lambda attribute, old, new: self._restore(new))
+        if self.plane.pixels or self.plane.regular:
             for view in (plot.x_range, plot.y_range):
                 view.on_change("start", self._view_changed)
                 view.on_change("end", self._view_changed)
@@ -337,6 +400,7 @@ class Page:
     def attach(self) -> None:
         """Put the page into the document."""
         places = fill(self.document, self.left, self.motions, self.right)
+        self.document.js_on_event(DocumentReady, CustomJS(args={"asked": self.asked}, code=ASKED))
         self.document.title = self.points.heading
         self.document.template = TEMPLATE
         self.document.template_variables.update(places)
@@ -362,9 +426,94 @@ class Page:
 
     def select_point(self, index: int) -> None:
         """Show the realization of a point."""
+        self._take(index)
+        self._show(f"point {index} of {self.points.count}")
+
+    def _take(self, index: int) -> None:
+        """Set the controls to a point."""
+        self._begun = True
         self.controls.set(self.points.choice(index).shortened())
         self.index, self._of_point = index, self.controls.choice
-        self._show(f"point {index} of {self.points.count}")
+
+    def _begin(self, first: Callable[[], int]) -> None:
+        """Show the first point, unless an address that was opened has chosen another."""
+        future = self.background.call(first)
+        wait([future], AT_ONCE)
+
+        def begin() -> None:
+            if not self._begun:
+                self.select_point(self.index if future.exception() else future.result())
+
+        if future.done():
+            begin()
+        else:
+            self.status.text = PREPARING
+            self._after(future, begin)
+
+    @property
+    def shown(self) -> Shown:
+        """The motion that the controls show."""
+        return Shown(self.index, self._of_point, self.controls.choice)
+
+    def _pin(self, active: bool) -> None:
+        """Keep the motion that is shown as the second one, or no longer."""
+        self._pinned = self.shown if active else None
+        self._show(self._what)
+
+    def _scaled(self, attribute: str, old: Any, new: Any) -> None:
+        """Colour the plane as the visitor wishes."""
+        kind = self.scale.value if self.scale.value in SCALES else SCALES[0]
+        low, high = (v if are_numbers(v) else None for v in (self.low.value, self.high.value))
+        if Scale(kind, low, high) != self.plane.wish:
+            self.plane.wish = Scale(kind, low, high)
+            with self._one_message():
+                self.plane.recolour()
+                self._say()
+
+    def _say(self) -> None:
+        """Put the state of the page into its address."""
+        plane, wish = self.plane, self.plane.wish
+        state = {name: getattr(plane, name) for name in ("x", "y", "colour")}
+        state |= {} if plane.marker == NO_MARKER else {"marker": plane.marker}
+        state |= {} if wish.kind == SCALES[0] else {"scale": wish.kind}
+        ends = {"from": wish.low, "to": wish.high}
+        state |= {name: repr(end) for name, end in ends.items() if end is not None}
+        if plane.window != plane.whole:
+            state["window"] = ",".join(map(repr, plane.window))
+        if self._pinned is not None:
+            state["pinned"] = urlencode(self._pinned.words)
+        self.said.data = {"text": [urlencode({**state, **self.shown.words})]}
+
+    def _restore(self, data: Any) -> None:
+        """Restore the state that an address asks for; what it cannot mean changes nothing."""
+        texts = data.get("text")
+        sent = isinstance(texts, list) and len(texts) == 1 and isinstance(texts[0], str)
+        asked = dict(parse_qsl(texts[0].lstrip("#"))) if sent else {}
+        for name, menu in self.pickers.items():
+            menu.value = asked.get(name, menu.value)
+        if asked.get("scale") in SCALES:
+            self.scale.value = asked["scale"]
+        for name, field in (("from", self.low), ("to", self.high)):
+            field.value = _number(asked.get(name, ""))
+        window = [_number(end) for end in asked.get("window", "").split(",")]
+        if len(window) == len(self.plane.whole) and is_window(*window):
+            for view, start, end in zip(self.plane.views, window[::2], window[1::2], strict=True):
+                view.update(start=start, end=end)
+        if "pinned" in asked:
+            self._restore_motion(dict(parse_qsl(asked["pinned"])))
+            self.pin.active = True
+        self._restore_motion(asked)
+        self._show("what the address asks for")
+
+    def _restore_motion(self, asked: Mapping[str, str]) -> None:
+        """Set the controls to the motion that an address asks for."""
+        index = _number(asked.get("point", ""))
+        if index is not None and index in range(self.points.count):
+            self._take(int(index))
+        for name in settings(self.controls.choice):
+            value = _number(asked.get(name, ""))
+            if value is not None:
+                self.controls.set(self.controls.after(name, value))
 
     def _moved(self) -> None:
         """Show the choice of the controls once all messages that have arrived are processed."""
@@ -386,25 +535,32 @@ class Page:
 
     def _mark(self) -> None:
         """Put the ring where the shown motion is in the plane, if that is known."""
-        self.plane.mark(self._place(self.plane.x), self._place(self.plane.y))
+        for shown, pinned in ((self.shown, False), (self._pinned, True)):
+            axes = (self.plane.x, self.plane.y)
+            places = [None if shown is None else self._place(name, shown) for name in axes]
+            self.plane.mark(*places, pinned=pinned)
 
-    def _place(self, name: str) -> float | None:
-        choice = self.controls.choice
-        if choice.lasting(1.0) == self._of_point.lasting(1.0):
-            return float(self.plane.values(name)[self.index])
+    def _place(self, name: str, shown: Shown) -> float | None:
+        choice = shown.choice
+        if choice.lasting(1.0) == shown.of_point.lasting(1.0):
+            return float(self.plane.values(name)[shown.index])
         if name == LAUNCHED and choice.scene.particles == 1:
             return choice.launch_time[0]
         return choice.scene.inputs.get(name)  # not known: a measure, which the result may not hold
 
     def _show(self, what: str) -> None:
         """Show the choice of the controls, once it is computed."""
+        self._what = what
         self._mark()
+        self._say()
         choice = self.controls.choice
-        second = bool(self.controls.both.active)
+        second = self._pinned is None and bool(self.controls.both.active)
         if second and choice.scene.base == SPRUNG:
             choice = choice.over(HIGH_BOUNCE)
         shown = [choice]
-        if second:
+        if self._pinned is not None:
+            shown.append(self._pinned.choice)
+        elif second:
             shown.append(choice.over(MOVING if choice.scene.base == HIGH_BOUNCE else HIGH_BOUNCE))
         self._shown = shown
         self._stop_waiting()
@@ -429,10 +585,14 @@ class Page:
         if error is not None:
             self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
             return
-        for motion, record, choice in zip(self.motions, future.result(), shown, strict=False):
-            motion.show(record, parameters_line(choice))
+        pinned = ("", "" if self._pinned is None else "pinned: ")
+        for motion, record, choice, first in zip(
+            self.motions, future.result(), shown, pinned, strict=False
+        ):
+            motion.show(record, f"{first}{parameters_line(choice)}")
         self.motions[1].heading.visible = len(shown) > 1
-        self.status.text = html.escape(f"Shown: {what}. {self.plane.why_no_curves}")
+        why = html.escape(self.plane.why_no_curves)
+        self.status.text = f"<b>Click a point</b> to see its motion. Shown: {what}. {why}"
         self._show_code()
         self._later(shown)
 
@@ -487,10 +647,20 @@ class Page:
                     self.plane.show()
                     self._mark()
                 else:
+                    if name == "colour":
+                        self._unscale()
                     self.plane.recolour()
                 self._show_code()
+                self._say()
 
         return picked
+
+    def _unscale(self) -> None:
+        """Forget the wishes about the colours of another quantity."""
+        self.plane.wish = AUTOMATIC
+        self.scale.value, self.low.value, self.high.value = AUTOMATIC
+        for one in self.scales:
+            one.visible = not self.points.columns[self.plane.colour].codes
 
     def _view_changed(self, attribute: str, old: float, new: float) -> None:
         if not self._painting:
@@ -522,3 +692,12 @@ class Page:
 
     def _save(self) -> None:
         self.holder.data = {"text": [table(self.points, self.rows)]}
+
+
+def _number(text: str) -> float | None:
+    """Return a finite number, or None for any other text."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if are_numbers(value) else None

@@ -17,4 +17,7 @@ if (views) {
   const palette = get(content, "palette")
   show(particles, {palette: palette, high: palette.length - 0.5})
   show(heading, {text: get(content, "heading")})
+  const [start, end] = get(views, "height")
+  show(time, {start: start, end: end, value: Math.min(Math.max(time.value, start), end)})
 }
+if (time.value > time.start) time.properties.value.change.emit()  // the cursor in new data

@@ -1,15 +1,44 @@
 // Reactions of a page without a server; `get` reads what Bokeh passes as a Map or an object.
 const get = (from, key) => (from instanceof Map ? from.get(key) : from[key])
 const size = (range, pixels) => Math.abs(range.end - range.start) / (pixels || 400)
+// Put the state of the page into its address; a page within another one has none of its own
+const say = () => {
+  if (location.protocol === "about:") return
+  const [x, y, colour] = pickers.map((picker) => picker.value), [kind, low, high] = scales
+  const state = {x: x, y: y, colour: colour, point: shown.data.index[0]}
+  if (kind.value !== "automatic") state.scale = kind.value
+  if (low.value !== null) state.from = low.value
+  if (high.value !== null) state.to = high.value
+  const {x_range, y_range} = plane
+  const moved = [x_range, y_range].some((r) => r.start !== r.reset_start || r.end !== r.reset_end)
+  if (moved) state.window = [x_range.start, x_range.end, y_range.start, y_range.end].join(",")
+  if (pin.active) state.pinned = shown.data.index[1]
+  history.replaceState(null, "", `${location.href.split("#")[0]}#${new URLSearchParams(state)}`)
+}
+const place = (source, index) => {
+  const at = index === undefined ? [] : [kept[index]]
+  source.data = {x: at.map((i) => dots.data.x[i]), y: at.map((i) => dots.data.y[i])}
+}
+// Keep the motion that is shown as the second one, or no longer
+const keep = () => {
+  const index = shown.data.index[0]
+  shown.data = {index: pin.active ? [index, index] : [index]}
+  place(pinned, shown.data.index[1])
+  const second = document.getElementById("motion-2")
+  second.hidden = !pin.active
+  if (pin.active) beside.data = {content: [motions[index]]}
+  say()
+}
 const show = (index) => {
   const motion = motions[index]
   holder.data = {content: [motion]}
   facts.text = get(motion, "facts")
   const parts = get(around, picture.value)
   code.text = parts[1] ? parts[0] + get(motion, "call") + parts[1] : parts[0]
-  const at = kept[index]
-  ring.data = {x: [dots.data.x[at]], y: [dots.data.y[at]]}
-  shown.data = {index: [index]}
+  shown.data = {index: [index, ...shown.data.index.slice(1)]}
+  place(ring, index)
+  place(pinned, shown.data.index[1])
+  say()
 }
 const click = (x, y) => {
   const dx = size(plane.x_range, plane.inner_width), dy = size(plane.y_range, plane.inner_height)
@@ -44,15 +73,42 @@ const gathered = (grid, values, codes) => {
 const said = (v, words) => (
   isNaN(v) ? "not known" : get(words, `${v}`) ?? `${Number(v.toPrecision(6))}`
 )
+// Colours of a quantity: of its kind of scale, between the ends that are wished if they leave one
+const wished = (name) => {
+  const kinds = get(colourings, name), [kind, low, high] = scales
+  const colouring = get(kinds, kind.value) ?? get(kinds, "automatic")
+  for (const field of scales) field.visible = get(colouring, "names").length === 0
+  const mapping = bare(get(colouring, "mapping")), scale = bare(get(colouring, "bar"))
+  const log = get(colouring, "log"), [least, most] = get(colouring, "ends")
+  const ends = [low.value ?? least, high.value ?? most]
+  const follows = low.value !== null || high.value !== null
+  if (!low.visible || !follows || !(ends[0] < ends[1]) || (log && !(ends[0] > 0)))
+    return {colouring, mapping, scale}
+  const [a, b] = log ? ends.map(Math.log) : ends
+  const places = [1e-6, 0.25, 0.5, 0.75, 1 - 1e-6].map((part) => a + part * (b - a))
+  ticks.ticks = log ? places.map(Math.exp) : places
+  const beyond = [0, 1].map((i) => columns.data[name].some((v) => (i ? v > ends[1] : v < ends[0])))
+  const labels = new Map(ticks.ticks.map((v) => [v, `${Number(v.toPrecision(3))}`]))
+  if (beyond[0]) labels.set(ticks.ticks[0], `▼ ${Number(ends[0].toPrecision(3))}`)
+  if (beyond[1]) labels.set(ticks.ticks[4], `▲ ${Number(ends[1].toPrecision(3))}`)
+  const {palette} = mapping, {constructor} = scale.color_mapper
+  const new_mapper = new constructor({palette: palette, low: ends[0], high: ends[1]})
+  return {
+    colouring,
+    mapping: {...mapping, low: a, high: b},
+    scale: {...scale, ticker: ticks, major_label_overrides: labels, color_mapper: new_mapper},
+  }
+}
 const repaint = () => {
   const names = pickers.map((picker) => picker.value)
   const [x, y, quantity] = names.map((name) => columns.data[name])
   const [across, up, label] = names.map((name) => get(views, name)[2])
-  const colouring = get(colourings, names[2]), grid = get(get(grids, names[0]), names[1])
-  const values = get(colouring, "values"), words = get(colouring, "words")
+  const {colouring, mapping, scale} = wished(names[2])
+  const grid = get(get(grids, names[0]), names[1])
+  const values = get(colouring, "values") ?? quantity, words = get(colouring, "words")
   const scaled = (all) => Array.from(all, get(colouring, "log") ? Math.log : Number)
-  mapper.setv(bare(get(colouring, "mapping")))
-  bar.setv(bare(get(colouring, "bar")))
+  mapper.setv(mapping)
+  bar.setv(scale)
   plane.title.text = get(colouring, "title")
   dots.data = {
     ...dots.data, x: x, y: y, value: scaled(values),
@@ -96,9 +152,44 @@ const table = () => {
   link.click()
   URL.revokeObjectURL(link.href)
 }
-if (cb_obj.event_name === "tap") click(cb_obj.x, cb_obj.y)
-else if (cb_obj.event_name === "button_click") table()
+// Restore the state that the address asks for
+const restore = () => {
+  const asked = new URLSearchParams(opened.slice(1)), [kind, low, high] = scales
+  const index = (name) => (Number(asked.get(name)) in motions ? Number(asked.get(name)) : 0)
+  const number = (name) => {
+    const found = parseFloat(asked.get(name))
+    return isFinite(found) ? found : null
+  }
+  pickers.forEach((picker, i) => {
+    const name = asked.get(["x", "y", "colour"][i])
+    if (name in columns.data) picker.value = name
+  })
+  if (kind.options.includes(asked.get("scale"))) kind.value = asked.get("scale")
+  low.value = number("from")
+  high.value = number("to")
+  const window = (asked.get("window") ?? "").split(",").map(parseFloat)
+  if (window.length === 4 && window.every(isFinite)) {
+    plane.x_range.setv({start: window[0], end: window[1]})
+    plane.y_range.setv({start: window[2], end: window[3]})
+  }
+  if (asked.has("pinned")) {
+    show(index("pinned"))
+    pin.active = true
+  }
+  if (asked.has("point")) show(index("point"))
+}
+const event = cb_obj.event_name
+if (event === "document_ready") { if (opened.length > 1) restore() }
+else if (event === "rangesupdate") say()
+else if (cb_obj === pin) keep()
+else if (scales.includes(cb_obj)) { repaint(); say() }
+else if (event === "tap") click(cb_obj.x, cb_obj.y)
+else if (event === "button_click") table()
 else if (cb_obj === picture) show(shown.data.index[0])
-else if (cb_obj === pickers[2]) repaint()
+else if (cb_obj === pickers[2]) {
+  scales.forEach((field, i) => { field.value = ["automatic", null, null][i] })
+  repaint()
+  say()
+}
 else if (pickers.includes(cb_obj)) move()
 else choose()

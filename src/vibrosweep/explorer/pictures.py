@@ -17,6 +17,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.ndimage import binary_closing, distance_transform_edt
 
 from vibrosweep import analysis, theory
 from vibrosweep.analysis.records import BaseMotion, base_motion, course, recoils
@@ -206,6 +207,8 @@ def is_window(x0: Any, x1: Any, y0: Any, y1: Any) -> bool:
     return are_numbers(x0, x1, y0, y1) and 0 < abs(x1 - x0) < math.inf > abs(y1 - y0) > 0
 
 
+# Least and most pixels on each side of a gap that is filled
+GAPS: Final = (4, 40)
 FIRST: Final = 1000  # number of first points that show whether all may form a grid
 
 
@@ -237,6 +240,7 @@ def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = 
     `codes` lists the possible values if they are codes; it is None for numbers.
     """
     cells = even_cells(x, y)
+    grid = cells is not None
     if cells is None:
         edges_x = np.linspace(*view.x, view.columns + 1)
         edges_y = np.linspace(*view.y, view.rows + 1)
@@ -248,10 +252,29 @@ def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = 
     found = _mean(cells, values) if codes is None else commonest(cells, values, codes)
     if codes is not None:
         found = np.where(np.isnan(found), np.nan, codes[np.nan_to_num(found).astype(np.int64)])
+    if not grid:
+        found = _filled(found, np.bincount(cells.index, minlength=found.size))
     x_edges, y_edges = cells.x_edges, cells.y_edges
     return Raster(
         (float(x_edges[0]), float(x_edges[-1])), (float(y_edges[0]), float(y_edges[-1])), found
     )
+
+
+def _filled(found: Array, counts: NDArray[np.int64]) -> Array:
+    """Give pixels between points the value of the nearest pixel with points.
+
+    Points that lie denser along one axis than along the other, as those of a grid over another
+    forcing do, would otherwise leave stripes.  The wider apart the points, the wider the gaps that
+    are filled.
+    """
+    empty = counts.reshape(found.shape) == 0
+    if empty.all() or not empty.any():
+        return found
+    apart = int(np.clip(2.0 * np.sqrt(found.size / counts.sum()), *GAPS))
+    near = distance_transform_edt(empty, return_distances=False, return_indices=True)
+    around = np.pad(~empty, apart)  # closing would else end at the edges of the view
+    within = binary_closing(around, np.ones((3, 3), np.bool_), apart)[apart:-apart, apart:-apart]
+    return np.where(within, found[tuple(near)], found)
 
 
 def even_cells(x: Array, y: Array) -> Cells | None:

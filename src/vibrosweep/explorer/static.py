@@ -10,17 +10,19 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from bokeh.document import Document
 from bokeh.embed import file_html
-from bokeh.events import Tap
-from bokeh.models import ColumnDataSource, CustomJS, Select
+from bokeh.events import DocumentReady, RangesUpdate, Tap
+from bokeh.models import ColumnDataSource, CustomJS, FixedTicker, Select, Toggle
 from bokeh.resources import INLINE
 
 from vibrosweep.errors import OutputError
 from vibrosweep.explorer.pictures import even_cells, evenly, spread_out
-from vibrosweep.explorer.points import Points, legible
+from vibrosweep.explorer.points import Column, Points, legible
 from vibrosweep.explorer.views import (
+    SCALES,
     TEMPLATE,
     MotionView,
     PlaneView,
+    Scale,
     code_block,
     code_picker,
     colouring,
@@ -30,6 +32,7 @@ from vibrosweep.explorer.views import (
     picker,
     picker_row,
     save_button,
+    scale_pickers,
 )
 from vibrosweep.explorer.words import (
     PICTURES,
@@ -91,6 +94,7 @@ class _Page:
         self.points = points.taken(evenly(points.count, limits.points))
         self.plane = PlaneView(self.points)
         self.motion = MotionView("first", complete=True)
+        self.beside = MotionView("second", complete=True)
         self.kept: list[int] = []
         self.motions: list[dict[str, Any]] = []
         self._compute(limits.motions)
@@ -126,23 +130,29 @@ class _Page:
         around = {name: list(around(name)) for name in PICTURES}
         around[PLANE] = [plane_lines(points, plane.x, plane.y, plane.colour), ""]
         self.picture = code_picker([*around])
+        self.scales = scale_pickers()
+        self.pin = Toggle(label="Pin this motion, to see another beside it", name="pin")
         self.selection = paragraph("selection", "Choose points with the lasso or the box.")
         self.save = save_button()
         kept = {name: plane.values(name)[self.kept] for name in points.axes}
         marks = ColumnDataSource(dict(zip("xy", kept.values(), strict=True)))
         plane.figure.scatter("x", "y", source=marks, marker="cross", size=8, line_color="black")
-        self._listen({**self._arguments(pickers, marks), "around": around}, pickers)
+        arguments = {**self._arguments(pickers, marks), "around": around}
+        document.js_on_event(DocumentReady, self._listen(arguments, pickers))
         name = legible(points.path.name)
         needs = f"Other parameters need the program: vibrosweep explore {name}"
         contents = html.escape(f"{self.contents}. {needs}. {points.remark}")
         left = [
-            picker_row(pickers),
+            picker_row("pickers", pickers),
+            picker_row("scales", self.scales),
             plane.figure,
-            paragraph("said", contents),
+            paragraph("said", f"<b>Click a point</b> to see its motion. {contents}"),
+            self.pin,
             self.selection,
             self.save,
         ]
-        places = fill(document, left, [self.motion], [self.facts, self.picture, self.code])
+        motions = [self.motion, self.beside]
+        places = fill(document, left, motions, [self.facts, self.picture, self.code])
         page = file_html(
             document, INLINE, points.heading, template=TEMPLATE, template_variables=places
         )
@@ -155,6 +165,11 @@ class _Page:
             "motions": self.motions,
             "kept": self.kept,
             "holder": self.motion.holder,
+            "beside": self.beside.holder,
+            "pin": self.pin,
+            "scales": list(self.scales),
+            "ticks": FixedTicker(ticks=[]),
+            "pinned": plane.pinned,
             "facts": self.facts,
             "code": self.code,
             "picture": self.picture,
@@ -173,7 +188,7 @@ class _Page:
             "initial": list(points.axes),
             "columns": ColumnDataSource({n: c.values for n, c in points.columns.items()}),
             "views": {n: [*limits(c.values), c.label] for n, c in points.columns.items()},
-            "colourings": {name: self._colouring(name) for name in points.columns},
+            "colourings": {name: self._colourings(name) for name in points.columns},
             "grids": {x: self._grids(x) for x in points.columns},
             "selection": self.selection,
             "save": self.save,
@@ -182,12 +197,19 @@ class _Page:
             "shown": ColumnDataSource({"index": [0]}),
         }
 
-    def _colouring(self, name: str) -> dict[str, Any]:
+    def _colourings(self, name: str) -> dict[str, dict[str, Any]]:
+        """Colours of a column by the kind of scale."""
         column = self.points.columns[name]
-        found = colouring(column)
+        kinds = SCALES[:1] if column.codes else SCALES
+        return {kind: self._colouring(column, Scale(kind)) for kind in kinds}
+
+    @staticmethod
+    def _colouring(column: Column, wish: Scale) -> dict[str, Any]:
+        found = colouring(column, wish)
         return {
-            "values": found.values,
+            "values": found.values if column.codes else None,  # else those of the column
             "log": found.log,
+            "ends": [found.low, found.high],
             "title": f"colour: {found.title}",
             "mapping": found.mapping,
             "bar": found.bar,
@@ -209,11 +231,14 @@ class _Page:
                 }
         return found
 
-    def _listen(self, arguments: dict[str, Any], pickers: list[Select]) -> None:
+    def _listen(self, arguments: dict[str, Any], pickers: list[Select]) -> CustomJS:
         # a single callback, because each one would hold its own copy of the motions
         script = CustomJS(args=arguments, code=SCRIPT)
         self.plane.figure.js_on_event(Tap, script)
-        for menu in (*pickers, self.picture):
+        self.plane.figure.js_on_event(RangesUpdate, script)
+        for menu in (*pickers, *self.scales, self.picture):
             menu.js_on_change("value", script)
+        self.pin.js_on_change("active", script)
         self.plane.source.selected.js_on_change("indices", script)
         self.save.js_on_click(script)
+        return script

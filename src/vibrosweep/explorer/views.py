@@ -7,10 +7,11 @@ in common is at the end.
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -23,6 +24,7 @@ from bokeh.models import (
     Button,
     ColorBar,
     ColumnDataSource,
+    CustomAction,
     CustomJS,
     CustomJSHover,
     Div,
@@ -31,12 +33,17 @@ from bokeh.models import (
     LassoSelectTool,
     LinearColorMapper,
     LogColorMapper,
+    NumericInput,
     PreText,
     Range1d,
     Select,
+    Slider,
+    Span,
+    Toggle,
 )
 from bokeh.palettes import Viridis256
 from bokeh.plotting import figure
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from vibrosweep.arrays import Array
 from vibrosweep.explorer.pictures import (
@@ -62,11 +69,37 @@ from vibrosweep.figures.style import OKABE_ITO
 
 # Most pixels along an axis, more than screens have: an array of them must fit in memory
 MOST_PIXELS: Final = 8192
+SVG_ICON: Final = (
+    "data:image/svg+xml;base64,"
+    + b64encode(
+        b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 20 20"><text x="1" y="14" '
+        b'font-family="sans-serif" font-size="9" font-weight="bold" fill="#5b5b5b">SVG</text></svg>'
+    ).decode()
+)
+TO_SVG: Final = """
+const layer = Bokeh.index.find_one_by_id(plot.id).export("svg")
+layer.to_blob().then((blob) => {
+  const link = document.createElement("a")
+  link.href = URL.createObjectURL(blob)
+  link.download = `${plot.name}.svg`
+  link.click()
+  URL.revokeObjectURL(link.href)
+})
+"""
 
 
 def empty_source(*names: str) -> ColumnDataSource:
     """Columns of these names, without rows."""
     return ColumnDataSource({name: [] for name in names})
+
+
+def svg_tool(plot: Any) -> CustomAction:
+    """Button of a toolbar that saves a picture as SVG; the tool of Bokeh saves PNG."""
+    return CustomAction(
+        icon=SVG_ICON,
+        description="Save as SVG",
+        callback=CustomJS(args={"plot": plot}, code=TO_SVG),
+    )
 
 
 def inner_pixels(plot: Any, guess: tuple[int, int]) -> tuple[int, int]:
@@ -85,13 +118,26 @@ NAMED: Final = (*OKABE_ITO, GREY)
 UNKNOWN: Final = "rgba(0, 0, 0, 0)"
 
 
+class Scale(NamedTuple):
+    """The visitor's wishes about the colours of numbers."""
+
+    kind: str = "automatic"  # one of `SCALES`
+    # Ends; None to follow the numbers
+    low: float | None = None
+    high: float | None = None
+
+
+SCALES: Final = ("automatic", "linear", "logarithmic")
+AUTOMATIC: Final = Scale()
+
+
 @dataclass(frozen=True)
 class Colouring:
     """Colours of a column."""
 
     # Values to be coloured, shape (point,): numbers, or for codes their position in `names`
     values: Array
-    title: str  # label of the column, meaning of grey, and full range if the scale is narrower
+    title: str  # label of the column, and meaning of grey
     # low, high: ends of the scale, which `palette` divides evenly
     low: float
     high: float
@@ -105,7 +151,7 @@ class Colouring:
         """Numbers whose colours are linear between the ends of `mapping`: values or logarithms."""
         if not self.log:
             return values
-        with np.errstate(divide="ignore"):  # zeros are below the scale
+        with np.errstate(divide="ignore", invalid="ignore"):  # zeros are below the scale
             return np.log(values)
 
     @property
@@ -115,40 +161,72 @@ class Colouring:
         return {"palette": self.palette, "low": low, "high": high, "low_color": self.below}
 
     @property
+    def ticks(self) -> dict[float, str]:
+        """Numbers beside the colour bar; an arrow marks an end beyond which there are more."""
+        known = self.values[np.isfinite(self.values)]
+        least, most = self.scaled(np.array([self.low, self.high])).tolist()
+        beside = 1e-6 * (most - least)  # a tick at the very end may be rounded away
+        ends = [least + beside, most - beside]
+        low, high = np.exp(ends).tolist() if self.log else ends
+        clipped = {low: f"▼ {self.low:.3g}"} if np.any(known < self.low) else {}
+        clipped |= {high: f"▲ {self.high:.3g}"} if np.any(known > self.high) else {}
+        decades = np.log10(self.high / self.low) if self.log else 0.0
+        fine = LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.0 else (1.0,))
+        chosen = fine if self.log else MaxNLocator(6)
+        found = np.asarray(chosen.tick_values(self.low, self.high), np.float64)
+        clear = self.scaled(np.array([*clipped], np.float64))
+        ticks = {}
+        for tick, place in zip(found.tolist(), self.scaled(found), strict=True):
+            far = bool(np.all(abs(place - clear) > 0.06 * (most - least)))
+            if far and least <= place <= most:
+                ticks[tick] = f"{tick:.6g}"
+        return ticks | clipped
+
+    @property
     def bar(self) -> dict[str, Any]:
         """Properties of the colour bar."""
         kind = LogColorMapper if self.log else LinearColorMapper
+        labels = {float(i): name for i, name in enumerate(self.names)} or self.ticks
         return {
-            "ticker": FixedTicker(ticks=list(range(len(self.names)))) if self.names else "auto",
-            "major_label_overrides": dict(enumerate(self.names)),
+            "ticker": FixedTicker(ticks=[*labels]),
+            "major_label_overrides": labels,
+            "tags": [*self.names],
             # the last one, since it makes the browser build the bar anew, with the other two
             "color_mapper": kind(palette=self.palette, low=self.low, high=self.high),
         }
 
 
-def colouring(column: Column) -> Colouring:
-    """Colour a column: codes in a palette, numbers along a scale, zeros of separations in grey."""
+def colouring(column: Column, wish: Scale = AUTOMATIC) -> Colouring:
+    """Colour a column: codes in a palette, numbers along a scale, zeros of separations in grey.
+
+    Ends of the wish that leave no scale between them are not followed.
+    """
     if column.codes:
         return _of_codes(column)
     values = column.values
     known = values[np.isfinite(values)]
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     positive = known[known > 0.0]
-    if column.zero_apart and positive.size:
+    log = column.zero_apart if wish.kind == SCALES[0] else wish.kind == SCALES[2]
+    log &= positive.size > 0
+    if log:
         # a few almost coincident landings would stretch the scale to the limits of precision
-        least = max(float(np.quantile(positive, 0.01)), 1e-6 * high)
-        title = f"{column.label}, grey: 0" if low == 0.0 else column.label
-        return Colouring(values, title, least, max(high, 1.01 * least), below=GREY, log=True)
-    infinite = bool(np.any(values == -np.inf))
-    title = f"{column.label}, grey: -∞" if infinite else column.label
-    least, most = scale_ends(known) if known.size else (low, high)
-    if (least, most) != (low, high):
-        # values beyond the ends of the scale take the colours of the ends
-        title += f", {low:.3g} to {high:.3g}"
-        low, high = low if infinite else least, most
-    elif low == high:
-        low, high = low - 0.5, high + 0.5
-    return Colouring(values, title, low, high, below=GREY if infinite else Viridis256[0])
+        high = float(positive.max())
+        low = max(float(np.quantile(positive, 0.01)), 1e-6 * high)
+        high = max(high, 1.01 * low)
+    else:
+        low, high = scale_ends(known) if known.size else (0.0, 1.0)
+        low, high = (low, high) if low < high else (low - 0.5, high + 0.5)
+    wished = low if wish.low is None else wish.low, high if wish.high is None else wish.high
+    if wished[0] < wished[1] and (wished[0] > 0.0 or not log):
+        low, high = wished
+    least = float(known.min()) if known.size else low
+    grey = ""
+    if np.any(values == -np.inf):
+        grey = "-∞" if least >= low else f"below {low:.3g}"
+    elif log and least < low:
+        grey = "0" if not np.any(positive < low) else f"below {low:.3g}"
+    title = f"{column.label}, grey: {grey}" if grey else column.label
+    return Colouring(values, title, low, high, below=GREY if grey else Viridis256[0], log=log)
 
 
 def _of_codes(column: Column) -> Colouring:
@@ -176,6 +254,23 @@ def particle_colours(count: int) -> list[str]:
 Window = tuple[float, float, float, float]  # both ends of x, then of y
 
 SCRIPT: Final = (Path(__file__).parent / "motion.js").read_text("utf-8")
+CURSOR: Final = (Path(__file__).parent / "cursor.js").read_text("utf-8")
+# The cursor crosses the visible part of the motion in ten seconds
+PLAY: Final = """
+let before = null
+const step = (now) => {
+  if (!cb_obj.active) return
+  const low = Math.max(view.start, time.start), high = Math.min(view.end, time.end)
+  const passed = before === null ? 0 : (now - before) / 10_000 * (high - low)
+  before = now
+  const t = time.value < low || time.value >= high ? low : Math.min(time.value + passed, high)
+  time.setv({value: t}, {sync: false})
+  if (t < high) requestAnimationFrame(step)
+  else cb_obj.active = false
+}
+if (cb_obj.active) requestAnimationFrame(step)
+cb_obj.label = cb_obj.active ? "⏸ stop" : "▶ play"
+"""
 
 TITLES: Final = {
     "height": "Height against time",
@@ -189,6 +284,7 @@ LABELS: Final = {
 }
 FLIGHT: Final = ("start", "y_start", "end", "y_end", "cx", "cy")
 STAY: Final = FLIGHT[:4]
+OF_TIME: Final = (HEIGHT, "phases", "separations")  # pictures whose horizontal axis is the time
 ENDS: Final = ("start", "end")
 # Pixels of a picture, and of the plane, until the browser has sent the true number; few pictures
 # have more
@@ -224,6 +320,7 @@ class MotionView:
             **{name: empty_source(dots.x, dots.y, "particle") for name, dots in DOTS.items()},
         }
         self.sources["separations"].add([], "previous_particle")
+        self.sources["return map"].add([], "landing_time")
         self._columns: dict[str, Columns] = {}
         self._views: dict[str, Window] = {}
         self.figures = {name: self._figure(name, key) for name in TITLES}
@@ -234,9 +331,10 @@ class MotionView:
         self.holder = ColumnDataSource({"content": [{}]}, name=f"shown {key}")
         self.heading.tags = [self.holder]  # a browser receives only models that belong to a widget
         shown = {"holder": self.holder, "sources": self.sources, "figures": self.figures}
-        self.script = CustomJS(
-            args={**shown, "particles": self.mapper, "heading": self.heading}, code=SCRIPT
-        )
+        self.clock = self._clock(key)
+        time = self.clock.children[1]
+        texts = {"particles": self.mapper, "heading": self.heading, "time": time}
+        self.script = CustomJS(args={**shown, **texts}, code=SCRIPT)
         self.holder.js_on_change("data", self.script)
 
     def _figure(self, name: str, key: str) -> Any:
@@ -259,6 +357,7 @@ class MotionView:
         )
         plot.toolbar.logo = None
         plot.toolbar.autohide = not large
+        plot.add_tools(svg_tool(plot))
         if not self.complete:
             plot.on_event(RangesUpdate, lambda event: self._moved(name, event))
         return plot
@@ -266,6 +365,26 @@ class MotionView:
     @staticmethod
     def _is_log(name: str) -> bool:
         return name in DOTS and DOTS[name].log
+
+    def _clock(self, key: str) -> Any:
+        """Button and slider of the time, whose cursor is drawn in all four pictures."""
+        spans = [Span(dimension="height", line_color="#d00000", visible=False) for _ in OF_TIME]
+        for name, span in zip(OF_TIME, spans, strict=True):
+            self.figures[name].add_layout(span)
+        dots = {"size": 9, "fill_color": self.colour, "line_color": "black"}
+        there = {name: empty_source("x", "y", "particle") for name in (HEIGHT, "return map")}
+        for name, source in there.items():
+            self.figures[name].scatter("x", "y", source=source, **dots)
+        play = Toggle(label="▶ play", width=80, name=f"play {key}")
+        time = Slider(
+            title="time t (s)", start=0.0, end=1.0, step=1e-4, value=0.0, format="0[.]0000"
+        )
+        time.update(sizing_mode="stretch_width", name=f"time {key}")
+        args = {"time": time, "spans": spans, "there": there, "sources": self.sources}
+        time.js_on_change("value", CustomJS(args=args, code=CURSOR))
+        view = self.figures[HEIGHT].x_range
+        play.js_on_change("active", CustomJS(args={"time": time, "view": view}, code=PLAY))
+        return row(play, time, sizing_mode="stretch_width", name=f"clock {key}")
 
     def _draw_heights(self) -> None:
         plot, colour, base = self.figures["height"], self.colour, self.sources["base"]
@@ -293,8 +412,8 @@ class MotionView:
 
     @property
     def roots(self) -> list[Any]:
-        """Heading and figures, in the order of the page."""
-        return [self.heading, *self.figures.values()]
+        """Heading, figures and clock, in the order of the page."""
+        return [self.heading, self.clock, *self.figures.values()]
 
     @property
     def content(self) -> dict[str, Any]:
@@ -371,6 +490,7 @@ class MotionView:
 
 # Number of points above which they are gathered in pixels
 MANY: Final = 20_000
+DENSE: Final = 1000  # number above which those of a grid are never drawn as dots
 NO_MARKER: Final = "(none)"
 MARKERS: Final = ("circle", "square", "triangle", "diamond", "inverted_triangle", "plus", "x")
 MARGIN: Final = 0.03
@@ -390,10 +510,8 @@ return Number((start + (cell + 0.5) * size / count).toPrecision(6))
 """
 # What the colour of a cell means, as the colour bar says it
 MEANING: Final = """
-const names = bar.major_label_overrides
-const list = names instanceof Map ? [...names.values()] : Object.values(names)
 if (isNaN(value)) return "not known"
-if (list.length) return list[value]
+if (bar.tags.length) return bar.tags[value]
 const number = bar.color_mapper.type === "LogColorMapper" ? Math.exp(value) : value
 return Number(number.toPrecision(6))
 """
@@ -411,14 +529,17 @@ class PlaneView:
     def __init__(self, points: Points) -> None:
         self.points = points
         self.x, self.y = points.axes
-        self.colour, self.marker = points.colour, NO_MARKER
+        self.colour, self.marker, self.wish = points.colour, NO_MARKER, AUTOMATIC
         self.pixels = points.count > MANY
+        # Dots of a dense grid over other axes would make a moire
+        regular = len(points.varied) > 1 and points.count > DENSE
+        self.regular = regular and even_cells(*map(self.values, points.varied[:2])) is not None
         self.source = empty_source("x", "y", "value", "alpha", "marker", "said")
         self.image = empty_source("image", "x", "y", "dw", "dh")
         self.solid = empty_source("xs", "ys")
         self.dashed = empty_source("xs", "ys")
         self.names = empty_source("x", "y", "text")
-        self.chosen = empty_source("x", "y")
+        self.chosen, self.pinned = empty_source("x", "y"), empty_source("x", "y")
         self.borders = empty_source("xs", "ys", "name", "dash")
         self.curves = (self.solid, self.dashed, self.names, self.borders)
         self.why_no_curves = ""
@@ -435,10 +556,10 @@ class PlaneView:
             x_range=Range1d(0, 1),
             y_range=Range1d(0, 1),
             name="plane",
-            toolbar_location="above",
+            toolbar_location="below",
         )
         plot.toolbar.logo = None
-        plot.add_tools(LassoSelectTool(continuous=False), BoxSelectTool())
+        plot.add_tools(svg_tool(plot), LassoSelectTool(continuous=False), BoxSelectTool())
         self.scale = ColorBar(width=12, padding=6, major_label_text_font_size="11px")
         plot.add_layout(self.scale, "right")
         # One mapper for good, whose properties change: a browser copies the glyphs, for points that
@@ -466,8 +587,9 @@ class PlaneView:
         plot.add_tools(HoverTool(renderers=[drawn], tooltips=[("orbit", "@name")]))
         words = plot.text("x", "y", "text", source=self.names, text_align="center", **SMALL)
         words.glyph.update(background_fill_color="white", background_fill_alpha=0.85, padding=2)
-        ring = {"size": 15, "fill_color": None, "line_color": "#d00000", "line_width": 2.5}
-        plot.scatter("x", "y", source=self.chosen, **ring)
+        ring = {"size": 15, "fill_color": None, "line_width": 2.5}
+        for source, colour in ((self.pinned, "#0057d0"), (self.chosen, "#d00000")):
+            plot.scatter("x", "y", source=source, line_color=colour, **ring)
         self.over_cells = HoverTool(
             renderers=[self.painted],
             formatters={
@@ -504,7 +626,7 @@ class PlaneView:
     def recolour(self) -> None:
         """Show the chosen colours and markers, in the present view."""
         column = self.points.columns[self.colour]
-        self._coloured = colouring(column)
+        self._coloured = colouring(column, self.wish)
         self.mapper.update(**self._coloured.mapping)
         self.figure.title.text = f"colour: {self._coloured.title}"
         self.scale.update(**self._coloured.bar)
@@ -521,7 +643,7 @@ class PlaneView:
 
     def paint(self) -> None:
         """Gather the points in the pixels of the present view."""
-        left, right, bottom, top = self._window()
+        left, right, bottom, top = self.window
         view = View((left, right), (bottom, top), *inner_pixels(self.figure, PLANE_GUESS))
         coloured, names = self._coloured, self._coloured.names
         codes = np.arange(len(names), dtype=np.float64) if names else None
@@ -537,7 +659,7 @@ class PlaneView:
     def hit(self, place: tuple[float, float]) -> tuple[int, bool]:
         """Index of the point nearest to a place, and whether it is within `REACH`."""
         columns, rows = inner_pixels(self.figure, PLANE_GUESS)
-        left, right, bottom, top = self._window()
+        left, right, bottom, top = self.window
         unit = abs(right - left) / columns, abs(top - bottom) / rows
         x, y = self.values(self.x), self.values(self.y)
         index = nearest(x, y, place, unit)
@@ -545,18 +667,29 @@ class PlaneView:
             far = np.hypot((x[index] - place[0]) / unit[0], (y[index] - place[1]) / unit[1])
         return index, bool(far <= REACH)
 
-    def _window(self) -> tuple[float, float, float, float]:
-        """Ends of the present view: left, right, bottom, top."""
-        ranges = self.figure.x_range, self.figure.y_range
-        ends = tuple(end for one in ranges for end in (one.start, one.end))
-        if is_window(*ends):
-            return ends
+    @property
+    def whole(self) -> Window:
+        """Ends of the view of all points: left, right, bottom, top."""
         return (*limits(self.values(self.x)), *limits(self.values(self.y)))
 
-    def mark(self, *place: float | None) -> None:
+    @property
+    def views(self) -> tuple[Range1d, Range1d]:
+        """Ranges of both axes."""
+        return self.figure.x_range, self.figure.y_range
+
+    @property
+    def window(self) -> Window:
+        """Ends of the present view."""
+        x, y = self.views
+        ends = (x.start, x.end, y.start, y.end)
+        if is_window(*ends):
+            return ends
+        return self.whole
+
+    def mark(self, *place: float | None, pinned: bool = False) -> None:
         """Put the ring of the shown motion at a place; remove it if a coordinate is None."""
         known = [[] if None in place else [value] for value in place]
-        self.chosen.data = dict(zip("xy", known, strict=True))
+        (self.pinned if pinned else self.chosen).data = dict(zip("xy", known, strict=True))
 
     def _show_points(self) -> None:
         column, coloured = self.points.columns[self.colour], self._coloured
@@ -564,13 +697,13 @@ class PlaneView:
         if self.marker != NO_MARKER:
             kinds = colouring(self.points.columns[self.marker]).values
             marks = [MARKERS[int(np.nan_to_num(kind)) % len(MARKERS)] for kind in kinds]
-        cells = even_cells(self.values(self.x), self.values(self.y))
-        if cells is not None:  # a grid is drawn as cells; a lasso chooses from invisible dots
+        cells = self.regular or even_cells(self.values(self.x), self.values(self.y)) is not None
+        if cells:  # a lasso chooses from invisible dots
             self.paint()
         else:
             self.image.data = {name: [] for name in self.image.data}
-        self.over_dots.renderers = [self.dots] if cells is None else []
-        alpha = 1.0 if cells is None or self.marker != NO_MARKER else 0.0
+        self.over_dots.renderers = [] if cells else [self.dots]
+        alpha = 1.0 if not cells or self.marker != NO_MARKER else 0.0
         said = [
             column.codes.get(int(v), f"{v:.6g}") if v == v else "not known" for v in column.values
         ]
@@ -627,6 +760,10 @@ def _place(
 
 
 TEMPLATE: Final = (Path(__file__).parent / "page.html").read_text("utf-8")
+FIT: Final = """
+const label = cb_obj.options.find(([key, label]) => key === cb_obj.value)[1]
+cb_obj.min_width = Math.min(60 + 7 * label.length, 350)
+"""
 MENUS: Final = {"x": "horizontal", "y": "vertical", "colour": "colour", "marker": "marker"}
 WRAP: Final = {"flex-wrap": "wrap"}
 
@@ -638,14 +775,38 @@ def picker(plane: PlaneView, name: str) -> Select:
     if name == "marker":
         coded = [option for option in options if columns[option[0]].codes]
         options = [(NO_MARKER, "no markers"), *coded]
-    return Select(
-        title=MENUS[name], value=getattr(plane, name), options=options, width=150, name=name
+    menu = Select(
+        title=MENUS[name],
+        value=getattr(plane, name),
+        options=options,
+        sizing_mode="stretch_width",
+        name=name,
     )
+    menu.js_on_change("value", CustomJS(code=FIT))
+    menu.min_width = menu_width(dict(options)[menu.value])
+    return menu
 
 
-def picker_row(pickers: Iterable[Select]) -> Any:
+def menu_width(label: str) -> int:
+    """Pixels in which a menu shows a label; at most those of a narrow page."""
+    return min(60 + 7 * len(label), 350)
+
+
+def scale_pickers() -> tuple[Select, NumericInput, NumericInput]:
+    """Menu of the scale of colours, and fields of its ends."""
+    ends = [
+        NumericInput(mode="float", placeholder="automatic", title=f"colours {name}", name=name)
+        for name in ("from", "to")
+    ]
+    scale = Select(title="scale", value=SCALES[0], options=[*SCALES], name="scale")
+    for one in (scale, *ends):
+        one.update(sizing_mode="stretch_width", min_width=100)
+    return scale, *ends
+
+
+def picker_row(name: str, pickers: Iterable[Any]) -> Any:
     """Row of menus, which wraps on a narrow page."""
-    return row(*pickers, styles=WRAP, sizing_mode="stretch_width", name="pickers")
+    return row(*pickers, styles=WRAP, sizing_mode="stretch_width", name=name)
 
 
 def paragraph(name: str, text: str = "") -> Div:

@@ -92,3 +92,7 @@ _HOMES: Final = {
     for name in names
 }
 __getattr__ = lazily(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -39,6 +39,11 @@ __all__ = [
     "styled",
 ]
 
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 P = ParamSpec("P")
 R = TypeVar("R")
 Panels = NDArray[np.object_]  # axes of a figure, shape (panel,)

@@ -35,11 +35,11 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels._numba import HAS_CACHE, HAS_PIECES, make_overload_template, vector_bits
+from vibrosweep.kernels._numba import HAS_CACHE, HAS_PIECES, vector_bits
 from vibrosweep.model.functions import is_function, outside, plain
 
 if HAS_CACHE:
@@ -134,37 +134,31 @@ class Deferred:
         return self._dispatcher
 
 
-class Piece:
-    """A function whose code compiled callers take over.
+def overloaded(
+    function: Callable[..., Any],
+    call: Callable[..., Any],
+    code: Callable[..., Any],
+    options: dict[str, Any] = OF_A_PIECE,
+) -> Any:
+    """Return a function that Python calls as `call`, and whose code compiled callers take over.
 
-    As with numba's `overload`, `code` returns that code for given types of arguments.  But the
-    function is declared when numba compiles a caller and asks for its type: most runs compile none.
+    `code` returns that code for given types of arguments.
     """
 
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        call: Callable[..., Any],
-        code: Callable[..., Any],
-        options: dict[str, Any] = OF_A_PIECE,
-    ) -> None:
-        self.py_func, self._call, self._code, self._options = function, call, code, options
-        functools.update_wrapper(self, function)
+    @functools.wraps(function)
+    def piece(*arguments: Any) -> Any:
+        return call(*arguments)
 
-    def __call__(self, *arguments: Any) -> Any:
-        return self._call(*arguments)
-
-    @functools.cached_property
-    def _numba_type_(self) -> types.Function:
-        strict, inline = False, "never"
-        made = make_overload_template(self, self._code, self._options, strict, inline)
-        return types.Function(made)
+    piece.py_func = function  # type: ignore[attr-defined]
+    if not numba.config.DISABLE_JIT:
+        overload(piece, jit_options=options, strict=False)(code)
+    return piece
 
 
 def _piece(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
         return as_python(function)
-    return Piece(function, Deferred(function), lambda *_: function, options)  # type: ignore[return-value]
+    return overloaded(function, Deferred(function), lambda *_: function, options)  # type: ignore[no-any-return]
 
 
 def kernel(function: F, directory: Path | None = None) -> F:
@@ -205,7 +199,7 @@ def uncached(function: F) -> F:
     """Return an entry point without disk cache, for arguments such as functions of this process."""
     if numba.config.DISABLE_JIT:
         return function
-    return Deferred(function.py_func)  # type: ignore[attr-defined,return-value]
+    return Deferred(function.py_func, njit(**OPTIONS))  # type: ignore[attr-defined,return-value]
 
 
 _implementations: dict[Any, dict[type, Any]] = {}
@@ -232,9 +226,9 @@ def generic(declared: F) -> F:
     def code(first: Any, *others: Any) -> Any:
         return inspect.unwrap(implementation(getattr(first, "instance_class", type(first))))
 
-    piece = Piece(declared, call, code)
+    piece: F = overloaded(declared, call, code)
     _implementations[piece] = {}
-    return piece  # type: ignore[return-value]
+    return piece
 
 
 def implements(function: F, *kinds: type) -> Callable[[F], F]:

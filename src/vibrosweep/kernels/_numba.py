@@ -29,7 +29,6 @@ __all__ = [
     "UserProvidedCacheLocator",
     "lost",
     "make_function",
-    "make_overload_template",
     "register",
     "register_pass",
     "remedy",
@@ -56,11 +55,6 @@ def _absent(error: ImportError) -> str:
 def _do_without(error: ImportError, cost: str) -> None:
     lost[_absent(error)] = cost
 
-
-try:
-    from numba.core.typing.templates import make_overload_template
-except ImportError as error:
-    raise VibrosweepError(f"no kernel can be compiled: {_absent(error)}; {remedy()}") from error
 
 try:
     from numba._dynfunc import make_function

@@ -1,6 +1,6 @@
 """Advance trajectories in time with running statistics; landings are not stored.
 
-The inner loop over a block of lanes (see `lanes`) has no branches and compiles to vector code.
+The inner loop over a block of lanes (see `memory`) has no branches and compiles to vector code.
 Every `LOOK_AFTER` passes, lanes are checked: those past the end or out of budget are written out
 and refilled with new trajectories.
 """
@@ -102,8 +102,10 @@ class NoiseRows(NamedTuple):
     following: int
 
 
-SLIPS: Final = NoiseRows(OF_RESTITUTION, ROW.SLIP_SIZE, ROW.SLIP, ROW.SLIP_NEXT)
-PUSHES: Final = NoiseRows(OF_KICK, ROW.PUSH_SIZE, ROW.PUSH, ROW.PUSH_NEXT)
+RESTITUTIONS: Final = NoiseRows(
+    OF_RESTITUTION, ROW.RESTITUTION_SIZE, ROW.RESTITUTION_DRAWN, ROW.RESTITUTION_NEXT
+)
+KICKS: Final = NoiseRows(OF_KICK, ROW.KICK_SIZE, ROW.KICK_DRAWN, ROW.KICK_NEXT)
 
 
 @jit
@@ -114,7 +116,7 @@ def load_noise(
     if noise is not None:
         s[ROW.STREAM + j], s[ROW.PARTICLE + j] = source.stream, particle
         s[ROW.ORIGIN + j], s[ROW.ASLEEP + j] = n_end + source.turns, 0.0
-        s[ROW.SLIP_SIZE + j], s[ROW.PUSH_SIZE + j] = source.restitution, source.kick
+        s[ROW.RESTITUTION_SIZE + j], s[ROW.KICK_SIZE + j] = source.restitution, source.kick
         s[ROW.DRIVE_SIZE + j] = source.drive
 
 
@@ -130,16 +132,16 @@ def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int, together: f
         wide_vectors()
         if together == 0.0:
             for j in range(lanes):
-                _draw_one(noise.restitution, noise.key, s, j, SLIPS)
-                _draw_one(noise.kick, noise.key, s, j, PUSHES)
+                _draw_one(noise.restitution, noise.key, s, j, RESTITUTIONS)
+                _draw_one(noise.kick, noise.key, s, j, KICKS)
         elif since % 2 == 0:
             for j in range(lanes):
-                _draw_two(noise.restitution, noise.key, s, j, since, SLIPS)
-                _draw_two(noise.kick, noise.key, s, j, since, PUSHES)
+                _draw_two(noise.restitution, noise.key, s, j, since, RESTITUTIONS)
+                _draw_two(noise.kick, noise.key, s, j, since, KICKS)
         else:
             for j in range(lanes):
-                _take_second(noise.restitution, s, j, SLIPS)
-                _take_second(noise.kick, s, j, PUSHES)
+                _take_second(noise.restitution, s, j, RESTITUTIONS)
+                _take_second(noise.kick, s, j, KICKS)
         _draw_drives(noise.drive, noise.key, s, lanes)
 
 
@@ -176,7 +178,7 @@ def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
             x, passed = land(s[ROW.X + j], flown)
             period = period_of(s[ROW.N + j] + passed + s[ROW.ORIGIN + j], x)
             drawn = deviate(key, s[ROW.STREAM + j], 0.0, period, OF_DRIVE)
-            s[ROW.DRIVE + j] = s[ROW.DRIVE_SIZE + j] * drawn
+            s[ROW.DRIVE_DRAWN + j] = s[ROW.DRIVE_SIZE + j] * drawn
 
 
 @jit

@@ -318,12 +318,11 @@ def blank(i: int, k: int, out: Closed) -> None:
 #
 # Launches cover phase and speed evenly, more densely at low speeds.  Their number grows with the
 # square of the number of falls of the waveform, on which the attractors are, and to twice the
-# number of the launch that led to the last new attractor, unless `PATIENCE` ends it.
+# number of the launch that led to the last new attractor, unless `LAUNCH_PATIENCE` ends it.
 
 
-LAUNCH_PATIENCE = (
-    32  # number of launches, relative to the least of a sine, beyond which it does not grow
-)
+# Number of launches, relative to the least of a sine, beyond which it does not grow
+LAUNCH_PATIENCE = 32
 LANDINGS = 400  # of a trajectory, at most
 MOST_RESTS = 4  # at which a trajectory ends
 NEAR = 0.02  # periods; Newton's method starts after returns as near as this

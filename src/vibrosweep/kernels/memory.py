@@ -48,14 +48,14 @@ class LaneRows(NamedTuple):
     STREAM: int  # of noise: stream, particle, and number of the period at which counts begin
     PARTICLE: int
     ORIGIN: int
-    SLIP_SIZE: int  # standard deviations
-    PUSH_SIZE: int
+    RESTITUTION_SIZE: int  # standard deviations
+    KICK_SIZE: int
     DRIVE_SIZE: int
-    SLIP: int  # random numbers of the next impact, and of the one after it
-    SLIP_NEXT: int
-    PUSH: int
-    PUSH_NEXT: int
-    DRIVE: int
+    RESTITUTION_DRAWN: int  # random numbers of the next impact, and of the one after it
+    RESTITUTION_NEXT: int
+    KICK_DRAWN: int
+    KICK_NEXT: int
+    DRIVE_DRAWN: int
     ASLEEP: int  # in a rest, number from 1 of the forcing period to try; -1 once one lifts; else 0
     TRIES: int  # of a search for the landing: passes so far, and the age at the last check
     AGE_SEEN: int

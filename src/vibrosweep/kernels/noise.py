@@ -169,8 +169,8 @@ class Source(NamedTuple):
 class Draw(NamedTuple):
     """Random numbers of one impact; zeros where nothing is random."""
 
-    slip: float  # added to the restitution
-    push: float  # added to the speed of the rebound
+    restitution: float  # added to that of the law
+    kick: float  # added to the speed of the rebound
     drive: float  # relative change of the amplitude
 
 
@@ -221,14 +221,14 @@ def draw_of(
     """Random numbers of an impact of a particle, counted from 0, in a forcing period."""
     if noise is None:
         return STILL
-    key, stream, slip, push, drive = noise.key, source.stream, 0.0, 0.0, 0.0
+    key, stream, restitution, kick, drive = noise.key, source.stream, 0.0, 0.0, 0.0
     if noise.restitution is not None:
-        slip = source.restitution * deviate(key, stream, particle, number, OF_RESTITUTION)
+        restitution = source.restitution * deviate(key, stream, particle, number, OF_RESTITUTION)
     if noise.kick is not None:
-        push = source.kick * deviate(key, stream, particle, number, OF_KICK)
+        kick = source.kick * deviate(key, stream, particle, number, OF_KICK)
     if noise.drive is not None:
         drive = source.drive * deviate(key, stream, 0.0, period, OF_DRIVE)
-    return Draw(slip, push, drive)
+    return Draw(restitution, kick, drive)
 
 
 @jit
@@ -260,46 +260,46 @@ def drawn_in(noise: Noise | None, s: Floats, j: int) -> Draw:
     if noise is None:
         return STILL
     return Draw(
-        0.0 if noise.restitution is None else s[ROW.SLIP + j],
-        0.0 if noise.kick is None else s[ROW.PUSH + j],
-        0.0 if noise.drive is None else s[ROW.DRIVE + j],
+        0.0 if noise.restitution is None else s[ROW.RESTITUTION_DRAWN + j],
+        0.0 if noise.kick is None else s[ROW.KICK_DRAWN + j],
+        0.0 if noise.drive is None else s[ROW.DRIVE_DRAWN + j],
     )
 
 
 @jit
-def noisy_restitution(noise: Noise | None, e: float, slip: float) -> float:
+def noisy_restitution(noise: Noise | None, e: float, drawn: float) -> float:
     """Restitution of an impact, from 0 to 1."""
     if noise is None:
         return e
-    moved = e + slip
+    moved = e + drawn
     moved = moved if moved > 0.0 else 0.0
     return moved if moved < 1.0 else 1.0
 
 
 @jit
-def noisy_slope(noise: Noise | None, share: float, q: float, slip: float) -> float:
+def noisy_slope(noise: Noise | None, share: float, q: float, drawn: float) -> float:
     """Slope of the speed after an impact, whose law leaves a share of v with the slope q."""
     if noise is None:
         return q
-    moved = share + slip
-    within = q + slip if moved > 0.0 else 0.0
+    moved = share + drawn
+    within = q + drawn if moved > 0.0 else 0.0
     return within if moved < 1.0 else 1.0
 
 
 @jit
-def noisy_kick(noise: Noise | None, kick: float, push: float) -> float:
+def noisy_kick(noise: Noise | None, kick: float, drawn: float) -> float:
     """Kick of an impact."""
     if noise is None:
         return kick
-    return kick + push
+    return kick + drawn
 
 
 @jit
-def noisy_rebound(noise: Noise | None, w: float, push: float) -> float:
+def noisy_rebound(noise: Noise | None, w: float, drawn: float) -> float:
     """Speed relative to a moving base, which a particle cannot enter, after a rebound with w."""
     if noise is None:
         return w
-    return abs(w + push)
+    return abs(w + drawn)
 
 
 @jit
@@ -310,8 +310,10 @@ def noisy_rebound_slope(noise: Noise | None, share: float, q: float, draw: Draw,
     """
     if noise is None:
         return q
-    moved = noisy_slope(noise, share, q, draw.slip)
-    return -moved if noisy_restitution(noise, share, draw.slip) * v + draw.push < 0.0 else moved
+    moved = noisy_slope(noise, share, q, draw.restitution)
+    return (
+        -moved if noisy_restitution(noise, share, draw.restitution) * v + draw.kick < 0.0 else moved
+    )
 
 
 @jit
@@ -339,19 +341,19 @@ def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: floa
     """
     if noise is None:
         return 0.0
-    of_share = 3.0 * abs(draw.slip) + 2.0 * share
-    return HALF_ULP * (of_share * abs(v) + 8.0 * abs(draw.push) + abs(kick))
+    of_share = 3.0 * abs(draw.restitution) + 2.0 * share
+    return HALF_ULP * (of_share * abs(v) + 8.0 * abs(draw.kick) + abs(kick))
 
 
 @jit
-def clip_is_doubtful(noise: Noise | None, share: float, slip: float, error: float) -> bool:
+def clip_is_doubtful(noise: Noise | None, share: float, drawn: float, error: float) -> bool:
     """Return whether the relative error of a speed may decide if its restitution is clipped.
 
     The relative change of the restitution of a law does not exceed that of the speed.
     """
     if noise is None:
         return False
-    moved = share + slip
+    moved = share + drawn
     return noise.restitution is not None and not min(abs(moved), abs(moved - 1.0)) > 4.0 * error
 
 

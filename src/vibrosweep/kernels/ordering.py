@@ -51,7 +51,7 @@ class ListRows(NamedTuple):
     WHOLE: int = 0
     PHASE: int = 1
     STAY: int = 2  # periods on the base
-    WHO: int = 3  # particle p, or -1 - p for one that landed before the window
+    WHO: int = 3  # particle, or `before_window` of one that landed before the window
 
 
 LIST: Final = ListRows()
@@ -226,7 +226,7 @@ class Listed(NamedTuple):
     whole: float
     phase: float
     stay: float  # periods on the base, at least the contact time
-    who: float  # particle p, or -1 - p of one that landed before the window
+    who: float  # particle, or `before_window` of one that landed before the window
 
 
 @jit
@@ -238,6 +238,18 @@ def listed_at(listed: Floats, first: int, q: int) -> Listed:
         listed[first + LIST.STAY, q],
         listed[first + LIST.WHO, q],
     )
+
+
+@jit
+def before_window(particle: float) -> float:
+    """Return the number below 0 that a list has for a particle that lands before the window."""
+    return -1.0 - particle
+
+
+@jit
+def particle_of(who: float) -> float:
+    """Return the particle of a landing in a list, before the window or in it."""
+    return who if who >= 0.0 else -1.0 - who
 
 
 @jit
@@ -260,7 +272,9 @@ def in_window(landing: Listed, begin: Instant) -> Listed:
         return landing
     if landing.stay < early:
         return nobody()
-    return Listed(begin.whole - 1.0, begin.phase, (landing.stay - early) + 1.0, -1.0 - landing.who)
+    return Listed(
+        begin.whole - 1.0, begin.phase, (landing.stay - early) + 1.0, before_window(landing.who)
+    )
 
 
 @jit
@@ -271,9 +285,7 @@ def neighbours(latest: Listed, landing: Listed, gap: float, shared: int) -> tupl
     the base was shared.
     """
     who, other = latest.who, landing.who
-    if latest.whole < np.inf and (other if other >= 0 else -1 - other) != (
-        who if who >= 0 else -1 - who
-    ):
+    if latest.whole < np.inf and particle_of(other) != particle_of(who):
         apart = abs((landing.whole - latest.whole) + (landing.phase - latest.phase))
         if apart <= latest.stay:
             shared = 1
@@ -446,7 +458,7 @@ def note_turn(memory: Turns, order: Order, landing: Listed, late: bool) -> Order
     """Note a landing; `late` is whether it is in the last period of the window."""
     after, before, end = memory.after, memory.before, memory.after.size - 1
     seen, previous = landing.who >= 0.0, latest(memory)
-    who = int(landing.who) if seen else -1 - int(landing.who)
+    who = int(particle_of(landing.who))
     changes, gaps = order
     if late and previous not in (who, end):
         if gaps < GAPS:

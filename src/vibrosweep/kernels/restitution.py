@@ -263,7 +263,7 @@ def root_at(e: float) -> float:
 def _root(scale: float, v: float) -> float:
     """Return y at speed v, at least 1e-30.
 
-    Logarithm and exponential are those of `elementary` for normal numbers only: the loop over lanes
+    Logarithm and exponential are those of `arithmetic` for normal numbers only: the loop over lanes
     is then vector code, two and a half times as fast.
     """
     t = v * scale

@@ -25,6 +25,7 @@ from vibrosweep.kernels.ordering import (
     Window,
     Workspace,
     append_due,
+    before_window,
     closest,
     compare,
     due_first,
@@ -34,6 +35,7 @@ from vibrosweep.kernels.ordering import (
     no_order,
     nobody,
     note_turn,
+    particle_of,
     put_in_order,
     start,
     write_order,
@@ -209,7 +211,7 @@ def order_all(
             landing = listed_at(work.listed, ORDERED, q)
             seen = window.begin.whole - landing.whole <= landing.phase - window.begin.phase
             late = seen and (x_end - landing.phase) + (n_end - landing.whole) <= 1.0
-            name = landing.who if seen else -1.0 - landing.who
+            name = landing.who if seen else before_window(landing.who)
             named = Listed(landing.whole, landing.phase, landing.stay, name)
             order = note_turn(memory, order, named, late)
         slab = following
@@ -230,7 +232,7 @@ def _name_early(listed: Floats, first: int, k: int, begin: Instant) -> int:
     for q in range(first, k):
         who = listed[LIST.WHO, q]
         before = (begin.whole - listed[LIST.WHOLE, q]) + (begin.phase - listed[LIST.PHASE, q]) > 0.0
-        listed[LIST.WHO, q] = -1.0 - who if before else who
+        listed[LIST.WHO, q] = before_window(who) if before else who
         early += 1 if before else 0
     return early
 
@@ -290,8 +292,7 @@ def _drift_apart(listed: Floats, k: int, pace: Floats) -> bool:
     """Return whether k ordered landings of equal number are ordered by pace, the fastest first."""
     slowest = -np.inf
     for q in range(k):
-        who = int(listed[ORDERED + LIST.WHO, q])
-        periods = pace[who if who >= 0 else -1 - who]
+        periods = pace[int(particle_of(listed[ORDERED + LIST.WHO, q]))]
         if periods < slowest:
             return False
         slowest = periods
@@ -307,7 +308,7 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
         who = int(listed[LIST.WHO, q])
         if who < 0:
             before = (begin.whole - listed[LIST.WHOLE, q]) + (begin.phase - listed[LIST.PHASE, q])
-            cycle = joint.impacts * work.pace[-1 - who]
+            cycle = joint.impacts * work.pace[int(particle_of(who))]
             times = min(times, np.floor(before / cycle) - 1.0)
     if times > 0.0:
         for block in range(work.lanes.size):

@@ -3,7 +3,8 @@
 Cycles without rests are recognised while the trajectory is advanced (see `cycles`).  If the base
 lifts resting particles at one phase only, the state after every rest is the same, bit for bit: an
 orbit enters its cycle with its first rest and closes it with the second.  The exponents of an orbit
-that does not recur are means over the landings in the window; `exponents` computes those of cycles.
+that does not recur are means over the landings in the window; `cycle_exponents` gives those of
+cycles.
 """
 
 from __future__ import annotations

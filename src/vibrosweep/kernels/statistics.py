@@ -17,13 +17,13 @@ from vibrosweep.kernels._jit import (
     Flags,
     Floats,
     Integers,
-    Piece,
     compiled_anew,
     fma,
     generic,
     implements,
     jit,
     kind_named,
+    overloaded,
     prefetch,
     require_compilable,
     uncounted,
@@ -206,13 +206,13 @@ def scratch(kinds: Kinds = KINDS, more: int = 0) -> Floats:
     return aligned((ROWS + 3 * len(kinds) + 1 + more) * STRIDE)
 
 
-def _composed(parameters: str) -> Callable[[Writer], Callable[..., Any]]:
+def _composed(parameters: str) -> Callable[[Writer], Any]:
     """Turn a writer of the lines of a function, for given statistics, into that function.
 
     The function takes a tuple of kinds, by the name `kinds`, and these parameters.
     """
 
-    def decorate(write: Writer) -> Callable[..., Any]:
+    def decorate(write: Writer) -> Any:
         @functools.cache
         def composed(kinds: tuple[type, ...]) -> Any:
             statistics = [statistic_of(kind) for kind in kinds]
@@ -229,7 +229,7 @@ def _composed(parameters: str) -> Callable[[Writer], Callable[..., Any]]:
         def code(kinds: Any, *arguments: Any) -> Any:
             return composed(tuple(kind.instance_class for kind in kinds))
 
-        return Piece(write, call, code)
+        return overloaded(write, call, code)
 
     return decorate
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.kernels._jit import Floats, Piece, fma, generic, implements, jit
+from vibrosweep.kernels._jit import Floats, fma, generic, implements, jit, overloaded
 from vibrosweep.kernels.arithmetic import (
     COSINE_ERROR,
     HALF_ULP,
@@ -396,7 +396,7 @@ def for_each(field: str, term: str, arguments: str = "a, r, s, j", **names: Any)
     def code(shape: Any, *arguments: Any) -> Any:
         return written(len(shape.types[Harmonics._fields.index(field)]))
 
-    return Piece(call, call, code)
+    return overloaded(call, call, code)
 
 
 _rises = for_each("peak", "rise(shape, a, r, {k})")

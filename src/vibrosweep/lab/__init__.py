@@ -76,3 +76,7 @@ _HOMES: Final = {
     "make_tracks": "vibrosweep.lab.tracks",
 }
 __getattr__ = lazily(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -180,7 +180,7 @@ def refuse_extreme(values: Mapping[str, Array], forcing: str, law: str) -> None:
 
 # Share of equal letters from which the name of a column is that of a parameter, misspelled
 ALMOST: Final = 0.8
-_PAGE: Final = "; the page of limits says what to use then"
+_PAGE: Final = "; docs/limits.md says what to use then"
 _RANDOM: Final = (
     "noise is given by restitution_noise, kick_noise or drive_noise, each a standard deviation"
 )

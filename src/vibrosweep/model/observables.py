@@ -92,7 +92,7 @@ class Observable:
     landings
         Way in which the numbers of a particle's landings combine: ``"sum"``, ``"max"`` or
         ``"min"``; empty for a function that changes totals.  With one of the three, repetitions of
-        a cycle are counted without being followed, as for every statistic, and `vibrosweep.verify`
+        a cycle are added exactly, as for every statistic, and `vibrosweep.verify`
         compares the values with proved ones.  A maximum or minimum of no landings is NaN.
     particles
         Way in which the totals of particles combine: ``"sum"``, ``"max"``, ``"min"``; or ``"each"``

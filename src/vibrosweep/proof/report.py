@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -130,6 +130,19 @@ class VariableReport:
         self.claims.append(judgement.claim)
         if judgement.digits is not None:
             self.digits.append(judgement.digits)
+
+    def facts(self) -> dict[str, float | None]:
+        """Return the comparisons of the variable as numbers by name."""
+        known = [error for error in self.errors if not math.isnan(error)]
+        return {
+            "places": len(self.compared),
+            "numbers": len(self.errors),
+            "largest_error": max(known, default=None),
+            "largest_claim": max(self.claims, default=None),
+            "least_digits": min(self.digits, default=None),
+            "outside": len(self.outside),
+            "undecided": len(self.undecided),
+        }
 
     def line(self, name: str, places: int) -> str:
         """Row of the table for a variable that could be compared in `places` places."""
@@ -259,6 +272,25 @@ class Report:
         for name, reason in left_out.items():
             yield f"not compared: {name}: {reason}"
         yield from self._verdict()
+
+    def facts(self) -> dict[str, Any]:
+        """Return the report as numbers and texts by name."""
+        left_out = self.not_compared()
+        return {
+            "file": self.path,
+            "passed": self.passed,
+            "realizations": self.total,
+            "seed": self.seed,
+            "drawn": {state.name.lower(): self.count(state) for state in State},
+            "landings": sum(outcome.landings for outcome in self.outcomes),
+            "variables": {
+                name: report.facts()
+                for name, report in self.variables().items()
+                if name not in left_out
+            },
+            "not_compared": left_out,
+            "complaints": [*self.complaints()],
+        }
 
     def _estimates(self) -> Iterator[str]:
         """Describe the estimates over a sprung base, and the largest errors that were found."""

@@ -251,7 +251,7 @@ EXEMPT: Final[Mapping[str, str]] = {
     "states_duration": "the end of the observation is that of the scene",
     "windows": "keys of `vibrosweep windows`, which a sweep does not use",
     "scene.given": "names of the stated parameters; the values of all are in the inputs",
-    "scene.skip": "cycles that are counted instead of followed give the same bits",
+    "scene.skip": "cycles that are added exactly instead of simulated give the same bits",
     "design.table": "path of the table, replaced by a digest of its contents",
     "record.given": "as for the scene",
     "record.skip": "as for the scene",

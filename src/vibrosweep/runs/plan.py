@@ -242,8 +242,7 @@ def memory_per_realization(spec: Sweep, design: Realizations, workers: Workers) 
     sizes, peaks = (size, STEP * size), []
     share = next(_shares(spec, design)) / STEP**2  # array sizes do not depend on the duration
     for size in sizes:
-        factors = 1.0 - 1e-9 * np.arange(size)  # duplicates would be computed only once
-        sampled = {name: values * factors for name, values in design.take(0, 1).items()}
+        sampled = {name: values.repeat(size) for name, values in design.take(0, 1).items()}
         tracemalloc.start()
         try:
             with Workers(workers.threads) as fresh:  # workers without memory of earlier batches

@@ -32,12 +32,19 @@ def silent(done: int, total: int, /) -> None:
 
 @contextmanager
 def reporting(
-    stream: TextIO, things: str = "realizations", delay: float = SECONDS_BEFORE_BAR
+    stream: TextIO,
+    things: str = "realizations",
+    delay: float = SECONDS_BEFORE_BAR,
+    *,
+    quiet: bool = False,
 ) -> Iterator[Advance]:
     """Report progress, speed and remaining time of a run on `stream`, counted in `things`.
 
-    Runs of less than `delay` seconds report nothing.
+    Runs of less than `delay` seconds, and those that shall be `quiet`, report nothing.
     """
+    if quiet:
+        yield silent
+        return
     if not stream.isatty():
         yield _Lines(stream, things)
         return

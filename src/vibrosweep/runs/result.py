@@ -429,6 +429,12 @@ class _Spread:
             self.low = min(self.low, float(finite.min()))
             self.high = max(self.high, float(finite.max()))
 
+    def facts(self) -> dict[str, float | None]:
+        """Return the numbers by name."""
+        known = {"min": self.low, "mean": self.total / self.count, "max": self.high}
+        empty = dict.fromkeys(("min", "mean", "max"))
+        return {**(known if self.count else empty), "finite": self.count}
+
 
 @dataclass
 class Summary:
@@ -475,6 +481,23 @@ class Summary:
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+    def facts(self) -> dict[str, Any]:
+        """Return the summary as numbers and texts by name."""
+        return {
+            "realizations": self.realizations,
+            "landings": self.landings,
+            "kept": self.kept,
+            "repaired": self.repaired,
+            "notes": self.notes,
+            "variables": {
+                **{name: spread.facts() for name, spread in self.spreads.items()},
+                **{
+                    name: {dict(OF_REALIZATIONS[name].flags)[code]: n for code, n in counts.items()}
+                    for name, counts in self.codes.items()
+                },
+            },
+        }
 
     def _spread(self, spread: _Spread) -> str:
         """Write smallest, mean and largest finite value, and the number of other realizations."""

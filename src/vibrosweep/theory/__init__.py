@@ -50,3 +50,7 @@ __all__ = [
     "unforced_rest_impact",
     "unforced_rest_time",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,4 +1,4 @@
-"""Closed forms of particles on a sprung base of finite mass, derived in `docs/ordering.md`.
+"""Closed forms of particles on a sprung base of finite mass, derived in `study/ordering.md`.
 
 Every quantity is dimensionless: times in forcing periods, phases in turns, speeds in g / (2 f).
 Arguments that several functions share: the acceleration Gamma of the base without particles, in g;
@@ -30,3 +30,7 @@ __all__ = [
     "spectral_radius",
     "staggered",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -10,6 +10,11 @@ stated otherwise.
 
 Functions of whole batches (`fitted`, `lowest`, `lifts`) are called from Python only.
 
+A base answers for the surface that a particle meets: `fly` finds the first instant at which its
+clearance leaves the interval from 0 upwards, `speed` and `leave` state the velocity of the surface
+there, `jacobian` the derivatives of both.  All else (statistics, cycles, separations, exponents,
+orbits, bounds) follows from landings, whatever the surface.
+
 The search for a landing may take several passes.  A kernel that advances many lanes calls
 `approach` for one pass of each lane; other kernels call `fly` for a whole flight.
 """

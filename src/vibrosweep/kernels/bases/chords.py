@@ -83,7 +83,7 @@ def slopes_high_bounce(fixed: HighBounceConstants, arc: Flight) -> Slopes:
 
 @implements(slopes, *ANY)
 def slopes_moving(fixed: AnyConstants, arc: Flight) -> Slopes:
-    # as in `moving_jacobian`, without its divisions by the speed of arrival
+    # as in `jacobian_moving`, without its divisions by the speed of arrival
     s, z = arc.time, arc.v
     q, at = slope(fixed.base.restitution, fixed.e, fixed.scale, z), along(fixed, arc.x, arc.u, s)
     pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost

@@ -255,7 +255,7 @@ def contact_time_high_bounce(fixed: HighBounceConstants) -> float:
 def _restitution(fixed: HighBounceConstants, v: float) -> float:
     """Coefficient of restitution of an impact at speed v."""
     share = ratio(fixed.base.restitution, fixed.e, fixed.scale, v)
-    return noise.noisy_restitution(fixed.base.noise, share, fixed.draw.slip)
+    return noise.noisy_restitution(fixed.base.noise, share, fixed.draw.restitution)
 
 
 @jit
@@ -263,14 +263,14 @@ def _slope(fixed: HighBounceConstants, v: float) -> float:
     """Derivative by v of the speed that an impact leaves, without the kick."""
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
     share, q = ratio(law, e, scale, v), slope(law, e, scale, v)
-    return noise.noisy_slope(fixed.base.noise, share, q, fixed.draw.slip)
+    return noise.noisy_slope(fixed.base.noise, share, q, fixed.draw.restitution)
 
 
 @jit
 def _kick(fixed: HighBounceConstants, x: float) -> float:
     """Kick of an impact at phase x."""
     kick = fixed.a * velocity(fixed.base.waveform, x)
-    return noise.noisy_kick(fixed.base.noise, kick, fixed.draw.push)
+    return noise.noisy_kick(fixed.base.noise, kick, fixed.draw.kick)
 
 
 @jit
@@ -529,7 +529,7 @@ def _wake_lanes(on: int | None, base: HighBounce, s: Floats, lanes: int) -> None
             n, x, origin = s[ROW.N + j], s[ROW.X + j], s[ROW.ORIGIN + j]
             tried = s[ROW.ASLEEP + j]
             period = period_of(n + origin, x)
-            kick = noisy_amplitude(base.noise, a, s[ROW.DRIVE + j])
+            kick = noisy_amplitude(base.noise, a, s[ROW.DRIVE_DRAWN + j])
             rests = tried > 0.0
             lifts, after = lift_in(base.waveform, kick, r, x + (n + origin - period), rests)
             given_up = rests & (tried >= LONGEST) & (not lifts)
@@ -576,9 +576,9 @@ def rebound_error_high_bounce(
     random, draw = fixed.base.noise, fixed.draw
     kick = a * of_base
     w = fma(
-        noise.noisy_restitution(random, share, draw.slip),
+        noise.noisy_restitution(random, share, draw.restitution),
         v,
-        noise.noisy_kick(random, kick, draw.push),
+        noise.noisy_kick(random, kick, draw.kick),
     )
     kicked = abs(kick_slope(shape, a, x)) * added.phase + (HALF_ULP * abs(w) + SMALLEST)
     kicked += ratio_error(law, e, scale, v) * (share * v)
@@ -587,7 +587,9 @@ def rebound_error_high_bounce(
     kicked += slope_change(law, e, scale, v, spread.speed)[1] * spread.speed
     kicked += noise.rounding(random, share, v, draw, kick)
     kicked += 2.0 * HALF_ULP * noise.amplitude_change(random, a, draw.drive) * abs(of_base)
-    clips = not straight(law) and noise.clip_is_doubtful(random, share, draw.slip, spread.speed / v)
+    clips = not straight(law) and noise.clip_is_doubtful(
+        random, share, draw.restitution, spread.speed / v
+    )
     return np.inf if clips or noise.period_is_doubtful(random, x, error) else kicked
 
 

@@ -5,9 +5,9 @@ restitution.  It comes to rest if E(z) is at most r and the base presses it, 1 +
 acceleration G = alpha w'(x) / 2 of the base in units of gravity.  It lifts off, with speed 0, when
 the base begins to fall faster than gravity, where 1 + G falls through 0.
 
-Base and constants are named tuples of their own for each kind of waveform.  Flights are found in
-`landing_search` (the sine), `shaped` (harmonics) and `chained` (parabolas); this file has what does
-not depend on the waveform, or holds for both waveforms with a single lift-off in a period.
+Base and constants are named tuples of their own for each kind of waveform.  This file has what does
+not depend on the waveform, or holds for both waveforms with a single lift-off in a period, and the
+flights over the sine; those over harmonics are in `shaped`, those over parabolas in `chained`.
 """
 
 from __future__ import annotations
@@ -190,8 +190,8 @@ def speed_moving(fixed: Constants, x: float, u: float) -> float:
 @implements(bases.rebound, *ANY)
 def rebound_moving(fixed: Constants, x: float, v: float) -> float:
     share = ratio(fixed.base.restitution, fixed.e, fixed.scale, v)
-    e = noise.noisy_restitution(fixed.base.noise, share, fixed.draw.slip)
-    return noise.noisy_rebound(fixed.base.noise, e * v, fixed.draw.push)
+    e = noise.noisy_restitution(fixed.base.noise, share, fixed.draw.restitution)
+    return noise.noisy_rebound(fixed.base.noise, e * v, fixed.draw.kick)
 
 
 @implements(bases.wake, *ANY)

@@ -68,7 +68,7 @@ def limits(fixed: Constants, slack: float) -> Limits:
 
 
 class Bends(NamedTuple):
-    """Bounds of changes of the derivatives of a flight, in the notation of `moving_jacobian`.
+    """Bounds of changes of the derivatives of a flight, in the notation of `jacobian_moving`.
 
     They are those of P, of 2 G(x + s), and of 2 (G(x) - G(x + s)).
     """
@@ -294,7 +294,9 @@ def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
     parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * at.of_z) / z
     size = 1.0 + parts * (at.of_x + s) / z
     largest = abs(pull) + 2.0 * limits(fixed, 1.0).steep + 2.0
-    size += slack(law) * (abs(q) + abs(fixed.draw.slip)) * (largest * size + 4.0 * at.of_lost)
+    size += (
+        slack(law) * (abs(q) + abs(fixed.draw.restitution)) * (largest * size + 4.0 * at.of_lost)
+    )
     return Jacobian(1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size)
 
 
@@ -525,19 +527,19 @@ def rebound_error_moving(
     law, e, scale, z = fixed.base.restitution, fixed.e, fixed.scale, flight.v
     share, (random, draw) = ratio(law, e, scale, z), (fixed.base.noise, fixed.draw)
     left, of_noise = (
-        noise.noisy_restitution(random, share, draw.slip),
+        noise.noisy_restitution(random, share, draw.restitution),
         noise.rounding(random, share, z, draw),
     )
     if straight(law) or share == 0.0:
         error = left * (added.speed + HALF_ULP * abs(z)) + SMALLEST + of_noise
         return _unless_turned(random, fixed, flight, spread, error)
-    q = noise.noisy_slope(random, share, slope(law, e, scale, z), draw.slip)
+    q = noise.noisy_slope(random, share, slope(law, e, scale, z), draw.restitution)
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
     linear = SURE * (abs(by_x) * spread.phase + abs(by_y) * spread.speed) / abs(q)
     _, change = slope_change(law, e, scale, z, linear + added.speed)
     rounding = (HALF_ULP + ratio_error(law, e, scale, z)) * share * abs(z)
     error = (abs(q) + change) * added.speed + change * linear + rounding + SMALLEST + of_noise
-    if noise.clip_is_doubtful(random, share, draw.slip, (linear + added.speed) / abs(z)):
+    if noise.clip_is_doubtful(random, share, draw.restitution, (linear + added.speed) / abs(z)):
         return np.inf
     return _unless_turned(random, fixed, flight, spread, error)
 
@@ -556,7 +558,7 @@ def _unless_turned(
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
     every = error + SURE * (abs(by_x) * spread.phase + abs(by_y) * spread.speed)
     share = ratio(fixed.base.restitution, fixed.e, fixed.scale, flight.v)
-    w = noise.noisy_restitution(random, share, fixed.draw.slip) * flight.v + fixed.draw.push
+    w = noise.noisy_restitution(random, share, fixed.draw.restitution) * flight.v + fixed.draw.kick
     return error if abs(w) > 2.0 * every else np.inf
 
 

@@ -3,8 +3,8 @@
 A resting particle lifts off at the next phase at which 1 + G falls through 0; a period may have
 several such phases.
 
-In the vector kernel a pass makes one step of each lane's search.  The loops are short, as in
-`moving_lanes`, and use the same rows, except for those of `ShapedRows`.
+In the vector kernel a pass makes one step of each lane's search.  The loops are short, as over the
+sine (`vibrosweep.kernels.bases.moving`), and use the same rows, except for those of `ShapedRows`.
 """
 
 from __future__ import annotations

@@ -6,8 +6,8 @@ being the mass of one in units of that of the base, its height Y obeys
 
     (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f.
 
-Y is the sum of a forced motion (`drives`), the sag under the load, and a free oscillation D, which
-impacts excite.  Every impact pushes the base down.
+Y is the sum of a forced motion (`drive_of`), the sag under the load, and a free oscillation D,
+which impacts excite.  Every impact pushes the base down.
 
 An overdamped mount does not swing: D decays with a slow and a fast rate.  Once the fast part has
 decayed, D' = -slow D, and the acceleration would be a small difference of large terms: at a damping
@@ -165,7 +165,7 @@ def until_corner_smooth(drive: Drive, x: float) -> float:
 
 
 @jit
-def _answered(p: float, q: float, v: float, w: float, zeta: float, mass: float) -> Oscillation:
+def _response(p: float, q: float, v: float, w: float, zeta: float, mass: float) -> Oscillation:
     """Response of the loaded base where the bare one moves as p cos(v x) + q sin(v x)."""
     if not mass > 1.0:
         return Oscillation(p, q)
@@ -173,28 +173,21 @@ def _answered(p: float, q: float, v: float, w: float, zeta: float, mass: float) 
     bare = w * w - v * v
     full = bare - (mass - 1.0) * v * v
     norm = full * full + damping * damping
-    along, across = bare * full + damping * damping, damping * (full - bare)
-    return Oscillation((p * along + q * across) / norm, (q * along - p * across) / norm)
+    along, across = bare * full + damping * damping, full - bare
+    return Oscillation(
+        (p * along + q * damping * across) / norm, (q * along - p * damping * across) / norm
+    )
 
 
 @implements(drive_of, Sine)
-def forced_sine(
+def drive_of_sine(
     shape: Shape, alpha: float, w: float, zeta: float, mass: float, side: float
 ) -> Oscillation:
-    p, q = -alpha / TWO_PI, 0.0
-    if mass > 1.0:
-        # the response to the forcing that moves the bare base with the amplitude p
-        damping = 2.0 * zeta * w * TWO_PI
-        bare = w * w - TWO_PI * TWO_PI
-        full = bare - (mass - 1.0) * TWO_PI * TWO_PI
-        norm = full * full + damping * damping
-        q = -p * damping * (full - bare) / norm
-        p = p * (bare * full + damping * damping) / norm
-    return Oscillation(p, q)
+    return _response(-alpha / TWO_PI, 0.0, TWO_PI, w, zeta, mass)
 
 
 @implements(forced_motion, Oscillation)
-def place_oscillation(drive: Oscillation, at: Phase) -> ForcedMotion:
+def forced_motion_oscillation(drive: Oscillation, at: Phase) -> ForcedMotion:
     height = drive.p * at.cosine + drive.q * at.sine
     slope = drive.q * at.cosine - drive.p * at.sine
     return ForcedMotion(height, TWO_PI * slope, -(TWO_PI**2) * height, -(TWO_PI**3) * slope)
@@ -209,14 +202,14 @@ def forcing_oscillation(drive: Oscillation, at: Phase, stiffness: float, drag: f
 
 
 @implements(forced_bounds, Oscillation)
-def reach_of_oscillation(drive: Oscillation) -> ForcedBounds:
+def forced_bounds_oscillation(drive: Oscillation) -> ForcedBounds:
     height = math.sqrt(fma(drive.p, drive.p, drive.q * drive.q))
     pull = TWO_PI**2 * height
     return ForcedBounds(height, pull, TWO_PI * pull, TWO_PI**2 * pull)
 
 
 @implements(add_forced, Oscillation)
-def onto_oscillation(drive: Oscillation, at: Phase, s: float, free: Motion) -> Motion:
+def add_forced_oscillation(drive: Oscillation, at: Phase, s: float, free: Motion) -> Motion:
     turned, lag, c = turn(s)
     height = drive.p * at.cosine + drive.q * at.sine
     slope = drive.q * at.cosine - drive.p * at.sine
@@ -238,7 +231,7 @@ def _harmonic(
 ) -> Oscillation:
     """Harmonic k + 1 of the forced motion of the loaded base."""
     v = TWO_PI * (k + 1)
-    return _answered(-alpha * shape.p[k] / v, alpha * shape.q[k] / v, v, w, zeta, mass)
+    return _response(-alpha * shape.p[k] / v, alpha * shape.q[k] / v, v, w, zeta, mass)
 
 
 _GIVEN = "alpha, w, zeta, mass"
@@ -247,14 +240,14 @@ _sines = for_each("p", f"harmonic(shape, {_GIVEN}, {{k}}).q", _GIVEN, harmonic=_
 
 
 @implements(drive_of, Harmonics)
-def forced_harmonics(
+def drive_of_harmonics(
     shape: Harmonics, alpha: float, w: float, zeta: float, mass: float, side: float
 ) -> Oscillations:
     return Oscillations(_cosines(shape, alpha, w, zeta, mass), _sines(shape, alpha, w, zeta, mass))
 
 
 @implements(forced_motion, Oscillations)
-def place_oscillations(drive: Oscillations, at: Phase) -> ForcedMotion:
+def forced_motion_oscillations(drive: Oscillations, at: Phase) -> ForcedMotion:
     height, speed, pull, jerk = 0.0, 0.0, 0.0, 0.0
     sine, cosine = at.sine, at.cosine
     for k in range(len(drive.p)):
@@ -270,12 +263,12 @@ def place_oscillations(drive: Oscillations, at: Phase) -> ForcedMotion:
 
 @implements(forcing, Oscillations)
 def forcing_oscillations(drive: Drive, at: Phase, stiffness: float, drag: float) -> float:
-    drive_of = forced_motion(drive, at)
-    return drive_of.pull + 2.0 * drag * drive_of.speed + stiffness * drive_of.height
+    forced = forced_motion(drive, at)
+    return forced.pull + 2.0 * drag * forced.speed + stiffness * forced.height
 
 
 @implements(forced_bounds, Oscillations)
-def reach_of_oscillations(drive: Oscillations) -> ForcedBounds:
+def forced_bounds_oscillations(drive: Oscillations) -> ForcedBounds:
     height, pull, jerk, snap = 0.0, 0.0, 0.0, 0.0
     for k in range(len(drive.p)):
         v, p, q = TWO_PI * (k + 1), drive.p[k], drive.q[k]
@@ -288,7 +281,7 @@ def reach_of_oscillations(drive: Oscillations) -> ForcedBounds:
 
 
 @implements(add_forced, Oscillations)
-def onto_oscillations(drive: Oscillations, at: Phase, s: float, free: Motion) -> Motion:
+def add_forced_oscillations(drive: Oscillations, at: Phase, s: float, free: Motion) -> Motion:
     turned, lag, c = turn(s - np.rint(s))
     whole, turns = np.rint(s), (turned, lag, c, lag, c)
     rise, gain, d, b, pull, jerk = free
@@ -343,26 +336,26 @@ def until_corner_parabola(drive: Parabola, x: float) -> float:
 
 
 @implements(drive_of, Parabolic)
-def forced_parabolic(
+def drive_of_parabolic(
     shape: Shape, alpha: float, w: float, zeta: float, mass: float, side: float
 ) -> Parabola:
     return Parabola(alpha, side, 4.0 * alpha * side * (mass - 1.0) / (w * w))
 
 
 @implements(forced_motion, Parabola)
-def place_parabola(drive: Parabola, at: Phase) -> ForcedMotion:
+def forced_motion_parabola(drive: Parabola, at: Phase) -> ForcedMotion:
     y, pull = _from_middle(drive, at.x), 4.0 * drive.alpha * drive.side
     height = drive.alpha * drive.side * fma(2.0 * y, y, -TOP)
     return ForcedMotion(height - drive.sag, pull * y, pull, 0.0)
 
 
 @implements(forced_bounds, Parabola)
-def reach_of_parabola(drive: Parabola) -> ForcedBounds:
+def forced_bounds_parabola(drive: Parabola) -> ForcedBounds:
     return ForcedBounds(drive.alpha * TOP + abs(drive.sag), 4.0 * drive.alpha, 0.0, 0.0)
 
 
 @implements(add_forced, Parabola)
-def onto_parabola(drive: Parabola, at: Phase, s: float, free: Motion) -> Motion:
+def add_forced_parabola(drive: Parabola, at: Phase, s: float, free: Motion) -> Motion:
     pull = 4.0 * drive.alpha * drive.side
     rise, gain = fma(0.5 * pull * s, s, free.rise), fma(pull, s, free.gain)
     return Motion(rise, gain, free.d, free.b, free.pull + pull, free.jerk)

@@ -571,7 +571,9 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
     c = max(-particle[PARTICLE.SPEED, who], 0.0)
     share, number = ratio(fixed.law, fixed.e, fixed.scale, c), particle[PARTICLE.IMPACTS, who]
     draw = draw_of(fixed.noise, fixed.source, who, number, 0.0)
-    w = noisy_rebound(fixed.noise, noisy_restitution(fixed.noise, share, draw.slip) * c, draw.push)
+    w = noisy_rebound(
+        fixed.noise, noisy_restitution(fixed.noise, share, draw.restitution) * c, draw.kick
+    )
     particle[PARTICLE.IMPACTS, who] += 1.0
     scale = max(particle[PARTICLE.SCALE, who], fixed.r)
     if abs(w - fixed.r) <= ROUNDING * scale or c <= math.sqrt(ROUNDING) * scale:

@@ -39,6 +39,7 @@ from vibrosweep.kernels.ordering import (
     Order,
     Orders,
     Turns,
+    before_window,
     empty_orders,
     empty_turns,
     has_landed,
@@ -48,6 +49,7 @@ from vibrosweep.kernels.ordering import (
     no_order,
     nobody,
     note_turn,
+    particle_of,
     write_order,
 )
 from vibrosweep.kernels.record import (
@@ -201,7 +203,7 @@ def close(memory: Landings, noted: Noted, begin: Instant) -> Noted:
 def note(memory: Landings, noted: Noted, landing: Listed, late: bool, begin: Instant) -> Noted:
     """Note a landing; `late` is True if it is in the last period of the window."""
     seen = landing.who >= 0.0
-    who = int(landing.who) if seen else -1 - int(landing.who)
+    who = int(particle_of(landing.who))
     gap, shared, same = noted.gap, noted.shared, noted.same
     memory.total[who] += 1
     if seen:
@@ -461,7 +463,7 @@ def _listed(state: System, event: Event, begin: Instant, least: float) -> Listed
     n, x = state.now[NOW.N], state.now[NOW.X]
     seen = begin.whole - n <= x - begin.phase
     stay = np.inf if event.kind == EVENT.STICK else least
-    return Listed(n, x, stay, float(event.who if seen else -1 - event.who))
+    return Listed(n, x, stay, float(event.who) if seen else before_window(event.who))
 
 
 @part
