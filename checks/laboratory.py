@@ -22,22 +22,21 @@ from vibrosweep.errors import TrackError
 from vibrosweep.figures.laboratory import errors_by_case, fitted_track
 from vibrosweep.figures.registry import save_formats
 from vibrosweep.figures.style import for_file
-from vibrosweep.lab.camera import Camera
-from vibrosweep.lab.compare import compare
+from vibrosweep.lab.compare import QUANTITIES, ComparisonOptions, compare
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment
-from vibrosweep.lab.fitting import Setup, fit_tracks
-from vibrosweep.lab.flight_search import find_flights
-from vibrosweep.lab.flights import fit_parabolas
+from vibrosweep.lab.experiment import (
+    LABORATORY,
+    Camera,
+    Experiment,
+    oscillating_surface,
+    read_experiments,
+)
+from vibrosweep.lab.fitting import Setup, find_flights, fit_tracks
+from vibrosweep.lab.flights import fit_parabolas, samples_of
 from vibrosweep.lab.impacts import BOUNCED, impacts_of
 from vibrosweep.lab.lines import flights_of, table_lines
-from vibrosweep.lab.prediction import ComparisonOptions
-from vibrosweep.lab.quality import find_swaps
-from vibrosweep.lab.relative_errors import QUANTITIES
-from vibrosweep.lab.segments import samples_of
-from vibrosweep.lab.spec import read_experiments
-from vibrosweep.lab.surfaces import oscillating_surface
 from vibrosweep.lab.traces import make_trace
+from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.locked_theory import amplitude_max
 

@@ -13,7 +13,7 @@ def over(scene, windows=None, **axes):
     """Sweep over a grid of a scene that states its duration."""
     axes = {n: Axis(tuple(np.atleast_1d(v).tolist())) for n, v in axes.items()}
     design = Design("grid", axes)
-    return Sweep("", "", None, scene, design, None, windows, states_duration=True)
+    return Sweep("", "", None, scene, design, None, windows, stated=frozenset({"duration"}))
 
 
 def find_windows(scene, e, scan, conditions, *, forcing="amplitude", threads=1, **options):

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
+    from vibrosweep.explorer import explore
     from vibrosweep.model.measures import LANDINGS_OF_AN_EXPONENT, Regime, Status
     from vibrosweep.model.observables import Landing, Observable
     from vibrosweep.model.parameters import PARAMETERS, Parameter
@@ -58,6 +59,7 @@ __all__ = [
     "boundaries",
     "branches",
     "errors",
+    "explore",
     "figures",
     "lab",
     "open_record",
@@ -81,6 +83,7 @@ __all__ = [
 
 _HOMES = {
     **{name: f"vibrosweep.{name}" for name in ("analysis", "errors", "figures", "lab", "theory")},
+    "explore": "vibrosweep.explorer",
     "Landing": "vibrosweep.model.observables",
     **dict.fromkeys(("Law", "register_law"), "vibrosweep.model.restitution_laws"),
     "Observable": "vibrosweep.model.observables",

@@ -18,7 +18,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from importlib import import_module
 from typing import Any, Final, NoReturn
@@ -71,7 +71,7 @@ def _perform(arguments: Sequence[str]) -> int:
     options = argparse.Namespace()
     try:
         _refuse_unknown(arguments)
-        _parser(arguments).parse_args(arguments, options)
+        _parser(arguments[:1]).parse_args(arguments, options)
         code: int | None = options.perform(options)
         sys.stdout.flush()
     except VibrosweepError as error:
@@ -180,21 +180,41 @@ def _refuse_unknown(arguments: Sequence[str]) -> None:
     raise ParameterError(f"{cut(repr(arguments[0]))} is not a command; {hint}")
 
 
-def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser, with the arguments of the command that is called."""
+class _Completion(argparse.Action):
+    """Print a script that lets a shell complete commands and options, and exit."""
+
+    def __call__(self, parser: object, options: object, shell: Any, option: object = None) -> None:
+        try:
+            import shtab
+        except ImportError as error:
+            raise VibrosweepError(
+                "the script is written by shtab, which is not installed: "
+                'pip install "vibrosweep[completion]"'
+            ) from error
+        print(shtab.complete(_parser(COMMANDS), shell))
+        raise SystemExit(DONE)
+
+
+def _parser(called: Collection[str]) -> argparse.ArgumentParser:
+    """Return the parser, with the arguments of the commands that are `called`."""
     parser = argparse.ArgumentParser(
         prog="vibrosweep", description="Parameter sweeps of the bouncing ball (vibro-impact)."
     )
     parser.add_argument("--version", action="version", version=f"vibrosweep {__version__}")
+    parser.add_argument(
+        "--print-completion",
+        action=_Completion,
+        choices=("bash", "zsh", "tcsh"),
+        help="print a script that lets the shell complete commands and options",
+    )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    called = next((word for word in arguments if not word.startswith("-")), None)
     for name, command in COMMANDS.items():
         example = f"example: {command.example}" if command.example else None
         added = commands.add_parser(
             name, help=command.words, description=command.words, epilog=example
         )
-        if name == called:
+        if name in called:
             module = import_module(f"vibrosweep.commands.{command.module}")
             add_arguments, perform = module.COMMANDS[name]
             add_arguments(added)

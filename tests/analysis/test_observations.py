@@ -13,7 +13,7 @@ from vibrosweep.analysis.conditions import NAMED
 from vibrosweep.engine import landings
 from vibrosweep.engine import measure as engine
 from vibrosweep.engine.landings import all_parameters, record_landings
-from vibrosweep.lab.prediction import predict, scene_of
+from vibrosweep.lab.compare import predict, scene_of
 from vibrosweep.model.shapes import SINE
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import keyword_spec

@@ -31,7 +31,7 @@ def test_all_are_listed_with_their_titles(capsys):
 def test_some_are_copied(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["examples", "paper", "laboratory/table4.toml"]) == 0
-    names = ["paper.toml", "laboratory/table4.toml"]
+    names = ["paper.toml", "laboratory/table4.toml", "sweep.schema.json"]
     assert contents(tmp_path) == {name: (SWEEPS / name).read_bytes() for name in names}
     assert [Path(line) for line in capsys.readouterr().out.splitlines()] == list(map(Path, names))
 

@@ -9,15 +9,20 @@ import pytest
 
 from vibrosweep.cli import main
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.base_harmonics import names_of, polar, slopes_of_sizes, with_values
 from vibrosweep.lab.compare import compare_tracks
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment
+from vibrosweep.lab.experiment import LABORATORY, Experiment, oscillating_surface
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.lines import impact_lines
-from vibrosweep.lab.surfaces import oscillating_surface
-from vibrosweep.lab.traces import make_trace, trace_of_mark
-from vibrosweep.lab.track_files import read_tracks
+from vibrosweep.lab.recordings import read_tracks
+from vibrosweep.lab.traces import (
+    make_trace,
+    names_of,
+    polar,
+    slopes_of_sizes,
+    trace_of_mark,
+    with_values,
+)
 from vibrosweep.lab.tracks import with_mark
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.shapes import SINE, Waveform

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from vibrosweep.lab.camera import Camera, Motion, film
-from vibrosweep.lab.surfaces import LEVEL, oscillating_surface
+from vibrosweep.lab.experiment import LEVEL, Camera, Motion, film, oscillating_surface
 
 G = 9.81
 

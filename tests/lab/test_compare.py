@@ -5,20 +5,22 @@ import pytest
 import xarray as xr
 
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.compare import compare
+from vibrosweep.lab.compare import (
+    READINGS,
+    ComparisonOptions,
+    comparable,
+    compare,
+    draw_parameters,
+    first_flights,
+    measured_means,
+    predict,
+    prediction_errors,
+    scene_of,
+)
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.fitting import Setup
-from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
-from vibrosweep.lab.prediction import (
-    ComparisonOptions,
-    draw_parameters,
-    first_flights,
-    predict,
-    scene_of,
-)
-from vibrosweep.lab.relative_errors import READINGS, comparable, measured_means, prediction_errors
-from vibrosweep.lab.repeats import agreement, phases, quantities
+from vibrosweep.lab.impacts import BOUNCED, STAYED, agreement, find_impacts, phases, quantities
 from vibrosweep.model.shapes import SINE
 from vibrosweep.theory import locked_height
 

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import DataError, ParameterError, TrackError
-from vibrosweep.lab.bounces import bounces_of
-from vibrosweep.lab.camera import Camera
-from vibrosweep.lab.estimation import estimate, fit_phase
-from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.lab.estimation import bounces_of, estimate, fit_phase
+from vibrosweep.lab.experiment import LABORATORY, Camera
 from vibrosweep.lab.impacts import find_impacts
 
 IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}

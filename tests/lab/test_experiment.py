@@ -7,8 +7,7 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.errors import ParameterError, SpecError
-from vibrosweep.lab.camera import Camera
-from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
+from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.trials import perform_trials
 
 G = LABORATORY["gravity"]

@@ -8,7 +8,7 @@ import xarray as xr
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from vibrosweep.lab.camera import Camera
+from vibrosweep.lab.experiment import Camera
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL, STAYED, find_impacts
 from vibrosweep.lab.tracks import make_tracks
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from vibrosweep.lab.experiment import LABORATORY
-from vibrosweep.lab.flights import apparent_gravity
+from vibrosweep.lab.flights import Samples, apparent_gravity
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
-from vibrosweep.lab.segments import Samples
 
 # m: up to thirty pixels; two particles are on a locked orbit, all bounces of which are alike
 TILT = np.array([5e-4, -2e-3, 3e-3])

@@ -8,15 +8,13 @@ import pandas as pd
 import pytest
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.camera import Camera
+from vibrosweep.lab.base_fit import find_contacts, fit_base
 from vibrosweep.lab.compare import compare_tracks
-from vibrosweep.lab.contacts import find_contacts
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
+from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.lines import impact_lines
-from vibrosweep.lab.oscillation import fit_base
 from vibrosweep.lab.traces import make_trace, read_trace
 from vibrosweep.lab.trials import perform_trials
 

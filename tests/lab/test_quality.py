@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.lab.impacts import find_impacts
-from vibrosweep.lab.quality import find_swaps, remarks
+from vibrosweep.lab.tracks import find_swaps, remarks
 
 
 def changed(tracks, change):
@@ -77,7 +77,7 @@ def test_no_landing_is_sought_across_an_exchange(irregular):
 
 
 def test_lost_frames_cost_no_landings(trial):
-    from vibrosweep.lab.camera import Camera
+    from vibrosweep.lab.experiment import Camera
 
     complete = find_impacts(trial(seed=3).tracks)
     thinned = find_impacts(trial(seed=3, camera=Camera(dropped=0.05)).tracks)

@@ -10,9 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.recordings import read_recordings
+from vibrosweep.lab.recordings import read_recordings, read_tracks
 from vibrosweep.lab.traces import read_trace
-from vibrosweep.lab.track_files import read_tracks
 
 FACTOR = {"": 1.0, "s": 1.0, "ms": 1e-3, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 HEADS = ("{0} ({1})", "{0} [{1}]", "{0} / {1}", "{0}_{1}")

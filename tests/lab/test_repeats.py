@@ -4,7 +4,7 @@ import pytest
 import xarray as xr
 
 from vibrosweep.errors import DataError
-from vibrosweep.lab.repeats import agreement, quantities
+from vibrosweep.lab.impacts import agreement, quantities
 
 OTHER = xr.Dataset({"flight_time": 0.5})
 

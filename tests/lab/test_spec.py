@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from vibrosweep.errors import SpecError
-from vibrosweep.lab.experiment import LABORATORY, Experiment
-from vibrosweep.lab.spec import read_experiments
+from vibrosweep.lab.experiment import LABORATORY, Experiment, read_experiments
 
 FILES = sorted((Path(__file__).parents[2] / "sweeps" / "laboratory").glob("*.toml"))
 

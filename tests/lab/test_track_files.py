@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.track_files import read_tracks, tracks_from_frame
+from vibrosweep.lab.recordings import read_tracks, tracks_from_frame
 
 TIME = np.arange(8) / 240.0
 HEIGHT = np.stack([np.linspace(0.0, 0.07, 8), np.linspace(0.2, 0.06, 8)], axis=1)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.camera import Camera
-from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.lab.experiment import LABORATORY, Camera
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.tracks import make_tracks, table_to_tracks
 

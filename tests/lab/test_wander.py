@@ -11,7 +11,7 @@ from vibrosweep.engine.landings import record_landings
 from vibrosweep.kernels.arithmetic import sin_turns
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.lab.experiment import LABORATORY
-from vibrosweep.lab.wander import phase_walk, wandering_record
+from vibrosweep.lab.trials import phase_walk, wandering_record
 from vibrosweep.model.parameters import dimensionless, launches
 
 
@@ -81,7 +81,7 @@ def test_plain_python_gives_the_same_bits(parameters, tmp_path):
 import sys
 import numpy as np
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.lab.wander import wandering_record
+from vibrosweep.lab.trials import wandering_record
 from vibrosweep.model.parameters import dimensionless, launches
 given = dict(np.load(sys.argv[1] + "/given.npz"))
 walk = given.pop("walk")

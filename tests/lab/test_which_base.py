@@ -7,18 +7,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.camera import Camera
+from vibrosweep.lab.base_fit import (
+    FAR,
+    BaseFit,
+    Oscillation,
+    _preferred,
+    is_improbable,
+    spread_of_influences,
+)
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
+from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import contradicts
 from vibrosweep.lab.impacts import find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
-from vibrosweep.lab.oscillation import BaseFit, Oscillation
-from vibrosweep.lab.regression import is_improbable, spread_of_influences
-from vibrosweep.lab.speed_laws import FAR
 from vibrosweep.lab.trials import perform_trials
-from vibrosweep.lab.which_base import _preferred
 
 G = LABORATORY["gravity"]
 NAMES = ("restitution", "amplitude", "frequency", "phase", "launch_velocity")

@@ -57,7 +57,7 @@ def settling(spec: Sweep, restitution: float) -> Scene:
     approaches 1.  A law of restitution is evaluated at the impact speed of that orbit, g / 2 f.
     """
     scene = spec.scene
-    if spec.states_duration:
+    if "duration" in spec.stated:
         return scene
     if scene.restitution_law != CONSTANT:
         speed = scene.inputs["gravity"] / (2.0 * scene.inputs["frequency"])

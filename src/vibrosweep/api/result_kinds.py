@@ -107,7 +107,7 @@ COMPARISON: Final = ResultKind(
 RESTITUTION: Final = ResultKind(
     "restitution",
     "vibrosweep lab restitution",
-    _late("lab.drop_lines", "restitution_lines"),
+    _late("lab.lines", "restitution_lines"),
     _late("figures.laboratory", "restitution_by_speed"),
     "lab_restitution",
     unverified="it holds measurements of a ball, which cannot be proved",

@@ -57,7 +57,9 @@ from vibrosweep.runs.result import (
     NEVER_REPEATS,
     attributes_of,
     attributes_of_scene,
+    long_launch,
     short_observation,
+    still_base,
     strong_forcing,
 )
 from vibrosweep.scene.keys import SECTIONS
@@ -206,7 +208,13 @@ def simulate(
     if ragged:
         variables = ragged_columns(found, recorded, scene.particles)
     remarks = [
+        "" if result is not None or keywords.get("base") is not None else still_base(forcing),
         strong_forcing(float(quantities[ACCELERATION].max()), forcing),
+        long_launch(
+            float(quantities["launch_velocity"].max()),
+            float(frequency.max()),
+            float(quantities["gravity"].min()),
+        ),
         _spent(scene, found["status"]),
         "" if ragged else wasted(found["impact_count"], "ragged=True"),
         _short(measured, quantities),

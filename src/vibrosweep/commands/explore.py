@@ -8,14 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from vibrosweep.commands.arguments import output_file, whole
-from vibrosweep.errors import VibrosweepError
 
 LAST_PORT: Final = 65535
 ORIGIN: Final = re.compile(r"https?://[\w.-]+(:\d+)?|https?://\[[\da-fA-F:]+\](:\d+)?")
-
-
-class MissingBokehError(VibrosweepError, ImportError):
-    """The page needs bokeh, which is not installed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,14 +56,10 @@ def _origin(text: str) -> str:
 
 
 def perform(options: argparse.Namespace) -> None:
+    from vibrosweep.explorer import require_bokeh
     from vibrosweep.store.reading import using
 
-    try:
-        import bokeh  # noqa: F401
-    except ImportError as error:
-        raise MissingBokehError(
-            'the page is made with bokeh, which is not installed: pip install "vibrosweep[explore]"'
-        ) from error
+    require_bokeh()
     with using(options.result):
         _explore(options)
 

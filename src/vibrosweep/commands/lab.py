@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from vibrosweep.figures.style import Panels
     from vibrosweep.lab.fitting import Setup
+    from vibrosweep.lab.recordings import Recording
     from vibrosweep.store.reading import ResultKind
 
 
@@ -45,8 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     synthesize.add_argument("--force", action="store_true", help="replace existing files")
     synthesize.set_defaults(part=_synthesize)
 
-    impacts = parts.add_parser("impacts", help="find the landings of tracks")
+    impacts = parts.add_parser(
+        "impacts", help="find the landings of tracks, or measure a shaken base from their times"
+    )
     _add_tracks(impacts)
+    impacts.add_argument(
+        "--contact", metavar="S", type=float, help="length of a contact, for times; default: 0"
+    )
     impacts.add_argument("--frequency", metavar="HZ", type=float, help="frequency of the forcing")
     impacts.add_argument(
         "--phase", metavar="RAD", type=float, default=0.0, help="phase of the forcing at t = 0"
@@ -149,7 +155,11 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="measured height or acceleration of the base",
     )
-    parser.add_argument("--column", metavar="NAME", help="column of the trace with its values")
+    parser.add_argument(
+        "--column", metavar="NAME", help="column of the trace, else of the tracks, with its values"
+    )
+    for name in ("particle", "sheet"):
+        parser.add_argument(f"--{name}", metavar="NAME", help=f"{name} to read")
     parser.add_argument("--base-track", metavar="NAME", help="particle that is a mark on the base")
     parser.add_argument("--exposure", metavar="S", type=float, default=0.0, help="default: 0")
     parser.add_argument("--gravity", metavar="G", type=float, default=9.81, help="default: 9.81")
@@ -171,7 +181,7 @@ def perform(options: argparse.Namespace) -> None:
 
 
 def _synthesize(options: argparse.Namespace) -> None:
-    from vibrosweep.lab.spec import read_experiments
+    from vibrosweep.lab.experiment import read_experiments
     from vibrosweep.lab.trials import write_experiments
 
     spec = read_experiments(options.spec)
@@ -184,7 +194,7 @@ def _synthesize(options: argparse.Namespace) -> None:
 
 def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     """Read the tracks; refuse impossible options before anything is computed."""
-    from vibrosweep.lab.track_files import read_tracks
+    from vibrosweep.lab.recordings import read_tracks
     from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
     from vibrosweep.store.disk import check_output
 
@@ -201,7 +211,9 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     if options.output is not None:
         check_output(options.output, force=options.force, inputs=options.tracks)
     groups = [options.tracks] if options.together else [[path] for path in options.tracks]
-    how = {n: getattr(options, n) for n in ("frame_rate", "scale", "axis", "base", "base_track")}
+    names = ("frame_rate", "scale", "axis", "base", "base_track", "particle", "sheet")
+    how = {name: getattr(options, name) for name in names}
+    how["column"] = None if options.base_trace else options.column
     recordings = [read_tracks(group, **how) for group in groups]
     for tracks in recordings:
         if "remarks" in tracks.attrs:
@@ -225,14 +237,62 @@ def _setup(options: argparse.Namespace) -> Setup:
     )
 
 
+def _lists_of_times(options: argparse.Namespace) -> list[list[Recording]] | None:
+    """Return the times of impacts of each recording; None if the files hold tracks."""
+    from vibrosweep.lab.recordings import read_recordings
+
+    groups = [options.tracks] if options.together else [[path] for path in options.tracks]
+    how = {name: getattr(options, name) for name in ("particle", "sheet")}
+    column = None if options.base_trace else options.column
+    try:
+        lists = [read_recordings(group, column=column, **how) for group in groups]
+    except TrackError:
+        return None  # the reader of tracks has said what is wrong
+    heard = [recording.height is None for one in lists for recording in one]
+    return lists if heard and all(heard) else None
+
+
+def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> None:
+    """Measure a shaken base from times alone."""
+    from vibrosweep.api.result_kinds import RESTITUTION
+    from vibrosweep.lab.lines import restitution_lines
+    from vibrosweep.lab.shaken_times import times_on_shaker
+    from vibrosweep.store.disk import check_output
+
+    if options.output is not None:
+        check_output(options.output, force=options.force, inputs=options.tracks)
+        if len(lists) > 1:
+            raise TrackError(
+                f"{options.output}: holds one recording, but there are {len(lists)}; write them "
+                f"one by one, or add --together"
+            )
+    how = {name: getattr(options, name) for name in ("frequency", "contact", "gravity")}
+    for recordings in lists:
+        found = times_on_shaker(recordings, **how)
+        print("\n".join(restitution_lines(found)))
+
+    def draw() -> Axes:
+        from vibrosweep.figures.laboratory import restitution_by_speed
+
+        return restitution_by_speed(found)
+
+    _keep(options, found, RESTITUTION, draw, RESTITUTION.stem)
+
+
 def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import IMPACTS
     from vibrosweep.lab.fitting import fit_tracks
-    from vibrosweep.lab.impacts import impacts_of
+    from vibrosweep.lab.impacts import agreement, impacts_of, quantities
     from vibrosweep.lab.lines import agreement_lines, flights_of, impact_lines
-    from vibrosweep.lab.repeats import agreement, quantities
 
-    recordings = _recordings(options)
+    try:
+        recordings = _recordings(options)
+    except TrackError:
+        lists = _lists_of_times(options)
+        if lists is None:
+            raise
+        _impact_times(options, lists)
+        return
     if options.output is not None and len(recordings) > 1:
         raise TrackError(
             f"{options.output}: holds the landings of one recording, but there are "
@@ -257,9 +317,8 @@ def _impacts(options: argparse.Namespace) -> None:
 def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import COMPARISON
     from vibrosweep.engine.workers import Workers
-    from vibrosweep.lab.compare import compare
+    from vibrosweep.lab.compare import ComparisonOptions, compare
     from vibrosweep.lab.lines import table_lines
-    from vibrosweep.lab.prediction import ComparisonOptions
     from vibrosweep.runs.driver import available_threads
 
     recordings = _recordings(options)
@@ -280,8 +339,8 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _restitution(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import RESTITUTION
-    from vibrosweep.lab.drop_lines import numbers_of, restitution_lines
     from vibrosweep.lab.drops import restitution
+    from vibrosweep.lab.lines import numbers_of, restitution_lines
     from vibrosweep.lab.recordings import read_recordings
     from vibrosweep.store.disk import check_output
 

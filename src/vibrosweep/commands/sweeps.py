@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 # Of the example sweeps, in an installed package, and in its source tree
 PLACES: Final = (Path(__file__).parents[1] / "sweeps", Path(__file__).parents[3] / "sweeps")
+SCHEMA: Final = "sweep.schema.json"  # of sweep files, beside the examples
 SECONDS: Final = 2.0  # for which a plan refines its estimate
 
 
@@ -97,7 +98,10 @@ def _chosen(files: dict[str, Path], names: list[str]) -> dict[str, Path]:
 
 
 def _copy(files: dict[str, Path], directory: Path, *, force: bool) -> None:
-    """Copy files below a directory, with the traces that they read; all of them or none."""
+    """Copy files below a directory, with the traces that they read; all of them or none.
+
+    The schema that their first line names is copied beside them, unless it is there.
+    """
     import re
 
     from vibrosweep.store.disk import check_output, make_directory, replacing
@@ -108,6 +112,10 @@ def _copy(files: dict[str, Path], directory: Path, *, force: bool) -> None:
         for copy, path in copies.items()
         for trace in re.findall(r'trace = "([^"/]+)"', path.read_text(encoding="utf-8"))
     }
+    beside = directory / SCHEMA
+    if force or not beside.exists():
+        name, path = next(iter(files.items()))
+        copies[beside] = path.parents[name.count("/")] / SCHEMA
     for copy in copies:
         make_directory(copy.parent)
         check_output(copy, force=force)

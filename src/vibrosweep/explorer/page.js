@@ -21,12 +21,12 @@ const place = (source, index) => {
 }
 // Keep the motion that is shown as the second one, or no longer
 const keep = () => {
-  const index = shown.data.index[0]
-  shown.data = {index: pin.active ? [index, index] : [index]}
+  const [index, asked] = shown.data.index, other = asked ?? index
+  shown.data = {index: pin.active ? [index, other] : [index]}
   place(pinned, shown.data.index[1])
   const second = document.getElementById("motion-2")
   second.hidden = !pin.active
-  if (pin.active) beside.data = {content: [motions[index]]}
+  if (pin.active) beside.data = {content: [motions[other]]}
   say()
 }
 const show = (index) => {
@@ -172,13 +172,11 @@ const restore = () => {
     plane.x_range.setv({start: window[0], end: window[1]})
     plane.y_range.setv({start: window[2], end: window[3]})
   }
-  if (asked.has("pinned")) {
-    show(index("pinned"))
-    pin.active = true
-  }
-  if (asked.has("point")) show(index("point"))
+  if (asked.has("pinned")) shown.data = {index: [0, index("pinned")]} // before `keep` looks at it
+  pin.active = asked.has("pinned")
+  show(index("point"))
 }
-const event = cb_obj.event_name
+const event = cb_data?.event_name ?? cb_obj.event_name // that of a document is in cb_data
 if (event === "document_ready") { if (opened.length > 1) restore() }
 else if (event === "rangesupdate") say()
 else if (cb_obj === pin) keep()

@@ -218,6 +218,15 @@ COLOURS: Final = ("dt_min", "rebound_height_max")
 SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "gap_min")
 WINDOW_ENDS: Final = ("lower", "upper", "lower, undetermined beyond", "upper, undetermined beyond")
 LAUNCHED: Final = "launched_at"
+# Dims that only one kind of result has
+DIMS: Final = {
+    "window": "windows",
+    "sample": "bifurcation",
+    "attractor": "basins",
+    "branch": "branches",
+    "curve": "boundaries",
+    "orbit": "orbits",
+}
 OF_LAUNCH: Final = "time of launch (s)"
 
 
@@ -298,6 +307,14 @@ def open_points(path: Path) -> Points:
             several = [name for name, v in dataset.data_vars.items() if "particle" in v.dims]
             return of_result(dataset.drop_vars(several).load(), path, kind.name)
     return of_result(load_dataset(path), path, kind.name)
+
+
+def points_of(dataset: xr.Dataset) -> Points:
+    """Points of a dataset in memory, whose kind its dims tell."""
+    kind = next((name for dim, name in DIMS.items() if dim in dataset.dims), SWEEP.name)
+    several = [name for name, v in dataset.data_vars.items() if "particle" in v.dims]
+    shown = dataset.drop_vars(several) if kind == SWEEP.name else dataset
+    return of_result(shown, Path(dataset.encoding.get("source", "result.h5")), kind)
 
 
 def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 import signal
 import socket
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from functools import cache, partial
+from threading import Thread
 from typing import Any, Final
 from weakref import WeakSet
 
@@ -25,6 +29,7 @@ from tornado.web import OutputTransform, RequestHandler
 
 from vibrosweep.errors import RunError
 from vibrosweep.explorer.live import Background, Page
+from vibrosweep.explorer.pictures import moving_point
 from vibrosweep.explorer.points import Points
 from vibrosweep.system import ENDINGS
 
@@ -45,10 +50,10 @@ def serve(
     `framing` may show it in a frame.  Raises a RunError if the port is not free.
     """
     backgrounds = WeakSet[Background]()
-    first = Background()
-    backgrounds.add(first)
+    early = Background()
+    backgrounds.add(early)
     # kernels are loaded or compiled while the browser loads the page
-    first.call(points.choice(points.count // 2).shortened().simulate)
+    early.call(points.choice(points.count // 2).shortened().simulate)
     server, address = opened(points, port, backgrounds.add, framing)
     loop = server.io_loop
     for number in ENDINGS:
@@ -65,6 +70,28 @@ def serve(
         os._exit(0)
 
 
+def serve_beside(points: Points, port: int, framing: Sequence[str]) -> str:
+    """Serve the page in a thread of its own until Python ends; return its address.
+
+    Raises a RunError if the port is not free.
+    """
+    begun: Future[str] = Future()
+
+    def run() -> None:
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        try:
+            server, address = opened(points, port, lambda background: None, framing)
+        except RunError as error:
+            begun.set_exception(error)
+            return
+        server.start()
+        begun.set_result(address)
+        server.io_loop.start()
+
+    Thread(target=run, name="vibrosweep explore", daemon=True).start()
+    return begun.result()
+
+
 def opened(
     points: Points,
     port: int,
@@ -76,12 +103,13 @@ def opened(
     `watch` is called with the `Background` of each visitor.  Pages of the origins `framing` may
     show the page in a frame.  Raises a RunError if the port is not free.
     """
+    first = cache(partial(moving_point, points))
 
     def show(document: Document) -> None:
         background = Background()
         watch(background)
         document.on_session_destroyed(lambda session: background.close())
-        Page(points, document, background).attach()
+        Page(points, document, background, first).attach()
 
     try:
         with socket.create_server((HOST, port)):

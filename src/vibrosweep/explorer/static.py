@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import pickle
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -15,7 +16,7 @@ from bokeh.models import ColumnDataSource, CustomJS, FixedTicker, Select, Toggle
 from bokeh.resources import INLINE
 
 from vibrosweep.errors import OutputError
-from vibrosweep.explorer.pictures import even_cells, evenly, spread_out
+from vibrosweep.explorer.pictures import even_cells, evenly, moving_point, spread_out
 from vibrosweep.explorer.points import Column, Points, legible
 from vibrosweep.explorer.views import (
     SCALES,
@@ -72,6 +73,17 @@ def write_page(points: Points, output: Path, *, force: bool, limits: Limits = US
     than its limit.
     """
     check_output(output, force=force, inputs=(points.path,))
+    text, contents = page_text(points, output, limits)
+    with replacing(output, force=force) as disk:
+        disk.write(text.encode())
+    return f"written to {output} ({len(text.encode()) / 1e6:.2g} MB): {contents}"
+
+
+def page_text(points: Points, name: object, limits: Limits = USUAL) -> tuple[str, str]:
+    """Return a page, and a sentence about its contents; `name` is that of its errors.
+
+    Raises an OutputError if it would be larger than its limit.
+    """
     page = _Page(points, limits)
     text = page.html().encode()
     while len(text) > limits.size and len(page.kept) > 1:
@@ -79,12 +91,10 @@ def write_page(points: Points, output: Path, *, force: bool, limits: Limits = US
         text = page.html().encode()
     if len(text) > limits.size:
         raise OutputError(
-            f"{output}: would have {len(text)} bytes, more than {limits.size}; explore a "
+            f"{name}: would have {len(text)} bytes, more than {limits.size}; explore a "
             f"result with fewer particles or a shorter duration"
         )
-    with replacing(output, force=force) as disk:
-        disk.write(text)
-    return f"written to {output} ({len(text) / 1e6:.2g} MB): {page.contents}"
+    return text.decode(), page.contents
 
 
 class _Page:
@@ -107,7 +117,8 @@ class _Page:
     def _compute(self, most: int) -> None:
         """Compute motions until there are `most` of them or their memory is used up."""
         left = OF_MOTIONS
-        for index in spread_out(*(self.plane.values(name) for name in self.points.axes)):
+        axes = (self.plane.values(name) for name in self.points.axes)
+        for index in dict.fromkeys(chain([moving_point(self.points)], spread_out(*axes))):
             choice = self.points.choice(index).shortened(PERIODS)
             self.motion.show(choice.simulate(), parameters_line(choice))
             found = self.motion.content
@@ -127,9 +138,9 @@ class _Page:
         """Return the page."""
         document, plane, points = Document(), self.plane, self.points
         pickers = [picker(plane, name) for name in ("x", "y", "colour")]
-        around = {name: list(around(name)) for name in PICTURES}
-        around[PLANE] = [plane_lines(points, plane.x, plane.y, plane.colour), ""]
-        self.picture = code_picker([*around])
+        texts = {name: list(around(name)) for name in PICTURES}
+        texts[PLANE] = [plane_lines(points, plane.x, plane.y, plane.colour), ""]
+        self.picture = code_picker([*texts])
         self.scales = scale_pickers()
         self.pin = Toggle(label="Pin this motion, to see another beside it", name="pin")
         self.selection = paragraph("selection", "Choose points with the lasso or the box.")
@@ -137,7 +148,7 @@ class _Page:
         kept = {name: plane.values(name)[self.kept] for name in points.axes}
         marks = ColumnDataSource(dict(zip("xy", kept.values(), strict=True)))
         plane.figure.scatter("x", "y", source=marks, marker="cross", size=8, line_color="black")
-        arguments = {**self._arguments(pickers, marks), "around": around}
+        arguments = {**self._arguments(pickers, marks), "around": texts}
         document.js_on_event(DocumentReady, self._listen(arguments, pickers))
         name = legible(points.path.name)
         needs = f"Other parameters need the program: vibrosweep explore {name}"

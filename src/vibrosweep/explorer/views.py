@@ -36,6 +36,7 @@ from bokeh.models import (
     NumericInput,
     PreText,
     Range1d,
+    SaveTool,
     Select,
     Slider,
     Span,
@@ -83,7 +84,7 @@ layer.to_blob().then((blob) => {
   link.href = URL.createObjectURL(blob)
   link.download = `${plot.name}.svg`
   link.click()
-  URL.revokeObjectURL(link.href)
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000) // a browser may read it later
 })
 """
 
@@ -95,6 +96,7 @@ def empty_source(*names: str) -> ColumnDataSource:
 
 def svg_tool(plot: Any) -> CustomAction:
     """Button of a toolbar that saves a picture as SVG; the tool of Bokeh saves PNG."""
+    plot.select_one(SaveTool).filename = plot.name
     return CustomAction(
         icon=SVG_ICON,
         description="Save as SVG",
@@ -255,6 +257,7 @@ Window = tuple[float, float, float, float]  # both ends of x, then of y
 
 SCRIPT: Final = (Path(__file__).parent / "motion.js").read_text("utf-8")
 CURSOR: Final = (Path(__file__).parent / "cursor.js").read_text("utf-8")
+ALONG: Final = "time.setv({value: Math.min(cb_obj.value, time.end)}, {sync: false})"
 # The cursor crosses the visible part of the motion in ten seconds
 PLAY: Final = """
 let before = null
@@ -332,8 +335,7 @@ class MotionView:
         self.heading.tags = [self.holder]  # a browser receives only models that belong to a widget
         shown = {"holder": self.holder, "sources": self.sources, "figures": self.figures}
         self.clock = self._clock(key)
-        time = self.clock.children[1]
-        texts = {"particles": self.mapper, "heading": self.heading, "time": time}
+        texts = {"particles": self.mapper, "heading": self.heading, "time": self.time}
         self.script = CustomJS(args={**shown, **texts}, code=SCRIPT)
         self.holder.js_on_change("data", self.script)
 
@@ -376,7 +378,7 @@ class MotionView:
         for name, source in there.items():
             self.figures[name].scatter("x", "y", source=source, **dots)
         play = Toggle(label="▶ play", width=80, name=f"play {key}")
-        time = Slider(
+        self.time = time = Slider(
             title="time t (s)", start=0.0, end=1.0, step=1e-4, value=0.0, format="0[.]0000"
         )
         time.update(sizing_mode="stretch_width", name=f"time {key}")
@@ -846,6 +848,9 @@ def fill(
         for root in roots:
             document.add_root(root)
     document.js_on_event(DocumentReady, *(motion.script for motion in motions))
+    first, *others = (motion.time for motion in motions)
+    for time in others:  # the first cursor moves the others
+        first.js_on_change("value", CustomJS(args={"time": time}, code=ALONG))
     return {
         "left": [root.name for root in left],
         "motions": [[root.name for root in motion.roots] for motion in motions],

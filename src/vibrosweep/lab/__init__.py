@@ -10,18 +10,20 @@ from typing import TYPE_CHECKING, Final
 from vibrosweep.lazy import lazily
 
 if TYPE_CHECKING:
-    from vibrosweep.lab.camera import Camera
-    from vibrosweep.lab.compare import compare_tracks
+    from vibrosweep.lab.compare import (
+        QUANTITIES,
+        READINGS,
+        comparable,
+        compare_tracks,
+        prediction_errors,
+    )
     from vibrosweep.lab.drops import restitution
     from vibrosweep.lab.estimation import estimate
-    from vibrosweep.lab.experiment import Experiment, Variation
-    from vibrosweep.lab.impacts import find_impacts
-    from vibrosweep.lab.recording import Recording
-    from vibrosweep.lab.recordings import read_recordings
-    from vibrosweep.lab.relative_errors import QUANTITIES, READINGS, comparable, prediction_errors
-    from vibrosweep.lab.repeats import agreement, quantities
+    from vibrosweep.lab.experiment import Camera, Experiment, Variation
+    from vibrosweep.lab.impacts import agreement, find_impacts, quantities
+    from vibrosweep.lab.recordings import Recording, read_recordings, read_tracks, tracks_from_frame
+    from vibrosweep.lab.shaken_times import times_on_shaker
     from vibrosweep.lab.traces import read_trace
-    from vibrosweep.lab.track_files import read_tracks, tracks_from_frame
     from vibrosweep.lab.tracks import make_tracks
     from vibrosweep.lab.trials import perform_trials, predicted_means
     from vibrosweep.lab.virtual_drops import FloorExperiment, film_drops, hear_drops
@@ -50,15 +52,16 @@ __all__ = [
     "read_trace",
     "read_tracks",
     "restitution",
+    "times_on_shaker",
     "tracks_from_frame",
 ]
 
 _HOMES: Final = {
-    "Camera": "vibrosweep.lab.camera",
+    "Camera": "vibrosweep.lab.experiment",
     "compare_tracks": "vibrosweep.lab.compare",
     **dict.fromkeys(
         ("QUANTITIES", "READINGS", "comparable", "prediction_errors"),
-        "vibrosweep.lab.relative_errors",
+        "vibrosweep.lab.compare",
     ),
     "estimate": "vibrosweep.lab.estimation",
     **dict.fromkeys(("Experiment", "Variation"), "vibrosweep.lab.experiment"),
@@ -67,12 +70,13 @@ _HOMES: Final = {
     **dict.fromkeys(
         ("FloorExperiment", "film_drops", "hear_drops"), "vibrosweep.lab.virtual_drops"
     ),
+    "times_on_shaker": "vibrosweep.lab.shaken_times",
     "find_impacts": "vibrosweep.lab.impacts",
-    **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.repeats"),
-    "Recording": "vibrosweep.lab.recording",
+    **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.impacts"),
+    "Recording": "vibrosweep.lab.recordings",
     "read_recordings": "vibrosweep.lab.recordings",
     "read_trace": "vibrosweep.lab.traces",
-    **dict.fromkeys(("read_tracks", "tracks_from_frame"), "vibrosweep.lab.track_files"),
+    **dict.fromkeys(("read_tracks", "tracks_from_frame"), "vibrosweep.lab.recordings"),
     "make_tracks": "vibrosweep.lab.tracks",
 }
 __getattr__ = lazily(__name__, _HOMES)

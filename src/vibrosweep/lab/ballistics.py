@@ -1,17 +1,24 @@
-"""Flights through air: the drag grows with the square of the speed.
-
-A flight begins and ends at the same level.  `gravity` is its acceleration at rest, `drag` is 1/v^2
-of the terminal speed v; it may be negative, as the estimate of a drag that is near zero may be.
-All formulas are exact.
-"""
+"""Flights through air, and what is known of a ball beside its recordings."""
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from vibrosweep.arrays import Array
+from vibrosweep.errors import ParameterError
+
+__all__ = ["BallInputs", "Bounces", "Input"]
+
+# -----------------------------------------------------------------------------
+# Flights through air: the drag grows with the square of the speed.
+#
+# A flight begins and ends at the same level.  `gravity` is its acceleration at rest, `drag` is
+# 1/v^2 of the terminal speed v; it may be negative, as the estimate of a drag that is near zero
+# may be. All formulas are exact.
 
 LEAST_DRAG: Final = 1e-7  # s2 m-2 at a speed of 1: below, differences of nearly equal numbers
 AIR: Final = 1.2  # density, kg m-3
@@ -64,3 +71,107 @@ def drop_from_apex(since: Array, gravity: float, drag: float) -> Array:
     before = -np.log(np.cos(np.where(since < 0.0, x, 0.0)))
     after = np.log(np.cosh(np.where(since < 0.0, 0.0, x)))
     return np.asarray(((before + after) / (gravity * root**2)).real)
+
+
+# -----------------------------------------------------------------------------
+# What is known of a ball beside its recordings, and the bounces that a recording yields.
+
+
+class Input(NamedTuple):
+    """A number that is known with an error."""
+
+    value: float
+    error: float = 0.0
+    ends: tuple[float, float] | None = None  # of a range, in which it is even in the logarithm
+
+
+# Contact of any ball: 0.2 to 5 ms; drag of any ball: terminal speeds of 10 to 100 m/s
+CONTACT: Final = (2e-4, 5e-3)
+DRAG: Final = (1e-4, 1e-2)
+GRAVITY: Final = Input(9.81)
+# A contact lasts as long as (impact speed)^-p: p is 0 for a linear spring, 0.2 for Hertz's contact
+POWER: Final = Input(0.1, 0.1)
+
+
+def from_range(low: float, high: float) -> Input:
+    """Return mean and standard deviation between two positive numbers, evenly in the logarithm."""
+    if not low < high:
+        return Input(low)
+    mean = (high - low) / np.log(high / low)
+    error = float(np.sqrt(mean * (high + low) / 2.0 - mean**2))
+    return Input(mean, error, (low, high))
+
+
+def given(name: str, value: float | tuple[float, float]) -> Input:
+    """Turn a number or a range of positive numbers into an input."""
+    low, high = (value, value) if isinstance(value, int | float) else value
+    if not 0.0 < low <= high < np.inf:
+        raise ParameterError(
+            f"{name} {low:g} to {high:g}: must be above 0 and finite, the lower number first"
+        )
+    return from_range(low, high)
+
+
+@dataclass(frozen=True)
+class BallInputs:
+    """Inputs of a measurement of restitution: contact in s, drag in s2 m-2, gravity in m s-2."""
+
+    contact: Input = field(default_factory=lambda: from_range(*CONTACT))
+    drag: Input | None = None  # of times 0, of films any ball's, if it is not stated
+    gravity: Input = GRAVITY
+    drop_height: Input | None = None
+    scale_from_gravity: bool = False
+
+
+def ball_inputs(
+    contact: float | tuple[float, float] | None,
+    mass: float | None,
+    diameter: float | None,
+    gravity: float | tuple[float, float],
+    drop_height: float | tuple[float, float] | None,
+) -> BallInputs:
+    """Check the inputs that a user states."""
+    if (mass is None) != (diameter is None):
+        missing = "mass" if mass is None else "diameter"
+        raise ParameterError(
+            f"{missing}: is missing; the drag of a ball follows from its mass (kg) and diameter (m)"
+        )
+    drag = None
+    if mass is not None and diameter is not None:
+        ball = given("mass", mass).value, given("diameter", diameter).value
+        drag = Input(*drag_of_ball(*ball))
+    return BallInputs(
+        BallInputs().contact if contact is None else given("contact", contact),
+        drag,
+        given("gravity", gravity),
+        None if drop_height is None else given("drop_height", drop_height),
+    )
+
+
+class Bounces(NamedTuple):
+    """The bounces of a drop, with what their errors have in common.
+
+    Values that depend on inputs were computed with the means of the inputs.
+    """
+
+    name: str
+    restitution: Array  # (bounce,)
+    speed: Array  # speed of impact, m s-1; only relative where `speed_known` is false
+    time: Array  # s, as in the recording
+    # Covariance of the restitutions and then of what the recording itself says about inputs
+    fixed: Array  # (row, row)
+    timing: Array  # (row, row) for a standard deviation of 1 s of the click times
+    inputs: dict[str, Array]  # what each row gains where an input is larger by one unit
+    found: dict[str, float]  # deviation of each input that the recording measures from its mean
+    speed_known: bool
+    gravity: Input | None  # apparent, in units of the file per s2
+    remarks: tuple[str, ...]
+    group: str = ""  # of drops that belong together
+    # Of times: derivatives by the clicks (row, click); the interval before each bounce, infinite
+    # for a first fall, and the median one; the step to which clicks are rounded; the same bounces
+    # linearized about clicks that are moved and other values of the inputs
+    clicks: Array | None = None
+    before: Array | None = None
+    middle: float = 1.0
+    rounding: float = 0.0
+    about: Callable[[Array | float, Mapping[str, float]], Bounces] | None = None

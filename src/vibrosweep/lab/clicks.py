@@ -7,16 +7,16 @@ than a bounce does.  The reading of a list that needs the fewest such events is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.lab.ballistics import flight_of, nominal_of
-from vibrosweep.lab.drop_inputs import BallInputs, Bounces, Input
-from vibrosweep.lab.recording import Recording
+from vibrosweep.lab.ballistics import POWER, BallInputs, Bounces, Input, flight_of, nominal_of
+from vibrosweep.lab.recordings import Recording
 
 RATIOS: Final = (0.3, 1.0)  # of intervals, at which a restitution is sought first
 EVENT: Final = 12.0  # cost of a missed or false click: a ratio that is off by 3.5 deviations
@@ -123,55 +123,78 @@ def bounces_of_clicks(
 
 
 def _bounces(
-    recording: Recording, drop: list[Reading], inputs: BallInputs, falls: bool, name: str
+    recording: Recording,
+    drop: list[Reading],
+    inputs: BallInputs,
+    falls: bool,
+    name: str,
+    shift: Array | float = 0.0,
+    at: Mapping[str, float] | None = None,
 ) -> Bounces:
-    """Return the bounces between flights none of which holds a missed click."""
-    times = recording.time
+    """Return the bounces between flights none of which holds a missed click.
+
+    Restitutions are linearized about clicks that are moved by `shift` (s), and about inputs `at`
+    these values instead of their means.
+    """
     clicks = [drop[0].first, *(reading.last for reading in drop)]
+    seen = recording.time[clicks]
     whole = np.array([reading.missed == 0 for reading in drop])
-    both = whole[1:] & whole[:-1]
-    used = np.concatenate([[falls], both])  # whether the bounce before each flight is measured
-    lengths = np.diff(times[clicks])
+    used = np.concatenate([[falls], whole[1:] & whole[:-1]])  # the bounce before each flight
     means = {
         "contact": inputs.contact,
+        "contact_power": POWER,
         "drag": inputs.drag or Input(0.0),
         "gravity": inputs.gravity,
         **({"drop_height": inputs.drop_height} if inputs.drop_height else {}),
     }
+    middle = float(np.median(np.diff(seen)))
+    place = {key: one.value for key, one in means.items()}
+    place |= {key: value for key, value in (at or {}).items() if key in means}
 
-    def values(lengths: Array, **changed: float) -> tuple[Array, Array]:
-        now = {key: changed.get(key, one.value) for key, one in means.items()}
-        g, drag = now["gravity"], now["drag"]
-        v = nominal_of(np.maximum(lengths - now["contact"], 1e-9), g, drag)
+    def values(times: Array, **changed: float) -> tuple[Array, Array]:
+        now = {**place, **changed}
+        g, drag, lengths = now["gravity"], now["drag"], np.diff(times)
+        # a contact lasts as long as (impact speed)^-p
+        contact = now["contact"] * (np.maximum(lengths, 1e-9) / middle) ** -now["contact_power"]
+        v = nominal_of(np.maximum(lengths - contact, 0.1 * lengths), g, drag)
         fallen = np.sqrt(2.0 * g * now.get("drop_height", 1.0))
         up, down, _, _ = flight_of(np.append(fallen, v), g, drag)
         return (up[1:] / down[:-1])[used], down[:-1][used]
 
-    restitution, speed = values(lengths)
-    # each click is off by itself; ratios are smooth enough for differences
-    step = 1e-4 * lengths.min()
-    moved = np.empty((restitution.size, lengths.size + 1))
-    for k in range(lengths.size + 1):
-        shift = np.zeros(lengths.size + 1)
-        shift[k] = step
-        change = np.diff(shift)
-        moved[:, k] = (values(lengths + change)[0] - values(lengths - change)[0]) / (2 * step)
+    about = seen + shift
+    restitution, speed = values(about)
+    step = 1e-4 * float(np.diff(about).min())
+    moved = np.stack(
+        [
+            (values(about + h)[0] - values(about - h)[0]) / (2 * step)
+            for h in step * np.eye(seen.size)
+        ],
+        axis=1,
+    )
     slopes = {}
     for key, one in means.items():
-        h = max(one.error, 1e-3 * one.value, 1e-5) * 0.1
-        up, down = (values(lengths, **{key: one.value + s})[0] for s in (h, -h))
+        h = max(one.error, 1e-3 * one.value, 1e-5) * 0.01
+        up, down = (values(about, **{key: place[key] + s})[0] for s in (h, -h))
         slopes[key] = (up - down) / (2.0 * h)
+    back = sum(slopes[key] * (one.value - place[key]) for key, one in means.items())
     timing = moved @ moved.T
     return Bounces(
         name=name,
-        restitution=restitution,
+        group=recording.group,
+        restitution=restitution + moved @ (seen - about) + back,
         speed=speed,
-        time=times[clicks[:-1]][used],
+        time=seen[:-1][used],
         fixed=timing * recording.rounding**2 / 12.0,
         timing=timing,
-        inputs=slopes,
+        # bounces evaluated with an input that is too small by one unit are off by as much
+        inputs={key: -slope for key, slope in slopes.items()},
         found={},
         speed_known=recording.rate_known,
         gravity=None,
         remarks=(),
+        clicks=moved,
+        before=np.append(np.inf, np.diff(about))[:-1][used],
+        middle=middle,
+        rounding=recording.rounding,
+        about=partial(_bounces, recording, drop, inputs, falls, name),
     )

@@ -3,37 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from vibrosweep.arrays import Array, Flags
+from vibrosweep.arrays import Array, Flags, Indices
+from vibrosweep.engine.landings import all_parameters
+from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError, require_one_of
+from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.record import Record
+from vibrosweep.lab.base_fit import Trace, law_of, law_text
+from vibrosweep.lab.estimation import estimate, fit_phase
+from vibrosweep.lab.experiment import LEVEL, Camera, Motion, film, heights, oscillating_surface
 from vibrosweep.lab.fitting import Setup, fit_tracks
-from vibrosweep.lab.impacts import METHODS, impacts_of
-from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.prediction import (
-    DRAWS,
-    USED,
-    ComparisonOptions,
-    draw_parameters,
-    parameters_of,
-    predict,
-)
-from vibrosweep.lab.relative_errors import (
-    QUANTITIES,
-    READINGS,
-    comparable,
-    errors_of,
-    measured_means,
-)
-from vibrosweep.lab.speed_laws import law_text
-from vibrosweep.lab.twin import camera_shares
+from vibrosweep.lab.impacts import BOUNCED, METHODS, harmonic_numbers, impacts_of
+from vibrosweep.lab.traces import polar, with_values
+from vibrosweep.lab.tracks import make_tracks
+from vibrosweep.lab.trials import wandering_record
 from vibrosweep.lab.variables import with_units
 from vibrosweep.model.forcing import ACCELERATION
-from vibrosweep.model.parameters import LAWS, OF_RESTITUTION, PARAMETERS
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    LAWS,
+    MOVING,
+    OF_RESTITUTION,
+    PARAMETERS,
+    Launches,
+    dimensionless,
+)
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
     RESTITUTION_LAWS,
@@ -41,10 +43,424 @@ from vibrosweep.model.restitution_laws import (
     range_mistake,
     speed_mistakes,
 )
-from vibrosweep.model.shapes import Waveform
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.runs.driver import thread_count
+from vibrosweep.scene.scene import Scene, stored
 
 __all__ = ["compare", "compare_tracks"]
+
+# -----------------------------------------------------------------------------
+# Errors of predicted heights and periods.
+#
+# The error of a quantity is |measured - predicted| / measured.  It can mean the error of the mean
+# over all particles, of the mean of each particle, or of each flight: all these readings are
+# computed.
+
+# Quantities of a flight, and the variables of `find_impacts` that hold them
+MEASURED_AS: Final = {"height": "rebound_height", "period": "flight_time"}
+QUANTITIES: Final = tuple(MEASURED_AS)
+READINGS: Final = ("ensemble", "particle", "worst", "flight")
+# Particles are compared if at least this share of their time and of their landings was measured.
+MEASURED: Final = 0.9
+
+
+def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
+    """Mark the particles whose flights were nearly all measured.
+
+    Particles that rest or bounce too low for the camera are left out, because a mean over the
+    flights that are seen would be biased.
+
+    Parameters
+    ----------
+    impacts
+        Result of `find_impacts` with the method ``"fit"``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Booleans, shape (particle,).
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> experiment = vs.lab.Experiment(particles=2, repeats=1, transient=5.0, duration=10.0)
+    >>> film = vs.lab.perform_trials(experiment)
+    >>> vs.lab.comparable(vs.lab.find_impacts(film[0].tracks)).shape
+    (2,)
+    """
+    quality = impacts["quality"].values
+    bounced = (quality == BOUNCED).sum(axis=1)
+    flying = np.nansum(impacts["flight_time"].values, axis=1)
+    length = impacts.attrs["end"] - impacts.attrs["begin"]
+    return np.asarray(
+        (bounced > MEASURED * np.maximum((quality >= BOUNCED).sum(axis=1), 1))
+        & (flying > MEASURED * length)
+    )
+
+
+def measured_means(impacts: xr.Dataset, among: NDArray[np.bool_]) -> dict[str, Array]:
+    """Mean height (m) and period (s) of the flights of each particle; NaN where not `among`."""
+    return {
+        quantity: np.where(among, impacts[name].mean("impact").values, np.nan)
+        for quantity, name in MEASURED_AS.items()
+    }
+
+
+def prediction_errors(
+    impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[np.bool_]
+) -> dict[str, dict[str, float]]:
+    """Return the errors ``|measured - predicted| / measured`` by quantity and reading.
+
+    Parameters
+    ----------
+    impacts
+        Result of `find_impacts`.
+    predicted
+        Mean ``height`` (m) and ``period`` (s) of each particle, shape (particle,).
+    among
+        True for each particle that is compared, as `comparable` returns it; shape (particle,).
+
+    Returns
+    -------
+    dict
+        Errors in per cent, by quantity (``height``, ``period``) and reading: ``ensemble``, the
+        error of the mean over all particles; ``particle``, the mean of the errors of each
+        particle's mean; ``worst``, the largest of these; ``flight``, the mean error of single
+        flights against the mean predicted for their particle.  NaN where no particle can be
+        compared.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> experiment = vs.lab.Experiment(particles=2, repeats=1, transient=5.0, duration=10.0)
+    >>> seen = vs.lab.find_impacts(vs.lab.perform_trials(experiment)[0].tracks)
+    >>> predicted = vs.lab.predicted_means(experiment)
+    >>> list(vs.lab.prediction_errors(seen, predicted, vs.lab.comparable(seen)))
+    ['height', 'period']
+    """
+    errors = errors_of(impacts, predicted, among).tolist()
+    return {
+        q: dict(zip(READINGS, row, strict=True)) for q, row in zip(QUANTITIES, errors, strict=True)
+    }
+
+
+def errors_of(impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[np.bool_]) -> Array:
+    """Errors of `prediction_errors` as an array of shape (quantity, reading)."""
+    means = measured_means(impacts, among)
+    found = np.full((len(QUANTITIES), len(READINGS)), np.nan)
+    for row, name in zip(found, QUANTITIES, strict=True):
+        measured, foretold = means[name], predicted[name]
+        both = np.isfinite(measured) & np.isfinite(foretold)
+        if both.any():
+            measured, foretold = measured[both], foretold[both]
+            flights = impacts[MEASURED_AS[name]].values[both]
+            single = 100.0 * np.abs(measured - foretold) / measured
+            ensemble = 100.0 * abs(measured.mean() - foretold.mean()) / measured.mean()
+            of_flights = 100.0 * np.abs(flights - foretold[:, np.newaxis]) / flights
+            row[:] = ensemble, single.mean(), single.max(), np.nanmean(of_flights)
+    return found
+
+
+# -----------------------------------------------------------------------------
+# Predictions with known or estimated parameters, from the first flight of each particle.
+
+DRAWS: Final = 64
+MEANS: Final = ("rebound_height_mean", "flight_time_mean")  # the names of `QUANTITIES` in a sweep
+USED: Final = ("restitution", "amplitude", "frequency", SPEED)
+# Name of the base by its motion in a recording
+BASE_OF_MOTION: Final = {"level": HIGH_BOUNCE, "moving": MOVING}
+# Number by which refused draws may exceed the draws asked for, by chance
+REFUSED_BY_CHANCE: Final = 10
+
+
+@dataclass(frozen=True)
+class ComparisonOptions:
+    """Options of a comparison of recordings with prediction."""
+
+    # Known parameters, by their names in `PARAMETERS` and `OF_RESTITUTION`; restitution, amplitude,
+    # phase and frequency are estimated if they are not among them
+    known: Mapping[str, float]
+    method: str = "fit"  # ``"fit"`` or ``"sign_change"``
+    setup: Setup = field(default_factory=Setup)  # facts about the recordings
+    draws: int = DRAWS  # parameter sets drawn within the errors of an estimate
+    rebound: str = "rest"  # ``"rest"`` or ``"reflect"``
+    seed: int = 0  # seed of the random numbers
+    restitution_law: str = CONSTANT  # law of a known restitution
+
+    @property
+    def gravity(self) -> float:
+        """Gravity in m s-2."""
+        return self.known.get("gravity", PARAMETERS["gravity"].default)
+
+
+def parameters_of(
+    impacts: xr.Dataset, options: ComparisonOptions
+) -> tuple[dict[str, float], Scene, xr.Dataset | None]:
+    """Find the parameters of a prediction.
+
+    Returns the known ones, the scene, and the estimate of the others, None if all are known.
+    """
+    known = {name: p.default for name, p in PARAMETERS.items()} | dict(options.known)
+    stated = {"restitution", "amplitude"} & options.known.keys()
+    if len(stated) == 1:
+        raise ParameterError(
+            f"{stated.pop()} is given alone: give restitution and amplitude, or leave both to be "
+            f"estimated"
+        )
+    if not stated:
+        found = estimate(impacts, frequency=options.known.get("frequency"))
+        law, speed = law_of(found)
+        known |= {} if law == CONSTANT else {SPEED: speed}
+        return known, scene_of(impacts, options.rebound, stored(found.attrs), law), found
+    if "frequency" not in options.known:
+        raise ParameterError("the frequency is missing: give it with restitution and amplitude")
+    if impacts.attrs["base_motion"] == "moving":
+        values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
+        plain, _, shape = polar(values, covariance, harmonic_numbers(impacts))
+        known |= {"phase": options.known.get("phase", float(plain[2]))}
+    else:
+        shape = SINE
+        if "phase" not in options.known:
+            named = {name: known[name] for name in USED if name in known}
+            known["phase"] = fit_phase(impacts, law=options.restitution_law, **named)
+    return known, scene_of(impacts, options.rebound, shape, options.restitution_law), None
+
+
+def draw_parameters(
+    known: Mapping[str, float],
+    scene: Scene,
+    estimated: xr.Dataset | None,
+    draws: int,
+    seed: int = 0,
+) -> tuple[dict[str, Array], list[Waveform], int]:
+    """Draw parameter sets: the best estimate, then samples of its normal posterior.
+
+    `known` holds every parameter of `PARAMETERS`, and the speed of a law of restitution.  Values of
+    `estimated`, a result of `estimate`, replace them and those of the waveform of the scene.
+    Without an estimate there is one set, the known one.
+
+    Returns
+    -------
+    parameters
+        Arrays of shape (draw,).
+    waveforms
+        Waveform of each draw.
+    refused
+        Number of draws outside the physical range, which were replaced.
+
+    Raises
+    ------
+    ParameterError
+        The orbit does not determine the parameters, the best set is not physical, or more than
+        half of the draws are not.
+    """
+    waveform, law = scene.waveform, scene.restitution_law
+    if estimated is None:
+        return {name: np.array([value]) for name, value in known.items()}, [waveform], 0
+    names = [str(name) for name in estimated["parameter"].values]
+    best, covariance = estimated["estimate"].values, estimated["covariance"].values
+    if not np.isfinite(covariance).all():
+        raise ParameterError(f"the parameters cannot be used: {estimated.attrs['warning']}")
+    every = {**PARAMETERS, **OF_RESTITUTION}
+    physical = [(k, every[name]) for k, name in enumerate(names) if name in every]
+    for k, parameter in physical:
+        if not parameter.accepts(best[k]):
+            raise ParameterError(
+                f"{parameter.name} is estimated as {best[k]:.4g}: must be {parameter.allowed}; "
+                f"check the scale and the frequency, or give the parameters"
+            )
+    rng = np.random.default_rng(seed)
+    kept, refused = [best], 0
+    while len(kept) <= draws:
+        values = rng.multivariate_normal(best, covariance)
+        within = not range_mistake(law, values[:1])  # values[0] is the restitution
+        if within and all(bool(parameter.accepts(values[k])) for k, parameter in physical):
+            kept.append(values)
+        else:
+            refused += 1
+        if refused > draws + REFUSED_BY_CHANCE:
+            raise ParameterError(
+                f"{refused} of {refused + len(kept)} sets drawn within the errors of the estimate "
+                f"are not physical: the parameters are too uncertain; give them"
+            )
+    drawn = dict(zip(names, np.array(kept).T, strict=True))
+    shapes = [
+        with_values(waveform, {name: float(values[k]) for name, values in drawn.items()})
+        for k in range(len(kept))
+    ]
+    sets = {name: drawn.get(name, np.full(len(kept), value)) for name, value in known.items()}
+    return sets, shapes, refused
+
+
+def scene_of(impacts: xr.Dataset, rebound: str, waveform: Waveform, restitution_law: str) -> Scene:
+    """Make the scene of one particle that is launched at t = 0 over the base of a recording."""
+    base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
+    return Scene(
+        1, (0.0,), rebound=rebound, base=base, waveform=waveform, restitution_law=restitution_law
+    ).recorded()
+
+
+class FirstFlights(NamedTuple):
+    """Particles with a whole flight, and where the first flight of each begins."""
+
+    particle: Indices
+    # start, speed: time (s) and speed (m s-1) of its lift-off
+    start: Array
+    speed: Array
+    # Parameters of shape (draw * particle,), a realization for each particle: a launch at time t
+    # equals one at t = 0 with the phase phi + 2 pi f t
+    sets: dict[str, Array]
+
+
+def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> FirstFlights:
+    """Launch each particle with the lift-off of its first whole flight.
+
+    The parameters are those of `draw_parameters`, of shape (draw,).  Their phase is that at t = 0
+    of the recording, and their launch velocity is not used.
+    """
+    seen = np.isfinite(impacts["flight_time"].values)
+    particle = np.flatnonzero(seen.any(axis=1))
+    place = seen[particle].argmax(axis=1) if particle.size else particle
+    start, speed = (
+        impacts[name].values[particle, place] for name in ("liftoff_time", "impact_speed")
+    )
+    draws = parameters["frequency"].size
+    sets = {name: np.repeat(values, particle.size) for name, values in parameters.items()}
+    turns = sets["frequency"] * np.tile(start, draws)
+    sets["phase"] = sets["phase"] + 2.0 * np.pi * (turns - np.rint(turns))
+    sets["launch_velocity"] = np.tile(speed, draws)
+    return FirstFlights(particle, start, speed, sets)
+
+
+def predict(
+    impacts: xr.Dataset,
+    parameters: Mapping[str, Array],
+    waveforms: Sequence[Waveform],
+    scene: Scene,
+    workers: Workers,
+) -> dict[str, Array]:
+    """Predict mean height (m) and period (s) from a particle's first flight to the end of the film.
+
+    The shape is (draw, particle), with NaN for a particle without a whole flight.  Parameters and
+    waveforms are those of `draw_parameters`, the scene that of `scene_of`.  A particle that appears
+    late is followed for as long as the others.
+    """
+    draws = parameters["frequency"].size
+    size = draws, impacts.sizes["particle"]
+    means = {quantity: np.full(size, np.nan) for quantity in QUANTITIES}
+    flown, start, _, sets = first_flights(impacts, parameters)
+    if flown.size:
+        length = impacts.attrs["end"] - float(start.min())
+        for shape in dict.fromkeys(waveforms):
+            alike = np.array([waveform == shape for waveform in waveforms])
+            chosen = {name: values[np.repeat(alike, flown.size)] for name, values in sets.items()}
+            lasting = replace(scene, duration=length, waveform=shape)
+            found = measure(all_parameters(chosen), lasting, workers)
+            for mean, name in zip(means.values(), MEANS, strict=True):
+                mean[np.ix_(alike, flown)] = found[name].reshape(-1, flown.size)
+    return means
+
+
+# -----------------------------------------------------------------------------
+# Simulated copy of a recording: the predicted motion, filmed and measured like the real one.
+#
+# The errors of this measurement are those of the camera alone, because the motion is the
+# prediction.
+
+# Variance of S and C of a base without motion, (m s-1)^2
+LEAST_VARIANCE: Final = 1e-24
+
+
+def camera_shares(
+    tracks: xr.Dataset,
+    impacts: xr.Dataset,
+    numbers: Mapping[str, float],
+    scene: Scene,
+    options: ComparisonOptions,
+) -> Array:
+    """Errors in per cent that frames alone cause, and those that pixels add.
+
+    Their shape is (2, quantity, reading).  `numbers` are the parameters of the prediction, and the
+    `scene` is one of `scene_of`.
+    """
+    motions = predicted_motions(impacts, numbers, scene)
+    time = tracks["time"].values
+    true = heights(motions, time, options.setup.exposure)
+    means = [motion.means(time[0], time[-1]) for motion in motions]
+    predicted = dict(zip(QUANTITIES, np.array(means).T, strict=True))
+    noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
+    # the fit of a moving base is weighted with the noise, which must not be zero
+    least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
+    setup = options.setup
+    if setup.base is None:
+        motion = impacts.attrs["base_motion"]
+        trace = _exact_trace(numbers, scene.waveform) if motion == "moving" else None
+        setup = setup._replace(motion=motion, trace=trace)
+    cameras = (Camera(rate, noise, pixels, whole_pixels=False) for pixels in (least, 1.0))
+    by_frames, together = (
+        _measurement_error(true, time, camera, predicted, options, setup) for camera in cameras
+    )
+    return np.stack([by_frames, np.sqrt(np.maximum(together**2 - by_frames**2, 0.0))])
+
+
+def _exact_trace(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
+    """Trace of the predicted base, as if it had been measured to one part in a million."""
+    velocity = numbers["amplitude"] / (1.0 + numbers["restitution"])
+    values = []
+    for h, weight, psi in waveform.harmonics:
+        angle, size = psi + h * numbers["phase"], weight * velocity
+        values += [size * np.cos(angle), size * np.sin(angle)]
+    variance = np.insert(np.full(len(values), velocity), 2, numbers["frequency"]) ** 2 * 1e-12
+    return Trace(
+        np.insert(values, 2, numbers["frequency"]),
+        np.diag(np.maximum(variance, LEAST_VARIANCE)),
+        tuple(h for h, *_ in waveform.harmonics),
+    )
+
+
+def predicted_motions(
+    impacts: xr.Dataset, numbers: Mapping[str, float], scene: Scene
+) -> list[Motion]:
+    """Predict the motion of each particle with a whole flight, on the clock of the recording."""
+    best = {name: np.array([value]) for name, value in numbers.items()}
+    _, start, speed, sets = first_flights(impacts, best)
+    problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
+    at_once = np.zeros((1, start.size))
+    surface = LEVEL if scene.base == HIGH_BOUNCE else oscillating_surface(numbers, scene.waveform)
+    batch = Batch(base_of(*scene.mechanics), problem, Launches(at_once, at_once))
+    record = wandering_record(batch, np.zeros(2), numbers["frequency"], numbers["gravity"])
+    return [
+        Motion.from_record(
+            Record(record.landing_time + t, record.liftoff_time + t, *record[2:]),
+            p,
+            t,
+            speed[p],
+            numbers["gravity"],
+            surface,
+        )
+        for p, t in enumerate(start)
+    ]
+
+
+def _measurement_error(
+    true: Array,
+    time: Array,
+    camera: Camera,
+    predicted: dict[str, Array],
+    options: ComparisonOptions,
+    setup: Setup,
+) -> Array:
+    """Film true heights, measure them, and return the errors of `predicted` against them."""
+    height = film(true, camera, np.random.default_rng(options.seed))
+    tracks = make_tracks(time, height, source="the predicted motion, filmed as the recording was")
+    fitted = fit_tracks(tracks, options.gravity, setup)
+    by_fit = impacts_of(tracks, fitted, options.gravity, "fit")
+    impacts = impacts_of(tracks, fitted, options.gravity, options.method)
+    return errors_of(impacts, predicted, comparable(by_fit))
+
+
+# -----------------------------------------------------------------------------
+# Comparison of recordings with prediction, and the sources of its errors.
 
 # Parameters that may be given: a particle is launched with the speed of its first flight
 KNOWN: Final = {
@@ -52,6 +468,12 @@ KNOWN: Final = {
     for name, parameter in {**PARAMETERS, **OF_RESTITUTION}.items()
     if name != "launch_velocity"
 }
+# Flights of two predictions, whose starts differ by the error of a measurement, are as far apart as
+# this share of the standard deviation of the flights of one: they are irregular
+APART: Final = 0.5
+REGULAR: Final = 1e-3  # relative standard deviation of flights that are all alike
+FEWEST: Final = 8  # flights with which this can be told
+CHANCE: Final = 1.36  # distance of two samples, over sqrt(1/n + 1/m), that chance exceeds in 5 %
 SHARES: Final = ("frames", "pixels", "parameters")
 
 
@@ -101,7 +523,11 @@ def compare_tracks(
         measured``, its mean over the repeats, and the contributions of ``frames``, ``pixels``
         and ``parameters`` (in per cent of the measured value), which add in quadrature.
         Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).
-        Dim case: ``particles``, ``repeats``, ``compared``, and the parameters used.  Attributes:
+        ``distribution_distance``, the largest difference of the cumulative distributions of
+        measured and predicted flights, which counts where the motion is irregular.
+        Dim case: ``irregular``, the share of particles whose single flights cannot be predicted;
+        ``distribution_chance``, the distance that chance exceeds in 5 %;
+        ``particles``, ``repeats``, ``compared``, and the parameters used.  Attributes:
         the base, the ``waveform`` and the ``restitution_law`` of the prediction.
 
     Raises
@@ -224,6 +650,9 @@ def _compare_recording(
     both = [[np.nanmean(mean[q][among]) for q in QUANTITIES] for mean in (means, best)]
     columns = _parameter_columns(estimated, used, scene.waveform)
     columns["compared"] = among.mean(), "1", "share of the particles that could be compared"
+    irregular, distances, chance = _distributions(by_fit, used, scene, among)
+    columns["irregular"] = irregular, "1", "share of the particles whose single flights are chaotic"
+    columns["distribution_chance"] = chance, "1", "distance that chance exceeds in 5 %"
     texts = {
         "method": options.method,
         "warning": "; ".join(warnings),
@@ -233,7 +662,47 @@ def _compare_recording(
         "restitution_law": scene.restitution_law,
         "law": "" if estimated is None else law_text(estimated),
     }
-    return _table(errors, both, columns).assign_coords(particles=among.size).assign_attrs(texts)
+    words = {"long_name": "largest difference of the distributions of flights", "units": "1"}
+    table = _table(errors, both, columns)
+    table["distribution_distance"] = "quantity", distances, words
+    return table.assign_coords(particles=among.size).assign_attrs(texts)
+
+
+def _distributions(
+    impacts: xr.Dataset, used: dict[str, float], scene: Scene, among: Flags
+) -> tuple[float, Array, float]:
+    """Compare flights as a whole.
+
+    Returns the share of particles whose single flights cannot be predicted, because a start that
+    differs by the error of its measurement leads to others; the largest differences of the
+    cumulative distributions of heights and of periods; and that which chance exceeds in 5 %.
+    """
+    error = impacts.attrs["gravity"] * float(np.nanmedian(impacts["landing_time_error"]))
+    nudged = impacts.assign(impact_speed=impacts["impact_speed"] + max(error, 1e-6))
+    pairs = [predicted_motions(found, used, scene) for found in (impacts, nudged)]
+    particles = np.flatnonzero(np.isfinite(impacts["flight_time"].values).any(axis=1))
+    irregular, flights = [], []
+    for particle, one, two in zip(particles, *pairs, strict=True):
+        if not among[particle]:
+            continue
+        seen = one.end <= impacts.attrs["end"]
+        flights.append(np.stack([one.apex[seen], (one.end - one.start)[seen]]))
+        number = min(int(seen.sum()), int((two.end <= impacts.attrs["end"]).sum()))
+        late = slice(number // 2, number)
+        first, second = ((motion.end - motion.start)[late] for motion in (one, two))
+        if number >= FEWEST:
+            apart, spread = float(np.std(first - second)), float(first.std())
+            irregular.append(apart > APART * spread > APART * REGULAR * float(first.mean()))
+    predicted = np.concatenate(flights, axis=1)
+    distances, chance = [], np.nan
+    for sample, name in zip(predicted, MEASURED_AS.values(), strict=True):
+        measured = impacts[name].values[among]
+        measured = np.sort(measured[np.isfinite(measured)])
+        every = np.concatenate([measured, sample])
+        below = (np.searchsorted(np.sort(x), every, "right") / x.size for x in (measured, sample))
+        distances.append(float(np.abs(next(below) - next(below)).max()))
+        chance = CHANCE * float(np.sqrt(1.0 / measured.size + 1.0 / sample.size))
+    return float(np.mean(irregular)) if irregular else 0.0, np.array(distances), chance
 
 
 def _table(

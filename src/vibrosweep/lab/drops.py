@@ -1,22 +1,632 @@
-"""Restitution of a ball on a floor from recordings of its drops, pooled."""
+"""Restitution of a ball on a floor: bounces of all drops, pooled, with components of variance."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
+from scipy.optimize import brentq
+from scipy.special import ndtr
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.ballistics import (
+    DRAG,
+    POWER,
+    BallInputs,
+    Bounces,
+    Input,
+    ball_inputs,
+    from_range,
+)
 from vibrosweep.lab.clicks import bounces_of_clicks
-from vibrosweep.lab.drop_inputs import ball_inputs
 from vibrosweep.lab.films import FilmFit, bounces_of_film
-from vibrosweep.lab.pool import Pool
-from vibrosweep.lab.recording import Recording
+from vibrosweep.lab.recordings import Recording
+from vibrosweep.model.restitution_laws import (
+    CONSTANT,
+    LEAST_VISCOELASTIC,
+    PLASTIC,
+    VISCOELASTIC,
+    restitution_at,
+)
 
 __all__ = ["restitution"]
+
+# -----------------------------------------------------------------------------
+# Mean and scatter of bounces: a linear model with components of variance.
+#
+# A drop gives rows z = X b + errors, whose covariance is
+#
+#     fixed + timing^2 T + scatter^2 I + (from drop to drop)^2 1 1'
+#
+# Restricted likelihoods on a grid of the three components are weighted with a prior and averaged,
+# so that the uncertainty of the components, which is large for a few bounces or drops, is in the
+# errors of b.  Inputs that are known within a range are columns of X with a prior of variance 1.
+
+NODES: Final = 8  # of the grid, for each component
+ZOOMS: Final = 3
+FAINT: Final = 9.0  # a node whose log density is lower by as much does not matter
+# Scale of the prior (Cauchy) of what differs from drop to drop, which two drops hardly determine
+DROP_SCALE: Final = 0.01
+DEVIATES: Final = np.linspace(-4.0, 4.0, 25)  # at which a column has nodes
+LEAST: Final = 1e-6  # error of e that is as good as none
+COMPONENTS: Final = ("timing", "scatter", "drop_scatter")
+
+
+class Rows(NamedTuple):
+    """Rows of all drops, each filled up with rows that say nothing."""
+
+    value: Array  # (drop, row)
+    design: Array  # (drop, row, column)
+    fixed: Array  # (drop, row, row), 1 on the diagonal of rows that say nothing
+    timing: Array  # (drop, row, row)
+    bounce: Array  # (drop, row), 1 for a bounce, 0 for others
+
+
+class Fit(NamedTuple):
+    """Average over the grid of components: nodes with weights."""
+
+    weight: Array  # (node,)
+    nodes: Array  # (node, component)
+    mean: Array  # (node, column)
+    covariance: Array  # (node, column, column)
+    edges: tuple[Array, ...]  # of the cells around the nodes, for each component
+    evidence: float  # logarithm of the likelihood, averaged over the prior
+
+    @property
+    def components(self) -> Array:
+        """Means of the three components."""
+        return np.asarray(self.weight @ self.nodes)
+
+    def moments(self) -> tuple[Array, Array]:
+        """Return mean and covariance of the columns."""
+        mean = self.weight @ self.mean
+        off = self.mean - mean
+        inner = np.einsum("m,mij->ij", self.weight, self.covariance)
+        return mean, inner + np.einsum("m,mi,mj->ij", self.weight, off, off)
+
+    def share_below(self, column: int, value: float) -> float:
+        """Return the probability that a column lies below a value."""
+        sd = np.sqrt(self.covariance[:, column, column])
+        return float(self.weight @ ndtr((value - self.mean[:, column]) / sd))
+
+    def quantile(self, column: int, share: float) -> float:
+        """Return the value below which a column lies with this probability."""
+        sd = np.sqrt(self.covariance[:, column, column])
+        low, high = (self.mean[:, column] - 60 * sd).min(), (self.mean[:, column] + 60 * sd).max()
+        return float(brentq(lambda x: self.share_below(column, x) - share, low, high))
+
+    def reweighted(self, column: int, log_factor: Callable[[Array], Array]) -> Fit:
+        """Multiply the prior of a column by a factor: its values become nodes."""
+        mean, sd = self.mean[:, column], np.sqrt(self.covariance[:, column, column])
+        seen = self.weight > np.exp(-FAINT) * self.weight.max()
+        at = mean[seen, None] + sd[seen, None] * DEVIATES
+        density = np.log(self.weight[seen, None]) - 0.5 * DEVIATES**2 + log_factor(at)
+        weight = np.exp(density - density.max())
+        slope = self.covariance[seen, :, column] / sd[seen, None]
+        means = self.mean[seen, None] + slope[:, None] * DEVIATES[:, None]
+        left = self.covariance[seen] - slope[:, :, None] * slope[:, None, :]
+        n, size = means.shape[:2]
+        kept = (weight > np.exp(-FAINT) * weight.max()).ravel()
+        return Fit(
+            weight.ravel()[kept] / weight.ravel()[kept].sum(),
+            np.repeat(self.nodes[seen], size, axis=0)[kept],
+            means.reshape(n * size, -1)[kept],
+            np.repeat(left, size, axis=0)[kept],
+            self.edges,
+            self.evidence,
+        )
+
+    def component_quantile(self, which: int, share: float) -> float:
+        """Return the value below which a component lies with this probability."""
+        edges = self.edges[which]
+        cell = np.searchsorted(edges, self.nodes[:, which]) - 1
+        total = np.cumsum(np.bincount(cell, self.weight, edges.size - 1))
+        return float(np.interp(share, np.append(0.0, total), edges))
+
+
+def covariance_of(rows: Rows, nodes: Array) -> Array:
+    """Return covariances, shape (node, drop, row, row)."""
+    t, s, d = (nodes[:, k, None, None, None] ** 2 for k in range(3))
+    own = np.eye(rows.value.shape[1]) * rows.bounce[:, :, None]
+    shared = rows.bounce[:, :, None] * rows.bounce[:, None, :]
+    return np.asarray(rows.fixed + t * rows.timing + s * own + d * shared)
+
+
+def solve(rows: Rows, nodes: Array, prior: Array) -> tuple[Array, ...]:
+    """Return restricted log likelihoods, estimates, covariances and chi-squares at nodes."""
+    lower = np.linalg.cholesky(covariance_of(rows, nodes))
+    right = np.concatenate([rows.design, rows.value[:, :, None]], axis=2)
+    scaled = np.linalg.solve(lower, np.broadcast_to(right, (len(nodes), *right.shape)))
+    x, z = scaled[..., :-1], scaled[..., -1]
+    normal = np.einsum("mdri,mdrj->mij", x, x) + np.diag(prior)
+    covariance = np.linalg.inv(normal)
+    top = np.einsum("mdri,mdr->mi", x, z)
+    mean = np.einsum("mij,mj->mi", covariance, top)
+    square = np.einsum("mdr,mdr->m", z, z) - np.einsum("mi,mi->m", mean, top)
+    logs = 2.0 * np.log(np.einsum("mdrr->mdr", lower)).sum((1, 2))
+    return -0.5 * (logs + np.linalg.slogdet(normal)[1] + square), mean, covariance, square
+
+
+def fit_components(
+    rows: Rows, prior: Array, free: tuple[bool, bool, bool], zooms: int = ZOOMS
+) -> Fit:
+    """Average over the components that are `free`; `prior` holds the precision of each column."""
+    typical = _typical(rows)
+    scales = np.array([0.01 / typical[1], 0.01, 0.01])  # of timing, and of e
+    low, high = 1e-4 * scales, 30.0 * scales
+    for zoom in range(zooms):
+        # even in the logarithm at first, then in the square root, so that 0 is resolved
+        steps = np.linspace(0.0, 1.0, NODES + 1) ** 2
+        edges = tuple(
+            np.geomspace(a, b, NODES + 1) if zoom == 0 else a + (b - a) * steps
+            for a, b in zip(low, high, strict=True)
+        )
+        axes = [
+            (e[1:] + e[:-1]) / 2.0 if f else np.zeros(1) for e, f in zip(edges, free, strict=True)
+        ]
+        widths = [np.diff(e) if f else np.ones(1) for e, f in zip(edges, free, strict=True)]
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+        cells = np.prod(np.meshgrid(*widths, indexing="ij"), axis=0).ravel()
+        parts = [solve(rows, part, prior) for part in np.array_split(nodes, len(nodes) // 64 + 1)]
+        loglik, mean, covariance, _ = (np.concatenate(p) for p in zip(*parts, strict=True))
+        density = loglik + _log_prior(nodes, free, typical) + np.log(cells)
+        seen = density > density.max() - FAINT
+        if zoom < zooms - 1:
+            for k in np.flatnonzero(free):
+                near = np.flatnonzero(np.isin(axes[k], nodes[seen, k]))
+                # with a cell on either side, as the density may be higher between the nodes
+                first, last = max(near[0] - 1, 0), min(near[-1] + 2, axes[k].size)
+                low[k] = edges[k][first] if first else (0.0 if zoom == 0 else low[k])
+                high[k] = edges[k][last]
+    weight = np.exp(density - density.max())
+    evidence = float(density.max() + np.log(weight.sum()))
+    return Fit(weight / weight.sum(), nodes, mean, covariance, edges, evidence)
+
+
+def _typical(rows: Rows) -> tuple[float, float]:
+    """Return typical standard deviations of a bounce: by `fixed`, and by a unit of timing."""
+    used = rows.bounce > 0.0
+    return tuple(  # type: ignore[return-value]
+        max(float(np.sqrt(np.median(np.einsum("drr->dr", part)[used]))), LEAST)
+        for part in (rows.fixed, rows.timing)
+    )
+
+
+def _log_prior(nodes: Array, free: tuple[bool, bool, bool], typical: tuple[float, float]) -> Array:
+    """Scale-free prior of timing and scatter, down to the fixed errors; Cauchy of drops."""
+    single = typical[0] ** 2 + nodes[:, 1] ** 2 + (typical[1] * nodes[:, 0]) ** 2
+    number = int(free[0]) + int(free[1])
+    return -0.5 * number * np.log(single) - np.log1p((nodes[:, 2] / DROP_SCALE) ** 2)
+
+
+def weighted_residuals(rows: Rows, fit: Fit) -> tuple[Array, Array]:
+    """Return residuals divided by their covariance, and the inverse of the covariance."""
+    inverse = np.linalg.inv(covariance_of(rows, fit.components[None])[0])
+    left = rows.value - rows.design @ fit.moments()[0]
+    return np.einsum("drs,ds->dr", inverse, left), inverse
+
+
+def odd_row(rows: Rows, fit: Fit) -> tuple[float, int, int]:
+    """Return the bounce that is farthest from what the others say: how far, its drop, its row."""
+    pulled, inverse = weighted_residuals(rows, fit)
+    far = pulled / np.sqrt(np.einsum("drr->dr", inverse))
+    far = np.abs(far) * rows.bounce
+    drop, row = np.unravel_index(far.argmax(), far.shape)
+    return float(far[drop, row]), int(drop), int(row)
+
+
+def without(rows: Rows, drop: int, row: int) -> Rows:
+    """Return rows of which one says nothing."""
+    parts = [np.array(part) for part in rows]
+    for part in (0, 1, 4):
+        parts[part][drop, row] = 0.0
+    for part in (2, 3):
+        parts[part][drop, row, :] = parts[part][drop, :, row] = 0.0
+    parts[2][drop, row, row] = 1.0
+    return Rows(*parts)
+
+
+def stack(blocks: list[tuple[Array, Array, Array, Array, Array]]) -> Rows:
+    """Make rows of blocks of value, design, fixed, timing and bounce, one for each drop."""
+    longest = max(len(block[0]) for block in blocks)
+    made = []
+    for value, design, fixed, timing, bounce in blocks:
+        n = longest - len(value)
+        square = ((0, n), (0, n))
+        whole = np.pad(fixed, square) + np.diag(np.repeat([LEAST**2, 1.0], [len(value), n]))
+        made.append(
+            (
+                np.pad(value, (0, n)),
+                np.pad(design, ((0, n), (0, 0))),
+                whole,
+                np.pad(timing, square),
+                np.pad(bounce, (0, n)),
+            )
+        )
+    return Rows(*(np.stack(part) for part in zip(*made, strict=True)))
+
+
+# -----------------------------------------------------------------------------
+# Bounces of all drops, pooled: restitution, its dependence on the speed, its scatter.
+
+QUANTILES: Final = (0.025, 0.1587, 0.8413, 0.975)
+ODD: Final = 4.0  # standard deviations of a bounce that is left out
+MOST_ODD: Final = 0.1  # share of bounces that may be left out
+FALLS: Final = 0.01  # size of the one-sided test of an e that falls with speed
+RISES: Final = 0.001  # and of one that rises, which no law of this package does
+EQUAL: Final = 6.63  # deviances that differ by less fit equally (1 %, one parameter)
+LINE: Final = "line"
+EDGE: Final = 0.1  # of the logarithm, to which a range is exact
+TERMINAL: Final = 20.0  # m s-1, a terminal speed whose effect is stated
+LINEARIZED: Final = 3  # times that clicks are adjusted
+STARTS: Final = 7  # contacts that are tried first
+ROUGH: Final = 2  # zooms of a fit that is only a step
+SMOOTH: Final = 1e4  # precision that stands for an input without error
+
+
+def _even(one: Input, deviate: Array) -> Array:
+    """Return the logarithm of a prior that is even in the logarithm, over a normal one.
+
+    Beyond the ends of the range it falls off smoothly.
+    """
+    low, high = one.ends or (0.0, np.inf)
+    value = np.maximum(one.value + one.error * deviate, 1e-3 * low)
+    logs = np.log(value)
+    beyond = np.maximum(np.log(low) - logs, 0.0) + np.maximum(logs - np.log(high), 0.0)
+    return np.asarray(-logs - 0.5 * (beyond / EDGE) ** 2 + 0.5 * deviate**2)
+
+
+class Pool:
+    """Drops with the columns of the inputs that matter to them."""
+
+    def __init__(self, drops: list[Bounces], inputs: BallInputs) -> None:
+        self.drops = drops
+        every: dict[str, Input] = {"contact": inputs.contact, "gravity": inputs.gravity}
+        filmed = any(drop.gravity for drop in drops)
+        if any(drop.about for drop in drops):
+            every["contact_power"] = POWER
+        if inputs.drag or filmed:
+            every["drag"] = inputs.drag or from_range(*DRAG)
+        if inputs.drop_height:
+            every["drop_height"] = inputs.drop_height
+        self.inputs = {
+            name: one
+            for name, one in every.items()
+            if one.error > 0.0 or any(name in drop.found for drop in drops)
+        }
+        self.prior = [1.0 if one.error > 0.0 else SMOOTH for one in self.inputs.values()]
+        self.speed = np.concatenate([drop.speed for drop in drops])
+        self.odd: list[tuple[int, int]] = []
+        self.reference = float(np.median(self.speed))
+        self.rows = self._rows()
+
+    def _rows(self) -> Rows:
+        blocks = []
+        for drop in self.drops:
+            n = drop.restitution.size
+            names = list(drop.found)
+            size = n + len(names)
+            columns = [np.ones(size), np.zeros(size)]
+            columns[0][n:] = 0.0
+            columns[1][:n] = drop.speed - self.reference
+            for name, one in self.inputs.items():
+                slope = drop.inputs.get(name, np.zeros(size))
+                columns.append(slope * self._unit(one))
+            value = np.concatenate([drop.restitution, [drop.found[name] for name in names]])
+            bounce = np.repeat([1.0, 0.0], [n, len(names)])
+            blocks.append((value, np.stack(columns, 1), drop.fixed, drop.timing, bounce))
+        return stack(blocks)
+
+    @staticmethod
+    def _unit(one: Input) -> float:
+        return one.error or max(abs(one.value), 1e-6) * 1e-3
+
+    @staticmethod
+    def _free(rows: Rows, slope: bool) -> tuple[bool, bool, bool]:
+        """Return which components the bounces can tell."""
+        bounces = int(rows.bounce.sum())
+        heard, many = bool(rows.timing.any()), int((rows.bounce.sum(1) > 0.0).sum()) > 1
+        return heard and bounces > 2, bounces > 1 + slope, many
+
+    def fit(self, rows: Rows, slope: bool, zooms: int = ZOOMS) -> Fit:
+        """Fit with or without a slope, which a precision then holds at 0."""
+        prior = np.array([0.0, 0.0 if slope else 1e12, *self.prior])
+        fit = fit_components(rows, prior, self._free(rows, slope), zooms)
+        for k, (name, one) in enumerate(self.inputs.items()):
+            if one.ends and not any(name in drop.found for drop in self.drops):
+                fit = fit.reweighted(2 + k, partial(self._prior, name, one))
+        return fit
+
+    def _prior(self, name: str, one: Input, deviate: Array) -> Array:
+        """Return the logarithm of the prior of an input over a normal one.
+
+        Scatter is one of restitutions, which follow from intervals: with the contact changes by
+        how much an interval changes a restitution, and so the probability of the interval.
+        """
+        factor = _even(one, deviate)
+        if name == "contact":
+            contact = one.value + one.error * deviate
+            left = {k: set(range(drop.speed.size)) for k, drop in enumerate(self.drops)}
+            for k, row in self.odd:
+                left[k].discard(row)
+            for k, drop in enumerate(self.drops):
+                if drop.before is None:
+                    continue
+                before = drop.before[sorted(left[k])]
+                before = before[np.isfinite(before)]
+                lasting = contact[..., None] * (before / drop.middle) ** -POWER.value
+                flight = np.maximum(before - lasting, 0.1 * before)
+                factor = factor - np.log(flight / before).sum(-1)
+        return factor
+
+    def _start(self) -> None:
+        """Linearize about the contact, of a few in its range, that describes times best."""
+        one = self.inputs.get("contact")
+        if one is None or not one.ends:
+            return
+        column, best = 2 + list(self.inputs).index("contact"), -np.inf
+        first = list(self.drops)
+        for contact in np.geomspace(*one.ends, STARTS):
+            drops = [d.about(0.0, {"contact": contact}) if d.about else d for d in first]
+            self.drops, deviate = drops, (contact - one.value) / one.error
+            rows = self._rows()
+            held = rows._replace(value=rows.value - rows.design[..., column] * deviate)
+            prior = np.array([0.0, 0.0, *self.prior])
+            prior[column] = 1e12
+            fit = fit_components(held, prior, self._free(rows, slope=True), 1)
+            evidence = fit.evidence + float(self._prior("contact", one, np.array(deviate)))
+            evidence -= 0.5 * deviate**2
+            if evidence > best:
+                best, kept = evidence, drops
+        self.drops = kept
+        self.rows = self._rows()
+
+    def _linearize(self, fit: Fit) -> None:
+        """Linearize about the clicks as the fit adjusts them.
+
+        Ratios of noisy intervals are biased, and more so their errors with which they are weighted.
+        """
+        pulled, _ = weighted_residuals(self.rows, fit)
+        off = fit.moments()[0][2:]
+        at = {
+            name: max(one.value + self._unit(one) * d, 0.1 * one.value)
+            for (name, one), d in zip(self.inputs.items(), off, strict=True)
+        }
+        for k, drop in enumerate(self.drops):
+            if drop.about is None or drop.clicks is None:
+                continue
+            variance = fit.components[0] ** 2 + drop.rounding**2 / 12.0
+            shift = -variance * drop.clicks.T @ pulled[k, : len(drop.clicks)]
+            self.drops[k] = drop.about(shift, at)
+        self.rows = self._rows()
+        for drop_row in self.odd:
+            self.rows = without(self.rows, *drop_row)
+
+    def _without_odd(self) -> Fit:
+        limit = MOST_ODD * self.rows.bounce.sum()
+        slope = self.rows.bounce.sum() > 3 and float(np.ptp(self.speed)) > 0.0
+        heard = any(drop.about for drop in self.drops)
+        if heard and slope:
+            self._start()
+        fit = self.fit(self.rows, slope, ROUGH)
+        for _ in range(LINEARIZED if heard else 0):
+            self._linearize(fit)
+            fit = self.fit(self.rows, slope, ROUGH)
+        while len(self.odd) + 1 <= limit:
+            far, drop, row = odd_row(self.rows, fit)
+            if far < ODD:
+                break
+            self.odd.append((drop, row))
+            self.rows = without(self.rows, drop, row)
+            fit = self.fit(self.rows, slope, ROUGH)
+        return self.fit(self.rows, slope)
+
+    def result(self, remarks: list[str]) -> xr.Dataset:
+        """Return the result of the pool."""
+        line = self._without_odd()
+        constant = self.fit(self.rows, slope=False)
+        mean, covariance = line.moments()
+        bounces = int(self.rows.bounce.sum())
+        tested = bounces > 3
+        below = line.share_below(1, 0.0) if tested else 0.5
+        falls, rises = 1.0 - below < FALLS, below < RISES
+        chosen = line if falls or rises else constant
+        if tested:  # the speed at which e and slope are independent, so that both fits agree
+            shift = -covariance[0, 1] / covariance[1, 1]
+            low, high = self.speed.min(), self.speed.max()
+            speed = float(np.clip(self.reference - shift, low, high))
+        else:
+            speed = self.reference
+        move = np.eye(len(mean))
+        move[0, 1] = speed - self.reference
+        chosen = chosen._replace(
+            mean=chosen.mean @ move.T, covariance=move @ chosen.covariance @ move.T
+        )
+        quantiles = np.array([chosen.quantile(0, q) for q in QUANTILES])
+        e, full = chosen.moments()[0][0], chosen.moments()[1]
+        error = float(quantiles[2] - quantiles[1]) / 2.0
+        apparent = [drop.gravity or Input(np.nan, np.nan) for drop in self.drops]
+        filmed = all(drop.gravity for drop in self.drops)
+        words = "falls" if falls else "rises" if rises else CONSTANT
+        laws = self._laws(line, speed, words, filmed)
+        variables: dict[str, Any] = {
+            "restitution": float(e),
+            "restitution_error": error,
+            "restitution_quantile": ("quantile", quantiles),
+            "speed": speed,
+            "slope": float(mean[1]) if tested else np.nan,
+            "slope_error": float(np.sqrt(covariance[1, 1])) if tested else np.nan,
+            **self._components(chosen, bounces),
+            **self._bounce_variables(chosen),
+            "law_restitution": ("law", [law[1] for law in laws]),
+            "law_speed": ("law", [law[2] for law in laws]),
+            "law_deviance": ("law", [law[3] for law in laws]),
+            **self._drop_variables(chosen, error),
+            "drop_gravity": ("drop", [g.value for g in apparent]),
+            "drop_gravity_error": ("drop", [g.error for g in apparent]),
+            **self._budget(chosen, full),
+        }
+        coordinates = {
+            "quantile": list(QUANTILES),
+            "law": [law[0] for law in laws],
+            "drop": [drop.name for drop in self.drops],
+            "input": list(self.inputs) or ["none"],
+        }
+        attributes = {
+            "bounces": bounces,
+            "dependence": words,
+            "speed_known": int(all(drop.speed_known for drop in self.drops)),
+            "filmed": int(filmed),
+            "remarks": "\n".join([*remarks, *self._remarks()]),
+        }
+        return xr.Dataset(variables, coords=coordinates, attrs=attributes)
+
+    def _remarks(self) -> list[str]:
+        texts = [f"{drop.name}: {text}" for drop in self.drops for text in drop.remarks]
+        for k, row in self.odd:
+            drop = self.drops[k]
+            texts.append(
+                f"{drop.name}: the bounce at {drop.time[row]:.5g} s is odd "
+                f"(e = {drop.restitution[row]:.3f}) and left out"
+            )
+        return texts
+
+    def _components(self, fit: Fit, bounces: int) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        wanted = (0.5, *QUANTILES, 0.95)
+        for k, name in enumerate(("timing", "scatter", "drop_scatter")):
+            given = fit.nodes[:, k].any()
+            values = [fit.component_quantile(k, q) if given else np.nan for q in wanted]
+            found[name] = values[0]
+            found[f"{name}_quantile"] = ("quantile", values[1:5])
+            found[f"{name}_limit"] = values[5]
+        return found
+
+    def _bounce_variables(self, fit: Fit) -> dict[str, Any]:
+        joined = {
+            name: np.concatenate([getattr(drop, name) for drop in self.drops])
+            for name in ("restitution", "speed", "time")
+        }
+        timing = fit.components[0]
+        errors = [
+            np.sqrt(np.diag(d.fixed + timing**2 * d.timing))[: d.restitution.size]
+            for d in self.drops
+        ]
+        used = [
+            [(k, row) not in self.odd for row in range(drop.restitution.size)]
+            for k, drop in enumerate(self.drops)
+        ]
+        counts = [drop.restitution.size for drop in self.drops]
+        return {
+            **{f"bounce_{name}": ("bounce", values) for name, values in joined.items()},
+            "bounce_error": ("bounce", np.concatenate(errors)),
+            "bounce_used": ("bounce", np.concatenate(used).astype(np.int8)),
+            "bounce_drop": ("bounce", np.repeat(np.arange(len(counts)), counts)),
+        }
+
+    def _drop_variables(self, fit: Fit, error: float) -> dict[str, Any]:
+        """Return the restitution of each drop by itself, and with what error another is known."""
+        mean, (timing, scatter, _) = fit.moments()[0], fit.components
+        alone = covariance_of(self.rows, np.array([[timing, scatter, 0.0]]))[0]
+        columns = np.stack([self.rows.bounce, self.rows.value - self.rows.design @ mean], axis=2)
+        ones, left = np.moveaxis(np.linalg.solve(alone, columns), 2, 0)
+        size = np.einsum("dr,dr->d", self.rows.bounce, ones)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.einsum("dr,dr->d", self.rows.bounce, left) / size
+        many = len(self.drops) > 1
+        drops = float(fit.weight @ fit.nodes[:, 2] ** 2) if many else np.nan
+        return {
+            "drop_restitution": ("drop", np.where(size > 0.0, mean[0] + off, np.nan)),
+            "drop_restitution_error": ("drop", np.where(size > 0.0, size, np.nan) ** -0.5),
+            "prediction_error": float(np.sqrt(error**2 + drops)),
+        }
+
+    def _budget(self, fit: Fit, covariance: Array) -> dict[str, Any]:
+        """State each input as the data leave it, and what it contributes to the error of e."""
+        mean = fit.moments()[0]
+        names = list(self.inputs)
+        ones = list(self.inputs.values())
+        scales = np.array([self._unit(one) for one in ones])
+        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        after = spread[2:]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = covariance[0, 2:] / after
+            correlation = covariance / np.outer(spread, spread)
+        parameters = ["restitution", "slope", *names]
+        bare = np.concatenate(
+            [
+                drop.inputs.get("drag", np.zeros(drop.restitution.size))[: drop.restitution.size]
+                for drop in self.drops
+            ]
+        )
+        heard = not any(drop.gravity for drop in self.drops)
+        return {
+            "input_value": ("input", np.array([one.value for one in ones]) + mean[2:] * scales)
+            if names
+            else ("input", [np.nan]),
+            "input_error": ("input", after * scales if names else [np.nan]),
+            "input_effect": ("input", np.abs(shares) if names else [np.nan]),
+            "drag_effect": -float(bare.mean()) / TERMINAL**2
+            if heard and "drag" not in self.inputs
+            else np.nan,
+            "correlation": (("parameter", "other"), correlation),
+            "parameter": ("parameter", parameters),
+            "other": ("other", parameters),
+        }
+
+    def _laws(
+        self, line: Fit, speed: float, words: str, named: bool
+    ) -> list[tuple[str, float, float, float]]:
+        """Return the laws that fit, with restitution, speed, and deviance above the best."""
+        nodes = line.components[None]
+        used = np.flatnonzero(self.rows.bounce.ravel() > 0.0)
+        v = self.rows.design[..., 1] + self.reference
+        tried: list[tuple[str, float, float, float]] = []
+
+        def deviance(shape: Array, slope: bool) -> tuple[float, float]:
+            """Fit a multiple of a shape, or a line."""
+            design = self.rows.design.copy()
+            design[..., 0] = self.rows.bounce * shape
+            prior = np.array([0.0, 0.0 if slope else 1e12, *self.prior])
+            _, mean, _, square = solve(self.rows._replace(design=design), nodes, prior)
+            return float(square[0]), float(mean[0, 0])
+
+        base, e0 = deviance(np.ones_like(v), False)
+        tried.append((CONSTANT, e0, np.nan, base))
+        if not named or not used.size or self.rows.bounce.sum() < 4:
+            return [(CONSTANT, e0, np.nan, 0.0)] if words == CONSTANT else []
+        square, e = deviance(np.ones_like(v), True)
+        tried.append((LINE, e, np.nan, square))
+        speeds = np.maximum(v, 1e-9)
+        plastic = [
+            (*deviance(np.maximum(speeds / y, 1.0) ** -0.25, False), y)
+            for y in np.geomspace(0.2 * self.speed.min(), self.speed.max(), 25)
+        ]
+        best = min(plastic)
+        tried.append((PLASTIC, best[1], best[2], best[0]))
+        if LEAST_VISCOELASTIC < e0 < 1.0:
+            e = e0
+            for _ in range(6):  # the law is nearly proportional to its restitution
+                shape = restitution_at(
+                    speeds, min(max(e, LEAST_VISCOELASTIC), 0.9999), VISCOELASTIC, speed
+                )
+                square, factor = deviance(shape, False)
+                e *= factor
+            if LEAST_VISCOELASTIC <= e < 1.0:
+                tried.append((VISCOELASTIC, e, speed, square))
+        least = min(law[3] for law in tried)
+        kept = [law for law in tried if law[3] - least < EQUAL]
+        kept = [law for law in kept if law[0] != CONSTANT or words == CONSTANT]
+        return [(a, b, c, d - least) for a, b, c, d in sorted(kept, key=lambda law: law[3])]
+
+
+# -----------------------------------------------------------------------------
+# Restitution of a ball on a floor from recordings of its drops, pooled.
 
 
 def restitution(
@@ -58,8 +668,10 @@ def restitution(
         ``restitution`` at the impact speed ``speed`` with ``restitution_error``, half of the 68 %
         interval, and ``restitution_quantile``; its ``slope`` with the speed; ``scatter`` from
         bounce to bounce and ``drop_scatter`` from drop to drop with quantiles (NaN: not
-        determined); the laws that fit, along ``law``; each bounce, along ``bounce``; the effect of
-        each input, along ``input``; ``correlation``.
+        determined); the laws that fit, along ``law``; each bounce, along ``bounce``; each drop by
+        itself, along ``drop``, and the ``prediction_error`` with which the mean restitution of
+        another drop is known; the groups that files name, along ``group``; the effect of each
+        input, along ``input``; ``correlation``.
 
     Raises
     ------
@@ -82,15 +694,26 @@ def restitution(
     drops, remarks = bounces_of_clicks([r for r in used if r.height is None], inputs)
     for recording in used:
         if recording.height is not None:
-            found, fit, remark = bounces_of_film(recording, inputs)
+            filmed, fit, remark = bounces_of_film(recording, inputs)
             remarks += [*recording.remarks, *([remark] if remark else [])]
-            if found and fit:
-                drops.append(found)
+            if filmed and fit:
+                drops.append(filmed)
                 fits.append(fit)
     if not drops:
         raise TrackError("; ".join(remarks) or "no recordings were given")
     first = len(drops) - len(fits)
-    return Pool(drops, inputs).result(remarks).assign(_samples(fits, first))
+    owners = np.array([drop.group for drop in drops])
+    found = Pool(list(drops), inputs).result(remarks).assign(_samples(fits, first))
+    names = list(dict.fromkeys(owners.tolist()))
+    parts = [
+        Pool([drop for drop in drops if drop.group == name], inputs).result([])
+        for name in (names if len(names) > 1 else [])
+    ]
+    of_groups = {
+        f"group_{key}": ("group", [float(part[key]) for part in parts])
+        for key in ("restitution", "restitution_error", "speed")
+    }
+    return found.assign(of_groups).assign_coords(group=names if parts else [])
 
 
 def _samples(fits: list[FilmFit], first: int) -> dict[str, Any]:

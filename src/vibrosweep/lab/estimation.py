@@ -1,43 +1,287 @@
-"""Restitution, amplitude, phase and frequency from landings, with standard errors.
-
-Every instant has an error, and enters a speed of arrival, a speed of departure and a phase.
-Ordinary least squares assumes errors in the departure alone and is therefore biased.  Instants and
-parameters are adjusted together instead: the smallest weighted change of the instants is sought for
-which every bounce obeys the map (the Gauss-Helmert model, which is total least squares with any
-covariance).
-"""
+"""Restitution, amplitude, phase and frequency from landings, with standard errors."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
+from scipy.linalg import cholesky_banded, solve_banded, solveh_banded
+from scipy.sparse import csr_array, diags_array
 
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.adjustment import Adjustment, adjust, fit_laws
-from vibrosweep.lab.base_harmonics import names_of, polar, slopes_of_sizes
-from vibrosweep.lab.bounces import Bounces, bounces_of
-from vibrosweep.lab.impacts import harmonic_numbers
-from vibrosweep.lab.regression import (
+from vibrosweep.lab.base_fit import (
+    FAR,
     FEWEST,
+    FITTED,
     TWO_PI,
+    FittedLaw,
+    Law,
+    Speeds,
+    failed_fit,
+    fit_law,
     frequencies_to_try,
     is_improbable,
     is_unphysical,
+    law_variables,
+    laws_left,
+    nearest_fit,
     ordinary_least_squares,
+    preferred_law,
+    spread_of_influences,
     weakest_signal,
+    widen,
+    with_speed,
 )
-from vibrosweep.lab.speed_laws import FittedLaw, Law, law_variables, laws_left, preferred_law
+from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL, harmonic_numbers
+from vibrosweep.lab.traces import names_of, polar, slopes_of_sizes
 from vibrosweep.lab.variables import with_units
 from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
-from vibrosweep.model.restitution_laws import SPEED, restitution_at
+from vibrosweep.model.restitution_laws import CONSTANT, PLASTIC, SPEED, restitution_at
 from vibrosweep.model.shapes import Waveform
 
 __all__ = ["estimate", "fit_phase"]
+
+# -----------------------------------------------------------------------------
+# Bounces as equations between landing times, which a camera measures.
+#
+# Gravity is known, so that the speeds before and after the bounce at t are
+# v = g (t - previous lift-off) / 2 and v' = g (next landing - t) / 2, and the map of a bounce
+#
+#     v' = e v + S sin(2 pi f t) + C cos(2 pi f t),      S = A cos phi,   C = A sin phi
+#
+# involves three neighbouring instants, which all have errors.
+
+# Half bandwidth of the covariance of the equations: a bounce shares an instant with the second
+# bounce after it, and the errors of neighbouring instants are correlated.
+BAND = 3
+
+
+@dataclass(frozen=True)
+class Bounces:
+    """Instants of landing and lift-off in order, with the indices of the bounces."""
+
+    # Landings and lift-offs of all particles, s; a bounce is one instant, a stay is two
+    instant: Array
+    # variance, covariance: of each instant, and of each with the next, s^2; shapes (instant,) and
+    # (instant - 1,)
+    variance: Array
+    covariance: Array
+    # Index in `instant` of each bounce, shape (bounce,): the instant before it is the lift-off that
+    # began its flight, the one after it the next landing
+    middle: NDArray[np.intp]
+    gravity: float  # m s-2
+
+    def speeds(self, instant: Array | None = None) -> Speeds:
+        """Return time and speeds of each bounce, from other instants if these are given."""
+        t = self.instant if instant is None else instant
+        half, i = self.gravity / 2.0, self.middle
+        return Speeds(half * (t[i] - t[i - 1]), half * (t[i + 1] - t[i]), t[i])
+
+    def jacobian(self, before: Array, at: Array, after: Array) -> csr_array:
+        """Derivatives of the equations by the instants, shape (bounce, instant).
+
+        The arguments are the derivatives of each equation by the instant before its bounce, by the
+        instant of the bounce, and by the one after it.
+        """
+        columns = self.middle[:, np.newaxis] + np.array([-1, 0, 1])
+        entries = np.stack([before, at, after], axis=1).ravel()
+        starts = np.arange(0, entries.size + 1, 3)
+        shape = (self.middle.size, self.instant.size)
+        return csr_array((entries, columns.ravel(), starts), shape=shape)
+
+    @property
+    def errors(self) -> csr_array:
+        """Covariance of the instants, s^2."""
+        diagonals = [self.covariance, self.variance, self.covariance]
+        return diags_array(diagonals, offsets=[-1, 0, 1]).tocsr()  # type: ignore[arg-type]
+
+
+def bounces_of(impacts: xr.Dataset) -> Bounces:
+    """Gather the bounces of a result of `find_impacts` that have a whole flight on either side."""
+    landed = np.arange(impacts.sizes["impact"]) < impacts["impact_count"].values[:, np.newaxis]
+
+    def column(name: str) -> Array:
+        return np.asarray(impacts[name].values[landed])
+
+    quality, instants = column("quality"), ("landing_time", "liftoff_time")
+    bounced = quality == BOUNCED
+    # landing and lift-off are one instant at a bounce, two at a stay on the base
+    single = np.stack([np.ones_like(bounced), ~bounced], axis=1)
+    instant = np.stack([column(name) for name in instants], axis=1)
+    error = np.stack([column(f"{name}_error") for name in instants], axis=1)
+    link = np.nan_to_num(column("next_covariance"))
+    link = np.stack([np.where(bounced, link, 0.0), link], axis=1)
+    # the flight after the last landing of a particle is not seen
+    seen = np.isfinite(column("flight_time"))
+    sound = (quality != DOUBTFUL) & np.isfinite(instant[:, 0])
+    whole = bounced & seen & np.append(sound, False)[1:]
+    whole &= np.append(False, seen & sound)[:-1]
+    return Bounces(
+        instant[single],
+        error[single] ** 2,
+        link[single][:-1],
+        np.cumsum(single)[::2][whole] - 1,
+        impacts.attrs["gravity"],
+    )
+
+
+def solve(matrix: csr_array, right: Array) -> Array:
+    """Solve a system whose symmetric positive definite matrix has the half bandwidth `BAND`."""
+    return np.asarray(solveh_banded(_band(matrix), right, lower=True))
+
+
+def whiten(matrix: csr_array, right: Array) -> Array:
+    """Transform columns to independent ones of variance 1; `matrix` is their covariance."""
+    factor = cholesky_banded(_band(matrix), lower=True)
+    return np.asarray(solve_banded((len(factor) - 1, 0), factor, right))
+
+
+def _band(matrix: csr_array) -> Array:
+    size = matrix.shape[0]
+    band = np.zeros((BAND + 1, size))
+    for k in range(min(BAND + 1, size)):
+        band[k, : size - k] = matrix.diagonal(-k)
+    return band
+
+
+# -----------------------------------------------------------------------------
+# Adjustment of instants together with the parameters of bounces on a base of constant level.
+#
+# The adjustment is the smallest weighted change of the instants with which every bounce obeys the
+# map, under one of the laws of restitution.
+
+# Most iterations of the adjustment, and the step in standard errors at which it has converged
+ROUNDS: Final = 50
+CLOSE: Final = 1e-6
+# The same for the plastic law, whose kink may keep the steps from becoming smaller
+ROUGH: Final = 1e-2
+BETWEEN: Final = (0.05, 0.999)  # range of the restitution in a law that depends on speed
+LONGEST: Final = 0.3  # longest step of the logarithm of a speed
+
+
+class Adjustment(NamedTuple):
+    """Result of the adjustment."""
+
+    # values, covariance: e, S, C, f if it is free, and the logarithm of a speed of yielding
+    values: Array
+    covariance: Array
+    chi_square: float
+    distance: Array  # squared distance of each bounce in standard errors
+    # Covariance from the scatter of the residuals, added where noise does not explain them
+    influences: Array
+
+    def with_law(self, law: Law) -> FittedLaw:
+        """Return the fit of the law with which instants and parameters were adjusted."""
+        number = self.distance.size
+        freedom = number - self.values.size
+        misfit = self.chi_square / freedom
+        covariance = widen(self.covariance, misfit, freedom, self.influences)
+        values, covariance = with_speed(law, self.values, covariance)
+        distance = np.minimum(self.distance, FAR)
+        return FittedLaw(law, values, covariance, misfit, freedom, number, distance)
+
+
+def adjust(
+    bounces: Bounces,
+    start: Array,
+    frequency: float,
+    free: bool,
+    law: Law = Law(),  # noqa: B008
+) -> Adjustment:
+    """Adjust instants and parameters together, starting from e, S and C at a frequency in Hz.
+
+    The frequency is a parameter if `free`.  Raises a LinAlgError if the iteration does not
+    converge, or if a parameter has no effect.
+    """
+    values = np.append(start, frequency) if free else start
+    if law.parameters:
+        values = np.append(values, np.log(law.speed))
+    errors, instant = bounces.errors, bounces.instant.copy()
+    half, close = bounces.gravity / 2.0, ROUGH if law.name == PLASTIC else CLOSE
+    for _ in range(ROUNDS):
+        e, s, c = values[:3]
+        f = values[3] if free else frequency
+        arrive, leave, time = bounces.speeds(instant)
+        sine, cosine = np.sin(TWO_PI * f * time), np.cos(TWO_PI * f * time)
+        turning = TWO_PI * (s * cosine - c * sine)
+        by_e, *others = law.derivatives(arrive, e, values[-1])
+        columns = [by_e, sine, cosine] + ([time * turning] if free else []) + others
+        design = -np.stack(columns, axis=1)
+        ends = np.full(time.size, half)
+        after, q = law.rebound_speed(arrive, e, values[-1])
+        slopes = bounces.jacobian(q * ends, -(1.0 + q) * ends - f * turning, ends)
+        closure = leave - after - s * sine - c * cosine
+        closure = closure + slopes @ (bounces.instant - instant)
+        spread = slopes @ errors @ slopes.T
+        weighted = solve(spread, np.column_stack([design, closure]))
+        normal = design.T @ weighted[:, :-1]
+        if not np.all(np.diag(normal) > 0.0):
+            raise np.linalg.LinAlgError("no bounce depends on a parameter")
+        scale = 1.0 / np.sqrt(np.diag(normal))
+        inverse = scale[:, np.newaxis] * np.linalg.pinv(normal * np.outer(scale, scale)) * scale
+        step = -inverse @ (design.T @ weighted[:, -1])
+        forces = weighted[:, -1] + weighted[:, :-1] @ step
+        instant = bounces.instant - errors @ (slopes.T @ forces)
+        if law.parameters:
+            step[-1] = np.clip(step[-1], -LONGEST, LONGEST)
+        values = values + step
+        if law.name != CONSTANT:
+            values[0] = np.clip(values[0], *BETWEEN)
+        if np.all(np.abs(step) <= close * np.sqrt(np.diag(inverse))):
+            break
+    else:
+        raise np.linalg.LinAlgError("the adjustment does not converge")
+    white = whiten(spread, np.column_stack([design, spread @ forces]))
+    influences = spread_of_influences(white[:, -1], white[:, :-1], inverse)
+    chi_square = float(forces @ (spread @ forces))
+    return Adjustment(values, inverse, chi_square, white[:, -1] ** 2, influences)
+
+
+def fit_laws(bounces: Bounces, start: Array, frequency: float | None) -> list[FittedLaw]:
+    """Fit the laws of `FITTED`, starting from the parameters of a constant restitution.
+
+    If `frequency` (Hz) is None, it is one of these parameters.
+    """
+    speeds = np.maximum(bounces.speeds()[0], 1e-6)
+
+    def fitted(name: str, values: Array) -> FittedLaw:
+        return fit_law(name, speeds, partial(_fit, bounces, values, frequency))
+
+    fits = [fitted(name, start) for name in FITTED]
+    nearest = nearest_fit(fits)
+    if np.isnan(nearest.misfit):
+        return fits
+    # a law whose fit failed may converge from these parameters
+    return [fitted(fit.law.name, nearest.values) if np.isnan(fit.misfit) else fit for fit in fits]
+
+
+def _fit(bounces: Bounces, values: Array, frequency: float | None, law: Law) -> FittedLaw:
+    try:
+        # at a fixed speed first, because the parameters of a constant restitution may be far off
+        for tried in dict.fromkeys((law._replace(fixed=True), law)):
+            rate = float(values[3]) if frequency is None else frequency
+            found = adjust(bounces, values[:3], rate, frequency is None, tried)
+            values = found.values
+    except np.linalg.LinAlgError:
+        return failed_fit(law, bounces.middle.size)
+    return found.with_law(law)
+
+
+# -----------------------------------------------------------------------------
+# Restitution, amplitude, phase and frequency from landings, with standard errors.
+#
+# Every instant has an error, and enters a speed of arrival, a speed of departure and a phase.
+# Ordinary least squares assumes errors in the departure alone and is therefore biased.  Instants
+# and parameters are adjusted together instead: the smallest weighted change of the instants is
+# sought for which every bounce obeys the map (the Gauss-Helmert model, which is total least
+# squares with any covariance).
 
 # Parameters are not determined if the signal in the weakest direction of the design matrix is below
 # this multiple of the noise of the instants, or if the standard error of the restitution or the

@@ -1,21 +1,229 @@
-"""Virtual experiments: particles, a base and a camera, all with imperfections."""
+"""Virtual experiments: the base, the camera, and their files."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import math
+import os
+import tomllib
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from vibrosweep.abilities import ANALYSES, refusal
-from vibrosweep.errors import ParameterError
-from vibrosweep.lab.camera import Camera
+from vibrosweep.arrays import Array
+from vibrosweep.engine.coupled import BaseTrack
+from vibrosweep.errors import ParameterError, SpecError, refuse
+from vibrosweep.kernels.record import Record
+from vibrosweep.mistakes import Mistakes
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.shapes import SINE, Waveform
+from vibrosweep.scene.keys import (
+    MAX_SEED,
+    SECTIONS,
+    Check,
+    Sections,
+    flag,
+    read_tables,
+    whole_number,
+)
 from vibrosweep.scene.scene import Scene
-from vibrosweep.scene.sweep import batch
+from vibrosweep.scene.sweep import batch, checked, read_text
 
 __all__ = ["LABORATORY", "Experiment", "Variation"]
 
+# -----------------------------------------------------------------------------
+# Heights of the bases of virtual experiments: at rest, oscillating, or recoiling on a mount.
+
+STEPS_PER_PERIOD: Final = 1000
+
+
+class Surface(NamedTuple):
+    """Height of a base in m, and its integral over time in m s, as functions of time in s."""
+
+    height: Callable[[Array], Array]
+    area: Callable[[Array], Array]
+
+
+LEVEL: Final = Surface(np.zeros_like, np.zeros_like)
+
+
+def oscillating_surface(scene: Mapping[str, float], waveform: Waveform = SINE) -> Surface:
+    """Make the surface of `base = "moving"`: y = (V0 / f) W(f t + phi / 2 pi).
+
+    V0 is A / (1 + e).  A sine is -B cos(2 pi f t + phi) with 2 pi f B = V0.
+    """
+    frequency, phase = scene["frequency"], scene["phase"]
+    omega = 2.0 * math.pi * frequency
+    size = scene["amplitude"] / ((1.0 + scene["restitution"]) * omega)
+    if waveform != SINE:
+        unit = 2.0 * math.pi * size
+        return Surface(
+            lambda t: unit * waveform.height(frequency * t + phase / (2.0 * math.pi)),
+            lambda t: unit / frequency * waveform.area(frequency * t + phase / (2.0 * math.pi)),
+        )
+    return Surface(
+        lambda t: np.asarray(-size * np.cos(omega * t + phase)),
+        lambda t: np.asarray(-size / omega * np.sin(omega * t + phase)),
+    )
+
+
+def recoiling_surface(track: BaseTrack, frequency: float, end: float) -> Surface:
+    """Make the surface of `base = "sprung"`, exact at a thousand instants of each forcing period.
+
+    `track` is the motion of the base in one realization from the first launch on, before which the
+    base is taken to rest at its first height.  The surface extends to `end` (s).
+    """
+    begin = float(track.track.time[0, 0])
+    time = begin + np.arange(int((end - begin) * frequency * STEPS_PER_PERIOD) + 2) / (
+        frequency * STEPS_PER_PERIOD
+    )
+    spline = CubicHermiteSpline(time, *track.at(time))
+    integral = spline.antiderivative()
+    start = float(spline(begin))
+    return Surface(
+        lambda t: np.asarray(spline(np.maximum(t, begin))),
+        lambda t: np.asarray(integral(np.maximum(t, begin)) + start * np.minimum(t - begin, 0.0)),
+    )
+
+
+# -----------------------------------------------------------------------------
+# A camera that films flights: frames, exposure, pixels and noise.
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera and its tracking.
+
+    Attributes
+    ----------
+    frame_rate
+        Frames per second, Hz.
+    pixel
+        Size of a pixel in the plane of motion, m.
+    noise
+        Standard deviation of a tracked position, in pixels.
+    whole_pixels
+        True if positions are rounded to whole pixels.
+    exposure
+        Time for which the shutter is open, s; a position is the mean over it.
+    dropped
+        Fraction of the frames that are lost.
+    scale_error
+        Relative error of the size of a pixel, by which measured heights are too large.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> vs.lab.Experiment(camera=vs.lab.Camera(frame_rate=480.0)).camera.pixel
+    0.0001
+    """
+
+    frame_rate: float = 240.0
+    pixel: float = 1e-4
+    noise: float = 1.0
+    whole_pixels: bool = True
+    exposure: float = 0.0
+    dropped: float = 0.0
+    scale_error: float = 0.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Flights of one particle in order of time; between them it is on the base."""
+
+    # start, end: times of lift-off and landing, s; the end is infinite if it is after the record
+    start: Array
+    end: Array
+    # velocity, rise: velocity (m s-1) and height (m) at lift-off
+    velocity: Array
+    rise: Array
+    gravity: float  # m s-2
+    surface: Surface  # of the base
+
+    @classmethod
+    def from_record(
+        cls, record: Record, particle: int, time: float, speed: float, gravity: float, base: Surface
+    ) -> Motion:
+        """Take the flights of a particle from a record; `time` and `speed` are of its launch."""
+        landing, liftoff = record.landing_time[particle], record.liftoff_time[particle]
+        flies = np.isfinite(liftoff)
+        start = np.append(time, liftoff[flies])
+        velocity = np.append(speed, record.rebound_velocity[particle][flies])
+        end = np.append(landing, np.inf)[: start.size]
+        end = np.where(np.isnan(end), np.inf, end)
+        return cls(start, end, velocity, base.height(start), gravity, base)
+
+    @property
+    def apex(self) -> Array:
+        """Height of the apex of each flight above the mean level of the base, m."""
+        return self.rise + self.velocity**2 / (2.0 * self.gravity)
+
+    def means(self, begin: float, end: float) -> tuple[float, float]:
+        """Mean apex (m) and duration (s) of the flights in an interval; NaN if there are none."""
+        inside = (self.start >= begin) & (self.end <= end)
+        if not inside.any():
+            return np.nan, np.nan
+        return float(np.mean(self.apex[inside])), float(np.mean((self.end - self.start)[inside]))
+
+    def _flight(self, time: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+        """Latest flight at each instant, or the first; time since its start; True on the base."""
+        flight = np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
+        since = time - self.start[flight]
+        return flight, since, (since < 0.0) | (time > self.end[flight])
+
+    def height(self, time: Array) -> Array:
+        """Height in m at instants in s."""
+        flight, since, down = self._flight(time)
+        flying = self.rise[flight] + since * (self.velocity[flight] - 0.5 * self.gravity * since)
+        return np.where(down, self.surface.height(time), flying)
+
+    def mean_height(self, time: Array, exposure: float) -> Array:
+        """Mean height in m over an exposure (s) centred at each instant."""
+
+        def flown_area(flight: NDArray[np.intp], since: Array) -> Array:
+            speed = self.velocity[flight] / 2.0 - self.gravity * since / 6.0
+            return since * (self.rise[flight] + since * speed)
+
+        below = self.surface.area(self.start)
+        end = np.where(np.isfinite(self.end), self.end, self.start)
+        flown = flown_area(np.arange(end.size), end - self.start)
+        # area between the flights and the base, up to the start of each flight
+        above = np.append(0.0, np.cumsum(flown - (self.surface.area(end) - below)))
+
+        def area(instant: Array) -> Array:
+            flight, since, down = self._flight(instant)
+            resting = self.surface.area(instant) + np.where(since < 0.0, 0.0, above[flight + 1])
+            flying = above[flight] + below[flight] + flown_area(flight, since)
+            return np.where(down, resting, flying)
+
+        return (area(time + exposure / 2.0) - area(time - exposure / 2.0)) / exposure
+
+
+def heights(motions: list[Motion], time: Array, exposure: float) -> Array:
+    """Average the true heights (m) over an exposure (s); shape (frame, particle)."""
+    return np.stack(
+        [m.mean_height(time, exposure) if exposure else m.height(time) for m in motions], axis=1
+    )
+
+
+def film(true: Array, camera: Camera, rng: np.random.Generator) -> Array:
+    """Turn true heights (m), shape (frame, particle), into tracked ones; NaN in lost frames."""
+    pixels = true * (1.0 + camera.scale_error) / camera.pixel
+    pixels = pixels + camera.noise * rng.standard_normal(pixels.shape)
+    if camera.whole_pixels:
+        pixels = np.rint(pixels)
+    pixels[rng.random(len(pixels)) < camera.dropped] = np.nan
+    return np.asarray(pixels * camera.pixel)
+
+
+# -----------------------------------------------------------------------------
+# Virtual experiments: particles, a base and a camera, all with imperfections.
 
 # Table 1 at 20 Hz, with the same dimensionless kick, 2 f A / g = 0.2446, and the same first flight
 LABORATORY: Final[Mapping[str, float]] = {
@@ -174,3 +382,101 @@ def with_defaults(keywords: Mapping[str, Any]) -> dict[str, Any]:
         if keywords.keys().isdisjoint(alternatives.get(name, ()))
     }
     return {**defaults, **keywords}
+
+
+# -----------------------------------------------------------------------------
+# Read virtual experiments from TOML files.
+
+MOST_PARTICLES: Final = 1000
+
+
+class ExperimentSpec(NamedTuple):
+    """Content of a valid file: its title, and an experiment for each number of particles."""
+
+    title: str
+    experiments: tuple[Experiment, ...]
+
+
+def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
+    """Read and validate the file of a virtual experiment; a SpecError lists all mistakes."""
+    source = Path(path)
+    mistakes = Mistakes(str(source))
+    text = read_text(source)
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise SpecError(f"{source}: is not valid TOML: {error}") from error
+    title, tables = read_tables(data, mistakes, _SECTIONS)
+    refuse(mistakes)
+    given = with_defaults({**data.get("scene", {}), **data.get("measure", {})})
+    measure = {name: given.pop(name) for name in WINDOW if name in given}
+    default = given.pop("particles", None)
+    numbers = tables.get("scene", {}).get("particles", (default,))
+    experiments = []
+    for number in numbers:
+        scene = {"particles": number, **given} if number else given
+        described = {"title": str(source), "scene": scene, "measure": measure}
+        sweep = checked(described, text, source, mistakes)
+        try:
+            experiments.append(
+                Experiment(
+                    sweep.scene,
+                    camera=Camera(**tables.get("camera", {})),
+                    variation=Variation(**tables.get("variation", {})),
+                    **tables.get("trials", {}),
+                )
+            )
+        except ParameterError as error:
+            raise SpecError(f"{source}: {error}") from error
+    return ExperimentSpec(title or "", tuple(experiments))
+
+
+def _number(low: float, high: float, units: str, above: bool = False) -> Check:
+    def check(value: object) -> float:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if number and (low < value if above else low <= value) and value <= high:  # type: ignore[operator]
+            return float(value)  # type: ignore[arg-type]
+        least = f"above {low:g}" if above else f"at least {low:g}"
+        raise ValueError(f"must be a number {least} and at most {high:g}{units and ' ' + units}")
+
+    return check
+
+
+_COUNT: Final = whole_number(1, MOST_PARTICLES)
+
+
+def _particles(value: object) -> tuple[int, ...]:
+    if not isinstance(value, list):
+        return (_COUNT(value),)
+    if value and len(set(map(str, value))) == len(value):
+        return tuple(map(_COUNT, value))
+    raise ValueError("must be a whole number or a list of different ones")
+
+
+_SECTIONS: Final[Sections] = {
+    "scene": {**SECTIONS["scene"], "particles": _particles},
+    "measure": {name: SECTIONS["measure"][name] for name in WINDOW},
+    "camera": {
+        "frame_rate": _number(0.0, 1e6, "Hz", above=True),
+        "pixel": _number(0.0, 1.0, "m", above=True),
+        "noise": _number(0.0, 100.0, "pixels"),
+        "whole_pixels": flag,
+        "exposure": _number(0.0, 1.0, "s"),
+        "dropped": _number(0.0, 0.9, ""),
+        "scale_error": _number(-0.5, 0.5, ""),
+    },
+    "variation": {
+        name: _number(0.0, high, units)
+        for name, high, units in (
+            ("frequency_jitter", 0.1, ""),
+            ("frequency_setting", 0.2, ""),
+            ("amplitude_setting", 0.2, ""),
+            ("restitution_spread", 0.2, ""),
+            ("level_spread", 1.0, "m"),
+        )
+    },
+    "trials": {
+        "repeats": whole_number(1, 1000),
+        "seed": whole_number(0, MAX_SEED),
+    },
+}

@@ -1,24 +1,546 @@
-"""Fit the flights of tracks over a moving base, or over one at a constant level."""
+"""Find flights in tracks over a base that moves or has a constant level: fit, intersect, repeat."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
+from scipy.special import chdtri
 
+from vibrosweep.arrays import Array, Indices
 from vibrosweep.errors import ParameterError, TrackError, require_one_of
-from vibrosweep.lab.contacts import Cut, find_contacts
-from vibrosweep.lab.flight_search import SCALES, Flights, check_gravity, find_flights
-from vibrosweep.lab.flights import contradicts, near_gravity
-from vibrosweep.lab.levels import flights_on_levels
-from vibrosweep.lab.moving_flights import flights_over
-from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_base
-from vibrosweep.lab.quality import find_swaps
-from vibrosweep.lab.segments import Samples, samples_of
+from vibrosweep.lab.base_fit import (
+    FITTED,
+    UNDETERMINED,
+    BaseFit,
+    Contacts,
+    Cut,
+    FittedLaw,
+    Problem,
+    Trace,
+    contacts_between,
+    covariance_of_fit,
+    failed_fit,
+    find_contacts,
+    fit_base,
+    fit_law,
+    moves,
+    which_base,
+    with_speed,
+    without_outliers,
+)
+from vibrosweep.lab.flights import (
+    ON_BASE,
+    SCALE_OFF,
+    WRONG_SCALE,
+    Ends,
+    Fits,
+    Junctions,
+    Samples,
+    apparent_gravity,
+    base_level,
+    contradicts,
+    crossings,
+    fit_parabolas,
+    high_flights,
+    join,
+    low_points,
+    measured_gravity,
+    meet,
+    near_gravity,
+    rough_noise,
+    samples_of,
+)
 from vibrosweep.lab.traces import trace_of_mark
-from vibrosweep.lab.which_base import moves, which_base
+from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.model.parameters import PARAMETERS
+
+# -----------------------------------------------------------------------------
+# Find flights in samples: fit them, intersect neighbours, assign the samples again, repeat.
+
+# Share of the height of a flight above which samples belong to it, wherever its ends are
+UPPER: Final = 0.25
+# Fewest samples of a flight, one more than its unknowns, and least height in units of the noise
+LEAST_SAMPLES: Final = 3
+LEAST_HEIGHT: Final = 4.0
+FIRST_SHARE: Final = 0.6  # used share of the first estimate of the noise, which may be too large
+# Significance level of the test for poor flights: one good flight in a million fails it
+POOR: Final = 1e-6
+# Share of poor flights at which the search has failed
+MOSTLY: Final = 0.5
+# Distance from the base, in standard deviations of the noise, within which a sample is on it
+OFF_BASE: Final = 3.0
+# Most accelerations that are tried, each found from flights fitted with the one before
+SCALES: Final = 3
+# Iterations: in most tracks no sample changes its flight after three.
+ROUNDS: Final = 4
+
+
+class Flights(NamedTuple):
+    """Flights of all particles that frames and noise resolve, in order."""
+
+    fits: Fits  # parabolas, arrays of shape (flight,)
+    # piece, particle: numbers of the piece of track and of the particle, shape (flight,)
+    piece: Indices
+    particle: Indices
+    member: Indices  # number of the flight of each sample, -1 for none
+    poor: NDArray[np.bool_]  # True if the residuals of a flight are larger than noise explains
+    ends: Ends  # where the flights leave and reach the base
+    junctions: Junctions  # bounces and stays between neighbouring flights
+    levels: Array  # (mean) height of the base below each particle, m
+    # base, base_error: mean of the levels, and the standard error of a level, m
+    base: float
+    base_error: float
+    noise: float  # standard deviation of a sample, m
+    # gravity, gravity_error: acceleration with which flights fall, and its standard error, m s-2
+    gravity: float
+    gravity_error: float
+    # Acceleration of the parabolas, m s-2: gravity, or that of the tracks if they contradict
+    # gravity
+    curvature: float
+    base_fit: BaseFit | None = None  # motion of the base; None if it has a constant level
+    laws: Sequence[FittedLaw] = ()  # laws of restitution, fitted over a moving base
+
+
+def find_flights(
+    samples: Samples, gravity: float, base: float | None, exposure: float = 0.0
+) -> Flights:
+    """Find and fit every flight.
+
+    `base` is the height of the base in m, or None if it is to be found.  Frames whose `exposure`
+    (s) contains a landing belong to no flight.  Raises a TrackError if nothing flies, or if flights
+    do not fall with gravity.
+    """
+    fall = gravity
+    for _ in range(SCALES):
+        flights = _search(samples, fall, base, exposure)
+        found, error = flights.gravity, flights.gravity_error
+        if not contradicts(found, error, fall):
+            return flights
+        refuse_gravity(found, error, gravity)
+        fall = found  # parabolas of the wrong curvature would miss the landings
+    raise TrackError(
+        f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with "
+        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale describes all "
+        f"of them; check the heights, or film faster or closer"
+    )
+
+
+def _search(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
+    noise = rough_noise(samples)
+    # a noise that is too large would hide low flights
+    rough = _iterate(samples, FIRST_SHARE * noise, gravity, base, exposure)
+    noise = min(noise, rough.noise)
+    flights = _iterate(samples, noise, gravity, base, exposure)
+    if base is not None or flights.poor.mean() < MOSTLY:
+        return flights
+    # if a stay follows every flight, the parabolas meet below the base, and the lowest samples lie
+    # on it
+    parted = _iterate(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
+    rests = samples.height[parted.member < 0]
+    if not rests.size or parted.poor.mean() >= MOSTLY:
+        return flights
+    # leave out the samples of bounces that are too low to be resolved
+    rests = rests[np.abs(rests - np.median(rests)) <= OFF_BASE * parted.noise]
+    found = _iterate(samples, noise, gravity, float(rests.mean()), exposure)
+    return found._replace(base_error=parted.noise / float(np.sqrt(rests.size)))
+
+
+def _iterate(
+    samples: Samples, noise: float, gravity: float, known: float | None, exposure: float
+) -> Flights:
+    """Fit flights, join them, assign samples to flights by the landings found; repeat.
+
+    `known` is the height of the base in m, or None.
+    """
+    member, piece, base, _ = _upper_samples(samples, noise, known)
+    error, noise = 0.0, np.inf
+    for turn in range(ROUNDS):
+        fits, piece, member, found = _keep_resolved(samples, member, piece, base, gravity)
+        # a stay that is taken for part of a flight would raise the noise, and thereby be hidden
+        noise = min(noise, found)
+        ends = crossings(fits, base, gravity)
+        junctions = join(fits, piece, ends, noise, gravity)
+        if known is None:
+            base, error = base_level(junctions.height, junctions.height_error, base)
+            ends = crossings(fits, base, gravity)
+            junctions = join(fits, piece, ends, noise, gravity)
+        if turn < ROUNDS - 1:
+            member = assign_samples(samples, piece, junctions, ends, exposure)
+    return Flights(
+        fits,
+        piece,
+        samples.particle[samples.bounds[piece]],
+        member,
+        poor_flights(fits, noise),
+        ends,
+        junctions,
+        np.full(samples.particle[-1] + 1, base),
+        base,
+        error,
+        noise,
+        *measured_gravity(samples, member, fits.top(gravity) - base, noise, gravity),
+        gravity,
+    )
+
+
+def _upper_samples(
+    samples: Samples, noise: float, known: float | None
+) -> tuple[Indices, Indices, float, Array]:
+    """Assign the samples in the upper part of each flight to it, without fits.
+
+    Returns the number of the flight of each sample (-1 for none), the piece of track of each
+    flight, the height of the base, and the largest height in each flight.
+    """
+    low, base = low_points(samples, noise, known)
+    edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
+    tops = np.maximum.reduceat(samples.height, edges)
+    flight = np.searchsorted(edges, np.arange(samples.time.size), side="right") - 1
+    upper = samples.height - base > UPPER * (tops[flight] - base)
+    upper[low] = False
+    # only the stretch around the highest sample, because a stay elsewhere may be as high
+    stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
+    at_top = samples.height == tops[flight]
+    kept = np.zeros(int(stretch[-1]) + 1, bool)
+    kept[stretch[at_top]] = True
+    return np.where(upper & kept[stretch], flight, -1), samples.piece[edges], base, tops
+
+
+def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
+    """Raise a TrackError if the highest flights fall upwards, or not with gravity."""
+    found, error = _rough_gravity(samples, base)
+    if not _shows_gravity(found, error, gravity):
+        turned = replace(samples, height=-samples.height)
+        falls, scatter = _rough_gravity(turned, None if base is None else -base)
+        if _shows_gravity(falls, scatter, gravity):
+            raise TrackError(
+                f"heights grow downwards: with the axis turned, the particles fall with "
+                f"{falls:.3g} m s-2, and gravity is {gravity:g} m s-2; turn the axis"
+            )
+    refuse_gravity(found, error, gravity)
+
+
+def _shows_gravity(acceleration: float, error: float, gravity: float) -> bool:
+    """Return whether an acceleration is near gravity, and its error too small for chance."""
+    return near_gravity(acceleration, gravity) and SCALE_OFF * error < WRONG_SCALE * gravity
+
+
+def _rough_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
+    """Acceleration that the highest flights show, and its standard error, m s-2."""
+    noise = rough_noise(samples)
+    member, _, base, tops = _upper_samples(samples, FIRST_SHARE * noise, base)
+    high = high_flights(tops - base, noise)
+    return apparent_gravity(samples, np.where(high[member], member, -1), tops.size)
+
+
+def refuse_gravity(found: float, error: float, gravity: float) -> None:
+    """Raise a TrackError if flights fall with an acceleration (m s-2) far from gravity."""
+    # both are NaN, and nothing is refused, if no flight has enough frames to show its curvature
+    if not abs(found - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
+        return
+    units = f"multiply the scale by about {gravity / found:.2g}, or " if found > 0.0 else ""
+    raise TrackError(
+        f"the particles fall with {found:.3g} m s-2 instead of {gravity:g} m s-2: {units}turn the "
+        f"axis, or correct the frame rate, or film faster where flights last fewer than five "
+        f"frames; particles that hardly leave the base do not show gravity"
+    )
+
+
+def _keep_resolved(
+    samples: Samples, member: Indices, piece: Indices, base: float, gravity: float
+) -> tuple[Fits, Indices, Indices, float]:
+    """Fit the flights, and keep those that frames and noise resolve; return the noise too."""
+    fits = fit_parabolas(samples, member, piece.size, gravity)
+    noise = flight_noise(fits, float(np.ptp(samples.height)))
+    with np.errstate(invalid="ignore"):
+        high = fits.top(gravity) - base > LEAST_HEIGHT * noise
+    kept, fits, member = keep_resolved(fits, high, member)
+    return fits, piece[kept], member, noise
+
+
+def keep_resolved(
+    fits: Fits, high: NDArray[np.bool_], member: Indices
+) -> tuple[Indices, Fits, Indices]:
+    """Keep the flights that are `high` and have enough samples, and renumber them."""
+    kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
+    if not kept.size:
+        raise TrackError(
+            "no flight rises out of the noise: check the heights, their axis, scale and base, or "
+            "film faster where flights last fewer than five frames"
+        )
+    number = np.full(high.size + 1, -1)
+    number[kept] = np.arange(kept.size)
+    return kept, fits.take(kept), number[member]
+
+
+def flight_noise(fits: Fits, extent: float) -> float:
+    """Estimate the standard deviation of a sample in m from the flights that are not poor."""
+    freedom = fits.number - 2.0
+    judged = freedom > 0.0
+    if not judged.any():
+        return 1e-9 * extent
+    residue, freedom = fits.residue[judged], freedom[judged]
+    variance = float(np.median(residue / _chi_square(0.5, freedom)))
+    largest = _chi_square(POOR, freedom)
+    for _ in range(2):
+        good = residue <= variance * largest
+        variance = float(residue[good].sum() / freedom[good].sum()) if good.any() else variance
+    # positions without noise still have errors of rounding
+    return max(float(np.sqrt(variance)), 1e-9 * extent)
+
+
+def poor_flights(fits: Fits, noise: float) -> NDArray[np.bool_]:
+    """Mark the flights whose residuals are larger than the noise (m) explains."""
+    largest = _chi_square(POOR, np.maximum(fits.number - 2.0, 1.0))
+    return np.asarray(fits.residue > noise**2 * largest)
+
+
+def _chi_square(probability: float, freedom: Array) -> Array:
+    """Chi-square that is exceeded with this probability, for integer degrees of freedom."""
+    values = chdtri(np.arange(freedom.max(initial=1.0) + 1.0), probability)
+    return np.asarray(values[freedom.astype(np.intp)])
+
+
+def assign_samples(
+    samples: Samples, piece: Indices, junctions: Junctions, ends: Ends, exposure: float
+) -> Indices:
+    """Return the number of each sample's flight; -1 on the base and during a landing."""
+    start, end = ends.up.copy(), ends.down.copy()
+    end[junctions.before] = junctions.landing
+    start[junctions.before + 1] = junctions.liftoff
+    # an axis on which pieces do not overlap: each has an interval longer than the track
+    origin, length = samples.time.min(), 2.0 * np.ptp(samples.time) + 1.0
+    place = length * samples.piece + (samples.time - origin)
+    margin = exposure / 2.0
+
+    def along(time: Array) -> Array:
+        return np.asarray(length * piece + np.clip(time - origin, 0.0, length / 2.0))
+
+    flight = np.searchsorted(along(start), place, side="right") - 1
+    inside = (flight >= 0) & (piece[flight] == samples.piece)
+    inside &= (samples.time > start[flight] + margin) & (samples.time < end[flight] - margin)
+    return np.where(inside, flight, -1)
+
+
+# -----------------------------------------------------------------------------
+# A base at a constant level that differs from particle to particle: a tilted base or view.
+#
+# Free flight does not depend on the level: the track of each particle is shifted by the difference
+# of its level from the common one, the flights are found, and everything is shifted back.  Flights
+# beside a stay meet below the base, and on a periodic orbit all at the same height.  If all
+# bounces of a particle are alike, a low level can therefore not be told from stays, and is
+# replaced by the common level.
+
+# Relative scatter of speeds from which bounces are not alike, many times the effect of noise
+DIFFERENT: Final = 0.05
+
+
+def flights_on_levels(
+    samples: Samples, contacts: Contacts, gravity: float, exposure: float = 0.0
+) -> Flights:
+    """Find flights, with a level for each particle if the bounces contradict a common one.
+
+    The bounces contradict it if the chi-square of the levels about their mean is as improbable as
+    that of a poor flight.  The contacts are those of the same samples, found without a level; the
+    other arguments are those of `find_flights`.
+    """
+    level, error, alike = _levels(contacts, int(samples.particle[-1]) + 1)
+    known = np.isfinite(error) & ~alike
+    known |= alike & (level > _mean(level[known], error[known]))
+    off = level - _mean(level[known], error[known])
+    chi_square = float(np.sum((off[known] / error[known]) ** 2))
+    if known.sum() < 2 or chi_square < chdtri(known.sum() - 1.0, POOR):
+        return find_flights(samples, gravity, None, exposure)
+    shift = np.where(known, off, 0.0)
+    moved = replace(samples, height=samples.height - shift[samples.particle])
+    found = find_flights(moved, gravity, None, exposure)
+    by_flight, joint = shift[found.particle], found.junctions
+    return found._replace(
+        fits=found.fits._replace(level=found.fits.level + by_flight),
+        junctions=joint._replace(height=joint.height + by_flight[joint.before]),
+        levels=found.levels + shift,
+        base=float(np.mean(found.levels + shift)),
+        base_error=float(np.mean(error[known])),
+    )
+
+
+def _mean(level: Array, error: Array) -> float:
+    return float(np.average(level, weights=error**-2.0)) if level.size else float("nan")
+
+
+def _levels(contacts: Contacts, count: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Level (m) at which each particle bounces, its standard error, and whether bounces are alike.
+
+    Level and error are NaN for a particle with too few bounces.
+    """
+    met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
+    spread = contacts.noise * np.sqrt(met.height_variance)
+    level, error = np.full((2, count), np.nan)
+    alike, closing = np.zeros(count, np.bool_), contacts.departure - contacts.arrival
+    for p in range(count):
+        chosen = contacts.particle == p
+        height, speed = contacts.height[chosen], closing[chosen]
+        level[p], error[p] = base_level(height, spread[chosen], np.nan)
+        speed = speed[np.abs(height - level[p]) < ON_BASE * spread[chosen]]
+        alike[p] = speed.size > 0 and speed.std() < DIFFERENT * speed.mean()
+    return level, error, alike
+
+
+# -----------------------------------------------------------------------------
+# Flights over a moving base: cut where they meet it, and told from stays by their height.
+#
+# Laws of restitution are then fitted to the contacts, together with the motion of the base.
+
+FIT_ROUNDS: Final = 3
+# Steps in a period of the highest harmonic with which the end of a flight is sought, and
+# bisections of the last step
+STEPS: Final = 100
+HALVINGS: Final = 40
+# Quantile of the heights above the base that is the level of a particle without contacts
+LOW: Final = 0.25
+
+
+def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float) -> Flights:
+    """Find the flights over a moving base from a first fit of its motion, and refine that fit.
+
+    `exposure` is the time for which the shutter was open (s).  Raises a TrackError if nothing
+    flies, or if too few contacts are left.
+    """
+    member, fall = cut.member, cut.contacts.gravity
+    free, trace = base_fit.problem.frequency is None, base_fit.problem.trace
+    noise = np.inf
+    for turn in range(FIT_ROUNDS):
+        levels = _levels_below(base_fit, samples)
+        below = levels[samples.particle] + base_fit.oscillation.height(samples.time)
+        fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
+        noise = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
+        member, fits = _keep_flights(samples, member, fits, below, noise, fall)
+        start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
+        piece, owner = samples.piece[start], samples.particle[start]
+        ends = _ends(samples, member, fits, levels[owner], base_fit, fall)
+        junctions = join(fits, piece, ends, noise, fall)
+        if turn < FIT_ROUNDS - 1:
+            member = assign_samples(samples, piece, junctions, ends, exposure)
+        poor = poor_flights(fits, noise)
+        sound = ~(junctions.stayed | junctions.overlapping)
+        sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
+        # a lift-off from rest has no kink: frames before it would distort the flight
+        lifted = np.zeros(poor.size, bool)
+        lifted[junctions.before[junctions.stayed] + 1] = True
+        sound &= ~lifted[junctions.before]
+        contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
+        base_fit = fit_base(
+            contacts, base_fit.oscillation.frequency, free=free, moves=True, trace=trace
+        )
+    of_levels = slice(base_fit.values.size - base_fit.levels.size, None)
+    spread = base_fit.covariance[of_levels, of_levels]
+    return Flights(
+        fits,
+        piece,
+        owner,
+        member,
+        poor,
+        ends,
+        junctions,
+        levels,
+        float(np.mean(base_fit.levels)),
+        float(np.sqrt(spread.sum())) / base_fit.levels.size,
+        noise,
+        *measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall),
+        fall,
+        base_fit,
+        _fit_laws(base_fit),
+    )
+
+
+def _levels_below(base_fit: BaseFit, samples: Samples) -> Array:
+    """Level below each particle; one that has no contacts is assumed to lie mostly on the base."""
+    above = samples.height - base_fit.oscillation.height(samples.time)
+    levels = np.array(
+        [np.quantile(above[samples.particle == p], LOW) for p in range(samples.particle[-1] + 1)]
+    )
+    levels[base_fit.particles] = base_fit.levels
+    return levels
+
+
+def _keep_flights(
+    samples: Samples, member: Indices, fits: Fits, below: Array, noise: float, fall: float
+) -> tuple[Indices, Fits]:
+    """Keep as flights the stretches that rise clearly above the base, whose heights are `below`."""
+    path = fits.take(member).height(samples.time, fall)
+    clear = np.full(fits.number.size, -np.inf)
+    used = (member >= 0) & np.isfinite(path)
+    np.maximum.at(clear, member[used], (path - below)[used])
+    _, fits, member = keep_resolved(fits, clear > LEAST_HEIGHT * noise, member)
+    return member, fits
+
+
+def _ends(
+    samples: Samples, member: Indices, fits: Fits, level: Array, base_fit: BaseFit, fall: float
+) -> Ends:
+    """Find the ends of each flight, outwards from its sample that is farthest above the base."""
+    base = base_fit.oscillation
+    used = member >= 0
+    flight, when = member[used], samples.time[used]
+    clear = samples.height[used] - level[flight] - base.height(when)
+    order = np.lexsort((clear, flight))
+    top = when[order[np.searchsorted(flight[order], np.arange(fits.number.size), side="right") - 1]]
+
+    def above(time: Array) -> Array:
+        return np.asarray(fits.height(time, fall) - level - base.height(time))
+
+    found = []
+    for way in (-1.0, 1.0):
+        step = way / (STEPS * max(base.numbers) * base.frequency)
+        inner, outer = top.copy(), top + step
+        while (flies := above(outer) > 0.0).any():
+            inner, outer = np.where(flies, outer, inner), np.where(flies, outer + step, outer)
+        for _ in range(HALVINGS):
+            middle = (inner + outer) / 2.0
+            flies = above(middle) > 0.0
+            inner, outer = np.where(flies, middle, inner), np.where(flies, outer, middle)
+        velocity = fits.slope - fall * (inner - fits.centre) - base.velocity(inner)
+        found.append((inner, np.abs(velocity)))
+    (up, rise), (down, lands) = found
+    return Ends(up, down, rise, lands)
+
+
+def _fit_laws(base_fit: BaseFit) -> list[FittedLaw]:
+    """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers."""
+    contacts = base_fit.problem.contacts
+    speeds = base_fit.oscillation.velocity(contacts.time) - contacts.arrival
+    speeds = np.maximum(speeds[base_fit.kept], 1e-6)
+    return [
+        fit_law(name, speeds, lambda law: _fit_law(base_fit.problem._replace(law=law), base_fit))
+        for name in FITTED
+    ]
+
+
+def _fit_law(problem: Problem, base_fit: BaseFit) -> FittedLaw:
+    law, start = problem.law, base_fit.values
+    if law.parameters:
+        start = np.append(start, np.log(law.speed))
+    spread = np.sqrt(np.maximum(np.diag(base_fit.covariance), 1e-20))
+    scale = np.append(spread, [0.1] * law.parameters)
+    try:
+        found, used = without_outliers(problem, start, scale, base_fit.kept)
+    except np.linalg.LinAlgError:
+        return failed_fit(law, base_fit.kept.size)
+    covariance, misfit, freedom = covariance_of_fit(found)
+    last = found.x.size - law.parameters
+    of_law = np.r_[: problem.parameters, last : found.x.size]  # without the levels
+    values, spread = with_speed(law, found.x[of_law], covariance[np.ix_(of_law, of_law)])
+    return FittedLaw(
+        law, values, spread, misfit, freedom, int(used.sum()), problem.distance(found.x)
+    )
+
+
+# -----------------------------------------------------------------------------
+# Fit the flights of tracks over a moving base, or over one at a constant level.
 
 MOTIONS: Final = ("detect", "level", "moving")
 # Largest share of neighbouring flights that may meet above a moving base; otherwise its fit is

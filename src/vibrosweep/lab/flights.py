@@ -1,27 +1,121 @@
-"""Parabolas through the samples of all flights, and their intersections.
-
-Gravity is known, so that y + g t^2 / 2 is a straight line in t and a flight has two unknowns.  Two
-neighbouring flights differ by a straight line, which is zero at the landing between them.  The
-landing therefore follows without the height of the base.
-"""
+"""Flights in samples: cut at gaps and low points, fitted by parabolas, joined at bounces."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import find_peaks
+from scipy.special import chdtri
 from scipy.stats import trim_mean
 
 from vibrosweep.arrays import Array, Flags, Indices
-from vibrosweep.lab.segments import Samples
+from vibrosweep.kernels._jit import Floats, kernel
+
+# -----------------------------------------------------------------------------
+# Samples of tracks, cut at gaps, and the low points between flights.
+
+# Length in frames above which a gap may hide a whole flight, so that no landing is sought across it
+GAP_FRAMES: Final = 3.5
+# Standard deviations of the noise by which a low point must lie below the samples on both sides;
+# hardly one in a million samples near the top of a flight does so by chance
+PROMINENCE: Final = 5.0
+# Largest height of a low point relative to the higher of the neighbouring flights; with four frames
+# in a flight the lowest can be at 0.44
+LOW: Final = 0.5
+# Quantile of the heights of low points that estimates the base: the frame nearest to a landing is
+# up to half a frame from it, and above the base.
+LOW_QUANTILE: Final = 0.25
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Measured positions of all particles, particle after particle."""
+
+    # time, height: in s and m; all arrays have the shape (sample,)
+    time: Array
+    height: Array
+    # frame, particle: indices in the table of tracks
+    frame: Indices
+    particle: Indices
+    piece: Indices  # number of the uninterrupted piece of track, rising
+
+    @property
+    def bounds(self) -> Indices:
+        """Index of the first sample of each piece, then the number of samples; (piece + 1,)."""
+        return np.searchsorted(self.piece, np.arange(self.piece[-1] + 2))
+
+
+def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
+    """Collect the measured positions, in pieces that end at long gaps and at cuts.
+
+    Times rise.  Heights and cuts have the shape (frame, particle): a height is NaN where a particle
+    is not seen, a cut is True where no flight continues from the previous frame.
+    """
+    particle, frame = np.nonzero(np.isfinite(height.T))
+    when = time[frame]
+    interval = float(np.median(np.diff(time)))
+    passed = np.cumsum(cuts, axis=0)[frame, particle]
+    new = (
+        (np.diff(particle, prepend=-1) != 0)
+        | (np.diff(when, prepend=-np.inf) > GAP_FRAMES * interval)
+        | (np.diff(passed, prepend=0) != 0)
+    )
+    return Samples(when, height[frame, particle], frame, particle, np.cumsum(new) - 1)
+
+
+def rough_noise(samples: Samples) -> float:
+    """Estimate the noise of a position in m from third differences, before any flight is known.
+
+    These are zero on a parabola and large across a landing, so that a low quantile is used.  If
+    flights last few frames, the estimate is too large by up to a factor of two.
+    """
+    third = np.abs(np.diff(samples.height, 3))[np.diff(samples.piece, 3) == 0]
+    # quartile of the absolute value of a normal deviate, and norm of (1, -3, 3, -1)
+    return float(np.quantile(third, 0.25)) / (0.3186 * np.sqrt(20.0)) if third.size else 0.0
+
+
+def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indices, float]:
+    """Find the lowest samples between flights, and the height of the base in m.
+
+    The height is estimated from the low points if `base` is None.  `noise` is the standard
+    deviation of a position (m).
+    """
+    least = max(PROMINENCE * noise, 1e-6 * float(np.ptp(samples.height)))
+    bounds = samples.bounds
+    found = [
+        begin + find_peaks(-samples.height[begin:end], prominence=least)[0]
+        for begin, end in pairwise(bounds)
+    ]
+    low = np.concatenate(found).astype(np.intp)
+    if base is None:
+        lowest = samples.height[low] if low.size else samples.height
+        base = float(np.quantile(lowest, LOW_QUANTILE))
+    # a point that is not well below the flights beside it is noise near an apex
+    edges = np.unique(np.concatenate([bounds[:-1], low]))
+    tops = np.maximum.reduceat(samples.height, edges)
+    place = np.searchsorted(edges, low)
+    above = np.maximum(tops[place - 1], tops[place]) - base
+    return low[samples.height[low] - base <= LOW * above + 2.0 * noise], base
+
+
+# -----------------------------------------------------------------------------
+# Parabolas through the samples of all flights, and their intersections.
+#
+# Gravity is known, so that y + g t^2 / 2 is a straight line in t and a flight has two unknowns.
+# Two neighbouring flights differ by a straight line, which is zero at the landing between them.
+# The landing therefore follows without the height of the base.
 
 # Standard errors by which the acceleration of tracks must differ from gravity to contradict it, and
 # share of gravity up to which the difference is taken for an error of the scale
 SCALE_OFF: Final = 5.0
 WRONG_SCALE: Final = 0.2
 # Fewest high flights that can show an error of the scale
-FEWEST: Final = 5
+FEWEST_HIGH: Final = 5
 # Least height, in units of the noise, of a flight whose curvature shows gravity: many times that of
 # a false flight, noise between two low points
 HIGH_ABOVE_NOISE: Final = 7.0
@@ -156,7 +250,7 @@ def gravity_of_high_flights(
 ) -> tuple[float, float]:
     """Return `apparent_gravity` of the flights that are high enough; NaN if they are too few."""
     high = high_flights(rise, noise)
-    if high.sum() < FEWEST:
+    if high.sum() < FEWEST_HIGH:
         return float("nan"), float("nan")
     return apparent_gravity(samples, np.where(high[member], member, -1), rise.size)
 
@@ -222,3 +316,191 @@ def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
         time_variance = (landing + leaving) / closing**2
         height_variance = (rising**2 * landing + falling**2 * leaving) / closing**2
     return Meetings(time, height, closing, time_variance, height_variance)
+
+
+# -----------------------------------------------------------------------------
+# Cut tracks into stretches of free flight, without the height of the base.
+#
+# The function y + g t^2 / 2 of a particle is a straight line in flight, bends upwards on the base
+# and has a kink at a bounce.  The cut into straight lines that minimises chi-square plus a fixed
+# penalty for each line is found exactly (optimal partitioning, Jackson et al. 2005, IEEE Signal
+# Process. Lett. 12, 105).
+
+# Penalty of a line in units of chi-square, with which noise adds one cut in hundreds of flights
+PRICE: Final = 25.0
+# Standard deviations by which chi-square may exceed its mean for a stretch to be a line
+BENT: Final = 6.0
+NOISE_ROUNDS: Final = 3
+LOWEST: Final = 0.25  # quantile of the residuals of stretches from which the noise is estimated
+# Standard errors by which the acceleration of a flight may differ from gravity, and by which
+# gravity must differ from zero, the acceleration of a stay on a base at rest
+FALLS: Final = 3.5
+SEEN: Final = 5.0
+
+
+@kernel
+def _partition(
+    time: Floats, height: Floats, variance: float, gravity: float, starts: Flags
+) -> None:
+    """Mark the samples at which the lines of the best partition begin."""
+    begin = np.empty(time.size, np.int64)  # of the last line in the best partition up to a sample
+    cost = np.full(time.size + 1, np.inf)
+    cost[0] = 0.0
+    for last in range(time.size):
+        # the sums are over a line that grows backwards, so that no large numbers cancel
+        count, mean_t, mean_z, tt, tz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for first in range(last, -1, -1):
+            since = time[first] - time[last]
+            z = height[first] - height[last] + 0.5 * gravity * since * since
+            count += 1.0
+            off_t, off_z = since - mean_t, z - mean_z
+            mean_t += off_t / count
+            mean_z += off_z / count
+            tt += off_t * (since - mean_t)
+            tz += off_t * (z - mean_z)
+            zz += off_z * (z - mean_z)
+            free = count - 2.0
+            residue = max(zz - tz * tz / tt, 0.0) / variance if free > 0.0 else 0.0
+            if free > 0.0 and residue > free + BENT * math.sqrt(2.0 * free) + PRICE:
+                break
+            total = cost[first] + residue + PRICE
+            if total < cost[last + 1]:
+                cost[last + 1] = total
+                begin[last] = first
+    k = time.size
+    while k > 0:
+        k = begin[k - 1]
+        starts[k] = True
+
+
+def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
+    """Cut each piece of track into lines.
+
+    Returns the number of the stretch of each sample, rising, and the standard deviation of a sample
+    in m, from the residuals of the lines.
+    """
+    noise = max(rough_noise(samples), 1e-9 * float(np.ptp(samples.height)))
+    member = np.zeros(samples.time.size, np.intp)
+    for _ in range(NOISE_ROUNDS):
+        starts = np.zeros(samples.time.size, bool)
+        for begin, end in pairwise(samples.bounds):
+            piece = slice(begin, end)
+            time, height = samples.time[piece], samples.height[piece]
+            _partition(time, height, noise**2, gravity, starts[piece])
+        member = np.cumsum(starts) - 1
+        fits = fit_parabolas(samples, member, int(member[-1]) + 1, gravity)
+        free = fits.number - 2.0
+        long = free > 1.0
+        if not long.any():
+            break
+        # a low quantile, because stretches that are not lines have large residuals
+        ratio = fits.residue[long] / chdtri(free[long], 1.0 - LOWEST)
+        found = math.sqrt(float(np.quantile(ratio, LOWEST)))
+        noise = max(found, 1e-9 * float(np.ptp(samples.height)))
+    return member, noise
+
+
+def clear_flights(
+    samples: Samples, member: Indices, fits: Fits, noise: float, fall: float
+) -> Flags:
+    """Mark the stretches that fall as flights do and stays do not; shape (stretch,).
+
+    `member` is that of `stretches`, `noise` the standard deviation of a sample (m), `fall` the
+    acceleration of free flight (m s-2).
+    """
+    acceleration, weight = curvatures(samples, member, fits.number.size)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = noise / np.sqrt(weight)
+    return np.asarray((np.abs(acceleration - fall) < FALLS * error) & (fall > SEEN * error))
+
+
+# -----------------------------------------------------------------------------
+# Junctions of neighbouring flights: a bounce, a stay on the base, or neither.
+
+# Standard errors by which two flights must miss each other on the base for a stay between them
+MISSED: Final = 4.0
+# Standard errors from the base within which flights meet on it
+ON_BASE: Final = 4.0
+# Quantile of the heights at which flights meet, the first estimate of the height of the base; it is
+# high because parabolas beside a stay meet below the base
+FROM_ABOVE: Final = 0.8
+FEWEST_MEETINGS: Final = 3  # meetings
+BASE_ROUNDS: Final = 5
+
+
+class Junctions(NamedTuple):
+    """Junctions of flights `before` and `before + 1`; arrays of shape (junction,)."""
+
+    before: Indices  # number of the flight that lands
+    # landing, liftoff: s; equal unless the particle stayed on the base
+    landing: Array
+    liftoff: Array
+    # landing_error, liftoff_error: standard errors, s
+    landing_error: Array
+    liftoff_error: Array
+    # Covariance of the lift-off with the landing that ends its flight, s^2; NaN if that is unseen
+    covariance: Array
+    stayed: Flags  # the particle stayed on the base, or bounced too low to be seen
+    overlapping: Flags  # the flights meet above the base, where nothing turns the particle
+    # height, height_error: height at which the parabolas meet, and its standard error, m
+    height: Array
+    height_error: Array
+
+
+def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -> Junctions:
+    """Join the neighbouring flights of each piece of track.
+
+    `piece` is the number of the piece of each flight, `noise` the standard deviation of a sample
+    (m).
+    """
+    before = np.flatnonzero(np.diff(piece) == 0)
+    after = before + 1
+    up, down = ends.up, ends.down
+    met = meet(fits.take(before), fits.take(after), (down[before] + up[after]) / 2.0, gravity)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fall = noise * np.sqrt(line_variance(fits, down)) / ends.fall
+        rise = noise * np.sqrt(line_variance(fits, up)) / ends.rise
+        miss = (up[after] - down[before]) / np.hypot(fall[before], rise[after])
+        stayed = (miss > MISSED) | ~(met.closing > 0.0)
+        landing = np.where(stayed, down[before], met.time)
+        liftoff = np.where(stayed, up[after], met.time)
+        error = noise * np.sqrt(met.time_variance)
+        # an error of height shifts an instant by error / speed; at a bounce both speeds add
+        falls = np.where(stayed, ends.fall[before], met.closing)
+        rises = np.where(stayed, ends.rise[after], met.closing)
+        covariance = np.full(before.size, np.nan)
+        linked = np.flatnonzero(after[:-1] == before[1:])
+        shared = line_variance(fits.take(after[linked]), liftoff[linked], landing[linked + 1])
+        covariance[linked] = -(noise**2) * shared / (rises[linked] * falls[linked + 1])
+    return Junctions(
+        before,
+        landing,
+        liftoff,
+        np.where(stayed, fall[before], error),
+        np.where(stayed, rise[after], error),
+        covariance,
+        stayed,
+        miss < -MISSED,
+        met.height,
+        noise * np.sqrt(met.height_variance),
+    )
+
+
+def base_level(height: Array, error: Array, fallback: float) -> tuple[float, float]:
+    """Height of the base in m, and its standard error.
+
+    It is the weighted mean of the heights at which flights meet on the base, or the `fallback` with
+    the error NaN if too few do.  `error` holds the standard errors of the heights.
+    """
+    sound = np.isfinite(height) & np.isfinite(error)
+    height, error = height[sound], error[sound]
+    if height.size < FEWEST_MEETINGS:
+        return fallback, float("nan")
+    level = float(np.quantile(height, FROM_ABOVE))
+    for _ in range(BASE_ROUNDS):
+        near = np.abs(height - level) < ON_BASE * error
+        if near.sum() < FEWEST_MEETINGS:
+            return fallback, float("nan")
+        weight = error[near] ** -2.0
+        level = float(weight @ height[near] / weight.sum())
+    return level, float(weight.sum() ** -0.5)

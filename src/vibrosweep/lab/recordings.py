@@ -2,25 +2,446 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
+import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.arrays import Array
-from vibrosweep.errors import TrackError
-from vibrosweep.lab.mtrack import mtrack_recordings
-from vibrosweep.lab.recording import Reading, Recording, Track, made
-from vibrosweep.lab.table_columns import FORMATS, Columns, chosen_headings, series_of_columns
-from vibrosweep.scene.cells import MISSING, Cells, cells_of, read_content
-from vibrosweep.scene.clocks import even_times, rounding_of
-from vibrosweep.scene.headings import PIXELS, Heading, time_factor
+from vibrosweep.arrays import Array, Flags
+from vibrosweep.errors import TrackError, require_one_of
+from vibrosweep.lab.tracks import FRAME_RATES, table_to_tracks, with_mark
+from vibrosweep.scene.cells import MISSING, Cells, cells_of, decoded, read_content
+from vibrosweep.scene.clocks import even_times, origin_of, rounding_of
+from vibrosweep.scene.headings import PIXELS, Heading, heading, length_factor, time_factor
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["read_tracks", "tracks_from_frame"]
+
+# -----------------------------------------------------------------------------
+# A track as its file holds it, and how files are read.
+
+AXES: Final = ("up", "down")
+SENTINELS: Final = (0.0, -1.0)  # what programs write for a position that was lost
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """One drop or one film of one ball: a track, or times of impacts.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vibrosweep as vs
+    >>> times = np.array([0.0, 0.80, 1.52, 2.168])  # s, of four impacts
+    >>> heard = vs.lab.Recording("drop 1", "", times, None, None, True, True, 0.0, None)
+    >>> print(heard.height is None)
+    True
+    """
+
+    name: str  # the file, and what tells it from others of that file
+    group: str  # what is pooled together; empty if the file names none
+    time: NDArray[np.float64]  # s on the clock of the file, or frames if the rate is not known
+    # Upwards, in m, or in units of the file if the scale is not known; None if `time` is impacts
+    height: NDArray[np.float64] | None
+    horizontal: NDArray[np.float64] | None  # the second coordinate of a track if there is one
+    scale_known: bool
+    rate_known: bool
+    rounding: float  # s, step to which times are rounded; 0 if none is seen
+    peaks: NDArray[np.float64] | None  # loudness of each click, from a sound
+    label: str = ""  # name of the particle or of the recording inside its file
+    pixels: bool = False  # heights are rows of an image
+    remarks: tuple[str, ...] = ()  # what was taken for lost, or left out
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How files are read; as the arguments of `read_recordings`."""
+
+    scale: float | None = None
+    frame_rate: float | None = None
+    axis: str | None = None
+    column: str | None = None
+    particle: str | None = None
+    sheet: str | None = None
+    base: float | None = None  # the zero of heights, in units of the file
+
+    def __post_init__(self) -> None:
+        lowest, highest = FRAME_RATES
+        if self.frame_rate is not None and not lowest <= self.frame_rate <= highest:
+            raise TrackError(
+                f"frame_rate = {self.frame_rate:g}: must be {lowest:g} to {highest:g} Hz"
+            )
+        if self.scale is not None and not 0.0 < self.scale < np.inf:
+            raise TrackError(f"scale = {self.scale:g}: must be a finite number above 0")
+        if self.base is not None and not np.isfinite(self.base):
+            raise TrackError(f"base = {self.base:g}: must be a finite number")
+        require_one_of("axis", self.axis or "up", AXES, TrackError)
+
+
+@dataclass(frozen=True)
+class Track:
+    """A track in units of its file."""
+
+    time: Array
+    height: Array
+    horizontal: Array | None
+
+
+def made(
+    track: Track,
+    head: Heading,
+    how: Reading,
+    image: bool,
+    name: str,
+    group: str,
+    label: str,
+    about: dict[str, Any],
+) -> Recording:
+    """Convert a track to m, upwards; `image` tells that rows of pixels are counted downwards."""
+    pixels = head.unit.lower() in PIXELS
+    factor = (1.0, 1.0) if pixels else length_factor(head.unit)
+    if factor is None:
+        raise TrackError(
+            f"{name}: heights are in {head.unit!r}; known units: m, cm, mm, um, px; export them in "
+            f"m, or without a unit and give the scale"
+        )
+    if how.scale is not None:
+        factor = (how.scale, 1.0)
+    stated = bool(head.unit) and not pixels
+    known = how.scale is not None or stated or (head.text.lower() == "height" and not image)
+    height, beside, remarks = track.height.copy(), track.horizontal, []
+    for value in SENTINELS:
+        lost = _lost(height, value)
+        if lost.any():
+            height[lost] = np.nan
+            remarks.append(
+                f"{name}: {lost.sum()} heights are {value:g}, far from those beside them: taken "
+                f"for lost positions"
+            )
+    up = how.axis or ("down" if image else "up")
+    sign = 1.0 if up == "up" else -1.0
+    with np.errstate(over="ignore"):
+        if beside is not None:
+            beside = np.where(np.isnan(height), np.nan, beside) * factor[0] / factor[1]
+        height = sign * (height - (how.base or 0.0)) * factor[0] / factor[1]
+    if np.isinf(height).any() or (beside is not None and np.isinf(beside).any()):
+        raise TrackError(f"{name}: positions are too large to be computed with; check the scale")
+    return Recording(
+        name,
+        group,
+        track.time,
+        height,
+        beside,
+        peaks=None,
+        label=label,
+        pixels=image,
+        remarks=tuple(remarks),
+        **{**about, "scale_known": known},
+    )
+
+
+def _lost(height: Array, value: float) -> Flags:
+    """Mark the positions that repeat a value from which the track jumps as from no other."""
+    hit = height == value
+    seen = np.isfinite(height)
+    none = np.zeros(height.size, np.bool_)
+    if hit.sum() < 2 or 2 * hit.sum() > seen.sum():
+        return none
+    steps = np.abs(np.diff(height))
+    apart = hit[1:] != hit[:-1]
+    jumps = steps[apart & np.isfinite(steps)]
+    usual = steps[~apart & ~hit[1:] & np.isfinite(steps)]
+    if not jumps.size or not usual.size:
+        return none
+    far = np.median(jumps) > 2.0 * np.quantile(usual, 0.995)
+    return hit if far else none
+
+
+# -----------------------------------------------------------------------------
+# Which columns of a table belong together: times, heights, and where they lie side by side.
+
+FORMATS: Final = (
+    "give a column of times and one of heights, such as time and height, or t and y; frames with "
+    "x and y; or times of impacts"
+)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of one recording of a table, by their places."""
+
+    time: int
+    height: int | None
+    horizontal: int | None
+    label: str
+
+
+def chosen_headings(table: Cells, how: Reading) -> list[Heading]:
+    """Return the headings of a table; with a chosen column no other holds heights or times."""
+    headings = list(table.headings)
+    if len(headings) == 1 and not headings[0].role and table.wordless(0):
+        headings[0] = replace(headings[0], role="time")
+    if how.column is None:
+        return headings
+    wanted = [k for k, h in enumerate(headings) if h.means(how.column)]
+    if not wanted:
+        return [replace(h, role="") for h in headings]
+    impacts = any(headings[k].role == "time" for k in wanted)
+    drop = ("height", "depth", "time") if impacts else ("height", "depth")
+    roles = [("" if h.role in drop else h.role) for h in headings]
+    for k in wanted:
+        roles[k] = "time" if impacts else "height"
+    return [replace(h, role=role) for h, role in zip(headings, roles, strict=True)]
+
+
+def series_of_columns(table: Cells, headings: list[Heading]) -> list[Columns]:
+    """Find the columns of each recording."""
+    places = {
+        role: [k for k, h in enumerate(headings) if h.role == role and _holds(table, k)]
+        for role in ("time", "frame", "height", "depth", "horizontal")
+    }
+    times = places["time"] or places["frame"]
+    heights = places["height"] or places["depth"] or _lengths(table, headings)
+    if not heights:
+        # a trace of the base, or a track without its heights
+        other = any(h.role in ("acceleration", "horizontal", "frame") for h in headings)
+        times = [] if other else places["time"]
+        if len(times) > 1 and not _alike([headings[k] for k in times]):
+            raise _ambiguous(table, [headings[k] for k in times], "times of impacts")
+        return [
+            Columns(k, None, None, headings[k].label or (str(n) if len(times) > 1 else ""))
+            for n, k in enumerate(times, start=1)
+        ]
+    if not times:
+        raise TrackError(f"{table.source}: has the columns {table.names}; {FORMATS}")
+    if len(heights) > 1 and not _alike([headings[k] for k in heights]):
+        raise _ambiguous(table, [headings[k] for k in heights], "heights")
+    series = []
+    for n, k in enumerate(heights, start=1):
+        low = heights[n - 2] if n > 1 else -1
+        high = heights[n] if n < len(heights) else len(headings)
+        beside = [j for j in places["horizontal"] if low < j < high]
+        beside.sort(key=lambda j: abs(j - k))
+        series.append(
+            Columns(
+                max((j for j in times if j < k), default=times[0]),
+                k,
+                beside[0] if beside else None,
+                headings[k].label or (str(n) if len(heights) > 1 else ""),
+            )
+        )
+    return series
+
+
+def _holds(table: Cells, k: int) -> bool:
+    return any(cell.lower() not in MISSING for cell in table.column(k))
+
+
+def _lengths(table: Cells, headings: list[Heading]) -> list[int]:
+    """Return the columns in a unit of length whose names say nothing."""
+    return [
+        k
+        for k, h in enumerate(headings)
+        if not h.role and h.unit and (length_factor(h.unit) or h.unit in PIXELS)
+    ]
+
+
+def _alike(headings: list[Heading]) -> bool:
+    """Tell whether columns differ at most in their labels or in a number: drops side by side."""
+    names = {re.sub(r"[\W\d_]+", " ", h.text.lower()).strip() for h in headings}
+    labels = {h.label for h in headings}
+    return len(names) == 1 or (len(labels) == len(headings) and "" not in labels)
+
+
+def _ambiguous(table: Cells, headings: list[Heading], what: str) -> TrackError:
+    names = ", ".join(f'"{h.text}"' for h in headings)
+    return TrackError(
+        f"{table.source}: several columns may hold {what}: {names}; choose one by its name "
+        f"(column=, --column)"
+    )
+
+
+# -----------------------------------------------------------------------------
+# Tracks of MTrack2, a plugin of ImageJ.
+
+REACH: Final = 30.0  # pixels in a frame up to which positions are joined
+MEMORY: Final = 10.0  # frames without a position that end a track
+STILL: Final = 0.25  # movement of a mark or a hand, relative to that of the ball
+
+
+def mtrack_recordings(content: bytes, source: str, how: Reading) -> list[Recording]:
+    """Read an export of MTrack2 of ImageJ; empty if the file is none.
+
+    Separators of empty cells may be lost: positions are then joined to the nearest ones before.
+    """
+    if not re.match(rb"(\xef\xbb\xbf)?\s*Frame\W+X1\W+Y1\W+Flag1\b", content):
+        return []
+    lines = decoded(content, source).splitlines()
+    tracks: list[dict[float, tuple[float, float]]] = []
+    remarks: list[str] = []
+    for number, line in enumerate(lines, start=1):
+        if line.startswith("Frame"):
+            base = len(tracks)
+            mark = next((m for m in "\t,;" if m in line), None)
+            tracks += [{} for _ in re.findall(r"X\d+", line)]
+            continue
+        if line.startswith("Track "):
+            break
+        cells = [c.strip() for c in (line.split(mark) if mark else line.split())]
+        if not cells or not cells[0] or cells[0].startswith("Tracks"):
+            continue
+        try:
+            frame, rest = float(cells[0]), cells[1:]
+            if mark:
+                pairs = {
+                    base + k // 3: (float(rest[k]), float(rest[k + 1]))
+                    for k in range(0, len(rest) - 1, 3)
+                    if rest[k]
+                }
+            else:
+                bare = [float(c) for c in rest if c != "*"]
+                if len(bare) % 2:  # a cell was lost, and with it which numbers are pairs
+                    remarks.append(f"{source}: line {number} has no whole pairs: left out")
+                    continue
+                pairs = _joined_table(tracks, frame, list(zip(bare[::2], bare[1::2], strict=True)))
+            for k, pair in pairs.items():
+                tracks[k][frame] = pair
+        except (ValueError, IndexError) as error:
+            raise TrackError(
+                f"{source}: line {number}: {line.strip()!r} does not hold a frame and pairs of "
+                f"positions"
+            ) from error
+    return _balls(tracks, source, how, remarks)
+
+
+def _joined_table(
+    tracks: list[dict[float, tuple[float, float]]],
+    frame: float,
+    pairs: list[tuple[float, float]],
+) -> dict[int, tuple[float, float]]:
+    """Give positions to the tracks whose last position is nearest, and others to new tracks."""
+    from scipy.optimize import linear_sum_assignment
+
+    live = [k for k, t in enumerate(tracks) if t and frame - max(t) <= MEMORY]
+    found: dict[int, tuple[float, float]] = {}
+    if live and pairs:
+        last = np.array([tracks[k][max(tracks[k])] for k in live])
+        since = np.array([frame - max(tracks[k]) for k in live])
+        apart = np.hypot(*(last[:, np.newaxis] - np.array(pairs)).transpose(2, 0, 1))
+        apart /= since[:, np.newaxis]
+        for i, j in zip(*linear_sum_assignment(np.minimum(apart, REACH)), strict=True):
+            if apart[i, j] < REACH:
+                found[live[i]] = pairs[j]
+    for pair in pairs:
+        if pair not in found.values():
+            tracks.append({})
+            found[len(tracks) - 1] = pair
+    return found
+
+
+def _balls(
+    tracks: list[dict[float, tuple[float, float]]], source: str, how: Reading, remarks: list[str]
+) -> list[Recording]:
+    """Make recordings of the tracks that move; the others are marks."""
+    arrays = [
+        Track(
+            np.array(sorted(t)) / (how.frame_rate or 1.0),
+            np.array([t[f][1] for f in sorted(t)]),
+            np.array([t[f][0] for f in sorted(t)]),
+        )
+        for t in tracks
+    ]
+    moves = [float(np.ptp(a.height)) if a.height.size else 0.0 for a in arrays]
+    balls = [k for k, move in enumerate(moves) if move > STILL * max(moves, default=0.0)]
+    if how.particle is not None:
+        balls = [k for k, move in enumerate(moves) if move]
+    about: dict[str, Any] = {
+        "scale_known": False,
+        "rate_known": how.frame_rate is not None,
+        "rounding": 0.0,
+    }
+    head = Heading("Y", "height", "px", "")
+    several = len(balls) > 1 or how.particle is not None
+    found = [
+        made(
+            arrays[k],
+            head,
+            how,
+            True,
+            f"{source}, track {k + 1}" if several else source,
+            "",
+            str(k + 1),
+            about,
+        )
+        for k in balls
+        if arrays[k].time.size > 1
+    ]
+    if not found:
+        raise TrackError(f"{source}: holds no track that moves; check the file")
+    still = len([t for t in tracks if t]) - len(balls)
+    if still:
+        remarks.append(f"{source}: {still} tracks stay where they are: taken for marks")
+    return [replace(r, remarks=(*r.remarks, *remarks)) for r in found]
+
+
+# -----------------------------------------------------------------------------
+# Clicks of impacts in a sound file.
+
+APART: Final = 0.02  # s, least time between two clicks
+RISE: Final = 10.0  # dB by which a click stands above the noise and above what is before it
+WINDOW: Final = 5e-4  # s over which loudness is averaged
+ONSET: Final = 0.2  # share of the loudness of a click at which it begins
+
+
+def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
+    """Return times (s) and loudness of the clicks in a WAV file, and the step of its samples (s).
+
+    A ValueError says why there are none.
+    """
+    from scipy.io import wavfile
+    from scipy.ndimage import uniform_filter1d
+    from scipy.signal import find_peaks
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that hold no sound
+            rate, samples = wavfile.read(io.BytesIO(content))
+    except Exception as error:  # damaged files: its errors have no common base
+        raise ValueError(f"{source}: is not a WAV file that can be read: {error}") from error
+    if not (samples.size and rate > 0):
+        raise ValueError(f"{source}: is a WAV file without a sound")
+    sound = np.asarray(samples, np.float64).reshape(len(samples), -1).mean(axis=1)
+    # differences, because hum and voices are lower than clicks
+    width = max(int(WINDOW * rate), 1)
+    change = np.abs(np.diff(sound, prepend=sound[:1]))
+    loudness = uniform_filter1d(change, width)
+    noise = max(float(np.median(loudness)), 1e-12 * float(loudness.max(initial=0.0)), 1e-300)
+    level = 20.0 * np.log10(np.maximum(loudness, noise) / noise)
+    places, _ = find_peaks(level, height=RISE, prominence=RISE, distance=max(int(APART * rate), 1))
+    if len(places) < 2:
+        raise ValueError(f"{source}: holds {len(places)} clicks; at least two are needed")
+    onsets = []
+    for place in places:
+        begin = max(place - int(APART * rate) // 2, 0)
+        loud = np.flatnonzero(loudness[begin : place + 1] >= ONSET * loudness[place])
+        onsets.append(begin + loud[0])
+    return np.array(onsets) / rate, loudness[places], 1.0 / rate
+
+
+# -----------------------------------------------------------------------------
+# Recordings from files as other programs write them: tracks, times of impacts, and sound.
 
 SKIPPED: Final = ("metadata device", "metadata time")  # sheets of phyphox
 WHOLE: Final = "all"  # its sheet with the list of all events
@@ -88,8 +509,6 @@ def read_file(path: Path, how: Reading) -> list[Recording]:
     try:
         content = read_content(path)
         if content.startswith(b"RIFF"):
-            from vibrosweep.lab.sound import clicks_of
-
             time, peaks, step = clicks_of(content, source)
             return [Recording(source, "", time, None, None, False, True, step, peaks)]
         found = mtrack_recordings(content, source, how) or _tabled(content, source, how)
@@ -285,3 +704,178 @@ def _groups(labels: Iterable[str]) -> list[str]:
         for own, name in zip(stems, names, strict=True)
     ]
     return groups if len(set(groups)) > 1 else [""] * len(names)
+
+
+# -----------------------------------------------------------------------------
+# Tracks of one recording, from files or a table in memory, as a dataset.
+
+
+def read_tracks(
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    frame_rate: float | None = None,
+    scale: float | None = None,
+    axis: str | None = None,
+    base: float | None = None,
+    base_track: str | None = None,
+    column: str | None = None,
+    particle: str | None = None,
+    sheet: str | None = None,
+) -> xr.Dataset:
+    """Read the tracks of one recording; the first lines of a file show its format.
+
+    Parameters
+    ----------
+    paths
+        A file, or several that hold different particles of the same recording.
+    frame_rate
+        Frames per second, Hz; required for the table of trackpy.  The times of other files are
+        rescaled to this rate: a slow-motion video is often exported with its playing rate.
+    scale
+        m per unit of the file, such as m per pixel; by default 1, required for the table of
+        trackpy.
+    axis
+        ``"up"`` or ``"down"``, the direction in which heights grow in the file; by default up, but
+        down for the pixel rows of trackpy.
+    base
+        Height of the base in units of the file, the zero of heights; by default 0.
+    base_track
+        Name of a particle that is a mark on the base.  Its track becomes the variable
+        ``base_height`` (m), to which `find_impacts` fits the harmonics of the base.
+    column, particle, sheet
+        As in `read_recordings`.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `make_tracks` returns it.  Where the clock of the file counts from 1970 or from midnight,
+        times are counted from the attribute ``origin`` (s).
+
+    Raises
+    ------
+    TrackError
+        A file cannot be read, or holds no tracks.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np, pandas as pd, vibrosweep as vs
+    >>> time = np.arange(60) / 100.0
+    >>> height = 0.05 - 4.9 * (time % 0.2 - 0.1) ** 2
+    >>> table = pd.DataFrame({"time": time, "particle": "ball", "height": height})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table.to_csv(f"{folder}/track.csv", index=False)
+    ...     vs.lab.read_tracks(f"{folder}/track.csv").height.dims
+    ('frame', 'particle')
+    """
+    files = [Path(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
+    how = Reading(scale, frame_rate, axis, column, particle, sheet, base)
+    found = [read_file(path, how) for path in files]
+    if len(found) > 1:
+        shared = set.intersection(*({r.label for r in own} for own in found))
+        if shared - {""}:
+            raise TrackError(
+                f"{files[0]} and others: particle {min(shared)} is in each of them; "
+                f"rename it, or read different recordings separately"
+            )
+        found = [
+            [replace(r, label=r.label or path.stem) for r in own]
+            for path, own in zip(files, found, strict=True)
+        ]
+    tracks = _joined([r for own in found for r in own], ", ".join(map(str, files)), frame_rate)
+    return tracks if base_track is None else with_mark(tracks, base_track)
+
+
+def tracks_from_frame(
+    table: pd.DataFrame,
+    *,
+    frame_rate: float | None = None,
+    scale: float | None = None,
+    axis: str | None = None,
+    base: float | None = None,
+    base_track: str | None = None,
+    source: str = "the table",
+) -> xr.Dataset:
+    """Make tracks from a `pandas.DataFrame` of time, particle, height or frame, particle, y.
+
+    Parameters
+    ----------
+    table
+        Times in s, or frames; heights in m or in units of `scale`.
+    frame_rate, scale, axis, base, base_track
+        As in `read_tracks`.
+    source
+        Name of the table in messages.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `make_tracks` returns it.
+
+    Raises
+    ------
+    TrackError
+        The table holds no tracks.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from vibrosweep.lab import tracks_from_frame
+    >>> time = np.arange(60) / 100.0
+    >>> height = 0.05 - 4.9 * (time % 0.2 - 0.1) ** 2
+    >>> table = pd.DataFrame({"time": time, "particle": "ball", "height": height})
+    >>> tracks_from_frame(table).height.dims
+    ('frame', 'particle')
+    """
+    how = Reading(scale, frame_rate, axis, base=base)
+    text = table.astype(object).where(table.notna(), "").astype(str)
+    cells = Cells(
+        source,
+        "",
+        "",
+        tuple(heading(str(name)) for name in table.columns),
+        text.to_numpy(object).tolist(),
+        list(range(1, len(table) + 1)),
+    )
+    try:
+        found = list(recordings_of(cells, how))
+    except ValueError as error:
+        raise error if isinstance(error, TrackError) else TrackError(str(error)) from error
+    tracks = _joined(found, source, frame_rate)
+    return tracks if base_track is None else with_mark(tracks, base_track)
+
+
+def _joined(found: list[Recording], source: str, frame_rate: float | None) -> xr.Dataset:
+    """Put the tracks of one recording side by side."""
+    heights: list[Array] = []
+    for one in found:
+        if one.height is None:
+            raise TrackError(f"{one.name}: holds times of impacts, and no tracks with heights")
+        if not one.rate_known or (one.pixels and not one.scale_known):
+            raise TrackError(
+                f"{one.name}: frames and pixels need the frame rate in Hz and the scale in m per "
+                f"pixel; give both"
+            )
+        heights.append(one.height)
+    if not found:
+        raise TrackError(f"{source}: holds no positions; check the file and its columns")
+    labels = [one.label for one in found]
+    names: list[object] = list(labels)
+    with contextlib.suppress(ValueError):
+        names = [float(label or 0) for label in labels]
+        names = [int(label or 0) for label in labels]
+    owner = np.repeat(
+        np.array(names, object if isinstance(names[0], str) else None), [h.size for h in heights]
+    )
+    time = np.concatenate([one.time for one in found])
+    origin = origin_of(np.unique(time))
+    if origin:  # so far from its zero a double rounds by 0.2 us
+        stamps, index = np.unique(time, return_inverse=True)
+        time = even_times(stamps - origin, 4.0 * float(np.spacing(abs(origin))))[0][index]
+    tracks = table_to_tracks(time, owner, np.concatenate(heights), source)
+    if origin:
+        tracks.attrs["origin"] = origin
+    if frame_rate is not None:
+        tracks.attrs["frame_rate"] = frame_rate
+    if remarks := dict.fromkeys(remark for one in found for remark in one.remarks):
+        tracks.attrs["remarks"] = "\n".join(remarks)
+    return tracks

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from vibrosweep.arrays import Array
 from vibrosweep.errors import require_one_of
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of
-from vibrosweep.lab.recording import Recording
+from vibrosweep.lab.recordings import Recording
 from vibrosweep.model.restitution_laws import CONSTANT, restitution_at
 
 __all__ = ["FloorExperiment", "Truth", "film_drops", "hear_drops"]
@@ -38,6 +38,8 @@ class FloorExperiment:
         ``"hertz"``, whose contacts last longer at low speed.
     terminal_speed
         Terminal speed in air, m/s.
+    incline
+        Angle of the floor in rad; films then hold x and y, and the ball is thrown along the floor.
     bounces
         Largest number of bounces of a drop.
     frame_rate, noise, unit, rounding, lost
@@ -68,6 +70,7 @@ class FloorExperiment:
     contact_time: float = 5e-4
     contact: str = "dashpot"
     terminal_speed: float = np.inf
+    incline: float = 0.0
     gravity: float = 9.81
     bounces: int = 8
     frame_rate: float = 240.0
@@ -94,7 +97,7 @@ class Truth(NamedTuple):
 
 def _drop(setup: FloorExperiment, rng: np.random.Generator) -> Truth:
     require_one_of("contact", setup.contact, CONTACTS)
-    g, drag = setup.gravity, setup.terminal_speed**-2
+    g, drag = setup.gravity * np.cos(setup.incline), setup.terminal_speed**-2
     own = setup.drop_scatter * rng.standard_normal()
     height = setup.height + setup.height_spread * rng.standard_normal()
     nominal, apex, made = float(np.sqrt(2.0 * g * height)), 0.0, []
@@ -139,13 +142,13 @@ def _compression(e: float, contact: str) -> tuple[Array, Array]:
 
 def _height(truth: Truth, time: Array, setup: FloorExperiment) -> Array:
     """Return heights above the level of first contact."""
-    drag = setup.terminal_speed**-2
+    g, drag = setup.gravity * np.cos(setup.incline), setup.terminal_speed**-2
     height = np.zeros(time.size)
     starts = np.append(-np.inf, truth.time + truth.length)
     for k, landing in enumerate(truth.time):
         within = (time > starts[k]) & (time <= landing)
         since = np.maximum(time[within] - truth.apex[k], 0.0 if k == 0 else -np.inf)
-        height[within] = truth.rise[k] - drop_from_apex(since, setup.gravity, drag)
+        height[within] = truth.rise[k] - drop_from_apex(since, g, drag)
         if k == truth.time.size - 1:
             break
         within = (time > landing) & (time < landing + truth.length[k])
@@ -191,6 +194,12 @@ def film_drops(
         height = _height(truth, np.minimum(time, end), setup)
         if setup.hands:  # which catch the ball, and raise it
             height += 0.3 * np.maximum(time - end, 0.0)
+        beside = None
+        if setup.incline:
+            sine, cosine = np.sin(setup.incline), np.cos(setup.incline)
+            along = 0.4 * time - 0.5 * setup.gravity * sine * time**2
+            beside = along * cosine - height * sine + setup.noise * rng.standard_normal(time.size)
+            height = along * sine + height * cosine
         height += setup.noise * rng.standard_normal(time.size) + 0.1 * rng.random()
         time = time + wait
         if setup.rounding:
@@ -203,7 +212,7 @@ def film_drops(
                 group="",
                 time=time[kept],
                 height=height[kept] / setup.unit,
-                horizontal=None,
+                horizontal=None if beside is None else beside[kept] / setup.unit,
                 scale_known=setup.unit == 1.0,
                 rate_known=True,
                 rounding=setup.rounding,

@@ -52,7 +52,15 @@ FORCINGS: Final = by_name(
     # so that A <= 2 V0 is at most LARGEST; for the other two, A depends on f and g
     Parameter("base_velocity", "V0", "m s-1", "peak base velocity", math.nan, 0.0, LARGEST / 2),
     Parameter("base_displacement", "B", "m", "peak base displacement", math.nan, 0.0, LARGEST),
-    Parameter(ACCELERATION, "Gamma", "1", "peak base acceleration (g)", math.nan, 0.0, LARGEST),
+    Parameter(
+        ACCELERATION,
+        "Gamma",
+        "1",
+        "peak base acceleration in units of gravity",
+        math.nan,
+        0.0,
+        LARGEST,
+    ),
 )
 
 # All inputs of a realization, in the order of files: the parameters, with the four forcings in
@@ -208,7 +216,8 @@ _RAMP: Final = (
 )
 
 _WORDS: Final = {
-    _RANDOM: "noise sigma random stochastic randomness noise_level noise_amplitude white_noise",
+    _RANDOM: "noise sigma random stochastic randomness restitution_std noise_level "
+    "noise_amplitude white_noise",
     _SHAPE: "shape wave wave_form profile harmonics harmonic tones forcing2 amplitude2 frequency2 "
     "phase2 second_frequency second_amplitude second_harmonic triangle square sawtooth signal",
     _LAW: "law rebound_law impact_law collision_law",
@@ -216,11 +225,12 @@ _WORDS: Final = {
     _AIR: "drag air air_drag air_resistance drag_coefficient viscosity buoyancy wind",
     _TURNS: "spin rotation rotate angular_velocity inertia friction friction_coefficient "
     "tangential_restitution rolling",
-    _VERTICAL: "tilt incline inclination slope tilt_angle horizontal x_velocity",
-    _WALLS: "wall walls stop stops ceiling lid box container impact_pair",
+    _VERTICAL: "tilt angle incline inclination slope tilt_angle horizontal x_velocity",
+    _WALLS: "wall walls second_wall gap stop stops ceiling lid box container impact_pair",
     _MEETINGS: "collision collisions ball_radius particle_radius radius diameter size interaction",
     _CONTACT: "stiffness contact_stiffness elasticity deformation hertz",
-    _RAMP: "ramp chirp sweep_rate ramp_rate frequency_end amplitude_end frequency_stop envelope",
+    _RAMP: "ramp frequency_ramp chirp sweep_rate ramp_rate frequency_end amplitude_end "
+    "frequency_stop envelope",
 }
 ANSWERS: Final = {word: answer for answer, words in _WORDS.items() for word in words.split()}
 

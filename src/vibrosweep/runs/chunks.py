@@ -248,7 +248,7 @@ def batch_size(spec: Sweep) -> int:
 EXEMPT: Final[Mapping[str, str]] = {
     "text": "wording and comments; the values of the text are in the other fields",
     "source": "path of the sweep file",
-    "states_duration": "the end of the observation is that of the scene",
+    "stated": "names of keys; the values of all are in the scene",
     "windows": "keys of `vibrosweep windows`, which a sweep does not use",
     "scene.given": "names of the stated parameters; the values of all are in the inputs",
     "scene.skip": "cycles that are added exactly instead of simulated give the same bits",

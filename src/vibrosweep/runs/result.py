@@ -19,6 +19,7 @@ from vibrosweep.errors import RunError
 from vibrosweep.kernels._jit import sources_digest
 from vibrosweep.model.forcing import (
     ACCELERATION,
+    AMPLITUDE,
     INPUTS,
     completed,
     inputs_of,
@@ -40,7 +41,7 @@ from vibrosweep.model.measures import (
     wasted,
 )
 from vibrosweep.model.orbit_theory import FIXED, recognition_periods
-from vibrosweep.model.parameters import STREAM, Parameter, Periods, in_periods
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, STREAM, Parameter, Periods, in_periods
 from vibrosweep.model.restitution_laws import CONSTANT, range_of
 from vibrosweep.runs.chunks import Stream, batch_size, identity, no_rows
 from vibrosweep.scene.realizations import Realizations
@@ -65,15 +66,12 @@ TIMES: Final[Mapping[str, Mapping[str, str]]] = {
 
 
 def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
-    """Return the CF attributes of a physical parameter.
-
-    The acceleration of the base, whose name states g, has no units: CF has none for g, and xarray
-    would write "1" beside the name on axes.
-    """
-    attributes = {"long_name": parameter.long_name, "symbol": parameter.symbol}
-    if parameter.name == ACCELERATION:
-        return attributes
-    return {"units": parameter.units, **attributes}
+    """Return the CF attributes of a physical parameter."""
+    return {
+        "units": parameter.units,
+        "long_name": parameter.long_name,
+        "symbol": parameter.symbol,
+    }
 
 
 def write_rows(
@@ -300,6 +298,7 @@ def write_record(file: Group, spec: Sweep, workers: Workers, counted: Counted | 
 
 
 STRONGEST: Final = 100.0  # acceleration of a shaker in g
+LONGEST_LAUNCH: Final = 25.0  # forcing periods of a first flight
 NEVER_REPEATS: Final = (
     "random motion never repeats: no cycle is searched for, and regimes are at_rest or undetermined"
 )
@@ -307,7 +306,14 @@ NEVER_REPEATS: Final = (
 
 def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
     """Return the remarks on a sweep, by subject; empty if there are none."""
-    found = {"defaults": _defaults(spec, design), "forcing": _strong_forcing(spec, design)}
+    forcing = spec.scene.forcing(design.sampled)
+    fastest = {n: _ends(spec, design, n)[1] for n in ("launch_velocity", "frequency")}
+    found = {
+        "defaults": _defaults(spec, design),
+        "base": "" if "base" in spec.stated else still_base(forcing),
+        "forcing": _strong_forcing(spec, design),
+        "launch": long_launch(**fastest, gravity=_ends(spec, design, "gravity")[0]),
+    }
     if spec.scene.noise(design.sampled):
         found["noise"] = NEVER_REPEATS if spec.scene.measures.regimes else ""
     elif spec.scene.measures.regimes:
@@ -326,9 +332,34 @@ def silent_defaults(spec: Sweep, design: Realizations) -> dict[str, float]:
 
 
 def _defaults(spec: Sweep, design: Realizations) -> str:
-    return ", ".join(
+    silent = [
         f"{name} {value:g} {INPUTS[name].units}".removesuffix(" 1")
         for name, value in silent_defaults(spec, design).items()
+    ]
+    if {*spec.scene.given, *design.sampled} and "base" not in spec.stated:
+        silent.insert(0, f"base {spec.scene.base}")
+    return ", ".join(silent)
+
+
+def still_base(forcing: str) -> str:
+    """Return a remark if the motion of a base is given, but by default none moves; else empty."""
+    if forcing == AMPLITUDE:
+        return ""
+    return (
+        f'{forcing} is that of a base that moves, but the default, "{HIGH_BOUNCE}", stays at '
+        f'height zero and kicks: base = "{MOVING}" lets it move, base = "{HIGH_BOUNCE}" leaves '
+        f"this out"
+    )
+
+
+def long_launch(launch_velocity: float, frequency: float, gravity: float) -> str:
+    """Return a remark if the first flight lasts longer than launches usually do; else empty."""
+    periods = 2.0 * launch_velocity / gravity * frequency
+    if periods <= LONGEST_LAUNCH:
+        return ""
+    return (
+        f"the first flight lasts up to {periods:.3g} forcing periods: check launch_velocity "
+        f"(m s-1) and frequency (Hz)"
     )
 
 

@@ -200,15 +200,16 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
     raise ValueError("must be ", Word(f"a table: write [{name}] on a line of its own", "a mapping"))
 
 
+def whole(low: int, high: int, value: object) -> int:
+    """Return a whole number in a range, or raise ValueError."""
+    if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high:
+        return int(value)
+    raise ValueError(f"must be a whole number, at least {low} and at most {high}")
+
+
 def whole_number(low: int, high: int) -> Check:
     """Return the check of a whole number in a range."""
-
-    def check(value: object) -> int:
-        if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high:
-            return int(value)
-        raise ValueError(f"must be a whole number, at least {low} and at most {high}")
-
-    return check
+    return partial(whole, low, high)
 
 
 def flag(value: object) -> bool:

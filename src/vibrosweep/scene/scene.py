@@ -15,6 +15,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import quoted
 from vibrosweep.model.forcing import (
+    ANSWERS,
     FORCINGS,
     completed,
     differing,
@@ -202,7 +203,9 @@ def waveform_of(value: object) -> Waveform | Traced:
     if isinstance(value, Mapping) and set(value) == {"trace", "column", HARMONICS_NAME}:
         return _traced(**value)
     if not isinstance(value, Mapping) or set(value) not in ({HARMONICS_NAME}, {*_STORED}):
-        raise ValueError(FORMS)
+        word = value.lower() if isinstance(value, str) else ""
+        answer = f"; {ANSWERS[word]}" if word in ANSWERS else ""
+        raise ValueError(f"{FORMS}{answer}")
     origin = Trace(*(value[name] for name in Trace._fields)) if "trace" in value else ()
     return harmonics_of(value[HARMONICS_NAME], origin)
 

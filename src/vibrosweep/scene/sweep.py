@@ -67,7 +67,7 @@ class Sweep:
     windows: Mapping[str, Any] | None  # values of [windows] by their keys; None if it is missing
     # True to store recorded landings as one list without padding; None if there is no record
     ragged: bool | None = None
-    states_duration: bool = False  # True if the end of the observation was stated
+    stated: frozenset[str] = frozenset()  # keys of [scene] that were given
 
     def with_measures(self, **changes: Any) -> Sweep:
         """Return the same sweep with other values of some keys of [measure]."""
@@ -185,8 +185,8 @@ def checked(
         quoted = WRITTEN_FOR + _quoted(text or text_of(data))
         text = text_of({**data, "title": title or "", "scene": scene}) + quoted
     sweep = _assembled(tables, source, mistakes)
-    stated = "duration" in tables.get("scene", {})
-    sweep = replace(sweep, title=title or "", text=text, states_duration=stated)
+    stated = frozenset(tables.get("scene", {}))
+    sweep = replace(sweep, title=title or "", text=text, stated=stated)
     # a table is checked when it is read
     if sweep.design.name != TABLE:
         keys.check_extremes("scene", sweep.scene, sweep.design.sampled, mistakes)

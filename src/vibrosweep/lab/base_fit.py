@@ -1,0 +1,903 @@
+"""Motion of the base and restitution, fitted to contacts: where neighbouring flights meet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.linalg import cholesky_banded, solve_banded
+from scipy.optimize import OptimizeResult, least_squares, minimize_scalar
+from scipy.special import chdtrc
+
+from vibrosweep.arrays import Array, Flags, Indices
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.flights import (
+    Fits,
+    Samples,
+    clear_flights,
+    fit_parabolas,
+    gravity_of_high_flights,
+    line_variance,
+    meet,
+    stretches,
+)
+from vibrosweep.lab.variables import with_error, with_units
+from vibrosweep.model.restitution_laws import (
+    CONSTANT,
+    LEAST_VISCOELASTIC,
+    PLASTIC,
+    VISCOELASTIC,
+    restitution_at,
+)
+
+# -----------------------------------------------------------------------------
+# Linear regression of bounces: search for the frequency, tests of residuals and of the signal.
+
+TWO_PI: Final = 2.0 * np.pi
+FEWEST: Final = 10  # bounces that an estimate needs
+# Most seconds of a recording, and most bounces, with which the frequency is scanned; the step is a
+# quarter of the width of the minimum.
+SCAN_SECONDS: Final = 10.0
+SCAN_BOUNCES: Final = 1000
+SUBHARMONICS: Final = (2, 3, 4, 5)
+# Standard errors by which a restitution may lie outside its range
+UNPHYSICAL: Final = 3.0
+# Standard deviations by which the mean difference of squared distances must differ from zero: with
+# independent data that favour neither model, one recording in 370 would be decided.
+DECIDED: Final = 3.0
+# Probability of a larger chi-square below which noise does not explain the residuals
+IMPROBABLE: Final = 1e-3
+LEAST_FREE: Final = 1e-3  # smallest value that is taken for 1 minus the leverage of an equation
+NEAR: Final = 0.05  # Hz, many times the error of a submultiple of the frequency
+
+
+class Speeds(NamedTuple):
+    """Speeds and times of bounces, arrays of shape (bounce,)."""
+
+    # arrive, leave: speeds before and after the bounce, m s-1
+    arrive: Array
+    leave: Array
+    time: Array  # s
+
+    def take(self, chosen: Flags | Indices) -> Speeds:
+        """Return the chosen bounces."""
+        return Speeds._make(values[chosen] for values in self)
+
+
+def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
+    """Find the frequency (Hz) at which the bounces obey the map best, by ordinary least squares.
+
+    A scan with the earliest bounces finds the minimum, which is refined with more and more of them.
+    """
+    speeds = speeds.take(np.argsort(speeds.time))
+    since = speeds.time - speeds.time[0]
+    early = speeds.take(np.flatnonzero(since <= SCAN_SECONDS)[:SCAN_BOUNCES])
+    span = max(float(np.ptp(early.time)), 1e-9)
+    steps = int((between[1] - between[0]) * 4.0 * span) + 2
+    trial = np.linspace(*between, steps)
+    misfit = [_misfits(part, early) for part in np.array_split(trial, steps // 256 + 1)]
+    best, width = float(trial[np.argmin(np.concatenate(misfit))]), float(trial[1] - trial[0])
+    reach = span
+    while True:  # twice the length halves the width of the minimum
+        used = speeds.take(since <= reach)
+        best = float(
+            minimize_scalar(
+                lambda f, used=used: float(_misfits(np.array([f]), used)[0]),
+                bounds=(best - width, best + width),
+                method="bounded",
+                options={"xatol": 1e-4 * width},
+            ).x
+        )
+        if reach > since[-1]:
+            return best
+        reach, width = 2.0 * reach, width / 2.0
+
+
+def frequencies_to_try(
+    speeds: Speeds, known: float | None, between: tuple[float, float]
+) -> list[float]:
+    """Return the known frequency (Hz), or that of `find_frequency` and its submultiples.
+
+    On orbits that visit few phases, a multiple of the frequency may be the better fit by ordinary
+    least squares, which assigns all errors to the departure.
+    """
+    if known is not None:
+        return [known]
+    best = find_frequency(speeds, between)
+    parts = [best / k for k in SUBHARMONICS if best / k > between[0]]
+    return [best, *(find_frequency(speeds, (f - NEAR, f + NEAR)) for f in parts)]
+
+
+def is_unphysical(values: Array, covariance: Array) -> bool:
+    """Return whether the restitution, the first value, is significantly below 0 or above 1."""
+    error = float(np.sqrt(covariance[0, 0]))
+    return bool(max(-values[0], values[0] - 1.0) > UNPHYSICAL * error)
+
+
+def is_nearer(distance: Array, other: Array, price: float = 0.0) -> bool:
+    """Return whether data are significantly nearer to the first of two models.
+
+    The mean difference of the squared distances is tested against its scatter (Vuong 1989,
+    Econometrica 57, 307), so that a few odd data decide nothing.  `price` is added to the squared
+    distances from the other model, for its additional parameters.
+    """
+    gain = other - distance
+    scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
+    return bool(gain.sum() + price > DECIDED * scatter)
+
+
+def is_improbable(misfit: float, freedom: int) -> bool:
+    """Return whether a chi-square per degree of freedom is too large to be due to noise."""
+    return freedom > 0 and bool(chdtrc(freedom, misfit * freedom) < IMPROBABLE)
+
+
+def widen(covariance: Array, misfit: float, freedom: int, influences: Array) -> Array:
+    """Widen the covariance of parameters by the chi-square per degree of freedom of their fit.
+
+    A misfit above 1 multiplies it; if noise hardly explains the misfit, the `influences`, those of
+    `spread_of_influences`, are added.
+    """
+    wider = covariance * max(1.0, misfit)
+    return wider + influences if is_improbable(misfit, freedom) else wider
+
+
+def spread_of_influences(residual: Array, slopes: Array, inverse: Array) -> Array:
+    """Estimate the covariance of parameters from residuals, whatever their distribution.
+
+    It is that of White with the correction HC3 (MacKinnon and White 1985, J. Econometrics 29, 305):
+    the error of each equation is estimated by its residual from a fit to the others.  Residuals and
+    slopes are whitened; `inverse` is the inverse of the normal equations.
+    """
+    leverage = np.einsum("ij,jk,ik->i", slopes, inverse, slopes)
+    left = residual / np.maximum(1.0 - leverage, LEAST_FREE)
+    influence = slopes @ inverse * left[:, np.newaxis]
+    return np.asarray(influence.T @ influence)
+
+
+def _misfits(frequency: Array, speeds: Speeds) -> Array:
+    """Residual sum of squares of the best e, S and C at each frequency."""
+    design, leave = _design(speeds, frequency), speeds.leave
+    normal = np.einsum("fni,fnj->fij", design, design)
+    right = np.einsum("fni,n->fi", design, leave)
+    # a small ridge, because the columns are linearly dependent at some frequencies
+    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
+    found = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
+    return np.asarray(leave @ leave - np.einsum("fi,fi->f", right, found))
+
+
+def _design(speeds: Speeds, frequency: float | Array) -> Array:
+    """Columns v, sin 2 pi f t and cos 2 pi f t, shape (bounce, 3), for each frequency."""
+    angle = np.multiply.outer(TWO_PI * np.asarray(frequency), speeds.time)
+    arrive = np.broadcast_to(speeds.arrive, angle.shape)
+    return np.stack([arrive, np.sin(angle), np.cos(angle)], axis=-1)
+
+
+def ordinary_least_squares(speeds: Speeds, frequency: float) -> Array:
+    """Fit e, S and C of v' = e v + S sin 2 pi f t + C cos 2 pi f t by ordinary least squares."""
+    return np.asarray(np.linalg.lstsq(_design(speeds, frequency), speeds.leave, rcond=1e-9)[0])
+
+
+def weakest_signal(
+    speeds: Speeds, frequency: float, kick: Array, speed_variance: Array, time_variance: Array
+) -> float:
+    """Signal in units of the noise, in the direction of the design matrix that varies least.
+
+    All bounces of a locked orbit are equal apart from errors of the instants, so that any number of
+    them leaves two of the three parameters undetermined.  `kick` holds S and C (m s-1); the
+    variances are those of the speed of arrival and of the time of each bounce.
+    """
+    amplitude = max(float(np.hypot(*kick)), 1e-300)
+    design = _design(speeds, frequency) * [1.0, amplitude, amplitude]
+    weakest = float(np.linalg.eigvalsh(design.T @ design / speeds.time.size)[0])
+    turning = TWO_PI * frequency * amplitude
+    return weakest / float(speed_variance.mean() + turning**2 * time_variance.mean())
+
+
+# -----------------------------------------------------------------------------
+# Laws of restitution that bounces allow: the dependence of e on the speed of impact.
+#
+# All laws are fitted to the same bounces.  Two are compared by Vuong's test, with Schwarz's
+# correction for an additional parameter.
+
+FITTED: Final = (CONSTANT, PLASTIC, VISCOELASTIC)
+# Quantiles of the speeds of impact at which fits of the speed of yielding start
+STARTS: Final = (0.15, 0.5, 0.85)
+STEP: Final = 1e-5  # step of finite differences: relative for speeds, absolute for the restitution
+# Limit of the squared distance of a bounce, about three standard errors, so that no single bounce
+# decides
+FAR: Final = 10.0
+FARTHEST: Final = 30.0  # largest size of the logarithm of a speed in m s-1
+LEAST_SPEED: Final = 1e-9  # m s-1
+
+
+class Law(NamedTuple):
+    """A law of restitution with its speed in m s-1.
+
+    The speed of yielding of a plastic law is a parameter of a fit, with the first value `speed`,
+    unless it is `fixed`.
+    """
+
+    name: str = CONSTANT
+    speed: float = np.nan
+    fixed: bool = False
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters beside the restitution: 1 with a free speed of yielding, else 0."""
+        return int(self.name == PLASTIC and not self.fixed)
+
+    def rebound_speed(self, v: Array, e: float, logarithm: float) -> tuple[Array, Array | float]:
+        """Return the speed after an impact at the speed v, and its derivative by v.
+
+        `logarithm` is that of the speed of yielding, if this is a parameter.
+        """
+        if self.name == CONSTANT:
+            return e * v, e
+        v = np.maximum(v, LEAST_SPEED)
+        up, down = (self._speed(v * (1.0 + s), e, logarithm) for s in (STEP, -STEP))
+        return self._speed(v, e, logarithm), (up - down) / (2.0 * STEP * v)
+
+    def derivatives(self, v: Array, e: float, logarithm: float) -> list[Array]:
+        """Derivatives of the speed after an impact by each parameter, the restitution first."""
+        if self.name == CONSTANT:
+            return [v]
+        steps = [(STEP, 0.0), (0.0, STEP)][: 1 + self.parameters]
+        pairs = [
+            [self.rebound_speed(v, e + s * x, logarithm + s * y)[0] for s in (1, -1)]
+            for x, y in steps
+        ]
+        return [(up - down) / (2.0 * STEP) for up, down in pairs]
+
+    def _speed(self, v: Array, e: float, logarithm: float) -> Array:
+        speed = float(np.exp(np.clip(logarithm, -FARTHEST, FARTHEST)))
+        speed = speed if self.parameters else self.speed
+        least = LEAST_VISCOELASTIC if self.name == VISCOELASTIC else 0.0
+        return v * restitution_at(v, min(max(e, least), 1.0), self.name, speed)
+
+
+class FittedLaw(NamedTuple):
+    """A law that was fitted to bounces."""
+
+    law: Law
+    # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics, and the
+    # speed of yielding (m s-1) if it was a parameter
+    values: Array
+    covariance: Array
+    # misfit, freedom, bounces: chi-square per degree of freedom, number of degrees of freedom, and
+    # number of bounces used
+    misfit: float
+    freedom: int
+    bounces: int
+    # Squared distance of each bounce in standard errors, at most `FAR`; infinite if the fit failed
+    distance: Array
+
+    @property
+    def speed(self) -> float:
+        """Speed of the law in m s-1; NaN for a constant restitution."""
+        return float(self.values[-1]) if self.law.parameters else self.law.speed
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Standard errors of the restitution and of the speed, NaN if the speed was not fitted."""
+        error = np.sqrt(np.diag(self.covariance))
+        return float(error[0]), float(error[-1]) if self.law.parameters else np.nan
+
+
+def fit_law(name: str, speeds: Array, fit: Callable[[Law], FittedLaw]) -> FittedLaw:
+    """Fit a law to bounces at these speeds of impact, from several first speeds of yielding."""
+    places = STARTS if name == PLASTIC else (0.5,)
+    return nearest_fit([fit(Law(name, float(np.quantile(speeds, place)))) for place in places])
+
+
+def nearest_fit(fits: Sequence[FittedLaw]) -> FittedLaw:
+    """Return the fit that is nearest to the bounces."""
+    return min(fits, key=lambda fit: float(fit.distance.sum()))
+
+
+def failed_fit(law: Law, bounces: int) -> FittedLaw:
+    """Return the result for a law whose fit to that many bounces did not converge."""
+    law, nan = law._replace(speed=np.nan), np.full((1, 1), np.nan)
+    return FittedLaw(law, nan[0], nan, np.nan, 0, 0, np.full(bounces, np.inf))
+
+
+def with_speed(law: Law, values: Array, covariance: Array) -> tuple[Array, Array]:
+    """Replace the logarithm of the speed of yielding, the last value, by that speed."""
+    if not law.parameters:
+        return values, covariance
+    scale = np.ones(values.size)
+    scale[-1] = np.exp(values[-1])
+    return np.append(values[:-1], scale[-1]), covariance * np.outer(scale, scale)
+
+
+def laws_left(fits: Sequence[FittedLaw]) -> list[str]:
+    """Names of the laws that the bounces do not rule out, the best one first."""
+
+    def criterion(fit: FittedLaw) -> float:
+        return float(fit.distance.sum() + fit.law.parameters * np.log(fit.distance.size))
+
+    fitted = [fit for fit in fits if np.isfinite(fit.distance).all()]
+    if not fitted:
+        return []
+    nearest, *others = sorted(fitted, key=criterion)
+    kept = [nearest.law.name]
+    for other in others:
+        more = other.law.parameters - nearest.law.parameters
+        price = more * float(np.log(other.distance.size))
+        if not is_nearer(nearest.distance, other.distance, price):
+            kept.append(other.law.name)
+    # a fit that failed rules out nothing
+    return kept + [fit.law.name for fit in fits if not np.isfinite(fit.distance).all()]
+
+
+def preferred_law(fits: Sequence[FittedLaw]) -> FittedLaw | None:
+    """Return the fit with the best law if bounces rule out a constant restitution, else None."""
+    name = law_among(laws_left(fits))
+    return None if name == CONSTANT else next(fit for fit in fits if fit.law.name == name)
+
+
+def law_among(left: Sequence[str]) -> str:
+    """Return the law of the parameters: constant or, if that is ruled out, the best one left.
+
+    `left` names the laws that the bounces do not rule out, the best one first.
+    """
+    return CONSTANT if not left or CONSTANT in left else left[0]
+
+
+def law_of(found: xr.Dataset) -> tuple[str, float]:
+    """Return the law of the parameters of a result of `estimate`, and its speed (m s-1).
+
+    The speed is NaN if the restitution is constant.
+    """
+    name = law_among(_laws_left(found))
+    return name, np.nan if name == CONSTANT else float(found["law_speed"].sel(law=name))
+
+
+def law_variables(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
+    """Variables of a dataset with the dim law; `scale` multiplies speeds."""
+    speeds = [[scale * v for v in (fit.speed, fit.errors[1])] for fit in fits]
+    columns = {
+        "law_restitution": ([float(fit.values[0]) for fit in fits], "1", "restitution of the law"),
+        "law_restitution_error": ([fit.errors[0] for fit in fits], "1", "its standard error"),
+        "law_speed": ([v for v, _ in speeds], "m s-1", "restitution_speed of the law"),
+        "law_speed_error": ([error for _, error in speeds], "m s-1", "its standard error"),
+        "law_distance": (
+            [float(fit.distance.mean()) for fit in fits],
+            "1",
+            "mean squared distance of the bounces in standard errors",
+        ),
+    }
+    return {"law": [fit.law.name for fit in fits], **with_units("law", columns)}
+
+
+def _laws_left(found: xr.Dataset) -> list[str]:
+    """Read the laws that the bounces do not rule out from the attribute of a result."""
+    names = str(found.attrs["restitution_law"])
+    return names.split(" or ") if names else []
+
+
+def law_text(found: xr.Dataset) -> str:
+    """State which laws of restitution a result of `estimate` allows; empty if it names none."""
+    left, undecided = _laws_left(found), ""
+    if not left:
+        return ""
+    law = law_among(left)
+    *others, last = left
+    if others:
+        either = f"{', '.join(others)} or {last}"
+        undecided = f"the bounces do not decide whether the law of restitution is {either}"
+    if law == CONSTANT:
+        ruled_out = " and ".join(name for name in FITTED if name != CONSTANT)
+        return undecided or f"the restitution is constant: the bounces rule out {ruled_out} laws"
+    fit = found.sel(law=law)
+    e, speed = (
+        with_error(float(fit[name]), float(fit[f"{name}_error"]))
+        for name in ("law_restitution", "law_speed")
+    )
+    text = f'restitution_law = "{law}", restitution {e}, restitution_speed {speed} m/s'
+    if undecided:
+        return f"{undecided}; the parameters are those of the best: {text}"
+    return f"the restitution depends on speed: {text}"
+
+
+# -----------------------------------------------------------------------------
+# Contacts with the base: intersections of neighbouring flights, wherever the base is.
+
+
+class Contacts(NamedTuple):
+    """Bounces between flights that are clearly resolved; arrays of shape (contact,)."""
+
+    # before, after: the flights on both sides
+    before: Fits
+    after: Fits
+    particle: Indices  # number of the particle
+    linked: Flags  # True if the next contact ends the flight that begins at this one
+    # time, height: where the parabolas meet, s and m
+    time: Array
+    height: Array
+    # arrival, departure: velocities there, m s-1
+    arrival: Array
+    departure: Array
+    noise: float  # standard deviation of a sample, m
+    gravity: float  # curvature of the parabolas, m s-2
+
+    @property
+    def speeds(self) -> Speeds:
+        """Speeds of arrival and departure, and the times."""
+        return Speeds(-self.arrival, self.departure, self.time)
+
+    def take(self, chosen: Flags) -> Contacts:
+        """Return the chosen contacts; a link ends where the next contact is left out."""
+        linked = self.linked & np.append(chosen, False)[1:]
+        columns = {"particle", "time", "height", "arrival", "departure"}
+        return self._replace(
+            before=self.before.take(chosen),
+            after=self.after.take(chosen),
+            linked=linked[chosen],
+            **{name: getattr(self, name)[chosen] for name in columns},
+        )
+
+    def earliest(self, number: int) -> Contacts:
+        """Return the earliest `number` of contacts, or all if there are no more."""
+        if self.time.size <= number:
+            return self
+        return self.take(self.time <= np.partition(self.time, number - 1)[number - 1])
+
+
+class Cut(NamedTuple):
+    """Tracks cut into stretches of flight, and the contacts between them."""
+
+    contacts: Contacts
+    member: Indices  # number of the stretch of each sample
+    # fall, error: acceleration with which high stretches fall, and its standard error, m s-2
+    fall: float
+    error: float
+
+
+def find_contacts(samples: Samples, gravity: float) -> Cut:
+    """Find contacts with the base; flights fall with the acceleration `gravity` (m s-2)."""
+    member, noise = stretches(samples, gravity)
+    start = np.flatnonzero(np.diff(member, prepend=-1))
+    extent = np.maximum.reduceat(samples.height, start)
+    extent -= np.minimum.reduceat(samples.height, start)
+    found = gravity_of_high_flights(samples, member, extent, noise)  # high stretches are not stays
+    fits = fit_parabolas(samples, member, start.size, gravity)
+    every = np.flatnonzero(np.diff(samples.piece[start]) == 0)
+    return Cut(contacts_between(samples, member, fits, every, noise, gravity), member, *found)
+
+
+def contacts_between(
+    samples: Samples, member: Indices, fits: Fits, landing: Indices, noise: float, fall: float
+) -> Contacts:
+    """Contacts between the flights numbered `landing` and those that follow them.
+
+    Contacts beside a flight that is not clearly resolved are left out.  `member` is the number of
+    the flight of each sample, -1 for none; `noise` the standard deviation of a sample (m), `fall`
+    the acceleration of flights (m s-2).
+    """
+    clear = clear_flights(samples, member, fits, noise, fall)
+    # noise of flights alone, because residuals of a stay would enlarge it
+    free = fits.number[clear] - 2.0
+    noise = float(np.sqrt(fits.residue[clear].sum() / free.sum())) if free.size else noise
+    landing = landing[clear[landing] & clear[landing + 1]]
+    before, after = fits.take(landing), fits.take(landing + 1)
+    met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
+    arrival = before.slope - fall * (met.time - before.centre)
+    departure = arrival + met.closing
+    owner = np.zeros(fits.number.size, np.intp)
+    owner[member[member >= 0]] = samples.particle[member >= 0]
+    linked = np.append(np.diff(landing) == 1, False)[: landing.size]
+    found = Contacts(
+        before, after, owner[landing], linked, met.time, met.height, arrival, departure, noise, fall
+    )
+    # between two parts of one flight there is no contact: their slopes differ only by rounding
+    return found.take(departure > arrival)
+
+
+# -----------------------------------------------------------------------------
+# Fit of the motion of the base and of the restitution to contacts with the base.
+#
+# At a contact at time t the parabolas of two flights meet on the base, and the velocities v before
+# and v' after it obey the law of restitution relative to the base:
+#
+#     y = level - (S cos wt - C sin wt) / w       v' - V = -e (v - V)       V = S sin wt + C cos wt
+#
+# with w = 2 pi f, S = V0 cos phi, C = V0 sin phi; a trace may add harmonics to this sine.  Both
+# equations are fitted together, for all contacts.  Their errors follow from those of the two
+# parabolas, and contacts that share a flight are correlated; as the weights depend on the
+# parameters, errors of the arrival do not bias e (Deming regression).  A base of constant level
+# that kicks with A = (1 + e) V0 obeys the same equations without the oscillating term of y, which
+# distinguishes the two bases.
+
+# Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
+# the few but decisive contacts off a locked orbit, then narrow, against outliers.
+BENDS: Final = (30.0, 3.0)
+OUTLIER: Final = 4.5
+RIDGE: Final = 1e-9
+UNDETERMINED: Final = (
+    "the landings do not determine how the base moves: they are too few, or all at nearly the same "
+    "phases and speeds; film the approach to the orbit, or give a trace of the base or a mark on it"
+)
+ROUNDS: Final = 2
+MOST_STEPS: Final = 30
+STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
+
+
+class Oscillation(NamedTuple):
+    """Motion of a base about its level.
+
+    The values are S, C (m s-1) and f (Hz), then S and C of other harmonics; `numbers` are the
+    harmonic numbers in this order.
+    """
+
+    values: Array
+    numbers: tuple[int, ...] = (1,)
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the motion in Hz."""
+        return float(self.values[2])
+
+    @property
+    def tones(self) -> list[tuple[int, float, float]]:
+        """Number, S and C of each harmonic."""
+        pairs = np.delete(self.values, 2).reshape(-1, 2)
+        return [(h, float(s), float(c)) for h, (s, c) in zip(self.numbers, pairs, strict=True)]
+
+    @property
+    def reach(self) -> float:
+        """Upper bound of the height in m above the level."""
+        return sum(float(np.hypot(s, c)) / (TWO_PI * h * self.frequency) for h, s, c in self.tones)
+
+    def velocity(self, time: Array) -> Array:
+        """Velocity in m s-1 at instants in s."""
+        angle = TWO_PI * self.frequency * time
+        return np.asarray(
+            sum(s * np.sin(h * angle) + c * np.cos(h * angle) for h, s, c in self.tones)
+        )
+
+    def height(self, time: Array) -> Array:
+        """Height in m above the level."""
+        return np.asarray(sum(rise for _, rise in self._heights(time)))
+
+    def acceleration(self, time: Array) -> Array:
+        """Acceleration in m s-2."""
+        return np.asarray(sum(-(omega**2) * rise for omega, rise in self._heights(time)))
+
+    def _heights(self, time: Array) -> Iterator[tuple[float, Array]]:
+        """Angular frequency (rad s-1) and height (m) of each harmonic."""
+        angle = TWO_PI * self.frequency * time
+        for h, s, c in self.tones:
+            omega = TWO_PI * self.frequency * h
+            yield omega, (c * np.sin(h * angle) - s * np.cos(h * angle)) / omega
+
+
+class Trace(NamedTuple):
+    """Measured values of an `Oscillation`, with their covariance and the harmonic numbers."""
+
+    values: Array
+    covariance: Array
+    numbers: tuple[int, ...] = (1,)
+    origin: float = 0.0  # instant in s, on the clock of the trace, at which t = 0
+
+    def since(self, origin: float) -> Trace:
+        """Count t from another instant of the clock; phases take the error of the frequency."""
+        later = origin - self.origin
+        if later == 0.0:
+            return self
+        values, change = self.values.copy(), np.eye(self.values.size)
+        for k, h in enumerate(self.numbers):
+            row = [0, 1] if k == 0 else [2 * k + 1, 2 * k + 2]
+            rate = TWO_PI * h * later
+            angle = rate * self.values[2]
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            values[row] = s, c = turn @ self.values[row]
+            change[np.ix_(row, row)] = turn
+            change[row, 2] = -rate * c, rate * s
+        return Trace(values, change @ self.covariance @ change.T, self.numbers, origin)
+
+
+class BaseFit(NamedTuple):
+    """Motion of a base, fitted to contacts."""
+
+    # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics; then the
+    # level below each particle
+    values: Array
+    covariance: Array
+    problem: Problem  # contacts to which it was fitted
+    oscillation: Oscillation  # of these values
+    # particles, levels: numbers of the particles that have contacts, and the level below each, m
+    particles: NDArray[np.intp]
+    levels: Array
+    kept: Flags  # True if a contact is not an outlier; shape (contact,)
+    # misfit, freedom: chi-square per degree of freedom, and number of degrees of freedom
+    misfit: float
+    freedom: int
+    # Squared distance of each contact in standard errors, at most `FAR`; shape (contact,)
+    distance: Array
+
+
+class Problem(NamedTuple):
+    """Contacts to fit; the frequency, None if free; 1 for a moving base, 0 for one at a level."""
+
+    contacts: Contacts
+    owner: NDArray[np.intp]
+    frequency: float | None
+    moves: float
+    trace: Trace | None
+    # Law of restitution; a speed of yielding is the last parameter, after the levels
+    law: Law = Law()
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters without the levels."""
+        if self.trace is not None:
+            return 1 + self.trace.values.size
+        return 4 if self.frequency is None else 3
+
+    def base(self, values: Array) -> Oscillation:
+        """Motion of the base among the values of the parameters."""
+        motion = values[1 : self.parameters]
+        if self.frequency is not None:
+            motion = np.append(motion, self.frequency)
+        return Oscillation(motion, (1,) if self.trace is None else self.trace.numbers)
+
+    def equations(self, values: Array) -> tuple[Array, Array, Array]:
+        """Residuals of height and velocity, and their derivatives by the errors of both flights.
+
+        Shapes are (contact, 2) and (contact, 2, 2): by level and slope, per standard error.
+        """
+        c, e, base = self.contacts, values[0], self.base(values)
+        velocity, moves = base.velocity(c.time), self.moves
+        left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
+        after, q = self.law.rebound_speed(velocity - c.arrival, e, values[-1])
+        bounce = c.departure - velocity - after
+        closing = c.departure - c.arrival
+        turn = (1.0 + q) * (c.gravity + base.acceleration(c.time)) / closing
+        parts = []
+        for fits, height, by_height, by_slope in (
+            (c.before, (c.departure - moves * velocity) / closing, -turn, q),
+            (c.after, (moves * velocity - c.arrival) / closing, turn, 1.0),
+        ):
+            of_level, of_slope = c.noise / np.sqrt(fits.number), c.noise / np.sqrt(fits.spread)
+            since = c.time - fits.centre
+            rows = [
+                [height * of_level, height * since * of_slope],
+                [by_height * of_level, (by_height * since + by_slope) * of_slope],
+            ]
+            parts.append(np.moveaxis(np.array(rows), -1, 0))
+        return np.stack([left, bounce], axis=1), parts[0], parts[1]
+
+    def residuals(self, values: Array) -> Array:
+        """Residuals in standard errors, ignoring correlations; shape (contact, 2)."""
+        left, before, after = self.equations(values)
+        return np.asarray(left / np.sqrt((before**2).sum(axis=2) + (after**2).sum(axis=2)))
+
+    def inliers(self, values: Array) -> Flags:
+        """Mark the contacts that are not outliers; shape (contact,)."""
+        apart = np.abs(self.residuals(values))
+        # if all contacts deviate, as with a restitution that depends on speed, none is an outlier
+        width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
+        return np.asarray((apart < OUTLIER * width).all(axis=1))
+
+    def distance(self, values: Array) -> Array:
+        """Squared distance of each contact in standard errors, at most `FAR`."""
+        return np.asarray(np.minimum((self.residuals(values) ** 2).sum(axis=1), FAR))
+
+    def flat_residuals(self, values: Array) -> Array:
+        """Residuals in standard errors, flattened."""
+        return self.residuals(values).ravel()
+
+    def whitened(self, values: Array, kept: Flags, *, slopes: bool = False) -> Array:
+        """Residuals whitened to unit covariance; with `slopes`, their derivatives by the levels."""
+        left, before, after = self.equations(values)
+        chosen = np.flatnonzero(kept)
+        left, before, after = left[chosen], before[chosen], after[chosen]
+        block = before @ before.transpose(0, 2, 1) + after @ after.transpose(0, 2, 1)
+        linked = self.contacts.linked[chosen[:-1]] & (np.diff(chosen) == 1)
+        following = before[1:] @ after[:-1].transpose(0, 2, 1) * linked[:, np.newaxis, np.newaxis]
+        band = np.zeros((4, 2 * chosen.size))
+        # a small ridge against rounding: the errors of linked flights are nearly dependent
+        band[0] = (1.0 + RIDGE) * np.stack([block[:, 0, 0], block[:, 1, 1]], axis=1).ravel()
+        band[1, 0::2] = block[:, 1, 0]
+        band[1, 1:-1:2] = following[:, 0, 1]
+        band[2, :-2] = np.stack([following[:, 0, 0], following[:, 1, 1]], axis=1).ravel()
+        band[3, 0:-2:2] = following[:, 1, 0]
+        levels = values.size - self.parameters - self.law.parameters
+        right = np.zeros((2 * chosen.size, levels)) if slopes else left.ravel()
+        if slopes:
+            right[2 * np.arange(chosen.size), self.owner[chosen]] = -1.0
+        solved = solve_banded((3, 0), cholesky_banded(band, lower=True), right)
+        if self.trace is None:
+            return np.asarray(solved)
+        root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
+        if slopes:
+            return np.concatenate([solved, np.zeros((self.trace.values.size, levels))])
+        motion = values[1 : self.parameters]
+        return np.concatenate([solved, root @ (motion - self.trace.values)])
+
+    def derivatives(self, values: Array, kept: Flags) -> Array:
+        """Derivatives of `whitened` by all parameters."""
+        more = self.parameters - len(STEPS)
+        steps = dict(enumerate((STEPS + STEPS[1:2] * more)[: self.parameters]))
+        steps |= {values.size - 1: STEP} if self.law.parameters else {}
+        columns = []
+        for k, step in steps.items():
+            ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
+            up, down = (self.whitened(end, kept) for end in ends)
+            columns.append((up - down) / (2.0 * step))
+        levels = self.whitened(values, kept, slopes=True)
+        return np.column_stack([*columns[: self.parameters], levels, *columns[self.parameters :]])
+
+
+def fit_base(
+    contacts: Contacts, frequency: float, *, free: bool, moves: bool, trace: Trace | None = None
+) -> BaseFit:
+    """Fit the motion of a base to contacts.
+
+    The frequency (Hz) is a parameter if `free` or if there is a `trace`, a measured motion of the
+    base.  Without `moves` the base has a constant level and kicks.  Raises a TrackError if there
+    are fewer equations than parameters.
+    """
+    particles, owner = np.unique(contacts.particle, return_inverse=True)
+    free = free or trace is not None
+    problem = Problem(contacts, owner, None if free else frequency, float(moves), trace)
+    known, count = 0 if trace is None else trace.values.size, problem.parameters
+    if 2 * contacts.time.size + known < count + particles.size or not contacts.time.size:
+        raise TrackError(UNDETERMINED)
+    values, scale = _start(problem, frequency, particles.size)
+    for bend in BENDS:
+        values = least_squares(
+            problem.flat_residuals,
+            values,
+            loss="cauchy",
+            f_scale=bend,
+            x_scale=scale,
+            max_nfev=MOST_STEPS,
+        ).x
+    found, kept = without_outliers(problem, values, scale, problem.inliers(values))
+    values = found.x
+    covariance, misfit, freedom = covariance_of_fit(found)
+    return BaseFit(
+        values,
+        covariance,
+        problem,
+        problem.base(values),
+        particles,
+        values[count:],
+        kept,
+        misfit,
+        freedom,
+        problem.distance(values),
+    )
+
+
+def without_outliers(
+    problem: Problem, values: Array, scale: Array, kept: Flags
+) -> tuple[OptimizeResult, Flags]:
+    """Fit the contacts that are `kept`, then fit again without outliers.
+
+    Returns the last fit, and flags of the contacts that it used.  The first fit begins at `values`,
+    whose scale is `scale`.
+    """
+    for _ in range(ROUNDS):
+        found = least_squares(
+            problem.whitened,
+            values,
+            problem.derivatives,
+            x_scale=scale,
+            args=(kept,),
+            max_nfev=MOST_STEPS,
+        )
+        used, values, kept = kept, found.x, problem.inliers(found.x)
+    return found, used
+
+
+def covariance_of_fit(found: OptimizeResult) -> tuple[Array, float, int]:
+    """Covariance of the parameters, chi-square per degree of freedom, and degrees of freedom."""
+    freedom = found.fun.size - found.x.size
+    misfit = float(2.0 * found.cost / max(freedom, 1))
+    # scaled, because a trace without noise determines some parameters far better than others
+    slopes = np.asarray(found.jac)
+    size = np.linalg.norm(slopes, axis=0)
+    size[size == 0.0] = 1.0  # a level whose contacts are all outliers
+    slopes = slopes / size
+    inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
+    scale, influences = np.outer(size, size), spread_of_influences(found.fun, slopes, inverse)
+    return widen(inverse / scale, misfit, freedom, influences / scale), misfit, freedom
+
+
+def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Array]:
+    """First values of the parameters, among them the frequency (Hz) if free, and their scales."""
+    contacts, trace, count = problem.contacts, problem.trace, problem.parameters
+    e, sine, cosine = ordinary_least_squares(contacts.speeds, frequency)  # v' = -e v + (1 + e) V
+    start = [e, sine / (1.0 + e), cosine / (1.0 + e), frequency][:count]
+    if trace is not None and count > len(start):
+        start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
+    medians = [np.median(contacts.height[problem.owner == p]) for p in range(levels)]
+    scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4)])
+    if problem.frequency is None:
+        scale[3] = 1e-3
+    return np.array([*start, *medians]), scale
+
+
+def _restitution(contacts: Contacts, base: Oscillation) -> float:
+    """Restitution by ordinary least squares of v' - V = -e (v - V)."""
+    velocity = base.velocity(contacts.time)
+    arrival = contacts.arrival - velocity
+    return float(-(contacts.departure - velocity) @ arrival / (arrival @ arrival))
+
+
+# -----------------------------------------------------------------------------
+# Decide from the contacts of a recording whether the base moves or has a constant level.
+
+FREQUENCIES: Final = (1.0, 100.0)
+# Most contacts that are used; more hardly change the decision.
+MOST: Final = 1000
+# Weakest signal for which a base is fitted; that of noise alone is at most 1.
+LEAST_SIGNAL: Final = 3.0
+
+
+def which_base(contacts: Contacts, frequency: float | None = None) -> tuple[str, BaseFit | None]:
+    """Fit a moving base and one at a constant level to contacts, and compare both.
+
+    Returns ``"moving"``, ``"level"`` or ``"undetermined"``, and the fit of a moving base; None for
+    contacts that do not determine the motion, such as those of a locked orbit, all at one phase.
+    The frequency (Hz) is estimated if it is None.
+    """
+    few = contacts.earliest(MOST)
+    if _too_few(few):
+        return "undetermined", None
+    free = frequency is None
+    rates = frequencies_to_try(few.speeds, frequency, FREQUENCIES)
+    rates = [rate for rate in rates if _signal(few, rate) >= LEAST_SIGNAL]
+    if not rates:
+        return "undetermined", None
+    moving, level = (
+        min((fit_base(few, r, free=free, moves=moves) for r in rates), key=_distance)
+        for moves in (True, False)
+    )
+    return _preferred(moving, level), moving
+
+
+def moves(moving: BaseFit) -> bool:
+    """Return whether a moving base describes its contacts better than one at a constant level."""
+    contacts, free = moving.problem.contacts, moving.problem.frequency is None
+    if _too_few(contacts):
+        return False
+    level = fit_base(contacts, moving.oscillation.frequency, free=free, moves=False)
+    return _preferred(moving, level) == "moving"
+
+
+def _too_few(contacts: Contacts) -> bool:
+    return bool(contacts.time.size < FEWEST + np.unique(contacts.particle).size)
+
+
+def _preferred(moving: BaseFit, level: BaseFit) -> str:
+    """Return the base that describes the same contacts significantly better, by Vuong's test.
+
+    Both models have the same number of parameters, and neither contains the other.  A base that
+    implies an unphysical restitution is never preferred.
+    """
+    for favoured, better, worse in (("moving", moving, level), ("level", level, moving)):
+        if is_nearer(better.distance, worse.distance):
+            return "undetermined" if is_unphysical(better.values, better.covariance) else favoured
+    return "undetermined"
+
+
+def _distance(moving: BaseFit) -> tuple[bool, float]:
+    return is_unphysical(moving.values, moving.covariance), float(moving.distance.sum())
+
+
+def _signal(contacts: Contacts, frequency: float) -> float:
+    """Compute the `weakest_signal` of contacts, whose speeds are slopes of parabolas."""
+    time, before, speeds = contacts.time, contacts.before, contacts.speeds
+    closing = contacts.departure - contacts.arrival
+    when = line_variance(before, time) + line_variance(contacts.after, time)
+    speed_variance, time_variance = contacts.noise**2 * np.stack(
+        [1.0 / before.spread, when / closing**2]
+    )
+    kick = ordinary_least_squares(speeds, frequency)[1:]
+    return weakest_signal(speeds, frequency, kick, speed_variance, time_variance)

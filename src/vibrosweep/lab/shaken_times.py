@@ -1,0 +1,516 @@
+"""A ball over a shaken base from the times of its impacts alone.
+
+With the base at the height h = (C sin wt - S cos wt) / w, w = 2 pi f, three successive impacts give
+the restitution of the middle one: the flights around it begin and end on the base, which fixes the
+speeds.  That all bounces have one restitution, but for scatter, determines S, C and f.  It is the
+problem of a ball on a floor with three more inputs of which nothing is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.optimize import least_squares
+
+from vibrosweep.arrays import Array, Flags
+from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab.ballistics import given
+from vibrosweep.lab.drops import (
+    QUANTILES,
+    Fit,
+    Rows,
+    fit_components,
+    odd_row,
+    stack,
+    weighted_residuals,
+    without,
+)
+from vibrosweep.lab.recordings import Recording
+from vibrosweep.model.parameters import PARAMETERS
+
+__all__ = ["times_on_shaker"]
+
+TWO_PI: Final = 2.0 * np.pi
+FEWEST: Final = 10  # bounces
+BLOCK: Final = 24  # bounces whose errors are taken as correlated
+SCAN_SECONDS: Final = 10.0  # with which the frequency is scanned
+SCAN_BOUNCES: Final = 200
+TRIED: Final = np.linspace(0.05, 0.95, 10)  # restitutions that the scan tries
+STARTS: Final = 24  # of the scan that are refined
+ROUNDS: Final = 6
+ODD: Final = 4.5  # standard deviations of a bounce that is left out
+FAR_OFF: Final = 15.0  # in units of the typical distance, of a bounce that is left out at first
+MOST_ODD: Final = 0.2  # share of bounces that may be
+BELOW: Final = 0.05  # share of flights that may meet the base between their impacts
+EQUAL: Final = 8.0  # log likelihood by which another motion must be worse
+APART: Final = (0.03, 0.002)  # e and relative frequency of another motion
+WORST: Final = (0.1, 0.25)  # error of e, and relative error of the acceleration
+SMALL: Final = 1e-6  # s, step of derivatives
+
+
+class Triples(NamedTuple):
+    """Impacts with one before and one after."""
+
+    time: Array  # (click,) from the middle of the recording
+    middle: Array  # (bounce,) number of the click
+    gravity: float
+    contact: float
+
+    def bounces(self, time: Array, motion: Array) -> tuple[Array, Array, Array]:
+        """Return restitution and speed of each bounce, and the velocity after it.
+
+        The motion is S, C and f.
+        """
+        i, (s, c, f) = self.middle, motion
+        w, up, down = TWO_PI * f, time[:-1] + self.contact, time[1:]
+
+        def velocity(t: Array) -> Array:
+            return np.asarray(s * np.sin(w * t) + c * np.cos(w * t))
+
+        def height(t: Array) -> Array:
+            return np.asarray((c * np.sin(w * t) - s * np.cos(w * t)) / w)
+
+        length = down - up
+        rise = (height(down) - height(up)) / length
+        leaves = 0.5 * self.gravity * length + rise
+        lands = rise - 0.5 * self.gravity * length
+        speed = velocity(time[i]) - lands[i - 1]
+        after = leaves[i] - velocity(up[i])
+        return after / speed, speed, leaves[i]
+
+    def by_clicks(self, time: Array, motion: Array) -> Array:
+        """Return derivatives of the restitutions by the clicks before, at and after."""
+        columns = []
+        for k in (-1, 0, 1):
+            ends = []
+            for sign in (1.0, -1.0):
+                # every third click is moved at a time, so that one pass serves all bounces
+                found = np.empty(self.middle.size)
+                for third in range(3):
+                    moved = time.copy()
+                    moved[third::3] += sign * SMALL
+                    mine = (self.middle + k) % 3 == third
+                    found[mine] = self.bounces(moved, motion)[0][mine]
+                ends.append(found)
+            columns.append((ends[0] - ends[1]) / (2.0 * SMALL))
+        return np.stack(columns, axis=1)
+
+    def by_motion(self, time: Array, motion: Array) -> Array:
+        """Return derivatives of the restitutions by S, C and f."""
+        steps = 1e-6 * np.array([1.0, 1.0, 1.0])
+        ends = [
+            [self.bounces(time, motion + sign * h)[0] for sign in (1.0, -1.0)]
+            for h in np.diag(steps)
+        ]
+        return np.stack(
+            [(a - b) / (2.0 * h) for (a, b), h in zip(ends, steps, strict=True)], axis=1
+        )
+
+    def share_below(self, motion: Array) -> float:
+        """Return the share of flights that the base would end before their impact."""
+        i, t = self.middle, self.time
+        leaves = self.bounces(t, motion)[2]
+        share = np.linspace(0.02, 0.98, 49)[:, None]
+        up = t[i] + self.contact
+        since = share * (t[i + 1] - up)
+        s, c, f = motion
+        w = TWO_PI * f
+
+        def height(t: Array) -> Array:
+            return np.asarray((c * np.sin(w * t) - s * np.cos(w * t)) / w)
+
+        above = height(up) + leaves * since - 0.5 * self.gravity * since**2 - height(up + since)
+        low = -1e-3 * self.gravity * (t[i + 1] - up) ** 2 - 1e-3 * np.hypot(s, c) / w
+        return float((above < low).any(axis=0).mean())
+
+
+def _scan(triples: Triples, frequencies: Array) -> list[Array]:
+    """Return starts (e, S, C, f): at a frequency and a restitution, S and C are linear."""
+    t, i, g = triples.time, triples.middle, triples.gravity
+    early = i[(t[i] - t[0] <= SCAN_SECONDS)][:SCAN_BOUNCES]
+    early = early if early.size >= FEWEST else i[:FEWEST]
+    length = np.diff(t) - triples.contact
+    found = []
+    for part in np.array_split(frequencies, frequencies.size // 200 + 1):
+        w = TWO_PI * part[:, None]
+        angle = w * t[: early[-1] + 2]
+        sine, cosine = np.sin(angle), np.cos(angle)
+        columns = []
+        for height, velocity in ((-cosine / w, sine), (sine / w, cosine)):
+            rise = np.diff(height, axis=1) / length[: early[-1] + 1]
+            columns.append((rise[:, early], rise[:, early - 1], velocity[:, early]))
+        for e in TRIED:
+            design = np.stack([a + e * b - (1.0 + e) * v for a, b, v in columns], axis=-1)
+            right = -0.5 * g * (length[early] - e * length[early - 1])
+            normal = np.einsum("fni,fnj->fij", design, design)
+            normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+            top = np.einsum("fni,n->fi", design, right)
+            motion = np.linalg.solve(normal, top[..., None])[..., 0]
+            off = np.abs(right - np.einsum("fni,fi->fn", design, motion))
+            # a missed or false click spoils three equations, the median is that of the others;
+            # an error of a click grows with the acceleration of the base
+            size = g + w[:, 0] * np.hypot(*motion.T)
+            misfit = np.quantile(off, 0.6, axis=1) / ((1.0 + e) * size)
+            found += [(m, e, *sc, f) for m, sc, f in zip(misfit, motion, part, strict=True)]
+    table = np.array(found)
+    table = table[np.argsort(table[:, 0])]
+    starts: list[Array] = []
+    near = 2.0 * (frequencies[1] - frequencies[0]) if frequencies.size > 1 else 1.0
+    for row in table[: 50 * STARTS]:
+        if all(abs(row[4] - s[3]) > near or abs(row[1] - s[0]) > 0.25 for s in starts):
+            starts.append(row[1:])
+        if len(starts) == STARTS:
+            break
+    return starts
+
+
+class _Start(NamedTuple):
+    """A robust fit: its misfit, e, S, C and f, and the change of a click that each bounce asks."""
+
+    misfit: float
+    values: Array
+    off: Array
+
+
+def _refined(triples: Triples, start: Array, known: float | None) -> _Start:
+    """Fit e, S, C and f robustly."""
+    free = slice(None) if known is None else slice(3)
+
+    def off(p: Array) -> Array:
+        motion = np.append(p[1:3], p[3] if known is None else known)
+        e, _, _ = triples.bounces(triples.time, motion)
+        slopes = triples.by_clicks(triples.time, motion)
+        return np.asarray((e - p[0]) / np.sqrt((slopes**2).sum(axis=1)) / 1e-4)
+
+    scale = np.array([0.1, 0.1, 0.1, 0.01])[free]
+    try:
+        found = least_squares(off, start[free], loss="cauchy", x_scale=scale, max_nfev=40)
+    except ValueError:
+        return _Start(np.inf, start, np.empty(0))
+    values = found.x if known is None else np.append(found.x, known)
+    left, motion = np.abs(off(found.x)), values[1:]
+    speed = triples.bounces(triples.time, motion)[1]
+    bad = not -0.05 < values[0] < 1.05 or motion[2] <= 0.0 or np.mean(speed <= 0.0) > BELOW
+    if bad or triples.share_below(motion) > BELOW:
+        return _Start(np.inf, values, left)
+    # likelihood of a Cauchy distribution, in which an odd bounce costs little
+    typical = max(float(np.median(left)), 1e-3)
+    return _Start(float(np.log(typical + left**2 / typical).mean()), values, left)
+
+
+class _Adjusted(NamedTuple):
+    fit: Fit
+    values: Array  # e, S, C, f
+    covariance: Array
+    used: Flags  # whether a bounce is used
+    slopes: Array
+    rows: Rows
+
+
+def _adjusted(triples: Triples, start: _Start, known: float | None, rounding: float) -> _Adjusted:
+    """Fit with scatter and errors of clicks as components, about clicks as the fit adjusts them."""
+    motion, time = start.values[1:].copy(), triples.time.copy()
+    n, i = triples.middle.size, triples.middle
+    prior = np.array([0.0, 0.0, 0.0, 0.0 if known is None else 1e12])
+    # bounces beside missed or false clicks are far off from the start
+    far_off = np.argsort(-start.off)[: int(MOST_ODD * n)]
+    far_off = far_off[start.off[far_off] > FAR_OFF * max(float(np.median(start.off)), 1e-3)]
+    odd = [(int(k) // BLOCK, int(k) % BLOCK) for k in far_off]
+    parts = [np.arange(a, min(a + BLOCK, n)) for a in range(0, n, BLOCK)]
+    for turn in range(ROUNDS):
+        e, _, _ = triples.bounces(time, motion)
+        slopes, by_motion = triples.by_clicks(time, motion), triples.by_motion(time, motion)
+        shift = (triples.time - time)[i[:, None] + [-1, 0, 1]]
+        value = e + (slopes * shift).sum(axis=1)
+        blocks, matrices = [], []
+        for part in parts:
+            clicks = np.unique(i[part, None] + [-1, 0, 1])
+            matrix = np.zeros((part.size, clicks.size))
+            for k in range(3):
+                place = np.searchsorted(clicks, i[part] + k - 1)
+                matrix[np.arange(part.size), place] = slopes[part, k]
+            design = np.column_stack([np.ones(part.size), -by_motion[part]])
+            timing = matrix @ matrix.T
+            fixed = timing * rounding**2 / 12.0
+            blocks.append((value[part], design, fixed, timing, np.ones(part.size)))
+            matrices.append((clicks, matrix))
+        rows = stack(blocks)
+        for block, row in odd:
+            rows = without(rows, block, row)
+        last = turn == ROUNDS - 1
+        fit = fit_components(rows, prior, (True, True, False), 3 if last else 2)
+        mean, covariance = fit.moments()
+        if last:
+            break
+        pulled, _ = weighted_residuals(rows, fit)
+        variance = fit.components[0] ** 2 + rounding**2 / 12.0
+        time = triples.time.copy()
+        for k, (clicks, matrix) in enumerate(matrices):
+            time[clicks] -= variance * matrix.T @ pulled[k, : len(matrix)]
+        limit = 0.2 * max(float(np.hypot(*motion[:2])), 1e-3)
+        step = mean[1:] * min(1.0, limit / max(float(np.abs(mean[1:3]).max()), 1e-300))
+        motion = motion + step
+        while turn > 0 and len(odd) + 1 <= MOST_ODD * n:
+            far, block, row = odd_row(rows, fit)
+            if far < ODD:
+                break
+            odd.append((block, row))
+            rows = without(rows, block, row)
+    used = np.ones(n, bool)
+    used[[block * BLOCK + row for block, row in odd]] = False
+    return _Adjusted(fit, np.append(mean[0], motion + mean[1:]), covariance, used, slopes, rows)
+
+
+def times_on_shaker(
+    recordings: Sequence[Recording],
+    *,
+    frequency: float | None = None,
+    frequency_range: tuple[float, float] = (1.0, 100.0),
+    contact: float | None = None,
+    gravity: float = 9.81,
+) -> xr.Dataset:
+    """Measure restitution, frequency, acceleration and phase of a shaken base from times alone.
+
+    Parameters
+    ----------
+    recordings
+        Times of the impacts of balls on one base that moves as a sine, on one clock.
+    frequency
+        Of the base in Hz, sought by default.
+    frequency_range
+        Interval in which it is sought, Hz.
+    contact
+        Length of a contact in s, by default 0; what 1 ms would change is stated.
+    gravity
+        In m s-2.
+
+    Returns
+    -------
+    xarray.Dataset
+        As that of `restitution`; and ``frequency`` (Hz), ``base_acceleration`` (in units of
+        gravity), ``amplitude`` (m s-1, (1 + e) times the peak velocity of the base) and ``phase``
+        (rad, at t = 0 on the clock of the recordings), each with ``_error``.  ``determined`` is 0
+        if the orbit leaves them open, as a locked one does; the attribute ``warning`` says what it
+        does fix.
+
+    Raises
+    ------
+    TrackError
+        There are too few impacts, or no motion of the base describes them.
+    ParameterError
+        A number is outside its range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vibrosweep as vs
+    >>> shaken = dict(frequency=20.0, amplitude=0.35, restitution=0.8, base="moving")
+    >>> ds = vs.simulate(**shaken, launch_velocity=0.6, duration=6.0)
+    >>> times = ds.landing_time.values.ravel()
+    >>> heard = vs.lab.Recording("clicks", "", times[2:40], None, None, True, True, 0.0, None)
+    >>> found = vs.lab.times_on_shaker([heard])
+    >>> round(float(found.frequency), 2), round(float(found.restitution), 3)
+    (20.0, 0.8)
+    """
+    _check(frequency, frequency_range, gravity)
+    c = 0.0 if contact is None else given("contact", contact).value
+    triples, name, middle = _triples(recordings, gravity, c)
+    low, high = frequency_range
+    span = min(float(np.ptp(triples.time)), SCAN_SECONDS)
+    number = int((high - low) * 4.0 * span) + 2
+    rates = np.linspace(low, high, number) if frequency is None else np.array([float(frequency)])
+    locked = _locked(triples, name)
+    tried = [_refined(triples, start, frequency) for start in _scan(triples, rates)]
+    start = min(tried, key=lambda one: one.misfit)
+    if not np.isfinite(start.misfit):
+        raise TrackError(
+            locked
+            or f"{name}: no restitution and motion of a base describe the times; check the "
+            f"frequency, and whether impacts are missing"
+        )
+    rounding = max(r.rounding for r in recordings)
+    try:
+        found = _adjusted(triples, start, frequency, rounding)
+    except np.linalg.LinAlgError:
+        raise TrackError(locked or f"{name}: the times do not determine the motion") from None
+    error = float(np.sqrt(found.covariance[0, 0]))
+    if not (-3.0 * error <= found.values[0] <= 1.0 + 3.0 * error and np.isfinite(error)):
+        raise TrackError(
+            locked
+            or f"{name}: the restitution comes out as {found.values[0]:.3g} ± {error:.2g}, where 0 "
+            f"to 1 is possible; check the frequency, and whether impacts are missing"
+        )
+    warning = locked or _ambiguous(name, tried, start)
+    return _result(triples, found, (name, middle, frequency, contact is None), warning)
+
+
+def _ambiguous(name: str, tried: list[_Start], best: _Start) -> str:
+    """Say that another motion describes the times nearly as well; empty if none does."""
+    for other in sorted(tried, key=lambda one: one.misfit):
+        worse = (other.misfit - best.misfit) * best.off.size
+        e, rate = np.abs(other.values - best.values)[[0, 3]]
+        if worse < EQUAL and (e > APART[0] or rate > APART[1] * best.values[3]):
+            shown = " and ".join(
+                f"e = {v[0]:.3f} at {v[3]:.4g} Hz" for v in (best.values, other.values)
+            )
+            return f"{name}: {shown} describe the times alike; record for longer, or the approach"
+    return ""
+
+
+def _check(frequency: float | None, frequency_range: tuple[float, float], gravity: float) -> None:
+    low, high = frequency_range
+    if not 0.0 < low < high < np.inf:
+        raise ParameterError(f"frequency_range = {frequency_range!r}: must rise, in Hz")
+    for key, value in (("frequency", frequency), ("gravity", gravity)):
+        if value is not None and not PARAMETERS[key].accepts(value):
+            raise ParameterError(f"{key} = {value!r}: must be {PARAMETERS[key].allowed}")
+
+
+def _triples(
+    recordings: Sequence[Recording], gravity: float, contact: float
+) -> tuple[Triples, str, float]:
+    """Return the impacts of all recordings, their name, and the middle of their times."""
+    if not recordings:
+        raise TrackError("no recordings were given")
+    lists = [np.unique(r.time[np.isfinite(r.time)]) for r in recordings]
+    name = recordings[0].name
+    if any(r.height is not None for r in recordings):
+        raise TrackError(f"{name}: holds tracks, where times of impacts are wanted")
+    every = np.concatenate(lists)
+    if sum(max(times.size - 2, 0) for times in lists) < FEWEST:
+        raise TrackError(
+            f"{name}: has {every.size} times of impacts; at least {FEWEST + 2} are needed over a "
+            f"base that moves"
+        )
+    middle = float((every.min() + every.max()) / 2.0)
+    starts = np.cumsum([0, *(times.size for times in lists)])
+    inner = [np.arange(a + 1, b - 1) for a, b in pairwise(starts)]
+    return Triples(every - middle, np.concatenate(inner), gravity, contact), name, middle
+
+
+def _locked(triples: Triples, name: str) -> str:
+    """Say what an orbit of equal flights fixes; empty for another orbit."""
+    t, i = triples.time, triples.middle
+    length = t[i + 1] - t[i]
+    if np.std(length) > 0.02 * float(length.mean()):
+        return ""
+    return (
+        f"{name}: all flights last {length.mean():.5g} s, as on an orbit that is locked to the "
+        f"base: times then fix only one relation, V (1 + e)/(1 - e) = "
+        f"{triples.gravity * length.mean() / 2:.4g} m/s with the velocity V of the base at an "
+        f"impact; record the approach to the orbit, or another frequency"
+    )
+
+
+def _result(
+    triples: Triples, found: _Adjusted, about: tuple[str, float, float | None, bool], locked: str
+) -> xr.Dataset:
+    name, middle, known, bare = about
+    (e, s, c, f), covariance, g = found.values, found.covariance, triples.gravity
+    velocity = float(np.hypot(s, c))
+    phase = np.arctan2(c, s) - TWO_PI * f * middle
+    phase = float((phase + np.pi) % TWO_PI - np.pi)
+    # by e, S, C, f
+    of_velocity = np.array([0.0, s / velocity, c / velocity, 0.0])
+    slopes = np.array(
+        [
+            [0.0, 0.0, 0.0, 1.0],
+            TWO_PI / g * (f * of_velocity + [0.0, 0.0, 0.0, velocity]),
+            (1.0 + e) * of_velocity + [velocity, 0.0, 0.0, 0.0],
+            [0.0, -c / velocity**2, s / velocity**2, -TWO_PI * middle],
+        ]
+    )
+    errors = np.sqrt(np.einsum("ki,ij,kj->k", slopes, covariance, slopes))
+    gamma = TWO_PI * f * velocity / g
+    names = ("frequency", "base_acceleration", "amplitude", "phase")
+    motion: dict[str, Any] = {}
+    for key, value, error in zip(
+        names, (f, gamma, (1.0 + e) * velocity, phase), errors, strict=True
+    ):
+        motion |= {key: float(value), f"{key}_error": float(error)}
+    quantiles = np.array([found.fit.quantile(0, q) for q in QUANTILES])
+    error = float(quantiles[2] - quantiles[1]) / 2.0
+    both = (
+        np.array([[1.0, 0.0, 0.0, 0.0], slopes[1]])
+        @ covariance
+        @ np.vstack([[1.0, 0.0, 0.0, 0.0], slopes[1]]).T
+    )
+    sure = error < WORST[0] and errors[1] < WORST[1] * gamma and not locked
+    warning = locked
+    if not sure and not locked:
+        slope = both[0, 1] / both[1, 1]
+        left = np.sqrt(max(both[0, 0] - slope * both[0, 1], 0.0))
+        warning = (
+            f"{name}: the orbit visits too few phases; the times fix one relation, e = {e:.4f} + "
+            f"({slope:.4g}) (Gamma - {gamma:.4g}) within {left:.2g}; record the approach to it"
+        )
+    bounce, speed, _ = triples.bounces(triples.time, found.values[1:])
+    components: dict[str, Any] = {}
+    for k, key in enumerate(("timing", "scatter", "drop_scatter")):
+        values = [
+            found.fit.component_quantile(k, q) if k < 2 else np.nan for q in (0.5, *QUANTILES, 0.95)
+        ]
+        components |= {
+            key: values[0],
+            f"{key}_quantile": ("quantile", values[1:5]),
+            f"{key}_limit": values[5],
+        }
+    timing = found.fit.components[0]
+    spread = timing * np.sqrt((found.slopes**2).sum(axis=1))
+    return xr.Dataset(
+        {
+            "restitution": float(e),
+            "restitution_error": error,
+            "restitution_quantile": ("quantile", quantiles),
+            "speed": float(np.median(speed)),
+            "slope": np.nan,
+            "slope_error": np.nan,
+            "prediction_error": np.nan,
+            **motion,
+            "determined": np.int8(sure),
+            **components,
+            "bounce_restitution": ("bounce", bounce),
+            "bounce_speed": ("bounce", speed),
+            "bounce_time": ("bounce", triples.time[triples.middle] + middle),
+            "bounce_error": ("bounce", spread),
+            "bounce_used": ("bounce", found.used.astype(np.int8)),
+            "bounce_drop": ("bounce", np.zeros(bounce.size, np.int64)),
+            "contact_effect": (("effect",), _contact_effect(triples, found, slopes[1])),
+            "correlation": float(both[0, 1] / np.sqrt(both[0, 0] * both[1, 1])),
+        },
+        coords={"quantile": list(QUANTILES), "drop": [name], "effect": ["restitution", "Gamma"]},
+        attrs={
+            "bounces": int(found.used.sum()),
+            "dependence": "constant",
+            "speed_known": 1,
+            "frequency_known": int(known is not None),
+            "contact_known": int(not bare),
+            "warning": warning,
+            "remarks": ""
+            if found.used.all()
+            else f"{int((~found.used).sum())} bounces are odd "
+            f"and left out: clicks that are missed or false",
+        },
+    )
+
+
+def _contact_effect(triples: Triples, found: _Adjusted, gamma: Array) -> Array:
+    """Return the changes of e and of the acceleration by contacts that last 1 ms longer."""
+    longer = triples._replace(contact=triples.contact + 1e-3)
+    motion = found.values[1:]
+    change = longer.bounces(longer.time, motion)[0] - triples.bounces(triples.time, motion)[0]
+    rows, n = found.rows, change.size
+    shaped = np.zeros(rows.value.shape)
+    for k in range(len(shaped)):
+        part = change[k * BLOCK : min((k + 1) * BLOCK, n)]
+        shaped[k, : part.size] = part
+    shaped *= rows.bounce
+    _, inverse = weighted_residuals(rows, found.fit)
+    top = np.einsum("dri,drs,ds->i", rows.design, inverse, shaped)
+    normal = np.einsum("dri,drs,dsj->ij", rows.design, inverse, rows.design)
+    moved = np.linalg.pinv(normal) @ top
+    return np.array([moved[0], gamma @ moved])

@@ -1,0 +1,92 @@
+"""A shaken base from times of impacts alone."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import vibrosweep as vs
+from vibrosweep.cli import main
+from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab import Recording, times_on_shaker
+from vibrosweep.lab.lines import restitution_lines
+
+SHAKEN = {"frequency": 20.0, "restitution": 0.8, "phase": 0.7, "base": "moving"}
+GAMMA = 2.0 * np.pi * 20.0 * 0.35 / 1.8 / 9.81
+
+
+def clicks(times):
+    return Recording("clicks", "", np.asarray(times), None, None, True, True, 0.0, None)
+
+
+@pytest.fixture(scope="module")
+def landed():
+    """Times of impacts at an acceleration of 2.5 of gravity."""
+    found = vs.simulate(**SHAKEN, amplitude=0.35, launch_velocity=0.6, duration=10.0)
+    times = found["landing_time"].values.ravel()
+    return times[np.isfinite(times)]
+
+
+def deviations(found, frequency=True):
+    truth = {"restitution": 0.8, "base_acceleration": GAMMA, "phase": 0.7}
+    truth |= {"frequency": 20.0} if frequency else {}
+    return [(float(found[k]) - v) / float(found[f"{k}_error"]) for k, v in truth.items()]
+
+
+def test_times_give_restitution_frequency_acceleration_and_phase(landed):
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(landed.size)
+    found = times_on_shaker([clicks((landed + noise)[3:43])])
+    assert int(found["determined"])
+    assert max(map(abs, deviations(found))) < 3.5
+    assert float(found["restitution_error"]) < 0.01
+    assert any("Hz, acceleration" in line for line in restitution_lines(found))
+
+
+def test_missed_and_false_clicks_are_left_out(landed):
+    noise = 2e-5 * np.random.default_rng(2).standard_normal(landed.size)
+    times = (landed + noise)[3:63]
+    spoilt = np.sort(np.append(np.delete(times, 20), times[40] + 0.01))
+    found = times_on_shaker([clicks(spoilt)], frequency=20.0)
+    assert max(map(abs, deviations(found, frequency=False))) < 4.0
+    assert "left out" in found.attrs["remarks"]
+
+
+def test_a_locked_orbit_fixes_one_relation_and_this_is_said():
+    times = np.arange(40) * 0.05 + 1e-5 * np.random.default_rng(3).standard_normal(40)
+    try:
+        text = times_on_shaker([clicks(times)], frequency=20.0).attrs["warning"]
+    except TrackError as error:
+        text = str(error)
+    assert "fix only one relation" in text
+    assert "0.2453 m/s" in text  # g T / 2
+
+
+def test_chance_times_are_no_orbit():
+    with pytest.raises(TrackError):
+        times_on_shaker([clicks(np.cumsum(np.random.default_rng(4).uniform(0.02, 0.2, 40)))],
+                        frequency_range=(15.0, 25.0))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("times", "how", "message"),
+    [
+        ([0.0, 1.0], {}, "at least 12"),
+        (np.arange(40) * 0.05, {"frequency": -1.0}, "frequency"),
+        (np.arange(40) * 0.05, {"frequency_range": (2.0, 1.0)}, "must rise"),
+        (np.arange(40) * 0.05, {"contact": np.nan}, "contact"),
+        (np.arange(40) * 0.05, {"gravity": 0.0}, "gravity"),
+    ],
+)
+def test_what_cannot_be_is_refused(times, how, message):
+    with pytest.raises((TrackError, ParameterError), match=message):
+        times_on_shaker([clicks(times)], **how)
+
+
+def test_the_command_reads_times(landed, tmp_path, capsys):
+    path = tmp_path / "times.csv"
+    pd.DataFrame({"time (s)": landed[3:43]}).to_csv(path, index=False)
+    out = tmp_path / "out.h5"
+    words = ["lab", "impacts", str(path), "--frequency", "20", "-o", str(out)]
+    assert main(words) == 0
+    assert "restitution 0.8" in capsys.readouterr().out
+    assert main(["info", str(out)]) == 0
+    assert "restitution 0.8" in capsys.readouterr().out
