@@ -3,7 +3,7 @@
 Without a window, without cycles, or without lift-offs the engine takes machine code of its own,
 which gives the same bits.  Over the high-bounce base, with constant restitution, a sine and no
 noise, the tests use all of it; elsewhere that which serves every case.  Pieces of kernels that a
-test calls by themselves run as plain Python, which gives the same bits as well.
+test in `tests/kernels` calls run as plain Python, which gives the same bits as well.
 `tests/kernels/test_machine_code.py` and `tests/kernels/test_bases.py` compare them.
 """
 
@@ -55,11 +55,15 @@ def evaluate(intrinsic, *arguments):
 
 
 def in_tests():
-    """Take general machine code and plain pieces in this process."""
+    """Take general machine code in this process."""
     measure.advance, measure.fitted = advance, fitted
+
+
+def plain_pieces(monkeypatch):
+    """Call pieces of kernels in plain Python."""
     if not numba.config.DISABLE_JIT:
-        _jit.Deferred.__call__ = call
-        type(_jit.fma).__call__ = evaluate
+        monkeypatch.setattr(_jit.Deferred, "__call__", call)
+        monkeypatch.setattr(type(_jit.fma), "__call__", evaluate)
 
 
 def as_the_engine_chooses(monkeypatch):

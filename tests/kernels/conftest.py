@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests import general
 from vibrosweep.kernels.bases import constants
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.parameters import dimensionless
@@ -17,3 +18,10 @@ def constants_of(parameters):
         return constants(base_of("high-bounce", rebound), dimensionless(given, 1.0), 0)
 
     return make
+
+
+@pytest.fixture(autouse=True, scope="module")
+def plain_pieces():
+    with pytest.MonkeyPatch.context() as patch:
+        general.plain_pieces(patch)
+        yield
