@@ -704,7 +704,7 @@ design = "grid"
             ["acceleration down"],
             "rebound_velocity",
         ),
-        ("basins", "launch_velocity = [1.0, 3.0, 5.0]", ["in 1 period", "%"], "basin"),
+        ("basins", "launch_velocity = [1.0, 3.0, 5.0]", ["/ 1 period", "%"], "basin"),
     ],
 )
 def test_a_diagram_and_its_picture_are_written(
@@ -724,7 +724,7 @@ def test_a_diagram_and_its_picture_are_written(
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        ("orbits", "1 in 1 period"),
+        ("orbits", "1 impact / 1 period"),
         ("branches", "period doubling at 3.57576764885 m s-1"),
         ("boundaries", "saddle node"),
     ],

@@ -160,7 +160,7 @@ def test_a_pixel_holds_the_mean_of_its_finite_numbers(scattered):
         known = inside[np.isfinite(inside)]
         if known.size:
             assert value == pytest.approx(known.mean(), rel=1e-14)
-        else:
+        elif inside.size:
             assert np.isneginf(value) if np.isneginf(inside).any() else np.isnan(value)
 
 
@@ -173,8 +173,6 @@ def test_a_pixel_holds_its_commonest_code(scattered):
         inside = codes[there.get(place, [])].tolist()
         if inside:
             assert inside.count(value) == max(map(inside.count, inside))
-        else:
-            assert np.isnan(value)
 
 
 def test_each_point_of_a_grid_has_a_cell():
@@ -182,6 +180,25 @@ def test_each_point_of_a_grid_has_a_cell():
     found = raster(x, y, np.arange(6.0), VIEW)
     assert (found.x, found.y) == ((-0.5, 2.5), (4.0, 8.0))
     assert found.values.tolist() == [[0.0, 2.0, 4.0], [1.0, 3.0, 5.0]]
+
+
+@pytest.mark.parametrize("columns", [40, 200, 500])
+def test_a_grid_over_another_axis_has_no_stripes(columns):
+    """Each pixel between points takes the value of a near one; those outside stay empty."""
+    e, a = (
+        axis.ravel() for axis in np.meshgrid(np.linspace(0.5, 0.9, columns), np.linspace(1, 3, 90))
+    )
+    y = a / (1.0 + e)
+    found = raster(e, y, e, View((0.4, 1.0), (0.2, 2.2), 300, 250)).values
+    across, up = np.meshgrid((np.arange(300) + 0.5) / 500 + 0.4, (np.arange(250) + 0.5) / 125 + 0.2)
+    inside = (
+        (across > 0.51) & (across < 0.89) & (up > 1.02 / (1 + across)) & (up < 2.98 / (1 + across))
+    )
+    assert np.abs(found - across)[inside].max() < 0.5 * 0.4 / columns + 0.02
+    outside = (
+        (across < 0.47) | (across > 0.93) | (up < 0.8 / (1 + across)) | (up > 3.2 / (1 + across))
+    )
+    assert np.isnan(found[outside]).all()
 
 
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1), st.floats(-1, 1))

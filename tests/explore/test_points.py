@@ -1,6 +1,7 @@
-"""Points of every kind of result, and the realizations behind them."""
+"""Points, choices and tables of the page."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,27 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.path import Path as Polygon
 
 import vibrosweep as vs
+from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import DataError
-from vibrosweep.explorer.points import Column, of_result, open_points, points_of
+from vibrosweep.explorer.points import (
+    MOST_PERIODS,
+    Choice,
+    Column,
+    Spread,
+    of_result,
+    open_points,
+    points_of,
+)
 from vibrosweep.explorer.views import SCALES, Scale, colouring
+from vibrosweep.explorer.words import TABLE, facts, facts_html, in_polygon, in_rectangle, table
+from vibrosweep.model.parameters import BASES, PARAMETERS, Periods
+from vibrosweep.scene.scene import Scene
 from vibrosweep.store.arranged import flat
+
+# Points of every kind of result, and the realizations behind them.
 
 HERE = Path("out.h5")
 
@@ -164,3 +180,147 @@ def test_arrows_say_where_a_scale_is_clipped(values, kind, ends):
     assert ("▼" in words) == (min(values) < found.low)
     assert ("▲" in words) == (max(values) > found.high)
     assert all(math.isfinite(end) for end in (found.mapping["low"], found.mapping["high"]))
+
+
+# Choices for a simulation: bases, launches and times.
+
+TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}
+MOUNT = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
+
+
+@pytest.fixture
+def choice():
+    return Choice(Scene(inputs=TABLE_1, particles=4, rebound="reflect"), mount=MOUNT)
+
+
+def test_launches_are_staggered_as_a_sweep_staggers_them(choice):
+    times = choice.with_inputs(frequency=1.7).launch_time
+    assert np.array_equal(times, launch_times("staggered", 4, 1.7))
+
+
+def test_launches_can_be_shifted_and_spread(choice):
+    spread = choice.with_inputs(frequency=2.0).launched(Spread(0.5, 0.1))
+    assert np.allclose(spread.launch_time, 0.25 + 0.05 * np.arange(4) / 4, rtol=0, atol=1e-15)
+
+
+def test_listed_launches_stay_until_their_number_changes(choice):
+    times = (0.0, 0.1, 0.3, 0.4)
+    listed = replace(choice, scene=replace(choice.scene, launch=times), spread=None)
+    assert listed.with_particles(4).launch_time == (0.0, 0.1, 0.3, 0.4)
+    assert len(listed.with_particles(7).launch_time) == 7
+
+
+def test_the_mount_counts_over_a_sprung_base_only(choice):
+    assert "mass_ratio" not in choice.keywords()
+    assert choice.over("sprung").keywords()["mass_ratio"] == 0.001
+    assert choice.over("sprung").over("moving") == choice.over("moving")
+
+
+def test_another_base_gets_the_law_of_rebound_that_every_base_has(choice):
+    assert choice.over("high-bounce").scene.rebound == "reflect"
+    assert choice.over("moving").scene.rebound == "rest"
+
+
+def test_long_observations_are_drawn_in_part(choice):
+    assert choice.shortened() == choice
+    longer = choice.lasting(5000.0).shortened()
+    assert longer.scene.duration == Periods(MOST_PERIODS)
+    assert longer.periods == MOST_PERIODS
+
+
+def test_observations_are_of_the_same_particles(choice):
+    launched = choice.over("moving")
+    observed = launched.settle()
+    assert observed.regime.shape == (1, 4)
+    assert float(observed.duration[()]) == 2000.0
+    coupled = choice.over("sprung").observe()
+    record = choice.over("sprung").simulate()
+    assert int(coupled.impact_count[0]) == int(record.impact_count.sum())
+
+
+# Chosen points as a design: computed again they give the same bits.
+
+
+def test_a_table_is_a_design_that_gives_the_same_numbers(points, results, tmp_path):
+    rows = np.array([3, 4, 17, 29])
+    path = tmp_path / TABLE
+    path.write_text(table(points, rows), encoding="utf-8")
+    again = vs.sweep(
+        design=str(path), separation=True, progress=False, **points.base_choice.sweep_keywords()
+    )
+    chosen = results["high-bounce"].isel(realization=rows)
+    for name in ("restitution", "amplitude", "impact_count", "dt_min", "rebound_height_max"):
+        assert again[name].values.tobytes() == chosen[name].values.tobytes()
+
+
+def test_points_of_one_realization_make_one_row(points):
+    assert table(points, np.array([5, 5, 5])).count("\n") == 2
+
+
+corners = st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=3, max_size=8)
+
+
+@given(corners)
+@settings(max_examples=50)
+def test_points_in_a_polygon_are_those_that_matplotlib_finds(places):
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-0.1, 1.1, 13), (0.11, 0.52, 0.93)))
+    x = x + 1e-3 * np.sqrt(2.0)  # off the corners
+    across, up = np.array(places).T
+    found = in_polygon(x, y, across, up)
+    # matplotlib uses the even-odd rule, too
+    closed = Polygon([*places, places[0]])
+    near = closed.contains_points(np.column_stack([x, y]), radius=1e-9)
+    far = closed.contains_points(np.column_stack([x, y]), radius=-1e-9)
+    sure = near == far
+    inside = np.isin(np.arange(x.size), found)
+    assert np.array_equal(inside[sure], near[sure])
+
+
+def test_points_in_a_rectangle():
+    x, y = np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 5.0])
+    assert in_rectangle(x, y, 0.5, 2.5, 0.0, 2.0).tolist() == [1]
+
+
+# Facts in words agree with a sweep of the same realization.
+
+TABLE_1_FACTS = {name: one.default for name, one in PARAMETERS.items()}
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_facts_are_those_of_the_observation(base):
+    choice = Choice(Scene(inputs=TABLE_1_FACTS, particles=2, duration=60.0), mount=MOUNT).over(base)
+    observed, settled = choice.observe(), None if base == "sprung" else choice.settle()
+    said = dict(facts(choice, observed, settled))
+    one = observed.isel(realization=0)
+    assert said["observed"] == "60 forcing periods"
+    assert said["base"] == base
+    assert said["largest rebound height"] == f"{float(one['rebound_height_max']):.5g} m"
+    if base == "sprung":
+        exponent = float(one["joint_exponent"])
+        assert said["largest Lyapunov exponent per period"] == f"{exponent:.5g}"
+    else:
+        assert "regimes after 2000 periods" in said
+        assert said["orbits, slots"].startswith(f"{int(settled.orbit_count[0])}, ")
+    assert f"<td>{base}</td>" in facts_html(choice)
+
+
+def test_a_missing_value_is_shown_as_not_known():
+    choice = Choice(Scene(inputs=TABLE_1_FACTS, particles=2))
+    observed = choice.observe()
+    observed = observed.assign(
+        {name: observed[name] * np.nan for name in ("dt_min", "rebound_height_max")}
+    )
+    said = dict(facts(choice, observed, None))
+    assert said["smallest separation Δt min"] == "not known"
+    assert said["largest rebound height"] == "not known"
+
+
+def test_separations_are_those_of_the_window_of_the_result():
+    scene = {"restitution": [0.8, 0.9], "amplitude": 1.9, "particles": 5, "duration": 9.0}
+    for window in ({"transient": 3.0}, {"transient_periods": 2.5}):
+        found = vs.sweep(**scene, **window, separation=True)
+        choice = of_result(found, Path("memory.h5"), "sweep").choice(1).shortened()
+        said = dict(facts(choice, choice.observe(), None))
+        assert said["smallest separation Δt min"] == f"{found.dt_min.values[1]:.5g} s"
+        begin = next(iter(window.values()))
+        assert said["observed"] == f"{begin:g} to 9 forcing periods"

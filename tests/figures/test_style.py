@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
@@ -10,147 +9,19 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib import pyplot
-from matplotlib.axes import Axes
 from PIL import Image
 
-from vibrosweep import figures, open_record, open_sweep
+from vibrosweep import open_record, open_sweep
 from vibrosweep.analysis import separations_against_chance
 from vibrosweep.cli import main
-from vibrosweep.errors import OutputError, ParameterError
+from vibrosweep.errors import OutputError
 from vibrosweep.explorer.points import _column, _numbers
 from vibrosweep.figures import style
 from vibrosweep.figures.data import conditions, fixed, format_units, label, quantity, varies
-from vibrosweep.figures.registry import FIGURES, available, missing, save_all
-from vibrosweep.figures.style import axes_on, for_file, panels_on
+from vibrosweep.figures.registry import FIGURES, available, left_out, missing, save_all
+from vibrosweep.figures.style import for_file
 from vibrosweep.model.measures import OF_REALIZATIONS
-
-# Figures draw on given axes, or on axes of their own, which a notebook shows.
-
-INDICES = xr.Dataset(
-    {
-        f"{order}{end}": (("output", "parameter"), np.full((2, 1), 0.5))
-        for order in ("first_order", "total_order")
-        for end in ("", "_low", "_high")
-    },
-    {"output": ["dt_min", "impact_count"], "parameter": ["restitution"]},
-)
-
-
-@pytest.fixture
-def drawings(sweep, twenty):
-    """Names of functions that draw on one pair of axes, with the dataset of each."""
-    return {
-        "height_time": twenty,
-        "return_map": twenty,
-        "parameter_plane": sweep,
-        "height_against_restitution": sweep,
-    }
-
-
-def test_given_axes_are_drawn_on_and_returned(drawings):
-    before = pyplot.get_fignums()
-    figure, panels = pyplot.subplots(2, 2)
-    for (name, dataset), axes in zip(drawings.items(), panels.ravel(), strict=True):
-        assert getattr(figures, name)(dataset, ax=axes) is axes
-        assert axes.has_data()
-    assert pyplot.get_fignums() == [*before, figure.number]
-    figure.canvas.draw()
-    left, right = pyplot.subplots(1, 2)[1]
-    assert list(figures.sobol_bars(INDICES, ax=[left, right])) == [left, right]
-    for axes in left, right:
-        assert axes.yaxis_inverted()
-        assert [text.get_text() for text in axes.get_yticklabels()] == ["restitution $e$"]
-
-
-def test_legends_and_labels_have_room_on_the_axes_of_a_user(drawings):
-    for layout in (None, "constrained"):
-        figure, every = pyplot.subplots(2, 2, figsize=(11.0, 9.0), layout=layout)
-        for (name, dataset), axes in zip(drawings.items(), every.ravel(), strict=True):
-            getattr(figures, name)(dataset, ax=axes)
-        figure.canvas.draw()
-        for axes in every.ravel():
-            assert axes.get_legend().get_window_extent().y0 >= axes.get_window_extent().y1 - 1.0
-        around = [axes.get_tightbbox() for axes in every.ravel()]
-        assert [one.count_overlaps(around) for one in around] == [1] * 4  # with itself
-        assert all(one.x0 >= 0.0 and one.x1 <= figure.bbox.x1 for one in around)
-
-
-def test_axes_that_a_user_placed_stay_and_have_the_legend_inside(twenty):
-    adjusted = pyplot.figure()
-    adjusted.subplots_adjust(left=0.2)
-    for axes in (pyplot.figure().add_axes((0.1, 0.1, 0.8, 0.8)), adjusted.subplots()):
-        placed = axes.get_position(original=True).bounds
-        figures.return_map(twenty, ax=axes)
-        legend, around = axes.get_legend().get_window_extent(), axes.get_window_extent()
-        assert axes.get_position(original=True).bounds == placed
-        assert legend.y1 <= around.y1
-        assert legend.x1 <= around.x1
-
-
-def test_without_axes_pyplot_manages_the_figure(drawings):
-    for name, dataset in drawings.items():
-        axes = getattr(figures, name)(dataset)
-        assert isinstance(axes, Axes)
-        assert pyplot.gcf() is axes.figure
-    assert figures.sobol_bars(INDICES).shape == (2,)
-
-
-def test_a_figure_for_a_file_is_unknown_to_pyplot(drawings):
-    for name, dataset in drawings.items():
-        assert for_file(getattr(figures, name), dataset).axes
-    assert len(for_file(figures.sobol_bars, INDICES).axes) == 2
-    assert not pyplot.get_fignums()
-    with pytest.raises(ZeroDivisionError):
-        for_file(lambda: 1 / 0)
-    axes_on(None, 1.0, 1.0)
-    assert pyplot.get_fignums()
-
-
-def test_files_are_written_without_pyplot(twenty, tmp_path):
-    code = (
-        "import sys, xarray; from vibrosweep.figures import save_all\n"
-        f"written = save_all(None, xarray.load_dataset({str(tmp_path / 'r.nc')!r}), "
-        f"{str(tmp_path / 'drawn')!r})\n"
-        "print(len(written), 'matplotlib.pyplot' in sys.modules)"
-    )
-    twenty.to_netcdf(tmp_path / "r.nc", engine="h5netcdf")
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.split() == ["6", "False"]
-
-
-def test_the_interactive_mode_of_a_notebook_outlasts_the_style(tmp_path):
-    backend = "import matplotlib\nfrom matplotlib.backends.backend_agg import *\n"
-    (tmp_path / "of_notebooks.py").write_text(backend + "matplotlib.interactive(True)\n")
-    code = (
-        "import matplotlib; from vibrosweep.figures import style\n"
-        "style.styled(lambda ax=None: style.axes_on(ax, 2.0, 2.0))()\n"
-        "print(matplotlib.is_interactive())"
-    )
-    paths = os.pathsep.join([str(tmp_path), *sys.path])
-    chosen = {"MPLBACKEND": "module://of_notebooks", "PYTHONPATH": paths}
-    out = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, **chosen},
-    )
-    assert out.stdout.strip() == "True"
-
-
-def test_wrong_axes_and_too_few_are_refused(sweep):
-    with pytest.raises(ParameterError, match=r"^ax = 3: "):
-        figures.parameter_plane(sweep, ax=3)
-    with pytest.raises(ParameterError, match="2 axes"):
-        figures.sobol_bars(INDICES, ax=pyplot.subplots()[1])
-
-
-def test_panels_are_in_their_order():
-    first, second, third = panels_on(None, 6.0, 4.0, [[0, 0], [1, 2]])
-    first.figure.canvas.draw()
-    assert first.get_position().y0 > second.get_position().y1
-    assert second.get_position().x1 < third.get_position().x0
+from vibrosweep.model.measures import VARIABLES as ALL
 
 
 @pytest.mark.parametrize(
@@ -190,7 +61,7 @@ def test_a_parameter_that_varies_and_is_no_axis_has_its_range():
         "drive_noise": ("realization", [0.05, 0.01]),
     }
     dataset = xr.Dataset(coords=coords | {"amplitude": 1.0, "frequency": [1.0, 2.0]})
-    assert conditions(dataset) == r"$A$ = 1 m s$^{-1}$, $\sigma_A$ = 0.01 to 0.05"
+    assert conditions(dataset) == r"$A$ = 1 m s$^{-1}$, drive noise $\sigma_A$ = 0.01 to 0.05"
     frequency = {"frequency": ("realization", [1.0, 2.0])}
     assert "$f$ = 1 to 2 Hz" in conditions(dataset.drop_vars("frequency").assign_coords(frequency))
 
@@ -240,7 +111,12 @@ STEMS = [
     "separation_distribution",
     "separation_over_chance",
     "parameter_plane",
+    "plane_of_heights",
+    "plane_of_regimes",
+    "plane_of_exponents",
+    "plane_of_slots",
 ]
+PLANES = {name for name in FIGURES if "plane" in name}
 
 
 def test_the_set_is_complete_and_in_order():
@@ -248,9 +124,38 @@ def test_the_set_is_complete_and_in_order():
     assert all(entry.name == name for name, entry in FIGURES.items())
 
 
-def test_with_both_datasets_everything_is_available(sweep, twenty):
-    assert available(sweep, twenty) == list(FIGURES)
-    assert missing(sweep, twenty) == {}
+@pytest.fixture(scope="module")
+def whole(sweep):
+    """A sweep with every measure that a figure shows."""
+    size, particles = sweep.sizes["realization"], sweep.sizes["particle"]
+    random = np.random.default_rng(3)
+    numbers = {
+        "regime": (("realization", "particle"), random.integers(1, 5, (size, particles))),
+        "lyapunov_max": ("realization", random.normal(size=size)),
+        "slot_count": ("realization", random.integers(0, 4, size)),
+    }
+    measured = {n: (*one, ALL[n].attributes) for n, one in numbers.items()}
+    return sweep.assign(measured)
+
+
+def test_with_all_measures_everything_is_available(whole, twenty):
+    assert available(whole, twenty) == list(FIGURES)
+    assert missing(whole, twenty) == {}
+    assert left_out(whole, twenty) == ""
+
+
+def test_the_commonest_regime_of_the_particles_is_drawn(whole):
+    axes = for_file(FIGURES["plane_of_regimes"].draw, whole).axes[0]
+    dots = [c for c in axes.collections if len(c.get_offsets())]
+    counts = [np.bincount(one, minlength=6).argmax() for one in whole["regime"].values]
+    assert sorted(len(c.get_offsets()) for c in dots) == sorted(np.unique_counts(counts)[1])
+
+
+def test_what_is_left_out_is_one_line(sweep):
+    line = left_out(sweep, None)
+    assert "\n" not in line
+    assert line.startswith("left out: height_time, height_time_all, return_map need the record")
+    assert "plane_of_slots needs the variable slot_count: set " in line
 
 
 def test_without_a_record_its_section_is_asked_for(sweep):
@@ -259,10 +164,10 @@ def test_without_a_record_its_section_is_asked_for(sweep):
         "separation_distribution",
         "separation_over_chance",
         "parameter_plane",
+        "plane_of_heights",
     ]
     assert missing(sweep, None)["return_map"] == (
-        "figure return_map needs the record of every landing: "
-        "add a [record] section to the sweep file"
+        "the record of every landing: add a [record] section to the sweep file"
     )
 
 
@@ -273,24 +178,25 @@ def test_without_a_sweep_one_is_asked_for(twenty):
 
 def test_a_fixed_parameter_is_missing_not_an_error(twenty, make_sweep):
     sweep = make_sweep(10, 2, amplitude=1.2)
-    assert missing(sweep, twenty) == {
-        "parameter_plane": (
-            "figure parameter_plane needs realizations that differ in amplitude: sample it, "
-            "for example amplitude = [low, high], in the [sample] section of the sweep file"
+    lacking = missing(sweep, twenty)
+    assert set(lacking) == PLANES
+    for name in "parameter_plane", "plane_of_heights":
+        assert lacking[name] == (
+            "realizations that differ in amplitude: sample it, for example "
+            "amplitude = [low, high], in the [sample] section of the sweep file"
         )
-    }
     fixed = make_sweep(1, 2)
     lacking = missing(fixed, twenty)
     over_chance = lacking.pop("separation_over_chance")
     assert over_chance.endswith("in which no particle rests or is locked, as chance assumes")
-    assert set(lacking) == {"height_against_restitution", "parameter_plane"}
+    assert set(lacking) == {"height_against_restitution", *PLANES}
 
 
 def test_separations_against_chance_need_measures_of_each_particle(sweep):
     without = sweep.drop_vars("particle_impact_count")
     assert "separation_over_chance" not in available(without, None)
     assert missing(without, None)["separation_over_chance"] == (
-        "figure separation_over_chance needs the variable particle_impact_count: "
+        "the variable particle_impact_count: "
         "set per_particle = true in the [measure] section of the sweep file"
     )
     legend = for_file(FIGURES["separation_over_chance"].draw, sweep).axes[0].get_legend()
@@ -301,9 +207,9 @@ def test_separations_against_chance_need_measures_of_each_particle(sweep):
 
 
 @pytest.fixture(scope="module")
-def written(sweep, twenty, tmp_path_factory):
+def written(whole, twenty, tmp_path_factory):
     """The files of all figures, in a directory that was not there before."""
-    return save_all(sweep, twenty, tmp_path_factory.mktemp("some") / "new" / "figures")
+    return save_all(whole, twenty, tmp_path_factory.mktemp("some") / "new" / "figures")
 
 
 def test_every_file_opens(written):
@@ -320,8 +226,8 @@ def test_every_file_opens(written):
             assert path.read_bytes().startswith(b"%PDF")
 
 
-def test_the_same_data_give_the_same_files(written, sweep, twenty, tmp_path):
-    again = save_all(sweep, twenty, tmp_path)
+def test_the_same_data_give_the_same_files(written, whole, twenty, tmp_path):
+    again = save_all(whole, twenty, tmp_path)
     for one, other in zip(written, again, strict=True):
         assert one.read_bytes() == other.read_bytes(), one.name
 
