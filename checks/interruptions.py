@@ -1,6 +1,6 @@
 """Interrupt commands at random moments, and give them too little room for their files.
 
-    python checks/interruptions.py [--times 20] [--seed 1]
+    python checks/interruptions.py [--times 20] [--seed 1] [--only lab]
 
 Every command that writes or reads a file is started and gets SIGINT or SIGTERM after a random part
 of its time.  It must finish, or exit with code 130, without a traceback, and leave nothing but
@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from accuracy import options_of
+from vibrosweep.lab import FloorExperiment, hear_drops
 from vibrosweep.store.disk import State, state_of
 
 # The script ``vibrosweep``, with a mark before and after its import
@@ -58,6 +59,20 @@ particles = 4
 design = "grid"
 launch_velocity = { start = 0.3, stop = 4.0, num = 4 }
 """
+FILM = """title = "A film to be interrupted"
+[scene]
+restitution = 0.85
+amplitude = 0.12
+frequency = 20.0
+particles = 2
+duration = 6.0
+[measure]
+transient = 2.0
+[trials]
+repeats = 1
+"""
+# Files of the laboratory, which are there before its commands
+GIVEN = ("spec.toml", "made.h5", "film.toml", "film.csv", "times.csv")
 # Words of each command, and its sweep file
 COMMANDS = {
     "run": ("run spec.toml -o out.h5", SCENE),
@@ -71,6 +86,10 @@ COMMANDS = {
     "figures": ("figures made.h5 -o pictures", SCENE),
     "info": ("info made.h5", SCENE),
     "verify": ("verify made.h5 --sample 1", SCENE),
+    "lab synthesize": ("lab synthesize film.toml -o tracks", SCENE),
+    "lab impacts": ("lab impacts film.csv -o out.h5 --figures pictures", SCENE),
+    "lab compare": ("lab compare film.csv --frequency 20 --draws 4 -o out.h5", SCENE),
+    "lab restitution": ("lab restitution times.csv -o out.h5 --figures pictures", SCENE),
     "wrong option": ("run spec.toml --no-such-option", SCENE),
 }
 
@@ -119,12 +138,21 @@ def wrong_files(folder: Path) -> list[str]:
     return [path.name for path in (*broken, *(p for p in files if p.suffix == ".partial"))]
 
 
+def film_and_times(folder: Path) -> None:
+    """Write a film, tracks, and times of impacts on a floor."""
+    (folder / "film.toml").write_text(FILM, encoding="utf-8")
+    ended(["lab", "synthesize", "film.toml", "-o", "tracks"], folder, 600.0, signal.SIGINT)
+    shutil.copy(folder / "tracks" / "film_002_trial1.csv", folder / "film.csv")
+    times = hear_drops(FloorExperiment(scatter=0.004))[0][0].time
+    (folder / "times.csv").write_text("time (s)\n" + "\n".join(map(str, times)), encoding="utf-8")
+
+
 def clear(folder: Path) -> None:
     """Remove what a command wrote."""
     for path in folder.iterdir():
         if path.is_dir():
             shutil.rmtree(path)
-        elif path.name not in ("spec.toml", "made.h5"):
+        elif path.name not in GIVEN:
             path.unlink()
 
 
@@ -136,6 +164,8 @@ def campaign(name: str, times: int, rng: np.random.Generator) -> Counter[str]:
         folder = Path(place)
         (folder / "spec.toml").write_text(text, encoding="utf-8")
         words = line.split()
+        if name.startswith("lab"):
+            film_and_times(folder)
         ended(["run", "spec.toml", "-o", "made.h5"], folder, 600.0, signal.SIGINT)
         ended(words, folder, 600.0, signal.SIGINT)  # compiles its kernels
         clear(folder)
@@ -168,9 +198,9 @@ def campaign(name: str, times: int, rng: np.random.Generator) -> Counter[str]:
 
 
 def main() -> None:
-    options = options_of(__doc__, times=(20, "of each command"), seed=1)
+    options = options_of(__doc__, times=(20, "of each command"), seed=1, only="")
     rng, faults = np.random.default_rng(options.seed), 0
-    for name in COMMANDS:
+    for name in filter(lambda name: name.startswith(options.only), COMMANDS):
         found = campaign(name, options.times, rng)
         faults += found["FAULTS"]
         print(f"{name:14}", dict(sorted(found.items())), flush=True)

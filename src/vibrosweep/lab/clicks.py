@@ -160,8 +160,7 @@ def _bounces(
         **({"drop_height": inputs.drop_height} if inputs.drop_height else {}),
     }
     middle = float(np.median(np.diff(seen)))
-    place = {key: one.value for key, one in means.items()}
-    place |= {key: value for key, value in (at or {}).items() if key in means}
+    place = {key: (at or {}).get(key, one.value) for key, one in means.items()}
 
     def values(times: Array, **changed: float) -> tuple[Array, Array]:
         now = {**place, **changed}
@@ -189,15 +188,14 @@ def _bounces(
         up, down = (values(about, **{key: place[key] + s})[0] for s in (h, -h))
         slopes[key] = (up - down) / (2.0 * h)
     back = sum(slopes[key] * (one.value - place[key]) for key, one in means.items())
-    timing = moved @ moved.T
     return Bounces(
         name=name,
         group=recording.group,
         restitution=restitution + moved @ (seen - about) + back,
         speed=speed,
         time=seen[:-1][used],
-        fixed=timing * recording.rounding**2 / 12.0,
-        timing=timing,
+        fixed=moved @ moved.T * recording.rounding**2 / 12.0,
+        timing=moved @ moved.T,
         # bounces evaluated with an input that is too small by one unit are off by as much
         inputs={key: -slope for key, slope in slopes.items()},
         found={},

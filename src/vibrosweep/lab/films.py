@@ -458,24 +458,23 @@ def _measured(
     covariance *= _echo(left)
 
     rows, v = problem.bounces(p, metre)
-    steps = 1e-3 * np.sqrt(np.diag(covariance))
+    steps = np.diag(1e-3 * np.sqrt(np.diag(covariance)))
     jacobian = np.stack(
         [
             (problem.bounces(p + h, metre)[0] - problem.bounces(p - h, metre)[0]) / (2 * h.sum())
-            for h in np.diag(steps)
+            for h in steps
         ],
         axis=1,
     )
-    landings = [
-        piece[4] for piece, last in zip(problem.pieces(p), _lasts(chains), strict=True) if not last
-    ]
+    pieces = zip(problem.pieces(p), _lasts(chains), strict=True)
+    landings = [piece[4] for piece, last in pieces if not last]
     g = Input(float(p[0]), float(np.sqrt(covariance[0, 0])))
-    n = v.size
-    means = {"contact": inputs.contact if recording.rate_known else frames, "drag": drag}
+    n, means = v.size, {"contact": inputs.contact if recording.rate_known else frames, "drag": drag}
     slopes = {key: np.zeros(n + 2) for key in means}
     slopes["contact"][n] = slopes["drag"][n + 1] = 1.0
     own = recording.scale_known and not inputs.scale_from_gravity
     unit = metre if own else inputs.gravity.value / g.value
+    inclined = [f"the floor is inclined by {abs(np.degrees(tilt)):.2f} degrees"] if tilt else []
     every = np.concatenate(members)
     fit = FilmFit(
         time[every] + middle, height[every], left, height[every] - left, noise, float(p[1]), g
@@ -498,10 +497,7 @@ def _measured(
         found={"contact": rows[n] - means["contact"].value, "drag": rows[n + 1] - drag.value},
         speed_known=recording.rate_known and (recording.scale_known or inputs.scale_from_gravity),
         gravity=g,
-        remarks=(
-            _scale_text(recording, g, inputs),
-            *([f"the floor is inclined by {abs(np.degrees(tilt)):.2f} degrees"] if tilt else []),
-        ),
+        remarks=(_scale_text(recording, g, inputs), *inclined),
     )
     return bounces, fit, ""
 

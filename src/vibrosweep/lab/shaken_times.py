@@ -409,6 +409,9 @@ def _locked(triples: Triples, name: str) -> str:
     )
 
 
+MOTION: Final = ("frequency", "base_acceleration", "amplitude", "phase")
+
+
 def _result(
     triples: Triples, found: _Adjusted, about: tuple[str, float, float | None, bool], locked: str
 ) -> xr.Dataset:
@@ -429,39 +432,15 @@ def _result(
     )
     errors = np.sqrt(np.einsum("ki,ij,kj->k", slopes, covariance, slopes))
     gamma = TWO_PI * f * velocity / g
-    names = ("frequency", "base_acceleration", "amplitude", "phase")
-    motion: dict[str, Any] = {}
-    for key, value, error in zip(
-        names, (f, gamma, (1.0 + e) * velocity, phase), errors, strict=True
-    ):
-        motion |= {key: float(value), f"{key}_error": float(error)}
+    motion = dict(zip(MOTION, map(float, (f, gamma, (1.0 + e) * velocity, phase)), strict=True))
+    motion |= {f"{key}_error": float(one) for key, one in zip(MOTION, errors, strict=True)}
     quantiles = np.array([found.fit.quantile(0, q) for q in QUANTILES])
     error = float(quantiles[2] - quantiles[1]) / 2.0
-    both = (
-        np.array([[1.0, 0.0, 0.0, 0.0], slopes[1]])
-        @ covariance
-        @ np.vstack([[1.0, 0.0, 0.0, 0.0], slopes[1]]).T
-    )
+    pair = np.array([[1.0, 0.0, 0.0, 0.0], slopes[1]])
+    both = pair @ covariance @ pair.T
     sure = error < WORST[0] and errors[1] < WORST[1] * gamma and not locked
-    warning = locked
-    if not sure and not locked:
-        slope = both[0, 1] / both[1, 1]
-        left = np.sqrt(max(both[0, 0] - slope * both[0, 1], 0.0))
-        warning = (
-            f"{name}: the orbit visits too few phases; the times fix one relation, e = {e:.4f} + "
-            f"({slope:.4g}) (Gamma - {gamma:.4g}) within {left:.2g}; record the approach to it"
-        )
+    relation = "" if sure or locked else _relation(name, float(e), gamma, both)
     bounce, speed, _ = triples.bounces(triples.time, found.values[1:])
-    components: dict[str, Any] = {}
-    for k, key in enumerate(("timing", "scatter", "drop_scatter")):
-        values = [
-            found.fit.component_quantile(k, q) if k < 2 else np.nan for q in (0.5, *QUANTILES, 0.95)
-        ]
-        components |= {
-            key: values[0],
-            f"{key}_quantile": ("quantile", values[1:5]),
-            f"{key}_limit": values[5],
-        }
     timing = found.fit.components[0]
     spread = timing * np.sqrt((found.slopes**2).sum(axis=1))
     return xr.Dataset(
@@ -470,12 +449,10 @@ def _result(
             "restitution_error": error,
             "restitution_quantile": ("quantile", quantiles),
             "speed": float(np.median(speed)),
-            "slope": np.nan,
-            "slope_error": np.nan,
-            "prediction_error": np.nan,
+            **dict.fromkeys(("slope", "slope_error", "prediction_error"), np.nan),
             **motion,
             "determined": np.int8(sure),
-            **components,
+            **_components(found.fit),
             "bounce_restitution": ("bounce", bounce),
             "bounce_speed": ("bounce", speed),
             "bounce_time": ("bounce", triples.time[triples.middle] + middle),
@@ -492,13 +469,42 @@ def _result(
             "speed_known": 1,
             "frequency_known": int(known is not None),
             "contact_known": int(not bare),
-            "warning": warning,
-            "remarks": ""
-            if found.used.all()
-            else f"{int((~found.used).sum())} bounces are odd "
-            f"and left out: clicks that are missed or false",
+            "warning": locked or relation,
+            "remarks": _remark(found.used),
         },
     )
+
+
+def _relation(name: str, e: float, gamma: float, both: Array) -> str:
+    """Say which relation the times fix, from the covariance of e and Gamma, shape (2, 2)."""
+    slope = both[0, 1] / both[1, 1]
+    left = np.sqrt(max(both[0, 0] - slope * both[0, 1], 0.0))
+    return (
+        f"{name}: the orbit visits too few phases; the times fix one relation, e = {e:.4f} + "
+        f"({slope:.4g}) (Gamma - {gamma:.4g}) within {left:.2g}; record the approach to it"
+    )
+
+
+def _remark(used: Flags) -> str:
+    if used.all():
+        return ""
+    odd = np.count_nonzero(~used)
+    return f"{odd} bounces are odd and left out: clicks that are missed or false"
+
+
+def _components(fit: Fit) -> dict[str, Any]:
+    """Return timing and scatter with their quantiles and 95 % limits."""
+    components: dict[str, Any] = {}
+    for k, key in enumerate(("timing", "scatter", "drop_scatter")):
+        values = [
+            fit.component_quantile(k, q) if k < 2 else np.nan for q in (0.5, *QUANTILES, 0.95)
+        ]
+        components |= {
+            key: values[0],
+            f"{key}_quantile": ("quantile", values[1:5]),
+            f"{key}_limit": values[5],
+        }
+    return components
 
 
 def _contact_effect(triples: Triples, found: _Adjusted, gamma: Array) -> Array:

@@ -462,9 +462,10 @@ class _Spread:
 
     def facts(self) -> dict[str, float | None]:
         """Return the numbers by name."""
-        known = {"min": self.low, "mean": self.total / self.count, "max": self.high}
-        empty = dict.fromkeys(("min", "mean", "max"))
-        return {**(known if self.count else empty), "finite": self.count}
+        if not self.count:
+            return {"min": None, "mean": None, "max": None, "finite": 0}
+        mean = self.total / self.count
+        return {"min": self.low, "mean": mean, "max": self.high, "finite": self.count}
 
 
 @dataclass
