@@ -179,7 +179,7 @@ def test_every_file_exists():
     homes = (ROOT, ROOT / "sweeps", ROOT / "src" / "vibrosweep" / "kernels")
     missing = {name for name in named if not any((home / name).exists() for home in homes)}
     assert missing == set()
-    assert {"sweeps/paper.toml", "docs/model.md", "docs/images/moving_height_time_all.png"} <= named
+    assert {"docs/model.md", "docs/images/moving_height_time_all.png"} <= named
 
 
 def test_two_small_pictures():

@@ -64,7 +64,7 @@ def only_numbers(dataset):
                 "duration": 1500.0,
             },
             '[scene]\nduration = 1500.0\n[sample]\ndesign = "grid"\nbase_velocity = [0.3, 0.4]',
-            lambda spec, threads: bifurcation(spec, "flight_time", 5, threads),
+            lambda spec, threads: bifurcation(spec, "flight_time", 5, 8, threads),
         ),
         (
             vs.basins,

@@ -235,7 +235,7 @@ def test_machine_code_is_kept_on_disk_and_never_stale(package):
     assert hits == [0, 0]
     # a status that a kernel holds as a constant, and the order of the arrays in its argument
     code = "BUDGET_EXCEEDED = (\n        {},"
-    edit(package / "model" / "status.py", code.format(1), code.format(5))
+    edit(package / "model" / "measures.py", code.format(1), code.format(5))
     parameters = package / "model" / "parameters.py"
     edit(parameters, "    kick: Array  # a", "    kick_was: Array  # a")
     edit(parameters, "    end_phase: Array", "    kick: Array\n    end_phase: Array")

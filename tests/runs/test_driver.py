@@ -305,8 +305,24 @@ def test_defaults_are_told(compute, tmp_path, capsys, text, chunk):
         assert main([command, *words]) == 0
         said = next(x for x in capsys.readouterr().out.splitlines() if x.startswith(head))
         values = said.removeprefix(head).split(", ")
-        assert [value.split()[0] for value in values] == expected
+        assert [value.split()[0] for value in values] == ["base", *expected]
         assert "gravity 9.81 m s-2" in said
+
+
+@pytest.mark.parametrize(
+    ("text", "subjects"),
+    [
+        ("base_acceleration = 2.0\n", {"defaults", "base"}),
+        ('base_acceleration = 2.0\nbase = "high-bounce"\n', {"defaults"}),
+        ("amplitude = 1.0\nfrequency = 60.0\n", {"defaults", "launch"}),
+        ("amplitude = 1.0\nfrequency = 60.0\nlaunch_velocity = 1.0\n", {"defaults"}),
+    ],
+)
+def test_a_base_that_stands_still_and_a_launch_that_is_long_are_told(compute, text, subjects):
+    notes = xr.load_dataset(compute(f"[scene]\n{text}")).attrs["notes"]
+    assert {one.partition(":")[0] for one in notes.split("; ") if ": " in one} >= subjects
+    for other in {"base", "launch"} - subjects:
+        assert f"{other}: " not in notes
 
 
 def test_nothing_is_said_of_table_1_as_it_stands(compute):

@@ -598,14 +598,19 @@ def _of(diagram: xr.Dataset, name: str, way: str) -> Array | None:
     if way != "launched":
         return np.asarray(diagram[name].sel(direction=way).values)
     anew = diagram.get(f"launched_{name}")
-    return None if anew is None or not anew.size else np.asarray(anew.values)
+    return None if anew is None or not anew.size else np.asarray(_of_launches(anew).values)
+
+
+def _of_launches(variable: xr.DataArray) -> xr.DataArray:
+    """Return a variable that has no direction, also where a mask of the dataset gave it one."""
+    return variable.max("direction") if "direction" in variable.dims else variable
 
 
 def _mark_coexistence(axes: Axes, diagram: xr.Dataset, at: Array) -> None:
     """Mark points with several attractors at the top, and the first exponent above zero."""
     if "attractors" not in diagram:
         return
-    several = at[diagram["attractors"].values > 1]
+    several = at[_of_launches(diagram["attractors"]).values > 1]
     if several.size:
         axes.plot(
             several,
@@ -617,7 +622,7 @@ def _mark_coexistence(axes: Axes, diagram: xr.Dataset, at: Array) -> None:
             markeredgewidth=0.6,
             label="attractors coexist",
         )
-    first = float(diagram["chaos_high"])
+    first = float(_of_launches(diagram["chaos_high"]).max())
     if np.isfinite(first):
         name = "first exponent above 0"
         axes.axvline(first, color="black", linestyle=":", linewidth=0.9, label=name)
