@@ -61,7 +61,7 @@ def elsewhere(tmp_path, monkeypatch):
         raise ParameterError("not here")
 
     monkeypatch.chdir(tmp_path)
-    for name in ("runs.cluster.local_workers", "runs.cluster.connected", "explore.server.serve"):
+    for name in ("runs.cluster.local_workers", "runs.cluster.connected", "explorer.server.serve"):
         monkeypatch.setattr(f"vibrosweep.{name}", refused)
 
 

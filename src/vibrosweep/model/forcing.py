@@ -56,7 +56,7 @@ FORCINGS: Final = by_name(
         ACCELERATION,
         "Gamma",
         "1",
-        "peak base acceleration in g",
+        "base acceleration in g",
         math.nan,
         0.0,
         LARGEST,
