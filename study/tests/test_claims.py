@@ -22,6 +22,7 @@ from study import (
     slots,
 )
 from study.bases import FIXED, HIGH_BOUNCE, MOVING, SPRUNG
+from study.claims_page import in_words
 from study.disturbances import DRIVE, LAW, OWN, WAVEFORM, disturbances, orbit, refusal
 from study.report import as_json
 from study.samples import ANY_PHASE, FIRST, MOUNT, Plan
@@ -267,7 +268,7 @@ def test_what_a_base_cannot_do_is_said_in_the_words_of_the_package(outcomes, sho
         assert level.not_computed == ()
         assert why in moving.not_computed
         assert not any(DRIVE in one.name for one in moving.readings)
-    assert f"Not computed: {html.escape(why)}" in shown
+    assert f"Not computed: {html.escape(in_words(why))}" in shown
 
 
 def test_which_noise_separates_particles_of_one_slot(outcomes):
