@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 
 from vibrosweep import figures
 from vibrosweep.errors import ParameterError
+from vibrosweep.figures import data
 from vibrosweep.figures.style import axes_on, for_file, panels_on
 
 INDICES = xr.Dataset(
@@ -139,3 +140,7 @@ def test_panels_are_in_their_order():
     first.figure.canvas.draw()
     assert first.get_position().y0 > second.get_position().y1
     assert second.get_position().x1 < third.get_position().x0
+
+
+def test_the_acceleration_of_a_base_is_labelled_once_in_units_of_gravity():
+    assert data.label(xr.Dataset(), "base_acceleration") == r"base acceleration $\Gamma$ (g)"

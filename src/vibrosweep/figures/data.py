@@ -252,7 +252,7 @@ def label(dataset: xr.Dataset, name: str) -> str:
     if name in INPUTS:
         units = _units(name)
         if name in FORCINGS:
-            words = FORCINGS[name].long_name.removesuffix(" in units of gravity")
+            words = FORCINGS[name].long_name.removesuffix(" in g")
     else:
         units = str(dataset[name].attrs.get("units", ""))
         words = str(dataset[name].attrs.get("long_name", words))
