@@ -39,8 +39,7 @@ def describe(path: Path) -> Iterator[str]:
     Raises a DataError if there is no such file or it is not a readable result, and a RunError if
     the manifest of an unfinished run is damaged.
     """
-    # Path.exists would raise an error for a name that is too long
-    if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110
+    if _unfinished_only(path):
         yield from _unfinished(path)
         return
     with result_file(path) as file:
@@ -52,12 +51,18 @@ def describe(path: Path) -> Iterator[str]:
         yield "no seal: another program wrote this file, so that damage to it would go unnoticed"
 
 
+def _unfinished_only(path: Path) -> bool:
+    """Whether there is no result yet, but a run of it that is not finished."""
+    # Path.exists would raise an error for a name that is too long
+    return not os.path.exists(path) and os.path.exists(run_directory(path))  # noqa: PTH110
+
+
 def facts(path: Path) -> dict[str, Any]:
     """Return what a result file holds, or an unfinished run, as numbers and texts by name.
 
     Raises errors as `describe` does.
     """
-    if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110
+    if _unfinished_only(path):
         manifest, finished = _manifest(path)
         counts = {"chunks": manifest.chunks, "chunks_finished": finished}
         return {"file": path, "finished": False, **counts, "identity": manifest.identity}
