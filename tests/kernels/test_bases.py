@@ -119,7 +119,7 @@ import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 
-from vibrosweep.kernels.bases import StateError
+from vibrosweep.kernels.bases import StateError, chords
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.memory import ROW
 from vibrosweep.kernels.noise import noise_of
@@ -158,6 +158,8 @@ def ask_all(base, problem, i, x, u, s):
         bases.after_rest(fixed),
         bases.jacobian(fixed, there),
         bases.contact_time(fixed),
+        (*chords.chord(fixed, x, 2.0), chords.clearing(fixed, there)),
+        chords.slopes(fixed, there),
         bases.fixed_residual(fixed, x, 2.0, 1.0),
         bases.fixed_attracts(fixed, x, 2.0),
         bases.fixed_holds(fixed, x, 2.0),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from vibrosweep.kernels._jit import generic, implements, jit
 from vibrosweep.kernels.bases import Constants as AnyConstants
 from vibrosweep.kernels.bases import Flight, jacobian, moving, shaped
@@ -110,7 +112,7 @@ def _least(fixed: AnyConstants, arc: Flight, fall: float, length: float) -> floa
     ends in a stretch, it rises from the base or falls onto it, without a minimum.
     """
     least, low = math.inf, fall - arc.x
-    low -= math.floor(low)
+    low -= np.floor(low)  # unlike math.floor, of NaN too
     while low + length < arc.time:
         first, last = low, low + length
         if height(fixed, arc.x, arc.u, first)[1] < 0.0 < height(fixed, arc.x, arc.u, last)[1]:
