@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.common import States, reached, settle_from
 from vibrosweep.analysis.datasets import require, shares, variable
 from vibrosweep.arrays import Array
-from vibrosweep.engine.measure import measure, orbit_variables, statistics
+from vibrosweep.engine.measure import batch_of, measure, orbit_variables, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import (
@@ -446,7 +446,8 @@ def _locked(
         kept = {name: values[alive] for name, values in parameters.items()}
         begun = np.repeat(phase[alive], replicas)
         noisy, launch = _from_orbit(scene, _repeated(kept, replicas), begun, k)
-        found = statistics(noisy, launch, scene, workers, more=(SHORTEST, LONGEST))
+        batch = batch_of(noisy, launch, scene)
+        found = statistics(batch, scene, workers, more=(SHORTEST, LONGEST))
         stays = (found.landings > 0) & (found.totals[RESTS] == 0.0)
         stays &= (found.total("flight_min") > k - NEAR) & (found.total("flight_max") < k + NEAR)
         stays &= found.status == Status.COMPLETED

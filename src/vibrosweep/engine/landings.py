@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.measure import statistics, units_of
+from vibrosweep.engine.measure import batch_of, statistics, units_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
@@ -31,7 +31,7 @@ from vibrosweep.model.parameters import (
 from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
-__all__ = ["launch_times", "record_landings"]
+__all__ = ["all_parameters", "launch_times", "record_landings"]
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
 # For `simulate`: with phase and speed of impact too, and the arrays from which they are computed
@@ -144,7 +144,8 @@ def recorded(
     np.cumsum(capacities, out=first[1:])
     out = empty_record(int(first[-1]))
     recorder = Recorder(out, first, units, problem, scene.particles)
-    counted = statistics(problem, launch, scene, workers, observer=recorder)
+    batch = batch_of(problem, launch, scene)
+    counted = statistics(batch, scene, workers, observer=recorder)
     mark_unused_places(out, first, counted.landings)
     require_written(out)
     return out, counted
