@@ -73,6 +73,8 @@ from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, speed_
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, GivenTable, Range
 from vibrosweep.scene.scene import Scene, waveform_of
 
+__all__ = ["MAX_SEED", "SECTIONS", "Check", "Sections", "flag", "read_tables", "whole_number"]
+
 SUFFIXES: Final = (".csv", ".nc")
 
 # Far beyond any disk or memory, and small enough that no index reaches 2**63

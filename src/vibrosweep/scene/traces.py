@@ -28,6 +28,8 @@ from vibrosweep.scene.clocks import even_times, origin_of, rounding_of, stronges
 from vibrosweep.scene.headings import acceleration_factor, length_factor, time_factor
 from vibrosweep.scene.scene import Traced
 
+__all__ = ["series_of", "waves"]
+
 AT_REST: Final = 0.02  # deviation from 1 of a mean that is taken for 1 g
 FEWEST_PERIODS: Final = 2.0
 LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain

@@ -37,7 +37,7 @@ from vibrosweep.system import ENDINGS, locked
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-__all__ = ["check_output", "path_of", "replacing"]
+__all__ = ["check_output", "make_directory", "path_of", "replacing"]
 
 
 def path_of(name: str, value: object) -> Path:
