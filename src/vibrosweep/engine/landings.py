@@ -43,7 +43,7 @@ BYTES_PER_TRAJECTORY: Final = 120
 BYTES_PER_REALIZATION: Final = 160
 
 
-class Counted(NamedTuple):
+class CountedLandings(NamedTuple):
     """Landings and status of each trajectory of a record, shape (trajectory,)."""
 
     landings: NDArray[np.int64]
@@ -85,7 +85,7 @@ def record_landings(
     scene: Scene,
     workers: Workers,
     form: Form = RECTANGLE,
-    counted: Counted | None = None,
+    counted: CountedLandings | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Record every landing until the end, as variables of `vibrosweep.model.measures.RECORD`.
 
@@ -151,7 +151,7 @@ def recorded(
     return out, counted
 
 
-def record_bytes(counted: Counted, scene: Scene, form: Form = RECTANGLE) -> tuple[int, int]:
+def record_bytes(counted: CountedLandings, scene: Scene, form: Form = RECTANGLE) -> tuple[int, int]:
     """Return the bytes of a record in a file, and of memory while it is made."""
     landings, particles = counted.landings, scene.particles
     memory = _fixed_bytes(landings.size // particles, particles)
@@ -183,7 +183,7 @@ def require_room(
 
 def count_landings(
     parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
-) -> Counted:
+) -> CountedLandings:
     """Count the landings of each particle; arguments and errors are those of `record_landings`."""
     realizations, particles = parameters["frequency"].size, scene.particles
     trajectories = realizations * particles
@@ -198,7 +198,7 @@ def count_landings(
     landings, status = found.landings.copy(), found.status.copy()
     mean = -(-form.places(landings) // trajectories)
     require_room(realizations, particles, form.needed(landings, scene.base), mean)
-    return Counted(landings, status)
+    return CountedLandings(landings, status)
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:

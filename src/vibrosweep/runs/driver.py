@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.landings import Counted
+from vibrosweep.engine.landings import CountedLandings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import (
     DataError,
@@ -201,7 +201,7 @@ def run_sweep(
 
 def _planned(
     spec: Sweep, output: Path, workers: Workers, chunk: int | None, at_least: int
-) -> tuple[Plan, Counted | None]:
+) -> tuple[Plan, CountedLandings | None]:
     """Plan the chunks and count the record; raise an error if they would not fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
     counted = counted_record(spec, workers)
