@@ -52,7 +52,7 @@ def jobs(workers):
     """All jobs by name, the sine first; their unit of work is an impact, or one sine."""
     from loops import LANES, bare_map, lanes, sine_only
     from test_kernels import scene
-    from vibrosweep.engine.measure import follow, statistics
+    from vibrosweep.engine.measure import batch_of, follow, statistics
 
     sines, maps = lanes(), lanes()
     passes = REPETITIONS * LANES
@@ -64,14 +64,14 @@ def jobs(workers):
         problem, launch, observation = scene(realizations, 20, periods)
 
         def stream(problem=problem, launch=launch, observation=observation):
-            return statistics(problem, launch, observation, workers)
+            return statistics(batch_of(problem, launch, observation), observation, workers)
 
         found[name] = Job(stream, float(stream().landings.sum()))
     problem, launch, observation = scene(1000, 100, 12.0, separation=True)
     tolerance = problem.kick * 0.0
 
     def separate():
-        return follow(problem, launch, tolerance, observation, workers)
+        return follow(batch_of(problem, launch, observation), tolerance, observation, workers)
 
     found["separations"] = Job(separate, float(separate().realizations.landings.sum()))
     return found

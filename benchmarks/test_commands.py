@@ -15,7 +15,7 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.api.sweeps import as_sweep
-from vibrosweep.engine.measure import statistics
+from vibrosweep.engine.measure import batch_of, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.runs.chunks import batch_size
@@ -88,7 +88,7 @@ def iterations(spec, workers):
 
     def iterate():
         for problem, launch in parts:
-            statistics(problem, launch, scene, workers)
+            statistics(batch_of(problem, launch, scene), scene, workers)
 
     return iterate
 

@@ -15,7 +15,7 @@ from numba import njit
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from methods.sweeps import paper_parameters
 from vibrosweep.engine.landings import all_parameters as complete
-from vibrosweep.engine.measure import statistics
+from vibrosweep.engine.measure import batch_of, statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels._jit import uncached
 from vibrosweep.kernels.advance import Options, Share, _step, advance, memory_around
@@ -65,7 +65,7 @@ def test_streaming_kernel_against_the_obvious_scalar_loop(race, realizations, pe
             )
 
         def kernel():
-            return statistics(problem, launch, observation, workers)
+            return statistics(batch_of(problem, launch, observation), observation, workers)
 
         impacts = int(kernel().landings.sum())
         ratio = race(kernel, scalar, work_subject=impacts, work_reference=impacts)
@@ -90,7 +90,7 @@ def test_cost_of_noise(race, kinds, most):
     with Workers(1) as workers:
 
         def followed(problem):
-            return statistics(problem, start, still, workers)
+            return statistics(batch_of(problem, start, still), still, workers)
 
         impacts = [int(followed(problem).landings.sum()) for problem in problems]
         ratio = race(
@@ -115,7 +115,7 @@ def test_cost_of_a_law_of_restitution(race, base, law, most):
     with Workers(1) as workers:
 
         def followed(scene):
-            return statistics(problem, start, scene, workers)
+            return statistics(batch_of(problem, start, scene), scene, workers)
 
         impacts = [int(followed(scene).landings.sum()) for scene in (yielding, plain)]
         ratio = race(

@@ -16,7 +16,7 @@ from methods.sweeps import paper_parameters
 from moving_loops import scalar_moving
 from test_kernels import THREADS
 from test_skips import measuring
-from vibrosweep.engine.measure import statistics
+from vibrosweep.engine.measure import batch_of, statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import _step
 from vibrosweep.kernels.bases import constants, fitted, leave, put
@@ -77,7 +77,7 @@ def streaming(given, workers):
     """The kernel's run, and its impacts."""
 
     def run():
-        return statistics(given.problem, given.launch, given.scene, workers)
+        return statistics(batch_of(given.problem, given.launch, given.scene), given.scene, workers)
 
     return run, int(run().landings.sum())
 

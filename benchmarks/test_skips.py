@@ -77,8 +77,10 @@ def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
     with Workers(THREADS) as workers:
         cycles = workers.cycles(400_000)
         ratio = race(
-            lambda: engine.statistics(problem, launch, scene, workers, cycles),
-            lambda: engine.statistics(problem, launch, scene, workers),
+            lambda: engine.statistics(
+                engine.batch_of(problem, launch, scene), scene, workers, cycles
+            ),
+            lambda: engine.statistics(engine.batch_of(problem, launch, scene), scene, workers),
         )
     assert ratio >= (0.8 if regimes else 0.85)
 

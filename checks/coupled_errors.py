@@ -18,7 +18,7 @@ from vibrosweep import simulate
 from vibrosweep.proof.claims import prove
 from vibrosweep.proof.reference.arithmetic import UndecidableError, arb, ctx
 from vibrosweep.proof.reference.sprung import TooManyLandingsError
-from vibrosweep.proof.sampling import Realization
+from vibrosweep.proof.sampling import ExactRealization
 from vibrosweep.scene.scene import Scene
 
 PAGE = Path(__file__).parent / "README.md"
@@ -52,7 +52,7 @@ def compare(parameters, launches, duration, most=MOST):
     found = simulate(base="sprung", launch_time=list(launches), duration=duration, **parameters)
     landings = int(found.impact_count.sum())
     scene = Scene(particles=len(launches), launch=tuple(launches), duration=duration, base="sprung")
-    realization = Realization(scene, parameters)
+    realization = ExactRealization(scene, parameters)
     try:
         proved, estimate = prove(realization, most)
     except TooManyLandingsError:

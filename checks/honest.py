@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from accuracy import options_of
-from vibrosweep.proof.report import State
+from vibrosweep.proof.report import ProofState
 from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import parse_spec
@@ -139,7 +139,7 @@ def main() -> int:
             run_sweep(parse_spec(text), path, threads=1, force=True)
             report = verify(path)
             done += 1
-            states.update({state.value: report.count(state) for state in State})
+            states.update({state.value: report.count(state) for state in ProofState})
             for name, found in report.variables().items():
                 undecided[name] += len(found.undecided)
                 compared[name] += len(found.errors)

@@ -26,7 +26,7 @@ import numpy as np
 
 from accuracy import options_of
 from vibrosweep.lab import FloorExperiment, hear_drops
-from vibrosweep.store.disk import State, state_of
+from vibrosweep.store.disk import FileState, state_of
 
 # The script ``vibrosweep``, with a mark before and after its import
 START = """import os, sys
@@ -134,7 +134,7 @@ def cramped(words: list[str], folder: Path, size: int) -> tuple[int, str]:
 def wrong_files(folder: Path) -> list[str]:
     """Return the names of results that are not complete, and of temporary files."""
     files = [path for path in folder.rglob("*") if path.is_file()]
-    broken = [p for p in files if p.suffix == ".h5" and state_of(p) is not State.INTACT]
+    broken = [p for p in files if p.suffix == ".h5" and state_of(p) is not FileState.INTACT]
     return [path.name for path in (*broken, *(p for p in files if p.suffix == ".partial"))]
 
 

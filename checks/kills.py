@@ -1,27 +1,33 @@
 """Kill runs of a sweep at random moments, and count what is lost.
 
-    python checks/kills.py [--kills 200] [--seed 1] [--write]
+    python checks/kills.py [--kills 200] [--workers 0] [--minutes 60] [--seed 1] [--write]
 
 A sweep of 60 chunks is started, killed with SIGKILL after a random time, and started again, until
 it is complete; then the next round begins.  After every kill each part is read and its checksum
 compared, and no part that was there before may be gone.  After every round the result must be that
-of an undisturbed run, byte for byte apart from the time of its creation.
+of an undisturbed run on threads, byte for byte apart from the time of its creation.
+
+With --workers, that many processes of Dask compute: after random times one of them is killed, or,
+one time in eight, the process that holds the scheduler and the run, which is started again after
+that, and if it has ended because no workers were left.
 """
 
 from __future__ import annotations
 
+import argparse
 import platform
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
 import numpy as np
+import psutil
 
 from accuracy import options_of, processor, show, table
 from vibrosweep.store.disk import LENGTH
@@ -57,44 +63,37 @@ SWEEPS = {
     ),
     "sprung": SWEEP.replace("[scene]", SPRUNG).replace("particles = 20", "particles = 4"),
 }
-PHASES = ("start", "chunks", "result", "end")
+# For workers every landing is computed, for error bounds or coupled particles: a chunk takes a
+# second
+LONGER = {
+    base: sweep.replace("duration_periods = 4.0", "duration_periods = 60.0")
+    if base == "sprung"
+    else sweep.replace("[scene]", "[scene]\nduration_periods = 400.0") + "trust = true\n"
+    for base, sweep in SWEEPS.items()
+}
+RUN = 1 / 8  # share of the kills that hit the process of the run rather than a worker
+STOPPED = (
+    b"all workers of the Dask cluster have gone",
+    b"run the same command again to continue",
+)
+PHASES = {
+    "start": "... before the first new chunk was finished",
+    "chunks": "... while chunks were computed",
+    "result": "... while the result was written from the parts",
+    "end": "... after the result had its name",
+}
+OF_WORKERS = {
+    "workers": "SIGKILLs to workers",
+    "stopped": "runs that ended without workers and were continued",
+}
+FAILURES = {
+    "lost": "finished chunks lost",
+    "torn": "torn or damaged files",
+    "different": "results that differ from that of an undisturbed run",
+}
 
 
-@dataclass
-class Findings:
-    """Counts of a campaign."""
-
-    kills: Counter[str] = field(default_factory=Counter)
-    rounds: int = 0
-    chunks: int = 0
-    lost: int = 0
-    torn: int = 0
-    different: int = 0
-
-    @property
-    def failures(self) -> int:
-        return self.lost + self.torn + self.different
-
-
-def run_words(directory: Path, extra: Sequence[str]) -> list[str]:
-    spec, output = directory / "sweep.toml", directory / "out.h5"
-    return [*COMMAND, "run", str(spec), "-o", str(output), "--chunk", str(CHUNK), *extra]
-
-
-def killed(words: Sequence[str], delay: float) -> bool:
-    """Run a command for some seconds; return whether it had to be killed."""
-    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
-        try:
-            _, message = process.communicate(timeout=delay)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            return True
-        if process.returncode:
-            raise SystemExit(f"the run ended with {process.returncode}: {message.decode()}")
-        return False
-
-
-def finished(directory: Path, output: Path) -> tuple[dict[int, Path], int]:
+def finished(directory: Path) -> tuple[dict[int, Path], int]:
     """Parts that are there, and how many of them are damaged."""
     manifest = read_manifest(directory) if directory.exists() else None
     if manifest is None:
@@ -115,75 +114,127 @@ def contents(path: Path) -> bytes:
     return data.replace(created.encode(), b"-" * len(created))
 
 
-def campaign(directory: Path, sweep: str, kills: int, seed: int) -> Findings:
-    """Kill runs of a sweep until the number of kills is reached."""
-    rng = np.random.default_rng(seed)
-    (directory / "sweep.toml").write_text(sweep, encoding="utf-8")
-    output = directory / "out.h5"
-    words = run_words(directory, ())
-    began = time.perf_counter()
-    killed(words, 600.0)
-    whole = time.perf_counter() - began
-    expected = contents(output)
-    output.unlink()
-    findings, before = Findings(), set()
-    while findings.kills.total() < kills:
-        was_killed = killed(words, rng.uniform(0.0, whole))
-        found, torn = finished(run_directory(output), output)
-        findings.torn += torn
-        if output.exists():  # it is complete, whether the kill came after that or not at all
-            findings.kills["end"] += was_killed
-            findings.rounds += 1
-            findings.chunks += CHUNKS - len(before)
-            findings.different += contents(output) != expected
-            output.unlink()
-            before = set()
-            if run_directory(output).exists():  # remains of the kill, which do no harm
-                killed(words, 600.0)
-                findings.different += contents(output) != expected
-                output.unlink()
-            continue
-        findings.lost += len(before - set(found))
-        findings.chunks += len(set(found) - before)
-        findings.kills[phase(len(before), len(found))] += was_killed
-        before = set(found)
-    return findings
+def workers_of(process: subprocess.Popen) -> list[psutil.Process]:
+    try:
+        children = psutil.Process(process.pid).children()
+        return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+    except psutil.Error:  # something has just ended
+        return []
 
 
-def phase(before: int, now: int) -> str:
-    """Infer from the parts that are left in which phase of a run the kill came."""
-    if now == CHUNKS:
-        return "result"
-    return "chunks" if now > before else "start"
+class Campaign:
+    """Runs of one sweep in a directory, and the counts of what was killed and found."""
+
+    def __init__(self, directory: Path, sweep: str, workers: int, seed: int) -> None:
+        (directory / "sweep.toml").write_text(sweep, encoding="utf-8")
+        self.output, self.workers = directory / "out.h5", workers
+        self.parts = run_directory(self.output)
+        self.rng, self.counts = np.random.default_rng(seed), Counter[str]()
+        words = ["run", str(directory / "sweep.toml"), "-o", str(self.output)]
+        self.words = [*COMMAND, *words, "--chunk", str(CHUNK)]
+        began = time.perf_counter()
+        subprocess.run(self.words, check=True, stdout=subprocess.DEVNULL)
+        self.whole = time.perf_counter() - began
+        self.expected = contents(self.output)
+        self.output.unlink()
+
+    @property
+    def kills(self) -> int:
+        """Number of kills until now."""
+        return sum(self.counts[name] for name in (*PHASES, "workers"))
+
+    def killed(self, until: float) -> bool:
+        """Run the command, and kill it or its workers until a time; return if it was killed.
+
+        Workers are killed once they have finished a chunk: if one dies before all have started, the
+        run ends with a message that says so.  Workers that Dask starts in their place may be killed
+        as they start; if none is left, the run ends and says how to continue.
+        """
+        before, most = finished(self.parts)[0].keys(), 4.0 if self.workers else self.whole
+        words = [*self.words, *(["--workers", str(self.workers)] if self.workers else [])]
+        with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+            while True:
+                try:
+                    _, message = process.communicate(timeout=self.rng.uniform(0.0, most))
+                    break
+                except subprocess.TimeoutExpired:
+                    if time.perf_counter() > until:
+                        continue
+                    at_work = self.workers and finished(self.parts)[0].keys() - before
+                    victims = workers_of(process) if at_work else []
+                    if not self.workers or self.rng.random() < RUN:
+                        process.kill()
+                        return True
+                    if victims:
+                        with suppress(psutil.Error):  # it has just ended
+                            victims[self.rng.integers(len(victims))].kill()
+                            self.counts["workers"] += 1
+            if process.returncode == 2 and all(part in message for part in STOPPED):
+                self.counts["stopped"] += 1
+            elif process.returncode:
+                raise SystemExit(f"the run ended with {process.returncode}: {message.decode()}")
+            return False
+
+    def carry_out(self, kills: int, seconds: float) -> Counter[str]:
+        """Kill until the number of kills or the time is reached, and finish the last round."""
+        ends, before = time.perf_counter() + seconds, set[int]()
+        while (more := self.kills < kills and time.perf_counter() < ends) or before:
+            was_killed = self.killed(ends if more else 0.0)
+            found, torn = finished(self.parts)
+            self.counts["torn"] += torn
+            if self.output.exists():  # complete, whether the kill came after that or not at all
+                self.counts["end"] += was_killed
+                self.counts["rounds"] += 1
+                self.counts["chunks done"] += CHUNKS - len(before)
+                self.counts["different"] += contents(self.output) != self.expected
+                before = set()
+                if self.parts.exists():  # remains of the kill, which do no harm
+                    self.output.unlink()
+                    self.killed(0.0)
+                    self.counts["different"] += contents(self.output) != self.expected
+                self.output.unlink()
+                continue
+            self.counts["lost"] += len(before - set(found))
+            self.counts["chunks done"] += len(set(found) - before)
+            # the parts that are left tell in which phase of a run the kill came
+            during = "chunks" if len(found) > len(before) else "start"
+            self.counts["result" if len(found) == CHUNKS else during] += was_killed
+            before = set(found)
+        return self.counts
 
 
-def report(found: dict[str, Findings], seconds: float, seed: int) -> str:
+def report(found: Mapping[str, Counter[str]], options: argparse.Namespace, seconds: float) -> str:
     each = found.values()
-    rows = [
-        ("SIGKILLs", *(f.kills.total() for f in each)),
-        ("... before the first new chunk was finished", *(f.kills["start"] for f in each)),
-        ("... while chunks were computed", *(f.kills["chunks"] for f in each)),
-        ("... while the result was written from the parts", *(f.kills["result"] for f in each)),
-        ("... after the result had its name", *(f.kills["end"] for f in each)),
-        (f"rounds, each of {CHUNKS} chunks, that reached their end", *(f.rounds for f in each)),
-        ("chunks finished", *(f.chunks for f in each)),
-        ("finished chunks lost", *(f.lost for f in each)),
-        ("torn or damaged files", *(f.torn for f in each)),
-        ("results that differ from that of an undisturbed run", *(f.different for f in each)),
-    ]
-    made = f"Python {platform.python_version()}; {processor()}; seed {seed}; {seconds:.0f} s"
-    return f"{table(('scene', *found), rows)}\n\n*{made}.*"
+    names = {
+        **PHASES,
+        **(OF_WORKERS if options.workers else {}),
+        "rounds": f"rounds, each of {CHUNKS} chunks of {CHUNK}, that reached their end",
+        "chunks done": "chunks finished",
+        **FAILURES,
+    }
+    rows = [("SIGKILLs to the run", *(sum(one[name] for name in PHASES) for one in each))]
+    rows += [(text, *(one[name] for one in each)) for name, text in names.items()]
+    made = f"{options.workers} workers; " if options.workers else ""
+    made += f"Python {platform.python_version()}; {processor()}; seed {options.seed}"
+    return f"{table(('scene', *found), rows)}\n\n*{made}; {seconds:.0f} s.*"
 
 
 def main() -> None:
-    options = options_of(__doc__, kills=(200, "of each scene"), seed=1)
+    options = options_of(
+        __doc__,
+        kills=(200, "of each scene"),
+        workers=(0, "processes of Dask; 0: threads"),
+        minutes=60.0,
+        seed=1,
+    )
     began, found = time.perf_counter(), {}
-    for base, sweep in SWEEPS.items():
+    for base, sweep in (LONGER if options.workers else SWEEPS).items():
         with tempfile.TemporaryDirectory() as directory:
-            found[base] = campaign(Path(directory), sweep, options.kills, options.seed)
-    text = report(found, time.perf_counter() - began, options.seed)
-    show(options, "kills", text, REPORT)
-    raise SystemExit(1 if any(findings.failures for findings in found.values()) else 0)
+            campaign = Campaign(Path(directory), sweep, options.workers, options.seed)
+            found[base] = campaign.carry_out(options.kills, 60.0 * options.minutes / len(SWEEPS))
+    text = report(found, options, time.perf_counter() - began)
+    show(options, "kills on Dask" if options.workers else "kills", text, REPORT)
+    raise SystemExit(any(one[name] for one in found.values() for name in FAILURES))
 
 
 if __name__ == "__main__":

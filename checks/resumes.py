@@ -26,14 +26,13 @@ import h5py
 import numpy as np
 
 from accuracy import options_of, processor, show, table
+from kills import REPORT, contents
 from vibrosweep.errors import RunError
 from vibrosweep.runs import result
 from vibrosweep.runs.driver import retry_failed, run_sweep
 from vibrosweep.scene.sweep import Sweep, parse_spec
-from vibrosweep.store.disk import LENGTH
 from vibrosweep.store.parts import Parts, run_directory
 
-REPORT = Path(__file__).parent / "README.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: owner and name of a function
 PLACES = ((Parts, "write"), (Parts, "read"), (result, "kinds"), (result, "write_record"))
@@ -200,14 +199,6 @@ def interrupting(rng: np.random.Generator, most: int) -> Iterator[None]:
             around = counted.around(getattr(owner, name))
             stack.enter_context(mock.patch.object(owner, name, around))
         yield
-
-
-def contents(path: Path) -> bytes:
-    """Bytes of a result without the time of its creation and the seal, which covers it."""
-    with h5py.File(path) as file:
-        created = file.attrs["created"]
-    data = path.read_bytes()[:-LENGTH]
-    return data.replace(created.encode(), b"-" * len(created))
 
 
 def values(path: Path) -> dict[str, bytes]:

@@ -5,13 +5,13 @@ import numpy as np
 from vibrosweep.analysis import basins as of_basins
 from vibrosweep.analysis import bifurcation as of_bifurcation
 from vibrosweep.analysis import windows as of_windows
-from vibrosweep.scene.design import Axis, Design
+from vibrosweep.scene.design import Design, GridAxis
 from vibrosweep.scene.sweep import Sweep
 
 
 def over(scene, windows=None, **axes):
     """Sweep over a grid of a scene that states its duration."""
-    axes = {n: Axis(tuple(np.atleast_1d(v).tolist())) for n, v in axes.items()}
+    axes = {n: GridAxis(tuple(np.atleast_1d(v).tolist())) for n, v in axes.items()}
     design = Design("grid", axes)
     return Sweep("", "", None, scene, design, None, windows, stated=frozenset({"duration"}))
 

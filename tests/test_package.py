@@ -509,8 +509,9 @@ def test_only_one_class_is_called_a_scene():
     assert sorted(classes) == ["scene/scene.py: Scene"]
 
 
-ROOMS = ("explorer", "proof")  # rooms of their own: they use what other modules list in __all__
-OPEN = ("abilities", "arrays", "errors", "lazy", "model", "system", "theory")  # to every room
+# rooms of their own: they use what other modules list in __all__, and what is open to every room
+ROOMS = ("explorer", "lab", "proof")
+OPEN = ("abilities", "arrays", "errors", "lazy", "mistakes", "model", "system", "theory")
 
 
 def imported(room):

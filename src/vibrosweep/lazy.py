@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
-from vibrosweep.waiting import Line
+from vibrosweep.waiting import WaitingLine
 
 
 def lazily(
@@ -27,7 +27,7 @@ def lazily(
             raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
         home = sys.modules.get(homes[name])
         if home is None:
-            with Line("loading"):
+            with WaitingLine("loading"):
                 home = import_module(homes[name])
         return home if homes[name].endswith(f".{name}") else getattr(home, name)
 

@@ -16,7 +16,7 @@ from typing import Final, Self
 SECONDS: Final = 1.0  # before the line appears, and between its updates
 
 
-class Line:
+class WaitingLine:
     """Line with a task and the seconds it has taken, rewritten regularly until its end."""
 
     def __init__(self, words: str, every: float = SECONDS) -> None:

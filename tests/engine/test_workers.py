@@ -181,7 +181,7 @@ def test_loading_is_announced_and_the_line_is_removed(monkeypatch):
     stream = Terminal()
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     monkeypatch.setattr(sys, "stderr", stream)
-    with waiting.Line("loading", 0.02):
+    with waiting.WaitingLine("loading", 0.02):
         time.sleep(0.2)
     first, *_, last = stream.getvalue().split("\r")[1:]
     assert first == "vibrosweep: loading: 0 s"

@@ -8,7 +8,13 @@ import xarray as xr
 from matplotlib.collections import FillBetweenPolyCollection, LineCollection, PathCollection
 
 from vibrosweep import theory
-from vibrosweep.analysis.records import BaseMotion, Course, base_motion, course, return_points
+from vibrosweep.analysis.records import (
+    BaseMotion,
+    ParticleFlights,
+    base_motion,
+    course,
+    return_points,
+)
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.figures import height_time, return_map
 from vibrosweep.figures.laboratory import errors_by_case, fitted_track
@@ -178,7 +184,7 @@ def test_a_moving_base_is_drawn_under_the_flights(moving_record):
 
 def test_a_flight_that_begins_downwards_has_its_highest_point_there():
     numbers = (np.array([[one]]) for one in (1.0, 1.5, -0.5, 0.3))
-    flown = Course(*numbers, np.array([[True]]))
+    flown = ParticleFlights(*numbers, np.array([[True]]))
     (flight,) = parabolas(flown, 9.81)
     for s in np.linspace(0, 1, 7):
         t, y = bezier(flight, s)

@@ -34,7 +34,7 @@ from vibrosweep.kernels.waveforms import (
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.proof.reference.trajectories import trajectory
-from vibrosweep.proof.report import State
+from vibrosweep.proof.report import ProofState
 from vibrosweep.proof.verifying import verify
 
 # The map with any waveform: known trajectories, bounds of rounding, and rests.
@@ -283,7 +283,7 @@ def test_a_sweep_and_its_bounds_of_errors_are_proved(tmp_path):
     vs.run(scene | measures, tmp_path / "two.h5").close()
     report = verify(tmp_path / "two.h5")
     assert report.passed
-    assert all(outcome.state is State.COMPARED for outcome in report.outcomes)
+    assert all(outcome.state is ProofState.COMPARED for outcome in report.outcomes)
 
 
 def test_a_locked_orbit_has_the_multipliers_of_its_closed_form():

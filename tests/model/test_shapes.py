@@ -11,7 +11,14 @@ import vibrosweep as vs
 from vibrosweep import theory
 from vibrosweep.errors import ParameterError, SpecError, TableError
 from vibrosweep.model.forcing import completed
-from vibrosweep.model.locked_theory import DOUBLING, FOLD, Mode, locked_windows, mode_of, windows_of
+from vibrosweep.model.locked_theory import (
+    DOUBLING,
+    FOLD,
+    OrbitConditions,
+    locked_windows,
+    mode_of,
+    windows_of,
+)
 from vibrosweep.model.restitution_laws import RESTITUTION_LAWS, range_mistake
 from vibrosweep.model.shapes import SINE, Waveform, zeros
 from vibrosweep.scene.sweep import keyword_spec, parse_spec
@@ -183,9 +190,9 @@ def test_the_public_function_has_units_and_takes_waveforms_as_a_scene_does():
 @given(st.floats(0.01, 0.5), st.floats(0.5, 4.0), st.floats(1e-9, 1e-4), st.floats(1e-9, 1e-4))
 def test_ends_move_no_more_than_the_errors_of_their_conditions_say(need, limit, dn, dm):
     for shape in (TWO, Waveform("parabolic")):
-        plain = windows_of(shape, Mode(need, limit))
-        doubtful = windows_of(shape, Mode(need, limit, dn, dm))
-        moved = windows_of(shape, Mode(need + dn, limit + dm))
+        plain = windows_of(shape, OrbitConditions(need, limit))
+        doubtful = windows_of(shape, OrbitConditions(need, limit, dn, dm))
+        moved = windows_of(shape, OrbitConditions(need + dn, limit + dm))
         for one, told, other in zip(plain, doubtful, moved, strict=True):
             # a bound to first order
             assert abs(other.low - one.low) <= 1.1 * told.low_error

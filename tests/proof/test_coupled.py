@@ -17,8 +17,8 @@ from vibrosweep.model.parameters import MOUNT
 from vibrosweep.proof.claims import prove
 from vibrosweep.proof.measures import prove_measures
 from vibrosweep.proof.reference.sprung import coupled
-from vibrosweep.proof.report import CHANGE, State
-from vibrosweep.proof.sampling import Realization
+from vibrosweep.proof.report import CHANGE, ProofState
+from vibrosweep.proof.sampling import ExactRealization
 from vibrosweep.proof.verifying import verify
 from vibrosweep.scene.scene import Scene
 
@@ -46,7 +46,7 @@ def realization(launch_times=(0.0, 0.2, 0.45), duration=5.0, transient=0.0, **ch
         measures=Measures(transient=transient),
         base="sprung",
     )
-    return Realization(scene, PARAMETERS | changes)
+    return ExactRealization(scene, PARAMETERS | changes)
 
 
 def landings_of(trajectories):
@@ -222,7 +222,7 @@ def sprung(computed):
 def test_sound_dataset(sprung):
     report = verify(sprung)
     assert report.passed
-    assert report.count(State.COMPARED) == 2
+    assert report.count(ProofState.COMPARED) == 2
     assert not report.not_compared()
     found = report.variables()
     assert {f"record/{name}" for name in RECORD} < set(found)
@@ -280,8 +280,8 @@ def test_landings_before_the_window_count_as_too_many(sprung):
     with h5py.File(sprung) as file:
         in_window = int(file["impact_count"][...].max())
     report = verify(sprung, max_landings=in_window)
-    assert report.count(State.TOO_LONG) > 0
-    assert report.count(State.TOO_LONG) + report.count(State.COMPARED) == 2
+    assert report.count(ProofState.TOO_LONG) > 0
+    assert report.count(ProofState.TOO_LONG) + report.count(ProofState.COMPARED) == 2
 
 
 def test_without_landings_no_error_of_a_landing_is_reported(computed):
@@ -289,5 +289,5 @@ def test_without_landings_no_error_of_a_landing_is_reported(computed):
     text = text.replace("launch = [0.0, 0.2, 0.2]", "launch = [0.0, 0.0, 0.0]")
     report = verify(computed(text[: text.index("[record]")]))
     assert report.passed
-    assert report.count(State.COMPARED) == 2
+    assert report.count(ProofState.COMPARED) == 2
     assert not any(line.startswith("largest error of a") for line in report.lines())

@@ -21,13 +21,13 @@ from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import NOISE, OF_MOUNT, OF_RESTITUTION, STREAM
 from vibrosweep.proof.measures import Rounded, prove_measures
 from vibrosweep.proof.reference.arithmetic import arb as arb_observed
-from vibrosweep.proof.reference.motion import Flight, Impact, Trajectory
-from vibrosweep.proof.report import State
+from vibrosweep.proof.reference.motion import ProvedFlight, ProvedImpact, Trajectory
+from vibrosweep.proof.report import ProofState
 from vibrosweep.proof.sampling import (
     RECORD_COORDINATES,
     SWEEP_COORDINATES,
     VARIABLES,
-    Realization,
+    ExactRealization,
     read_sample,
 )
 from vibrosweep.proof.verifying import verify
@@ -45,7 +45,7 @@ def everything(path, **options):
 def test_sound_dataset(claimed):
     report = everything(claimed)
     assert report.passed
-    assert report.count(State.COMPARED) == report.total == 3
+    assert report.count(ProofState.COMPARED) == report.total == 3
     found = report.variables()
     recorded = (f"record/{name}" for name in (*RECORD, *RECORD_COORDINATES))
     elsewhere = (
@@ -77,7 +77,7 @@ def test_sound_dataset_without_bounds(bare):
     report = everything(bare)
     assert report.passed
     assert not report.claimed
-    assert report.count(State.COMPARED) == 5
+    assert report.count(ProofState.COMPARED) == 5
     assert "landing_time_error" not in report.variables()
     assert any("computed again" in line for line in report.lines())
 
@@ -97,8 +97,8 @@ def test_sample_is_seeded_and_without_replacement(bare):
 def test_too_long(claimed):
     report = everything(claimed, max_landings=200)
     assert report.passed
-    assert 0 < report.count(State.TOO_LONG) < 3
-    assert report.count(State.TOO_LONG) + report.count(State.COMPARED) == 3
+    assert 0 < report.count(ProofState.TOO_LONG) < 3
+    assert report.count(ProofState.TOO_LONG) + report.count(ProofState.COMPARED) == 3
     assert any("--max-landings" in line for line in report.lines())
 
 
@@ -116,7 +116,9 @@ impact_budget = {budget}
 """
 
 
-@pytest.mark.parametrize(("budget", "state"), [(10**6, State.NO_CLAIM), (40, State.NOT_COMPLETED)])
+@pytest.mark.parametrize(
+    ("budget", "state"), [(10**6, ProofState.NO_CLAIM), (40, ProofState.NOT_COMPLETED)]
+)
 def test_no_claim(computed, budget, state):
     report = everything(computed(CHAOS.format(budget=budget)))
     assert report.passed
@@ -253,7 +255,7 @@ def test_a_cycle_that_is_closed_by_two_rests(computed, edited, scene, transient)
     path = computed(RESTS.format(*scene, transient))
     report = everything(path)
     assert not list(report.complaints())
-    proved = {o.realization for o in report.outcomes if o.state is State.COMPARED}
+    proved = {o.realization for o in report.outcomes if o.state is ProofState.COMPARED}
     with edited(path) as (changed, file):
         rests = file["particle_rest_count"][...]
         once = (rests == 1) & (file["regime"][...] == Regime.UNSETTLED)
@@ -315,7 +317,7 @@ duration = 1.0
 """
     report = everything(computed(text))
     assert report.passed
-    assert report.outcomes[0].state is State.NO_CLAIM
+    assert report.outcomes[0].state is ProofState.NO_CLAIM
 
 
 def test_landing_at_the_edge_of_the_window_is_undecided(computed):
@@ -347,7 +349,7 @@ def test_progress(bare):
 def test_nothing_sampled(computed):
     report = everything(computed('title = "One realization"\n[scene]\nparticles = 2\n'))
     assert report.passed
-    assert report.total == report.count(State.COMPARED) == 1
+    assert report.total == report.count(ProofState.COMPARED) == 1
 
 
 @pytest.mark.parametrize(
@@ -513,8 +515,10 @@ def test_sound_dataset_of_the_moving_base(moving, moving_report):
     report = moving_report
     assert not list(report.complaints())
     # a realization that a graze leaves undecided claims nothing
-    assert report.count(State.COMPARED) >= 6
-    assert report.count(State.COMPARED) + report.count(State.NO_CLAIM) == report.total == 8
+    assert report.count(ProofState.COMPARED) >= 6
+    assert (
+        report.count(ProofState.COMPARED) + report.count(ProofState.NO_CLAIM) == report.total == 8
+    )
     assert not report.not_compared()
     found = report.variables()
     assert all(variable.errors for variable in found.values())
@@ -524,7 +528,7 @@ def test_sound_dataset_of_the_moving_base(moving, moving_report):
 
 
 def test_changes_of_a_dataset_of_the_moving_base_are_found(moving, moving_report, edited):
-    proved = [o.realization for o in moving_report.outcomes if o.state is State.COMPARED]
+    proved = [o.realization for o in moving_report.outcomes if o.state is ProofState.COMPARED]
     places = {}
     with edited(moving) as (path, file):
         for name in ("rebound_height_mean", "flight_time_mean", "lyapunov_sum"):
@@ -558,12 +562,12 @@ PARAMETERS = {
 def scene(particles, transient=0.0):
     measures, launch = Measures(transient=transient), tuple(j / particles for j in range(particles))
     made = Scene(particles=particles, launch=launch, duration=10.0, measures=measures)
-    return Realization(made, PARAMETERS)
+    return ExactRealization(made, PARAMETERS)
 
 
 def flight(velocity):
     periods = 2.0 * velocity / 9.81
-    return Flight(arb(periods), arb(velocity**2 / 2.0 / 9.81), arb(periods), None)
+    return ProvedFlight(arb(periods), arb(velocity**2 / 2.0 / 9.81), arb(periods), None)
 
 
 LAUNCH = flight(5.0)
@@ -579,7 +583,7 @@ def trajectory(rng, landings, at_rest):
         rested = for_good or n % 2 == 0
         velocity = float(rng.uniform(0.0, 6.0))
         impacts.append(
-            Impact(
+            ProvedImpact(
                 landing_time=arb(time),
                 liftoff_time=None if for_good else arb(time + stay * rested),
                 rebound_velocity=None if for_good else arb(velocity),
@@ -674,7 +678,7 @@ def test_no_landing_at_all():
 
 
 def test_squares_beyond_doubles_are_not_finite():
-    fast = Impact(arb(1), arb(1), arb(1e200), False, 1, arb(0), flight(1e100), arb(1e100))
+    fast = ProvedImpact(arb(1), arb(1), arb(1e200), False, 1, arb(0), flight(1e100), arb(1e100))
     values = prove_measures(
         scene(1), [Trajectory(LAUNCH, (fast,), False, Status.COMPLETED, 128)]
     ).values
@@ -809,7 +813,7 @@ def test_the_stored_stream_is_proved(scene, tmp_path):
     vs.run(asked, path).close()
     report = vs.verify(path)
     assert report.passed
-    assert report.count(State.COMPARED) == report.total == 4
+    assert report.count(ProofState.COMPARED) == report.total == 4
     assert not report.not_compared()
     for name, found in report.variables().items():
         assert found.errors, name

@@ -22,7 +22,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.proof.claims import MAX_CYCLE, Bounds, largest_exponent, mean_growth
+from vibrosweep.proof.claims import MAX_CYCLE, ErrorBounds, largest_exponent, mean_growth
 from vibrosweep.proof.measures import ProvedMeasures
 from vibrosweep.proof.orbits import NO_ORBIT, UNBOUNDED, orbit_of
 from vibrosweep.proof.reference.arithmetic import Jet, arb, ctx, exact, variables
@@ -38,10 +38,10 @@ from vibrosweep.proof.reference.closed_orbits import (
 )
 from vibrosweep.proof.reference.high_bounce import BounceMap
 from vibrosweep.proof.reference.laws import Laws
-from vibrosweep.proof.reference.motion import EPS, Flight
+from vibrosweep.proof.reference.motion import EPS, ProvedFlight
 from vibrosweep.proof.reference.trajectories import trajectory
 from vibrosweep.proof.report import judge
-from vibrosweep.proof.sampling import Realization
+from vibrosweep.proof.sampling import ExactRealization
 from vibrosweep.proof.verifying import JUDGES
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import keyword_spec
@@ -500,7 +500,7 @@ def test_mean_growth_is_that_of_the_product_of_jacobians(rebound, amplitude):
 
 # Claims that follow from the bounds of a dataset, and judgements of numbers by these claims.
 
-SCENE_CLAIMS = Realization(
+SCENE_CLAIMS = ExactRealization(
     Scene(particles=2, duration=9.0, measures=Measures(transient=1.0)),
     parameters={
         "restitution": 0.9,
@@ -521,8 +521,8 @@ MEASURED = ProvedMeasures(
         "gap_median": None,
     },
     fastest=arb_claims(4),
-    flights=[Flight(arb_claims("1.6"), arb_claims("0.8"), arb_claims("1.6"), None)],
-    landed=[Flight(arb_claims("1.6"), arb_claims("0.8"), arb_claims("1.6"), None)],
+    flights=[ProvedFlight(arb_claims("1.6"), arb_claims("0.8"), arb_claims("1.6"), None)],
+    landed=[ProvedFlight(arb_claims("1.6"), arb_claims("0.8"), arb_claims("1.6"), None)],
     longest=30,
     edge=arb_claims("0.1"),
     launch_depth=Fraction(-1, 4),
@@ -530,7 +530,7 @@ MEASURED = ProvedMeasures(
     last_period=arb_claims("0.1"),
     overlap=arb_claims("0.2"),
 )
-BOUNDS = Bounds(1e-6, 1e-5)
+BOUNDS = ErrorBounds(1e-6, 1e-5)
 
 
 def test_claims_of_a_window_that_is_clear():
@@ -550,7 +550,7 @@ def test_every_variable_that_is_proved_has_a_claim():
 
 
 def test_claims_without_errors_are_roundings():
-    found = Bounds(0.0, 0.0).claims(SCENE_CLAIMS, MEASURED)
+    found = ErrorBounds(0.0, 0.0).claims(SCENE_CLAIMS, MEASURED)
     assert found["rebound_height_mean"] == pytest.approx(42 * EPS * 25 / 20)
     assert found["flight_time_mean"] == pytest.approx(42 * EPS * 8 / 10)
     assert found["dt_min"] == pytest.approx(EPS * (1.0 + 1.0))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.model.parameters import Periods
-from vibrosweep.scene.design import Axis, Range
+from vibrosweep.scene.design import GridAxis, Range
 from vibrosweep.scene.sweep import batch, keyword_spec, parse_spec
 
 DRAWN = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "realizations": 20}
@@ -70,7 +70,7 @@ def test_keywords_are_a_sweep_file():
 def test_a_list_is_an_axis_and_makes_a_grid(values):
     spec = keyword_spec({"restitution": values, "frequency": np.float64(2.0)})
     assert spec.design.name == "grid"
-    assert spec.design.sampled == {"restitution": Axis((0.5, 0.7, 0.9))}
+    assert spec.design.sampled == {"restitution": GridAxis((0.5, 0.7, 0.9))}
     assert spec.scene.inputs["frequency"] == 2.0
 
 

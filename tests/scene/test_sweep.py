@@ -18,7 +18,7 @@ from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import MASSES, MOUNT, OF_MOUNT, PARAMETERS
 from vibrosweep.runs.chunks import identity
 from vibrosweep.runs.result import silent_defaults
-from vibrosweep.scene.design import Axis, Range
+from vibrosweep.scene.design import GridAxis, Range
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.sweep import keyword_spec, parse_spec, read_spec
@@ -129,7 +129,7 @@ def test_grid():
         f'{TITLE}[sample]\ndesign = "grid"\nrestitution = {{ start = 0.8, stop = 0.9, num = 3 }}\n'
         "amplitude = [2.0, 1.0]\nphase = [0.5]\nrealizations = 6"
     )
-    assert spec.design.sampled["amplitude"] == Axis((2.0, 1.0))
+    assert spec.design.sampled["amplitude"] == GridAxis((2.0, 1.0))
     assert spec.design.sampled["restitution"].values == pytest.approx((0.8, 0.85, 0.9))
     assert spec.design.realizations == 6
 

@@ -26,7 +26,7 @@ from vibrosweep.proof.sampling import read_sample
 from vibrosweep.store import arranged as rows
 from vibrosweep.store import writing as module
 from vibrosweep.store.arranged import boxes, flat, read_rows, row_count, row_dims
-from vibrosweep.store.disk import Disk, State, state_of
+from vibrosweep.store.disk import Disk, FileState, state_of
 from vibrosweep.store.reading import SWEEP, load_dataset
 from vibrosweep.store.writing import CHUNK_VALUES, creating
 
@@ -263,7 +263,7 @@ def test_a_saved_dataset_is_read_as_it_was(found, tmp_path):
     expected = xr.load_dataset(tmp_path / "plain.h5", engine="h5netcdf")
     expected.attrs["result"] = "saved"
     xr.testing.assert_identical(load_dataset(path), expected)
-    assert state_of(path) is State.INTACT
+    assert state_of(path) is FileState.INTACT
 
 
 def test_only_the_directory_of_the_output_is_needed(found, tmp_path, monkeypatch):

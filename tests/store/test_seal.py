@@ -11,7 +11,7 @@ import xarray as xr
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError
 from vibrosweep.store import trial
-from vibrosweep.store.disk import State, append_seal, state_of
+from vibrosweep.store.disk import FileState, append_seal, state_of
 from vibrosweep.store.reading import reading
 from vibrosweep.store.trial import require_readable
 
@@ -34,18 +34,18 @@ def copy(sound, tmp_path):
 
 
 def test_every_byte_counts(copy):
-    assert state_of(copy) is State.INTACT
+    assert state_of(copy) is FileState.INTACT
     whole = copy.read_bytes()
     end = len(whole) - 89
     rng = np.random.default_rng(1)
     for place in [0, end - 1, *rng.integers(end, size=200).tolist()]:
         copy.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
-        assert state_of(copy) is State.BROKEN, place
+        assert state_of(copy) is FileState.BROKEN, place
     copy.write_bytes(whole)
-    assert state_of(copy) is State.INTACT
+    assert state_of(copy) is FileState.INTACT
     for length in (0, 1, 88, end, len(whole) - 1):
         copy.write_bytes(whole[:length])
-        assert state_of(copy) is State.MISSING
+        assert state_of(copy) is FileState.MISSING
 
 
 def test_other_readers_do_not_mind(copy):
@@ -56,7 +56,7 @@ def test_other_readers_do_not_mind(copy):
         assert np.array_equal(xr.load_dataset(copy, engine=engine)["impact_count"], landings)
     with netCDF4.Dataset(copy) as file:
         assert np.array_equal(file["impact_count"][:], landings)
-    assert state_of(copy) is State.INTACT
+    assert state_of(copy) is FileState.INTACT
 
 
 @pytest.mark.parametrize("command", ["info", "figures", "verify"])
@@ -86,7 +86,7 @@ def test_a_seal_can_be_put_on_anything(tmp_path):
     path.write_bytes(b"")
     with path.open("r+b") as file:
         append_seal(file)
-    assert state_of(path) is State.INTACT
+    assert state_of(path) is FileState.INTACT
 
 
 def test_files_that_hdf5_cannot_read(sound, tmp_path, monkeypatch):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.common import States, reached, settle_from
 from vibrosweep.analysis.datasets import require, shares, variable
 from vibrosweep.arrays import Array
-from vibrosweep.engine.measure import measure, orbit_variables, statistics
+from vibrosweep.engine.measure import batch_of, measure, orbit_variables, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import (
@@ -373,7 +373,7 @@ def continued(
     return held, reached(orbits, scene.particles)
 
 
-class Share(NamedTuple):
+class Trials(NamedTuple):
     """Numbers of independent trials at each point: those in which a condition holds, and all.
 
     Trials in which the condition is undetermined do not count.
@@ -402,14 +402,14 @@ class Share(NamedTuple):
 
 def share_of(
     scene: Scene, condition: Condition | Locked, points: Points, replicas: int, workers: Workers
-) -> Share:
+) -> Trials:
     """Count the trials in which a condition holds at each point."""
     share = _locked if isinstance(condition, Locked) else _launched
     found = [
         share(scene, condition, piece, replicas, workers)  # type: ignore[arg-type]
         for piece in in_pieces(points, scene.particles * replicas)
     ]
-    return Share(*(np.concatenate(part) for part in zip(*found, strict=True)))
+    return Trials(*(np.concatenate(part) for part in zip(*found, strict=True)))
 
 
 def _repeated(parameters: Mapping[str, Array], replicas: int) -> dict[str, Array]:
@@ -421,17 +421,17 @@ def _repeated(parameters: Mapping[str, Array], replicas: int) -> dict[str, Array
 
 def _launched(
     scene: Scene, condition: Condition, points: Points, replicas: int, workers: Workers
-) -> Share:
+) -> Trials:
     """Count the replicas of the scene's launches in which a condition holds."""
     parameters = _repeated(scene.parameters(points), replicas)
     codes = condition_codes(scene, condition, parameters, workers).reshape(-1, replicas)
     held, tried = (codes == HOLDS).sum(axis=1), (codes != UNDETERMINED).sum(axis=1)
-    return Share(held.astype(np.float64), tried.astype(np.float64))
+    return Trials(held.astype(np.float64), tried.astype(np.float64))
 
 
 def _locked(
     scene: Scene, condition: Locked, points: Points, replicas: int, workers: Workers
-) -> Share:
+) -> Trials:
     """Count the particles that begin on the orbit of k periods and are locked to it at the end.
 
     A particle is locked if it has landed, has not rested, and every flight was within `NEAR` of k
@@ -446,14 +446,15 @@ def _locked(
         kept = {name: values[alive] for name, values in parameters.items()}
         begun = np.repeat(phase[alive], replicas)
         noisy, launch = _from_orbit(scene, _repeated(kept, replicas), begun, k)
-        found = statistics(noisy, launch, scene, workers, more=(SHORTEST, LONGEST))
+        batch = batch_of(noisy, launch, scene)
+        found = statistics(batch, scene, workers, more=(SHORTEST, LONGEST))
         stays = (found.landings > 0) & (found.totals[RESTS] == 0.0)
         stays &= (found.total("flight_min") > k - NEAR) & (found.total("flight_max") < k + NEAR)
         stays &= found.status == Status.COMPLETED
         held[alive] = stays.reshape(alive.sum(), -1).sum(axis=1)
     if "drive_noise" in parameters:
         held, trials = held / trials, 1
-    return Share(held, np.full(phase.size, float(replicas * trials)))
+    return Trials(held, np.full(phase.size, float(replicas * trials)))
 
 
 def _from_orbit(

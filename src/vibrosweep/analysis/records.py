@@ -377,7 +377,7 @@ def as_rectangle(record: xr.Dataset) -> xr.Dataset:
     return rectangle(record) if LANDING in record.dims else record
 
 
-class Course(NamedTuple):
+class ParticleFlights(NamedTuple):
     """Flights of the particles of one realization; each array of shape (particle, flight).
 
     The first flight of each particle is that from its launch; each landing begins another.
@@ -448,7 +448,7 @@ def _require_flights(one: xr.Dataset, base: BaseMotion, analysis: str) -> None:
         )
 
 
-def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
+def course(one: xr.Dataset, base: BaseMotion, until: float) -> ParticleFlights:
     """Flights of one realization of a record that begin before `until`, in s.
 
     A flight whose landing is not recorded lasts until the end.  Over a moving base the flight after
@@ -467,7 +467,7 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
     flies = (start < until) & ((end > start) if moves(one) else (velocity > 0.0))
     if "status" in one.variables:  # nothing is known of a realization behind a mask
         flies = flies & (one["status"].values != Status.REFUSED)[:, np.newaxis]
-    return Course(start, end, velocity, base.height(start), flies)
+    return ParticleFlights(start, end, velocity, base.height(start), flies)
 
 
 def _begun(one: xr.Dataset, at_launch: str, after_landing: str) -> Array:

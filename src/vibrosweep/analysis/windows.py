@@ -42,7 +42,7 @@ from vibrosweep.analysis.conditions import (
     UNDETERMINED,
     Condition,
     Locked,
-    Share,
+    Trials,
     continued,
     launched,
     law_errors,
@@ -68,7 +68,14 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.memory import unwritten
 from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
-from vibrosweep.model.locked_theory import FOLD, NONE, LockedWindow, Mode, mode_of, windows_of
+from vibrosweep.model.locked_theory import (
+    FOLD,
+    NONE,
+    LockedWindow,
+    OrbitConditions,
+    mode_of,
+    windows_of,
+)
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.orbit_theory import moves
 from vibrosweep.model.parameters import NOISE, PARAMETERS, dimensionless
@@ -198,7 +205,7 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     dataset[HELD.name] = (HELD.dims, held, HELD.attributes)
     others: dict[str, Any] = {"tolerance": tolerance}
     if replicas:
-        joined = Share(*(np.concatenate(part) for part in zip(*shares, strict=True)))
+        joined = Trials(*(np.concatenate(part) for part in zip(*shares, strict=True)))
         dataset = dataset.assign(joined.variables(held.shape))
         others |= {"noise_replicas": replicas, "noise_seed": scene.noise_seed}
     if not sweep.design.axes:
@@ -256,7 +263,7 @@ class Row(NamedTuple):
     """Results for a condition at one restitution."""
 
     codes: Codes  # at the points of the scan: `FAILS`, `HOLDS` or `UNDETERMINED`
-    windows: list[Window]
+    windows: list[FoundWindow]
 
 
 class Scan(NamedTuple):
@@ -314,7 +321,7 @@ def _noisy(
     tolerance: float,
     replicas: int,
     workers: Workers,
-) -> tuple[list[Row], Share]:
+) -> tuple[list[Row], Trials]:
     """Windows in which a condition holds in half of the replicas, and shares over the scan."""
     (forcing, e, a), shares = scan, []
 
@@ -391,7 +398,7 @@ def _dataset(
     return xr.Dataset(data | shared(scene, ["restitution", forcing]), coordinates)
 
 
-def code_of_ends(window: Window) -> int:
+def code_of_ends(window: FoundWindow) -> int:
     """Code of a window in `ENDS`."""
     below = {None: OPEN_BELOW, UNDETERMINED: UNDETERMINED_BELOW}
     above = {None: OPEN_ABOVE, UNDETERMINED: UNDETERMINED_ABOVE}
@@ -547,7 +554,7 @@ def _bisect(evaluate: Evaluate, brackets: _Brackets, tolerance: float) -> _Brack
     return finished
 
 
-class Window(NamedTuple):
+class FoundWindow(NamedTuple):
     """An interval in which the code is one of those wanted."""
 
     # Ends of the window, the middles of brackets; NaN where it reaches an end of the scan
@@ -561,9 +568,11 @@ class Window(NamedTuple):
     above: int | None
 
 
-def windows_of_row(codes: Codes, edges: Edges, row: int, wanted: Collection[int]) -> list[Window]:
+def windows_of_row(
+    codes: Codes, edges: Edges, row: int, wanted: Collection[int]
+) -> list[FoundWindow]:
     """Return the windows of one row in which the code is one of those wanted."""
-    windows, outside = [], Window(np.nan, np.nan, np.nan, np.nan, None, None)
+    windows, outside = [], FoundWindow(np.nan, np.nan, np.nan, np.nan, None, None)
     code, window = int(codes[row, 0]), outside
     for i in np.flatnonzero(edges.row == row):
         middle, gap = float(0.5 * (edges.low[i] + edges.high[i])), edges.high[i] - edges.low[i]
@@ -577,7 +586,7 @@ def windows_of_row(codes: Codes, edges: Edges, row: int, wanted: Collection[int]
 
 def rows_of_shape(
     scene: Scene, k: int, forcing: str, e: float, values: Array, workers: Workers
-) -> tuple[NDArray[np.int64], list[Window]]:
+) -> tuple[NDArray[np.int64], list[FoundWindow]]:
     """Codes at values of the forcing, and windows of mode k at one restitution.
 
     The windows are those of all branches, which may overlap, in the order of their lower ends.
@@ -591,7 +600,7 @@ def rows_of_shape(
 
 def _windows_of_shape(
     scene: Scene, k: int, forcing: str, e: float, values: Array, workers: Workers
-) -> list[Window]:
+) -> list[FoundWindow]:
     """Windows that overlap the range of `values`."""
     one = {"restitution": np.array([e]), forcing: np.ones(1)}
     unit = float(dimensionless(scene.parameters(one), scene.duration).kick[0])
@@ -610,7 +619,7 @@ def _windows_of_shape(
         )
         return np.asarray(out.state == ATTRACTS)
 
-    found: list[Window] = []  # in kicks
+    found: list[FoundWindow] = []  # in kicks
     for turned in (False, True) if may_push_back(scene.rebound) else (False,):
         mode = _mode(scene, k, e, turned=turned)
         for window in windows_of(scene.waveform, mode, turned=turned):
@@ -625,7 +634,7 @@ def _windows_of_shape(
     return sorted(overlapping, key=lambda window: np.nan_to_num(window.lower, nan=-np.inf))
 
 
-def _mode(scene: Scene, k: int, e: float, *, turned: bool) -> Mode:
+def _mode(scene: Scene, k: int, e: float, *, turned: bool) -> OrbitConditions:
     """Conditions of mode k at one restitution."""
     if scene.restitution_law == CONSTANT:
         return mode_of(k, e, scene.base, turned=turned)
@@ -633,10 +642,10 @@ def _mode(scene: Scene, k: int, e: float, *, turned: bool) -> Mode:
     problem, found = dimensionless(one, scene.duration), np.empty((2, 4))
     sign = -1.0 if turned else 1.0
     conditions(base_of(*scene.mechanics), problem, k, sign, found.ravel())
-    return Mode(*found[int(moves(scene.base))].tolist())
+    return OrbitConditions(*found[int(moves(scene.base))].tolist())
 
 
-def _scaled(window: Window, unit: float, first: float, last: float) -> Window:
+def _scaled(window: FoundWindow, unit: float, first: float, last: float) -> FoundWindow:
     """Return a window of kicks as one of the forcing, open where it extends beyond the scan."""
     lower, upper = window.lower / unit, window.upper / unit
     low_width = window.lower_bracket / unit + 2.0 * CONVERTED * lower
@@ -645,12 +654,12 @@ def _scaled(window: Window, unit: float, first: float, last: float) -> Window:
         lower, low_width, window = np.nan, np.nan, window._replace(below=None)
     if upper > last:
         upper, high_width, window = np.nan, np.nan, window._replace(above=None)
-    return Window(lower, upper, low_width, high_width, window.below, window.above)
+    return FoundWindow(lower, upper, low_width, high_width, window.below, window.above)
 
 
 def _held(
     scene: Scene, window: LockedWindow, sign: float, need: float, holds: Holds
-) -> list[Window]:
+) -> list[FoundWindow]:
     """Parts of a window of kicks in which the particle neither lands earlier nor rests."""
     part = np.linspace(0.0, 1.0, PHASES)
 
@@ -680,6 +689,6 @@ def _held(
         above = BEYOND.get(window.ends, REPELS)
         ends.append((window.high, 2.0 * window.high_error, above))
     return [
-        Window(a, b, a_width, b_width, below, above)
+        FoundWindow(a, b, a_width, b_width, below, above)
         for (a, a_width, below), (b, b_width, above) in zip(ends[::2], ends[1::2], strict=True)
     ]

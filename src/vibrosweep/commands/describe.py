@@ -16,7 +16,7 @@ from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.runs.result import SETTLING, summary_of, unsettled
 from vibrosweep.store.arranged import read_rows, row_count, slices
-from vibrosweep.store.disk import State, state_of
+from vibrosweep.store.disk import FileState, state_of
 from vibrosweep.store.parts import Manifest, Parts, read_manifest, run_directory
 from vibrosweep.store.reading import (
     SWEEP,
@@ -47,7 +47,7 @@ def describe(path: Path) -> Iterator[str]:
         if kind is SWEEP:
             lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]
     yield from lines if kind is SWEEP else _other(path, kind)
-    if state_of(path) is State.MISSING:
+    if state_of(path) is FileState.MISSING:
         yield "no seal: another program wrote this file, so that damage to it would go unnoticed"
 
 

@@ -45,6 +45,8 @@ from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.shapes import PARABOLIC_NAME
 from vibrosweep.scene.scene import Scene
 
+__all__ = ["BaseTrack", "base_track"]
+
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.measure import statistics, units_of
+from vibrosweep.engine.measure import batch_of, statistics, units_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
@@ -31,7 +31,7 @@ from vibrosweep.model.parameters import (
 from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
-__all__ = ["launch_times", "record_landings"]
+__all__ = ["all_parameters", "launch_times", "record_landings"]
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
 # For `simulate`: with phase and speed of impact too, and the arrays from which they are computed
@@ -43,7 +43,7 @@ BYTES_PER_TRAJECTORY: Final = 120
 BYTES_PER_REALIZATION: Final = 160
 
 
-class Counted(NamedTuple):
+class CountedLandings(NamedTuple):
     """Landings and status of each trajectory of a record, shape (trajectory,)."""
 
     landings: NDArray[np.int64]
@@ -85,7 +85,7 @@ def record_landings(
     scene: Scene,
     workers: Workers,
     form: Form = RECTANGLE,
-    counted: Counted | None = None,
+    counted: CountedLandings | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Record every landing until the end, as variables of `vibrosweep.model.measures.RECORD`.
 
@@ -144,13 +144,14 @@ def recorded(
     np.cumsum(capacities, out=first[1:])
     out = empty_record(int(first[-1]))
     recorder = Recorder(out, first, units, problem, scene.particles)
-    counted = statistics(problem, launch, scene, workers, observer=recorder)
+    batch = batch_of(problem, launch, scene)
+    counted = statistics(batch, scene, workers, observer=recorder)
     mark_unused_places(out, first, counted.landings)
     require_written(out)
     return out, counted
 
 
-def record_bytes(counted: Counted, scene: Scene, form: Form = RECTANGLE) -> tuple[int, int]:
+def record_bytes(counted: CountedLandings, scene: Scene, form: Form = RECTANGLE) -> tuple[int, int]:
     """Return the bytes of a record in a file, and of memory while it is made."""
     landings, particles = counted.landings, scene.particles
     memory = _fixed_bytes(landings.size // particles, particles)
@@ -182,7 +183,7 @@ def require_room(
 
 def count_landings(
     parameters: Mapping[str, Array], scene: Scene, workers: Workers, form: Form = RECTANGLE
-) -> Counted:
+) -> CountedLandings:
     """Count the landings of each particle; arguments and errors are those of `record_landings`."""
     realizations, particles = parameters["frequency"].size, scene.particles
     trajectories = realizations * particles
@@ -197,7 +198,7 @@ def count_landings(
     landings, status = found.landings.copy(), found.status.copy()
     mean = -(-form.places(landings) // trajectories)
     require_room(realizations, particles, form.needed(landings, scene.base), mean)
-    return Counted(landings, status)
+    return CountedLandings(landings, status)
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:

@@ -20,7 +20,7 @@ from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.errors import ParameterError, RunError
 from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
-from vibrosweep.kernels.bases import Base, fitted, lifts, lowest
+from vibrosweep.kernels.bases import fitted, lifts, lowest
 from vibrosweep.kernels.cycles import CYCLE, Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.memory import require_written
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from vibrosweep.engine.workers import Workers
     from vibrosweep.scene.scene import Scene
 
-__all__ = ["measure_all"]
+__all__ = ["measure", "measure_all"]
 
 
 def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
@@ -101,13 +101,13 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
     problem = dimensionless(parameters, scene.duration, measures.transient)
     frequency = parameters["frequency"]
     launch = launches(scene.launch, scene.particles, frequency)
-    found = follow(problem, launch, measures.tolerance * frequency, scene, workers)
-    base = base_in(scene, problem)
-    ground = lowest(base, problem)
+    batch = batch_of(problem, launch, scene)
+    found = follow(batch, measures.tolerance * frequency, scene, workers)
+    ground = lowest(batch.base, problem)
     waveform = None if ground is None else scene.waveform
     heights = _launch_heights(parameters, problem, launch, waveform)
     sums, each = found.realizations, found.trajectories
-    of_base = lifts(base, problem), ground
+    of_base = lifts(batch.base, problem), ground
     measured = statistics_in_units(scene, parameters, sums, each, heights, *of_base)
     if found.orbits is not None:
         measured |= orbit_variables(found.orbits, frequency)
@@ -121,7 +121,7 @@ def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Worke
         parameters,
         scene,
         each,
-        lambda observer: statistics(problem, launch, scene, workers, observer=observer),
+        lambda observer: statistics(batch, scene, workers, observer=observer),
     )
 
 
@@ -192,10 +192,10 @@ def _error_bounds(bounds: Trust, scene: Scene, parameters: Mapping[str, Array]) 
 PERIODS_TO_RECUR = 32.0
 
 
-def base_in(scene: Scene, problem: Dimensionless) -> Base:
-    """Return the base of a scene, with the noise of the problem, as kernels take it."""
+def batch_of(problem: Dimensionless, launch: Launches, scene: Scene) -> Batch:
+    """Return realizations over the base of a scene, with their noise, as kernels take them."""
     noise = noise_of(problem.noise, scene.noise_seed)
-    return base_of(*scene.mechanics, noise)
+    return Batch(base_of(*scene.mechanics, noise), problem, launch)
 
 
 @dataclass(frozen=True)
@@ -213,9 +213,7 @@ class Followed:
     bounds: Trust | None  # of trajectories
 
 
-def follow(
-    problem: Dimensionless, launch: Launches, tolerance: Array, scene: Scene, workers: Workers
-) -> Followed:
+def follow(batch: Batch, tolerance: Array, scene: Scene, workers: Workers) -> Followed:
     """Simulate all trajectories of a batch.
 
     `tolerance` is the largest error of a trusted landing time in forcing periods, shape
@@ -223,10 +221,10 @@ def follow(
     """
     size, particles = tolerance.size, scene.particles
     measures, cycles = scene.measures, None
-    wanted = measures.regimes or (scene.skip and _longest(problem, launch) > PERIODS_TO_RECUR)
-    if wanted and problem.noise is None:  # random motion never recurs
+    wanted = measures.regimes or (scene.skip and _longest(batch) > PERIODS_TO_RECUR)
+    if wanted and batch.problem.noise is None:  # random motion never recurs
         cycles = workers.cycles(size * particles)
-    trajectories = statistics(problem, launch, scene, workers, cycles)
+    trajectories = statistics(batch, scene, workers, cycles)
     realizations = empty_sums(size, trajectories.kinds)
     workers.run(
         lambda first, last: combine(first, last, particles, trajectories, realizations),
@@ -235,7 +233,6 @@ def follow(
         realizations,
     )
     orbits = bounds = None
-    batch = Batch(base_in(scene, problem), problem, launch)
     if measures.regimes:
         none = np.zeros((len(CYCLE), size * particles))
         found = none if cycles is None else cycles
@@ -248,8 +245,7 @@ def follow(
 
 
 def statistics(
-    problem: Dimensionless,
-    launch: Launches,
+    batch: Batch,
     scene: Scene,
     workers: Workers,
     cycles: Cycles | None = None,
@@ -262,7 +258,7 @@ def statistics(
     filled, and a trajectory is followed only until it recurs.  An `observer` is called at every
     landing, and requires that `cycles` is None.  `more` names further statistics.
     """
-    total = problem.kick.size * scene.particles
+    total = batch.problem.kick.size * scene.particles
     kernel, kinds = advance, (*KINDS, *kinds_of(scene), *more)
     block: Callable[[], Floats] = partial(scratch, kinds)
     if isinstance(observer, Recorder):
@@ -271,8 +267,7 @@ def statistics(
         kernel, kinds, block = advance_uncached, KINDS, observer_scratch
     found = workers.statistics(total, kinds)
     window = 1 if scene.windowed else None  # None selects machine code without a window
-    base = fitted(base_in(scene, problem), problem)
-    batch = Batch(base, problem, launch)
+    batch = batch._replace(base=fitted(batch.base, batch.problem))
     all_cycles, jump = int(scene.measures.regimes), int(scene.skip)
     options = Options(scene.budget, PERIODS_TO_RECUR, all_cycles, jump, observer)
 
@@ -288,14 +283,14 @@ def statistics(
 
         return task
 
-    workers.stream(begin, total, _longest(problem, launch))
+    workers.stream(begin, total, _longest(batch))
     require_written(found, ("at_rest", "status"))  # written by the same function as the totals
     return found
 
 
-def _longest(problem: Dimensionless, launch: Launches) -> float:
+def _longest(batch: Batch) -> float:
     """Return an upper bound of the duration of every trajectory, in forcing periods."""
-    return float(np.max(problem.end_count) - np.min(launch.whole) + 2.0)
+    return float(np.max(batch.problem.end_count) - np.min(batch.launches.whole) + 2.0)
 
 
 def settled(
@@ -375,8 +370,8 @@ def find_orbits(problem: Dimensionless, launch: Launches, scene: Scene, workers:
     """
     scene = replace(scene.with_measures(lyapunov=True), skip=True)
     cycles = workers.cycles(problem.kick.size * scene.particles)
-    found = statistics(problem, launch, scene, workers, cycles)
-    batch = Batch(base_in(scene, problem), problem, launch)
+    batch = batch_of(problem, launch, scene)
+    found = statistics(batch, scene, workers, cycles)
     return settled(batch, found, cycles, scene, workers)
 
 

@@ -20,7 +20,7 @@ from vibrosweep.kernels._numba import Listener, register
 from vibrosweep.kernels.cycles import Cycles, empty_cycles
 from vibrosweep.kernels.memory import FLAG, require_written
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statistics
-from vibrosweep.waiting import SECONDS, Line
+from vibrosweep.waiting import SECONDS, WaitingLine
 
 __all__ = ["Workers"]
 
@@ -163,7 +163,7 @@ class Notice(Listener):  # type: ignore[misc]
     def __init__(self, every: float = SECONDS) -> None:
         self._every = every  # seconds between versions of the line
         self._depth = 0  # nested compilations, from that of a kernel inwards
-        self._line: Line | None = None
+        self._line: WaitingLine | None = None
         self._collecting = gc.get_threshold()
         self._began = 0.0
         self.seconds = 0.0  # of compilation so far
@@ -179,7 +179,7 @@ class Notice(Listener):  # type: ignore[misc]
         self._began = time.perf_counter()
         self._collecting = youngest, *older = gc.get_threshold()
         gc.set_threshold(max(COLLECT_AFTER, youngest) if youngest else 0, *older)  # 0: off
-        self._line = Line(
+        self._line = WaitingLine(
             f"compiling {function.__name__} (first use only; up to 30 s each)", self._every
         )
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from vibrosweep import theory
 from vibrosweep.analysis.records import (
     BaseMotion,
-    Course,
+    ParticleFlights,
     base_motion,
     base_name,
     course,
@@ -198,7 +198,7 @@ def _colours(axes: Axes, shown: list[int]) -> list[ColorType]:
     return [cmap(norm(i)) for i in shown]
 
 
-def parabolas(flown: Course, gravity: float) -> Array:
+def parabolas(flown: ParticleFlights, gravity: float) -> Array:
     """Return the flights of all particles as quadratic Bezier curves: shape (flight, 3 points, 2).
 
     Such a curve is a parabola: its middle point is where the tangents at both ends meet.
@@ -212,14 +212,16 @@ def parabolas(flown: Course, gravity: float) -> Array:
     return np.stack([times, np.stack([height, meet, end], axis=-1)], axis=-1)
 
 
-def highest(flown: Course, gravity: float) -> float:
+def highest(flown: ParticleFlights, gravity: float) -> float:
     """Greatest height in m that flights reach, at least 0."""
     rise = np.clip(flown.velocity / gravity, 0.0, flown.end - flown.start)
     top = flown.height + rise * (flown.velocity - gravity * rise / 2.0)
     return float(np.max(top, initial=0.0, where=flown.flies))
 
 
-def _draw_flights(axes: Axes, flown: Course, colours: list[ColorType], gravity: float) -> None:
+def _draw_flights(
+    axes: Axes, flown: ParticleFlights, colours: list[ColorType], gravity: float
+) -> None:
     paths, path_colours, curves = [], [], parabolas(flown, gravity)
     of_particles = np.split(curves, np.cumsum(flown.flies.sum(axis=1))[:-1])
     for of_particle, colour in zip(of_particles, colours, strict=True):

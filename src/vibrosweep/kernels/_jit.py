@@ -42,6 +42,8 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._numba import HAS_CACHE, HAS_PIECES, vector_bits
 from vibrosweep.model.functions import is_function, outside, plain
 
+__all__ = ["Floats", "jit", "kernel"]
+
 if HAS_CACHE:
     from vibrosweep.kernels._cache import KernelCache, find_caches
 if HAS_PIECES:

@@ -11,8 +11,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.abilities import refusal
-from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.arithmetic import ROUNDING
 from vibrosweep.kernels.bases import (
@@ -35,6 +33,8 @@ from vibrosweep.kernels.waveforms import shape_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform
+
+__all__ = ["Batch", "base_of", "land", "launch", "launch_speed"]
 
 
 def _high_bounce(waveform: Waveform) -> type:
@@ -98,17 +98,9 @@ def base_of(
 
     The names are those in BASES and LAWS of `vibrosweep.model.parameters`, and in RESTITUTION_LAWS
     of `vibrosweep.model.restitution_laws`.  The noise is from `vibrosweep.kernels.noise.noise_of`.
-
-    Raises a ParameterError unless particles over the base are independent of each other and the
-    base implements the laws and the waveform.
+    Particles over the base are independent of each other; a `vibrosweep.scene.scene.Scene` refuses
+    laws and waveforms that the base does not implement.
     """
-    if base not in KIND_OF:
-        raise ParameterError(
-            f'base = "{base}": couples particles, which cannot be followed one by one; take '
-            f"one of {', '.join(KIND_OF)}"
-        )
-    if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
-        raise ParameterError(wrong)
     laws = {"law": REBOUND_OF[rebound], "restitution": restitution_of(restitution)}
     return KIND_OF[base](waveform)(waveform=shape_of(waveform), noise=noise, **laws)
 

@@ -21,6 +21,8 @@ from vibrosweep.kernels.statistics import KINDS, OF_LANDINGS, Kinds, note, obser
 from vibrosweep.model.observables import Landing
 from vibrosweep.model.parameters import Dimensionless
 
+__all__ = ["Record", "Scale", "empty_record", "no_landings", "write_landing", "write_lift_off"]
+
 
 class Record(NamedTuple):
     """Landings of trajectories: each array has shape (trajectory, impact), or (landing,)."""

@@ -432,7 +432,7 @@ class LockedWindow(NamedTuple):
     ends: str  # kind of the upper end
 
 
-class Mode(NamedTuple):
+class OrbitConditions(NamedTuple):
     """Conditions of an orbit, with bounds on their errors apart from a few roundings."""
 
     need: float  # n of the module's text
@@ -441,14 +441,16 @@ class Mode(NamedTuple):
     limit_error: float = 0.0
 
 
-def mode_of(k: float, e: float, base: str, *, turned: bool = False) -> Mode:
+def mode_of(k: float, e: float, base: str, *, turned: bool = False) -> OrbitConditions:
     """Return the conditions of mode k under a constant restitution.
 
     `turned` selects the orbit that is reflected at every impact.
     """
     if turned:
-        return Mode((1.0 + e) * k, 2.0 * (1.0 - e))
-    return Mode((1.0 - e) * k, 4.0 * (1.0 + e * e) / (1.0 + e) if moves(base) else 2.0 * (1.0 + e))
+        return OrbitConditions((1.0 + e) * k, 2.0 * (1.0 - e))
+    return OrbitConditions(
+        (1.0 - e) * k, 4.0 * (1.0 + e * e) / (1.0 + e) if moves(base) else 2.0 * (1.0 + e)
+    )
 
 
 @physical
@@ -510,7 +512,9 @@ def locked_windows(
     ]
 
 
-def windows_of(waveform: Waveform, mode: Mode, *, turned: bool = False) -> list[LockedWindow]:
+def windows_of(
+    waveform: Waveform, mode: OrbitConditions, *, turned: bool = False
+) -> list[LockedWindow]:
     """Return the windows of an orbit, one for each branch and interval of phases.
 
     The end of a window at a graze, over the moving base, is not searched for.
@@ -547,7 +551,9 @@ def windows_of(waveform: Waveform, mode: Mode, *, turned: bool = False) -> list[
     return sorted(found)
 
 
-def _kick_at(w: Waveform, mixed: Waveform, mode: Mode, x: float, kind: str) -> tuple[float, float]:
+def _kick_at(
+    w: Waveform, mixed: Waveform, mode: OrbitConditions, x: float, kind: str
+) -> tuple[float, float]:
     """Return the kick of the orbit at an end of a window, at phase x, and a bound on its error."""
     value, slope = float(w.velocity(x)), float(w.slope(x))
     # error of the phase: roundings of the function that vanishes there, over its slope
@@ -559,7 +565,7 @@ def _kick_at(w: Waveform, mixed: Waveform, mode: Mode, x: float, kind: str) -> t
     return mode.need / value, mode.need / value * error + _error_of_conditions(w, mode, x, kind)
 
 
-def _error_of_conditions(w: Waveform, mode: Mode, x: float, kind: str) -> float:
+def _error_of_conditions(w: Waveform, mode: OrbitConditions, x: float, kind: str) -> float:
     """Return a bound on the error of a kick that errors of the conditions cause.
 
     At a fold the phase does not depend on the conditions.  At a period doubling, K w = n and

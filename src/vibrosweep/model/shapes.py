@@ -45,7 +45,7 @@ LARGEST_TONE: Final = 1e6  # largest modulus of a weight and of a phase
 Tone = tuple[int, float, float]  # number, weight and phase in rad of a harmonic
 
 
-class Trace(NamedTuple):
+class FittedTrace(NamedTuple):
     """A measured motion to which harmonics were fitted."""
 
     trace: str  # path of the file
@@ -60,7 +60,7 @@ class Waveform:
 
     name: str = SINE_NAME
     tones: tuple[Tone, ...] = ()
-    trace: Trace | tuple[()] = ()
+    trace: FittedTrace | tuple[()] = ()
 
     @property
     def text(self) -> str:
@@ -72,7 +72,7 @@ class Waveform:
         """Value of the key ``waveform`` in a sweep file that does not need the trace."""
         if self.name != HARMONICS_NAME:
             return self.name
-        origin = self.trace._asdict() if isinstance(self.trace, Trace) else {}
+        origin = self.trace._asdict() if isinstance(self.trace, FittedTrace) else {}
         return {self.name: [list(tone) for tone in self.tones], **origin}
 
     def height(self, x: ArrayLike) -> Array:
@@ -142,7 +142,7 @@ def _reduced(psi: float) -> float:
 SINE: Final = Waveform()
 
 
-def harmonics_of(listed: object, origin: Trace | tuple[()] = ()) -> Waveform:
+def harmonics_of(listed: object, origin: FittedTrace | tuple[()] = ()) -> Waveform:
     """Return the waveform of a list of harmonics; a ValueError says what is allowed."""
     if not isinstance(listed, list) or not listed:
         raise ValueError("the list of harmonics is empty; ", FORMS)

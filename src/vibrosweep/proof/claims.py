@@ -72,38 +72,38 @@ from vibrosweep.proof.reference.arithmetic import (
     exact,
     nearest_integer,
 )
-from vibrosweep.proof.reference.motion import EPS, Flight, Impact, PeriodMap, Trajectory
-from vibrosweep.proof.reference.sprung import PATIENCE, Coupled, TooManyLandingsError, coupled
+from vibrosweep.proof.reference.motion import EPS, PeriodMap, ProvedFlight, ProvedImpact, Trajectory
+from vibrosweep.proof.reference.sprung import PATIENCE, CoupledMotion, TooManyLandingsError, coupled
 from vibrosweep.proof.report import CHANGE
-from vibrosweep.proof.sampling import Realization
+from vibrosweep.proof.sampling import ExactRealization
 
 # Factor for the higher orders, which the derivatives of a flight leave out
 FIRST_ORDER: Final = 2.0
 
 
-class Bounds(NamedTuple):
+class ErrorBounds(NamedTuple):
     """Bounds on the errors of all landings of a realization."""
 
     landing_time: float  # s
     rebound_velocity: float  # m s-1
 
-    def phase_error(self, realization: Realization) -> float:
+    def phase_error(self, realization: ExactRealization) -> float:
         """Bound on the errors of the phases of lift-offs, in turns."""
         frequency = realization.parameters["frequency"]
         return self.landing_time * frequency + realization.liftoff_error + 4.0 * EPS
 
-    def height_error(self, realization: Realization) -> float:
+    def height_error(self, realization: ExactRealization) -> float:
         """Bound on the errors of the height of the base at lift-offs, in m."""
         velocity, frequency = realization.velocity, realization.parameters["frequency"]
         return velocity * self.phase_error(realization) / frequency if velocity > 0.0 else 0.0
 
-    def speed_error(self, realization: Realization) -> float:
+    def speed_error(self, realization: ExactRealization) -> float:
         """Bound on the errors of speeds relative to the base, in units of g / 2 f."""
         p = realization.parameters
         base = 2.0 * math.pi * p["frequency"] * self.height_error(realization)
         return (self.rebound_velocity + base) * 2.0 * p["frequency"] / p["gravity"]
 
-    def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
+    def record_claims(self, realization: ExactRealization, number: float) -> Mapping[str, float]:
         """Largest error of a recorded number of that size, for each variable of the record."""
         size = abs(number) if math.isfinite(number) else 0.0
         period = 1.0 / realization.parameters["frequency"]
@@ -115,7 +115,7 @@ class Bounds(NamedTuple):
             "rested": 0.0,
         }
 
-    def duration_error(self, realization: Realization, flight: Flight) -> float:
+    def duration_error(self, realization: ExactRealization, flight: ProvedFlight) -> float:
         """Bound on the error of the duration of a flight, in s."""
         speed, period = self.speed_error(realization), 1.0 / realization.parameters["frequency"]
         if flight.slopes is None:
@@ -124,7 +124,7 @@ class Bounds(NamedTuple):
         linear = abs(by_phase) * self.phase_error(realization) + abs(by_speed) * speed
         return FIRST_ORDER * linear * period
 
-    def landing_errors(self, realization: Realization, flight: Flight) -> LandingErrors:
+    def landing_errors(self, realization: ExactRealization, flight: ProvedFlight) -> LandingErrors:
         """Bounds on the errors of a landing, and of the rebound from it, after a flight."""
         frequency = realization.parameters["frequency"]
         duration = self.duration_error(realization, flight) * frequency
@@ -134,7 +134,7 @@ class Bounds(NamedTuple):
         return LandingErrors(phase, duration, speed + 2.0 * duration, speed)
 
     def claims(
-        self, realization: Realization, measured: ProvedMeasures
+        self, realization: ExactRealization, measured: ProvedMeasures
     ) -> Mapping[str, float | None]:
         """Largest error of each variable, in its own unit; None where nothing is claimed."""
         dt, period = self.landing_time, 1.0 / realization.parameters["frequency"]
@@ -160,7 +160,7 @@ class Bounds(NamedTuple):
         return exact | order | windowed
 
     def statistics_claims(
-        self, realization: Realization, measured: ProvedMeasures
+        self, realization: ExactRealization, measured: ProvedMeasures
     ) -> dict[str, float | None]:
         """Largest errors of the statistics of a realization and of each particle."""
         p, dv = realization.parameters, self.rebound_velocity
@@ -186,7 +186,7 @@ class Bounds(NamedTuple):
 
 
 def order_claims(
-    dt: float, realization: Realization, measured: ProvedMeasures
+    dt: float, realization: ExactRealization, measured: ProvedMeasures
 ) -> dict[str, float | None]:
     """Largest errors of the measures of order, if landing times have the error dt in s."""
     frequency = realization.parameters["frequency"]
@@ -206,7 +206,7 @@ def order_claims(
     return claimed | {"order_changes": None if undecided else 0.0}
 
 
-def _stay_error(dt: float, realization: Realization) -> float:
+def _stay_error(dt: float, realization: ExactRealization) -> float:
     """Error of the time between a landing and the end of another particle's stay, s.
 
     It involves two landings, a lift-off and a sum of phases.
@@ -215,7 +215,7 @@ def _stay_error(dt: float, realization: Realization) -> float:
     return 3.0 * dt + _lift_off_error(dt, realization) + rounding
 
 
-def _lift_off_error(dt: float, realization: Realization) -> float:
+def _lift_off_error(dt: float, realization: ExactRealization) -> float:
     """Error in s of a lift-off after a rest, if landings have the error dt.
 
     With a random amplitude it is within dt, since each period lifts at a phase of its own.
@@ -245,7 +245,7 @@ class Estimate(NamedTuple):
     height: float  # of the highest points of flights, m
     relative: float  # of arrivals and rebounds relative to the base, in units of g / 2 f
 
-    def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
+    def record_claims(self, realization: ExactRealization, number: float) -> Mapping[str, float]:
         """Largest error of a recorded number of that size, for each variable of the record."""
         rounding = 4.0 * EPS * (abs(number) if math.isfinite(number) else 0.0)
         period = 1.0 / realization.parameters["frequency"]
@@ -257,13 +257,15 @@ class Estimate(NamedTuple):
         times = dict.fromkeys(("landing_time", "liftoff_time"), time)
         return times | {"rebound_velocity": self.velocity + rounding, "rested": 0.0}
 
-    def landing_errors(self, realization: Realization, flight: Flight) -> LandingErrors:
+    def landing_errors(self, realization: ExactRealization, flight: ProvedFlight) -> LandingErrors:
         """Estimates of the errors of a landing, and of the rebound from it, after a flight."""
         phase = self.time * realization.parameters["frequency"] + 8.0 * EPS
         speed = self.relative + 8.0 * EPS
         return LandingErrors(phase, 2.0 * phase, speed, speed)
 
-    def claims(self, realization: Realization, measured: ProvedMeasures) -> dict[str, float | None]:
+    def claims(
+        self, realization: ExactRealization, measured: ProvedMeasures
+    ) -> dict[str, float | None]:
         """Largest error of each variable, in its own unit; None where nothing is claimed."""
         frequency = realization.parameters["frequency"]
         rounding = (measured.longest + len(realization.launch_times) + 10) * EPS
@@ -287,7 +289,7 @@ class Estimate(NamedTuple):
 
 
 def prove(
-    realization: Realization, max_landings: int
+    realization: ExactRealization, max_landings: int
 ) -> tuple[Sequence[Trajectory], Estimate | None]:
     """Proved trajectories of a realization, and estimates of their errors in doubles.
 
@@ -356,7 +358,7 @@ def _changes(a: Trajectory, b: Trajectory) -> Iterator[tuple[float, float, float
         )
 
 
-def _rebound(impact: Impact) -> arb | None:
+def _rebound(impact: ProvedImpact) -> arb | None:
     """Speed relative to the base after an impact; None where the particle stays."""
     return None if impact.rested or impact.flight is None else impact.flight.speed
 
@@ -366,7 +368,7 @@ def _apart(a: arb | None, b: arb | None) -> float:
     return 0.0 if a is None or b is None else float((a - b).abs_upper())
 
 
-def _ends(motion: Coupled, launches: Sequence[Fraction], period: arb) -> Iterator[arb]:
+def _ends(motion: CoupledMotion, launches: Sequence[Fraction], period: arb) -> Iterator[arb]:
     """Times of all lift-offs and landings, with the first landings after the end."""
     for trajectory, launched in zip(motion.particles, launches, strict=True):
         left, flight = exact(launched), trajectory.launch
@@ -395,7 +397,10 @@ class Mean(NamedTuple):
 
 
 def mean_growth(
-    m: PeriodMap, phases: Sequence[arb], flights: Sequence[Flight], errors: tuple[float, float]
+    m: PeriodMap,
+    phases: Sequence[arb],
+    flights: Sequence[ProvedFlight],
+    errors: tuple[float, float],
 ) -> Mean:
     """Mean growth of a perturbation of the phase alone, over one or more impacts without rests.
 
@@ -558,7 +563,7 @@ class Representative(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Cycle:
+class EnteredCycle:
     """A cycle that a proved orbit has entered."""
 
     # Number of the state at which recurrence is stated, or of that after the first of two rests
@@ -584,7 +589,11 @@ class Orbit:
     """
 
     def __init__(
-        self, realization: Realization, bounds: Bounds, trajectory: Trajectory, particle: int
+        self,
+        realization: ExactRealization,
+        bounds: ErrorBounds,
+        trajectory: Trajectory,
+        particle: int,
     ) -> None:
         p, launch = realization.parameters, realization.launch_times[particle]
         self.trajectory, self._realization, self._bounds = trajectory, realization, bounds
@@ -602,7 +611,7 @@ class Orbit:
         # error of the difference of two states of the kernel, in periods
         self._error = 2.0 * max(time, bounds.speed_error(realization)) + 8.0 * EPS
 
-    def from_rest_to_rest(self) -> Cycle | None:
+    def from_rest_to_rest(self) -> EnteredCycle | None:
         """Cycle between two rests that end at the same phase; None if there are no two such rests.
 
         Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), as in the
@@ -618,12 +627,12 @@ class Orbit:
                     periods = nearest_integer(turns)
                     same = bool(abs(turns - periods) < SAME_ORBIT)
                     if same and periods > 0:
-                        return Cycle(first, state - first, periods, rest - anchor)
+                        return EnteredCycle(first, state - first, periods, rest - anchor)
                 if not same and rest >= 2 * anchor:
                     anchor, first = rest, state
         return None
 
-    def recurrence(self, time: float, stated: int) -> Cycle | None:
+    def recurrence(self, time: float, stated: int) -> EnteredCycle | None:
         """Cycle without rests at a stated time, with the stated number of impacts if correct.
 
         A time (s) of NaN stands for the last state, and 0 impacts for a number that is not stated.
@@ -635,7 +644,7 @@ class Orbit:
             for since in self._at(time):
                 impacts = self._cycle(since, stated)
                 if impacts > 0:
-                    return Cycle(since, impacts, self._periods(since - impacts, impacts), 0)
+                    return EnteredCycle(since, impacts, self._periods(since - impacts, impacts), 0)
         return None
 
     def _at(self, time: float) -> Sequence[int]:
@@ -710,7 +719,7 @@ class Orbit:
             2 * arb.pi()
         )
 
-    def representative(self, cycle: Cycle) -> Representative | None:
+    def representative(self, cycle: EnteredCycle) -> Representative | None:
         """State of a cycle with the lowest speed; of equally slow ones, that of lowest phase.
 
         Whole periods are counted with the phase of the forcing reduced to one turn.  None if states
@@ -740,7 +749,7 @@ class Orbit:
 
 
 def numbered(
-    cycles: Sequence[Cycle | None], states: Sequence[Representative | None]
+    cycles: Sequence[EnteredCycle | None], states: Sequence[Representative | None]
 ) -> Sequence[int | None]:
     """Number the orbits of particles, each new one after those of earlier particles.
 
@@ -748,7 +757,7 @@ def numbered(
     number -1; all are None if it cannot be decided whether two particles are on one orbit.
     """
     numbers: list[int] = []
-    firsts: list[tuple[Cycle, Representative]] = []
+    firsts: list[tuple[EnteredCycle, Representative]] = []
     for entered, state in zip(cycles, states, strict=True):
         if entered is None:
             numbers.append(-1)
@@ -763,7 +772,9 @@ def numbered(
     return numbers
 
 
-def _same(cycle: Cycle, state: Representative, other: Cycle, first: Representative) -> bool | None:
+def _same(
+    cycle: EnteredCycle, state: Representative, other: EnteredCycle, first: Representative
+) -> bool | None:
     """Decide whether two particles are on one orbit; None if uncertain."""
     if (cycle.impacts, cycle.periods, cycle.rests) != (other.impacts, other.periods, other.rests):
         return False

@@ -30,8 +30,8 @@ import numpy as np
 from vibrosweep.model.measures import Status
 from vibrosweep.model.observables import UNIT, Landing, Observable
 from vibrosweep.proof.reference.arithmetic import GUARD_BITS, Proved, arb, ctx, exact
-from vibrosweep.proof.reference.motion import EPS, Flight, Impact, Trajectory
-from vibrosweep.proof.sampling import Realization
+from vibrosweep.proof.reference.motion import EPS, ProvedFlight, ProvedImpact, Trajectory
+from vibrosweep.proof.sampling import ExactRealization
 
 
 class Stay(NamedTuple):
@@ -41,19 +41,19 @@ class Stay(NamedTuple):
     number: int
     time: arb
     stay_end: arb
-    impact: Impact
+    impact: ProvedImpact
 
 
-class Flights(NamedTuple):
+class ProvedFlights(NamedTuple):
     """Numbers of landings and rests, and the rebounds and flights that follow."""
 
     landings: int
     rests: int
     speeds: list[arb]
-    flights: list[Flight]
+    flights: list[ProvedFlight]
 
 
-def landings_of(realization: Realization, trajectories: Sequence[Trajectory]) -> list[Stay]:
+def landings_of(realization: ExactRealization, trajectories: Sequence[Trajectory]) -> list[Stay]:
     """All landings in the order of time."""
     contact = arb(realization.parameters["contact_time"])
     landings = [
@@ -72,15 +72,15 @@ def landings_of(realization: Realization, trajectories: Sequence[Trajectory]) ->
     return sorted(landings, key=lambda landing: landing.time.mid())
 
 
-def flights_of(landings: Iterable[Stay]) -> Flights:
+def flights_of(landings: Iterable[Stay]) -> ProvedFlights:
     """Collect the rebounds and flights that follow landings."""
     impacts = [landing.impact for landing in landings]
     speeds = [i.rebound_velocity for i in impacts if i.rebound_velocity is not None]
     flights = [i.flight for i in impacts if i.flight is not None]
-    return Flights(len(impacts), sum(i.rested for i in impacts), speeds, flights)
+    return ProvedFlights(len(impacts), sum(i.rested for i in impacts), speeds, flights)
 
 
-def statistics(flights: Flights, frequency: arb) -> dict[str, Proved]:
+def statistics(flights: ProvedFlights, frequency: arb) -> dict[str, Proved]:
     """Measures of flights, the same for a realization and for one particle."""
     heights, number = [flight.height for flight in flights.flights], len(flights.flights)
     mean_height = mean_time = None
@@ -135,8 +135,8 @@ class ProvedMeasures:
     # By the names of `vibrosweep.model.measures`; a variable of each particle has a list of values
     values: dict[str, Proved | list[Proved]]
     fastest: arb | None  # largest rebound speed in the window, m s-1; None if there are no flights
-    flights: Sequence[Flight]  # those that follow landings in the window
-    landed: Sequence[Flight]  # those that end with landings in the window
+    flights: Sequence[ProvedFlight]  # those that follow landings in the window
+    landed: Sequence[ProvedFlight]  # those that end with landings in the window
     longest: int  # largest number of flights of one particle
     # Smallest distance of a landing from the beginning of the window in s; None where no landing
     # can be before it
@@ -155,13 +155,15 @@ class ProvedMeasures:
     overlap: arb | None
 
 
-def prove_measures(realization: Realization, trajectories: Sequence[Trajectory]) -> ProvedMeasures:
+def prove_measures(
+    realization: ExactRealization, trajectories: Sequence[Trajectory]
+) -> ProvedMeasures:
     """Measure a realization from the proved trajectories of all its particles."""
     with ctx.workprec(GUARD_BITS + max(t.precision_bits for t in trajectories)):
         return _proved(realization, trajectories)
 
 
-def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> ProvedMeasures:
+def _proved(realization: ExactRealization, trajectories: Sequence[Trajectory]) -> ProvedMeasures:
     windowed = realization.scene.windowed
     begin = exact(realization.transient) if windowed else arb.neg_inf()
     frequency = arb(realization.parameters["frequency"])
@@ -216,7 +218,9 @@ def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> Pro
     )
 
 
-def _status(trajectory: Trajectory, flights: Flights, realization: Realization) -> Status:
+def _status(
+    trajectory: Trajectory, flights: ProvedFlights, realization: ExactRealization
+) -> Status:
     """Status that a computation in doubles must report."""
     if trajectory.status != Status.COMPLETED:
         return trajectory.status
@@ -324,7 +328,7 @@ EXTREME: Final[Mapping[str, Callable[[arb, arb], arb]]] = {"max": arb.max, "min"
 
 
 # Errors of a landing, by the flight that ends with it
-Errors = Callable[[Flight], LandingErrors]
+Errors = Callable[[ProvedFlight], LandingErrors]
 # The numbers of a landing that a function takes, in the order of `Landing`
 Numbers = tuple[arb, arb, arb, arb]
 Function = Callable[[Landing], Any]
@@ -439,7 +443,7 @@ class ProvedObservable(NamedTuple):
 
 def prove_observable(
     observable: Observable,
-    realization: Realization,
+    realization: ExactRealization,
     trajectories: Sequence[Trajectory],
     status: Sequence[int],
     errors: Errors,
@@ -483,7 +487,7 @@ def _unknown(observable: Observable, particles: int) -> ProvedObservable:
 
 
 def _landings(
-    realization: Realization, trajectory: Trajectory, errors: Errors
+    realization: ExactRealization, trajectory: Trajectory, errors: Errors
 ) -> Iterator[tuple[Numbers, bool, LandingErrors]]:
     """Yield numbers, rest and errors of each landing in the window."""
     for flight, impact in trajectory.landed():

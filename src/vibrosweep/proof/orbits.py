@@ -52,7 +52,7 @@ from vibrosweep.proof.reference.closed_orbits import (
 )
 from vibrosweep.proof.reference.laws import Laws, wave_of
 from vibrosweep.proof.reference.motion import EPS
-from vibrosweep.proof.report import Judgement, Outcome, Report, State, judge
+from vibrosweep.proof.report import Judgement, Outcome, ProofState, Report, judge
 from vibrosweep.runs.driver import count
 from vibrosweep.runs.progress import Advance
 from vibrosweep.scene.scene import Scene, stored
@@ -146,7 +146,7 @@ def _outcome(row: int, one: xr.Dataset, base: str, laws: Laws) -> Outcome:
                 replace(j, complaint=f"of orbit {k} {j.complaint}" if j.complaint else "")
                 for j in judged
             ]
-    state = State.COMPARED if proofs or not held.size else State.UNDECIDED
+    state = ProofState.COMPARED if proofs or not held.size else ProofState.UNDECIDED
     return Outcome(row, state, landings, judgements if proofs else ())
 
 

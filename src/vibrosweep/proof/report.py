@@ -72,7 +72,7 @@ CHANGE: Final = 2.0**-44
 COMPLAINTS_SHOWN: Final = 20
 
 
-class State(Enum):
+class ProofState(Enum):
     """Reasons why a realization could or could not be compared, in the words of the report."""
 
     COMPARED = "proved"
@@ -91,7 +91,7 @@ class Outcome:
     """
 
     realization: int | None
-    state: State
+    state: ProofState
     landings: int = 0
     judgements: Sequence[Judgement] = ()
     deviation: tuple[float, float] | None = None
@@ -192,7 +192,7 @@ class Report:
         """True if every number is within the error claimed for it."""
         return not any(self.complaints())
 
-    def count(self, state: State) -> int:
+    def count(self, state: ProofState) -> int:
         """Return the number of realizations in a state."""
         return sum(o.state is state for o in self.outcomes if o.realization is not None)
 
@@ -217,8 +217,8 @@ class Report:
             return self.unknown[name]
         of_record = name.startswith(f"{RECORD}/")
         states = [o.state for o in self.outcomes if (o.realization is None) == of_record]
-        why = dict.fromkeys(state.value for state in states if state is not State.COMPARED)
-        if State.COMPARED in states:
+        why = dict.fromkeys(state.value for state in states if state is not ProofState.COMPARED)
+        if ProofState.COMPARED in states:
             why[UNCLAIMED] = None
         return "; ".join(why)
 
@@ -238,10 +238,10 @@ class Report:
     def lines(self) -> Iterator[str]:
         """Yield the report as lines of text."""
         landings = sum(outcome.landings for outcome in self.outcomes)
-        drawn = sum(self.count(state) for state in State)
+        drawn = sum(self.count(state) for state in ProofState)
         yield (
             f"{self.path}: {drawn} of {self.total} realizations, drawn with seed {self.seed}; "
-            f"{self.count(State.COMPARED)} proved, {landings} landings"
+            f"{self.count(ProofState.COMPARED)} proved, {landings} landings"
         )
         if self.coupled:
             yield from self._estimates()
@@ -252,8 +252,8 @@ class Report:
                 f"{name}: its function cannot be evaluated on balls: claims are estimates, "
                 f"changes of the function by the errors of each landing"
             )
-        for state in State:
-            if state is not State.COMPARED and self.count(state):
+        for state in ProofState:
+            if state is not ProofState.COMPARED and self.count(state):
                 yield f"{self.count(state)} {state.value}"
         for outcome in self.outcomes:
             if outcome.realization is None:
@@ -281,7 +281,7 @@ class Report:
             "passed": self.passed,
             "realizations": self.total,
             "seed": self.seed,
-            "drawn": {state.name.lower(): self.count(state) for state in State},
+            "drawn": {state.name.lower(): self.count(state) for state in ProofState},
             "landings": sum(outcome.landings for outcome in self.outcomes),
             "variables": {
                 name: report.facts()
@@ -321,7 +321,7 @@ class Report:
                 f"FAILED: {len(complaints)} numbers are outside the error claimed for them: "
                 f"{', '.join(outside)}"
             )
-        elif any(outcome.state is State.COMPARED for outcome in self.outcomes):
+        elif any(outcome.state is ProofState.COMPARED for outcome in self.outcomes):
             yield f"passed: every number compared is within the error claimed for it; {total}"
         else:
             yield f"nothing was proved; {total} agree with the sweep file and with each other"

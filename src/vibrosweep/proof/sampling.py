@@ -101,7 +101,7 @@ def deviates_of(seed: int, stream: float, particle: int) -> Deviates:
 
 
 @dataclass(frozen=True)
-class Realization:
+class ExactRealization:
     """One realization of a scene, with exact times."""
 
     scene: Scene
@@ -183,7 +183,7 @@ class Sample:
 
     total: int  # number of realizations in the dataset
     rows: NDArray[np.int64]  # indices of those drawn, in increasing order
-    parameters: Mapping[str, Array]  # as of a `Realization`, each of shape (row,)
+    parameters: Mapping[str, Array]  # as of a `ExactRealization`, each of shape (row,)
     scene: Scene
     current: bool  # True if this version and git revision computed the dataset
     stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
@@ -193,11 +193,11 @@ class Sample:
     # Observables that are compared, with their values in the rows
     observables: Mapping[Observable, NDArray[Any]]
 
-    def realization(self, row: int) -> Realization:
+    def realization(self, row: int) -> ExactRealization:
         """Return the realization of one of the rows."""
         parameters = {name: float(values[row]) for name, values in self.parameters.items()}
         stream = parameters.pop(STREAM, None)
-        return Realization(self.scene, parameters, stream)
+        return ExactRealization(self.scene, parameters, stream)
 
 
 SWEEP_COORDINATES: Final = (*INPUTS, STREAM, "launch_time", "duration", "transient")

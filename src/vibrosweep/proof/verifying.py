@@ -41,8 +41,8 @@ from vibrosweep.model.restitution_laws import fastest_in_range
 from vibrosweep.proof.claims import (
     MAX_COUPLED,
     RECURS,
-    Bounds,
-    Cycle,
+    EnteredCycle,
+    ErrorBounds,
     Estimate,
     Orbit,
     Representative,
@@ -57,17 +57,17 @@ from vibrosweep.proof.measures import (
     prove_observable,
 )
 from vibrosweep.proof.reference.arithmetic import Proved, UndecidableError, arb, exact
-from vibrosweep.proof.reference.motion import EPS, Impact, Trajectory
+from vibrosweep.proof.reference.motion import EPS, ProvedImpact, Trajectory
 from vibrosweep.proof.reference.sprung import TooManyLandingsError
 from vibrosweep.proof.reference.trajectories import trajectory
-from vibrosweep.proof.report import Judgement, Outcome, Report, State, judge
-from vibrosweep.proof.sampling import Expected, Realization, Sample, read_sample
+from vibrosweep.proof.report import Judgement, Outcome, ProofState, Report, judge
+from vibrosweep.proof.sampling import ExactRealization, Expected, Sample, read_sample
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.store.disk import path_of
 from vibrosweep.store.reading import read_kind
 
-# Variables of the bounds, in the order of the fields of `Bounds`
-BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)
+# Variables of the bounds, in the order of the fields of `ErrorBounds`
+BOUNDS: Final = tuple(f"{field}_error" for field in ErrorBounds._fields)
 
 # Keys of `vibrosweep.proof.verifying.JUDGES` that compare stored numbers with recomputed ones
 RECOMPUTED: Final = ("recomputed", "uncertain", "exponent_error", "exponent_sum_error")
@@ -166,7 +166,7 @@ LANDINGS: Final = 64
 CERTAIN: Final = 3.0
 
 
-class Exponent(NamedTuple):
+class ProvedExponent(NamedTuple):
     """Proved Lyapunov exponent of a particle."""
 
     value: Proved
@@ -185,8 +185,8 @@ class Case:
     # Bounds and other variables as this version computes them; empty if another version computed
     # the file
     again: Mapping[str, Any]
-    realization: Realization
-    bounds: Bounds  # bounds on the errors of its landings
+    realization: ExactRealization
+    bounds: ErrorBounds  # bounds on the errors of its landings
     trajectories: Sequence[Trajectory]  # proved; empty where there is no proof
     # Proved errors of the kernel's landings of each particle, where the file bounds them
     errors: Sequence[Errors]
@@ -230,7 +230,7 @@ class Case:
         ]
 
     @cached_property
-    def cycles(self) -> Sequence[Cycle | None]:
+    def cycles(self) -> Sequence[EnteredCycle | None]:
         """Cycle of each particle: from rest to rest, or as at least half of the variables state."""
         if self.realization.deviates is not None:  # random motion never repeats
             return [None] * len(self.orbits)
@@ -265,18 +265,18 @@ class Case:
         ]
 
     @cached_property
-    def exponents(self) -> Mapping[str, Sequence[Exponent]]:
+    def exponents(self) -> Mapping[str, Sequence[ProvedExponent]]:
         """Exponents of each particle, by the variable that holds them."""
         largest, total = zip(*map(self._exponents, range(len(self.orbits))), strict=True)
         return {"lyapunov_largest": largest, "lyapunov_sum": total}
 
-    def _exponents(self, particle: int) -> tuple[Exponent, Exponent]:
+    def _exponents(self, particle: int) -> tuple[ProvedExponent, ProvedExponent]:
         """Largest exponent of a particle, and the sum of both."""
         orbit, cycle = self.orbits[particle], self.cycles[particle]
         impacts, first = self._window(particle)
         unclaimed = self.claims["impact_count"] is None and cycle is None
         if orbit.trajectory.at_rest or (cycle is not None and cycle.rests):
-            return (Exponent(-math.inf, 0.0, 0.0),) * 2
+            return (ProvedExponent(-math.inf, 0.0, 0.0),) * 2
         rounding = self._stated("lyapunov_sum_error", particle)
         if cycle is not None:
             last = len(orbit.speeds) - 1
@@ -284,16 +284,16 @@ class Case:
             found = largest_exponent(orbit.map, orbit.last_state(), cycle.impacts, cycle.periods)
             stated = self._stated("lyapunov_largest_error", particle)
             claim = None if found is None else stated
-            return Exponent(found, claim, bounded=True), _sum(total, rounding, change)
+            return ProvedExponent(found, claim, bounded=True), _sum(total, rounding, change)
         if unclaimed:
-            return (Exponent(None, None),) * 2
+            return (ProvedExponent(None, None),) * 2
         if first == len(impacts) or any(i.rested for i in impacts[first:]):
-            return (Exponent(None, 0.0),) * 2  # undefined
+            return (ProvedExponent(None, 0.0),) * 2  # undefined
         if self.realization.deviates is not None:
-            return (Exponent(None, None),) * 2
+            return (ProvedExponent(None, None),) * 2
         mean = orbit.growth(first, len(impacts))
         total, change = orbit.contraction(first, len(impacts))
-        largest = Exponent(mean.value, mean.claim, mean.standard_error)
+        largest = ProvedExponent(mean.value, mean.claim, mean.standard_error)
         return largest, _sum(total, rounding, change)
 
     def aperiodic(self, particle: int) -> bool | None:
@@ -307,7 +307,7 @@ class Case:
         above = mean.value - CERTAIN * mean.standard_error
         return above > 0.0 if abs(above) > (1.0 + CERTAIN) * mean.claim else None
 
-    def _window(self, particle: int) -> tuple[Sequence[Impact], int]:
+    def _window(self, particle: int) -> tuple[Sequence[ProvedImpact], int]:
         """Impacts of a particle, and the number of the first one in the window."""
         impacts = self.orbits[particle].trajectory.impacts
         if not self.realization.scene.windowed:
@@ -321,10 +321,10 @@ class Case:
         return error if math.isfinite(error) else None
 
 
-def _sum(total: arb | float, rounding: float | None, change: float) -> Exponent:
+def _sum(total: arb | float, rounding: float | None, change: float) -> ProvedExponent:
     """Sum of both exponents; `rounding` is its stated error bound, None where none is stated."""
     claim = None if rounding is None or not math.isfinite(change) else rounding + change
-    return Exponent(total, claim, 0.0, bounded=isinstance(total, arb))
+    return ProvedExponent(total, claim, 0.0, bounded=isinstance(total, arb))
 
 
 Judgements: TypeAlias = Iterator[Judgement]
@@ -383,7 +383,7 @@ def judge_record(
     return judged
 
 
-def _recorded(impact: Impact | None) -> dict[str, Any]:
+def _recorded(impact: ProvedImpact | None) -> dict[str, Any]:
     """Return the numbers that a record must hold of a landing; None stands for NaN."""
     names = ("landing_time", "liftoff_time", "rebound_velocity")
     balls = {name: getattr(impact, name, None) for name in names}
@@ -664,10 +664,10 @@ MAX_LANDINGS: Final = 250_000
 MAX_BITS: Final = 1 << 12
 
 
-class _Proof(NamedTuple):
+class _ProvedRealization(NamedTuple):
     """Proof of a realization, with an estimate of errors where particles are coupled."""
 
-    state: State
+    state: ProofState
     trajectories: Sequence[Trajectory] = ()
     estimate: Estimate | None = None
 
@@ -839,11 +839,11 @@ def _checked_record(
     bounds = _bounds(again, 0)
     judged = list(_coordinates(record, setting, "record/"))
     proof = _proved(record, 0, bounds, int(again["impact_count"][0]), max_landings)
-    if proof.state is not State.COMPARED:
+    if proof.state is not ProofState.COMPARED:
         return Outcome(None, proof.state, judgements=judged)
     claims = (bounds if proof.estimate is None else proof.estimate).record_claims
     judged += judge_record(record, partial(claims, realization), proof.trajectories)
-    return Outcome(None, State.COMPARED, _landings(proof.trajectories), judged)
+    return Outcome(None, ProofState.COMPARED, _landings(proof.trajectories), judged)
 
 
 def _coordinates(sample: Sample, setting: Expected, prefix: str) -> Iterator[Judgement]:
@@ -865,37 +865,41 @@ def _coordinates(sample: Sample, setting: Expected, prefix: str) -> Iterator[Jud
                 yield judge(prefix + name, particle, float(values[particle]), time, claim)
 
 
-def _bounds(values: Mapping[str, NDArray[Any]], row: int) -> Bounds:
+def _bounds(values: Mapping[str, NDArray[Any]], row: int) -> ErrorBounds:
     """Bounds on the errors of landings; infinite where none are known."""
-    return Bounds(*(float(values[name][row]) if name in values else math.inf for name in BOUNDS))
+    return ErrorBounds(
+        *(float(values[name][row]) if name in values else math.inf for name in BOUNDS)
+    )
 
 
 def _landings(trajectories: Sequence[Trajectory]) -> int:
     return sum(len(trajectory.impacts) for trajectory in trajectories)
 
 
-def _proved(sample: Sample, row: int, bounds: Bounds, landings: int, max_landings: int) -> _Proof:
+def _proved(
+    sample: Sample, row: int, bounds: ErrorBounds, landings: int, max_landings: int
+) -> _ProvedRealization:
     """Return the proof of a realization, or the reason why there is none."""
     realization = sample.realization(row)
     completed = bool(np.all(sample.stored["status"][row] == Status.COMPLETED))
     if not (completed if realization.coupled else all(map(math.isfinite, bounds))):
-        return _Proof(State.NO_CLAIM if completed else State.NOT_COMPLETED)
+        return _ProvedRealization(ProofState.NO_CLAIM if completed else ProofState.NOT_COMPLETED)
     if landings > max_landings:
-        return _Proof(State.TOO_LONG)
+        return _ProvedRealization(ProofState.TOO_LONG)
     try:
         if not realization.coupled:
-            return _Proof(State.COMPARED, _independent(realization, max_landings))
+            return _ProvedRealization(ProofState.COMPARED, _independent(realization, max_landings))
         trajectories, estimate = prove(realization, max_landings)
     except UndecidableError:
-        return _Proof(State.UNDECIDED)
+        return _ProvedRealization(ProofState.UNDECIDED)
     except TooManyLandingsError:  # landings before the window count, too
-        return _Proof(State.TOO_LONG)
+        return _ProvedRealization(ProofState.TOO_LONG)
     if estimate is None:
-        return _Proof(State.NO_CLAIM)
-    return _Proof(State.COMPARED, trajectories, estimate)
+        return _ProvedRealization(ProofState.NO_CLAIM)
+    return _ProvedRealization(ProofState.COMPARED, trajectories, estimate)
 
 
-def _independent(realization: Realization, max_landings: int) -> list[Trajectory]:
+def _independent(realization: ExactRealization, max_landings: int) -> list[Trajectory]:
     """Proved trajectories of particles that are independent."""
     shared: dict[str, Any] = {
         **realization.parameters,

@@ -28,7 +28,7 @@ from vibrosweep.model.observables import Measures, Observable
 from vibrosweep.model.parameters import Periods, in_periods, unit_of
 from vibrosweep.model.restitution_laws import OUTSIDE
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.scene.design import Axis, Design, GivenTable, Range
+from vibrosweep.scene.design import Design, GivenTable, GridAxis, Range
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, short_axis
@@ -318,7 +318,7 @@ def _entries(path: str, key: str, value: Any) -> Iterator[tuple[str, object]]:
         members = {observable.name: observable for observable in value}
     elif isinstance(value, Range):
         yield key, value.ends
-    elif isinstance(value, Axis):
+    elif isinstance(value, GridAxis):
         yield key, short_axis(list(value.values))
     elif isinstance(value, Periods):
         yield key, f"{value.number} {unit_of(value)}"

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.landings import Counted
+from vibrosweep.engine.landings import CountedLandings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import (
     DataError,
@@ -88,7 +88,7 @@ from vibrosweep.system import MOST_THREADS, physical_memory
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["count"]
+__all__ = ["count", "thread_count"]
 
 
 def available_threads() -> int:
@@ -185,7 +185,7 @@ def run_sweep(
                 plan, counted = _planned(spec, output, workers, chunk, at_least)
                 design = plan.design
                 if plan.chunks == 1 and runner is None:
-                    pieces = _pieces(output, spec, design, workers, advance)
+                    pieces = _pieces(str(output), spec, design, workers, advance)
                     return write_result(
                         output, spec, design, pieces, workers, force=force, counted=counted
                     )
@@ -201,7 +201,7 @@ def run_sweep(
 
 def _planned(
     spec: Sweep, output: Path, workers: Workers, chunk: int | None, at_least: int
-) -> tuple[Plan, Counted | None]:
+) -> tuple[Plan, CountedLandings | None]:
     """Plan the chunks and count the record; raise an error if they would not fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
     counted = counted_record(spec, workers)
@@ -215,9 +215,9 @@ def _planned(
 
 
 def _pieces(
-    output: Path, spec: Sweep, design: Realizations, workers: Workers, advance: Advance
+    result: str, spec: Sweep, design: Realizations, workers: Workers, advance: Advance
 ) -> Iterator[Columns]:
-    """Compute a sweep of one chunk, which is written directly and cannot be resumed."""
+    """Compute a sweep of one chunk, which cannot be resumed; `result` names what it is for."""
     done = 0
     advance(done, design.realizations)
     try:
@@ -229,7 +229,7 @@ def _pieces(
         raise
     except Exception as error:
         raise RunError(
-            f"{output}: the computation failed twice after {done} of {design.realizations} "
+            f"{result}: the computation failed twice after {done} of {design.realizations} "
             f"realizations ({type(error).__name__}: {error}); nothing was written"
         ) from error
 
@@ -245,6 +245,9 @@ class InMemory(Writer):
         self, name: str, shape: tuple[int, ...], dtype: Any, attributes: Attributes, blank: float
     ) -> NDArray[Any]:
         return np.full(shape, blank, dtype)
+
+    def _fill(self, array: NDArray[Any], start: int, values: NDArray[Any]) -> None:
+        array.reshape(-1, *values.shape[1:])[start : start + len(values)] = values
 
     def attributes(self, values: Attributes) -> None:
         """Set attributes of the result."""
@@ -278,16 +281,8 @@ def sweep_in_memory(spec: Sweep, *, threads: int, advance: Advance = silent) -> 
     found = InMemory()
     declare(found, spec, design, threads)
     with Workers(threads) as workers:
-
-        def pieces() -> Iterator[Columns]:
-            done = 0
-            advance(done, total)
-            for columns in compute_rows(spec, design, 0, total, workers):
-                yield columns
-                done += len(columns["status"])
-                advance(done, total)
-
-        write_rows(found, kinds(no_rows(spec, design)), pieces())
+        pieces = _pieces("the sweep", spec, design, workers, advance)
+        write_rows(found, kinds(no_rows(spec, design)), pieces)
     return found.dataset()
 
 

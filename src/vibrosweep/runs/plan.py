@@ -20,7 +20,7 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine import landings
-from vibrosweep.engine.landings import BYTES_PER_LANDING, Counted, Form, count_landings
+from vibrosweep.engine.landings import BYTES_PER_LANDING, CountedLandings, Form, count_landings
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import AHEAD, Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError, VibrosweepError
@@ -30,7 +30,7 @@ from vibrosweep.model.measures import IN_FILE
 from vibrosweep.model.parameters import fraction_of
 from vibrosweep.runs.chunks import batch_size, bytes_per_realization, periods_of, rows_at_once
 from vibrosweep.runs.result import declare, write_record, write_rows
-from vibrosweep.scene.design import DESIGNS, Axis
+from vibrosweep.scene.design import DESIGNS, GridAxis
 from vibrosweep.scene.realizations import Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import naming, target_of
@@ -350,7 +350,9 @@ class Needs:
     parts: float  # bytes of the parts next to it while it is written
 
 
-def estimate(spec: Sweep, plan: Plan, workers: Workers, counted: Counted | None = None) -> Needs:
+def estimate(
+    spec: Sweep, plan: Plan, workers: Workers, counted: CountedLandings | None = None
+) -> Needs:
     """Estimate what a planned sweep needs; `counted` is its `counted_record` where it is known.
 
     Raises a ParameterError if the record of landings does not fit into memory, and a RunError if
@@ -395,7 +397,7 @@ def estimate(spec: Sweep, plan: Plan, workers: Workers, counted: Counted | None 
     )
 
 
-def counted_record(spec: Sweep, workers: Workers) -> Counted | None:
+def counted_record(spec: Sweep, workers: Workers) -> CountedLandings | None:
     """Count the landings of the record; None if there is none.
 
     Raises a ParameterError if it does not fit into memory.
@@ -406,7 +408,7 @@ def counted_record(spec: Sweep, workers: Workers) -> Counted | None:
     return count_landings(spec.record.parameters({}), spec.record, workers, form)
 
 
-def record_bytes(spec: Sweep, counted: Counted | None) -> tuple[int, int]:
+def record_bytes(spec: Sweep, counted: CountedLandings | None) -> tuple[int, int]:
     """Return the bytes of the record on disk, and of memory while it is made; 0 if there is none.
 
     `counted` is its `counted_record`.
@@ -477,7 +479,7 @@ def _shortened(spec: Sweep, most: int) -> tuple[Sweep, int]:
     for name in reversed(axes):
         axes[name] = axes[name][: max(1, left)]
         left //= len(axes[name])
-    sampled = {name: Axis(values) for name, values in axes.items()}
+    sampled = {name: GridAxis(values) for name, values in axes.items()}
     design = replace(spec.design, sampled=sampled)
     return replace(spec, design=design), math.prod(map(len, axes.values()))
 

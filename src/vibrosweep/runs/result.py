@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.landings import Counted, Form, launch_times, record_landings
+from vibrosweep.engine.landings import CountedLandings, Form, launch_times, record_landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.kernels._jit import sources_digest
@@ -109,7 +109,7 @@ def write_result(
     workers: Workers,
     *,
     force: bool,
-    counted: Counted | None = None,
+    counted: CountedLandings | None = None,
 ) -> Summary:
     """Write the file of a sweep, whose rows arrive in order and in pieces of any length.
 
@@ -257,7 +257,9 @@ def _declare_launches(
     file.attributes({"launch": launch if isinstance(launch, str) else "listed"})
 
 
-def write_record(file: Group, spec: Sweep, workers: Workers, counted: Counted | None = None) -> str:
+def write_record(
+    file: Group, spec: Sweep, workers: Workers, counted: CountedLandings | None = None
+) -> str:
     """Write every landing of the recorded scene; return a remark if much of it is padding."""
     record, form = spec.record, Form(bool(spec.ragged))
     assert record is not None

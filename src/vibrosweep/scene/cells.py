@@ -19,6 +19,8 @@ from vibrosweep.arrays import Array
 from vibrosweep.mistakes import escaped
 from vibrosweep.scene.headings import Heading, heading, is_unit
 
+__all__ = ["MISSING", "Cells", "cells_of", "decoded", "read_content"]
+
 WORKBOOKS: Final = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # first bytes of xlsx and ods, and of xls
 MISSING: Final = frozenset(
     ("", "nan", "na", "n/a", "#n/a", "none", "null", "-", "--", "lost", "missing")

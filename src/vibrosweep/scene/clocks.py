@@ -9,6 +9,8 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 
+__all__ = ["even_times", "origin_of", "rounding_of", "strongest_rate"]
+
 FAR: Final = 100.0  # durations from its zero at which a clock counts from 1970 or from midnight
 STEADY: Final = 0.02  # largest relative difference between a rate and its first estimate
 

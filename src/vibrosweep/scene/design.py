@@ -55,7 +55,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Axis:
+class GridAxis:
     """The distinct values that a parameter takes along an axis of a grid, in its unit."""
 
     values: tuple[float, ...]
@@ -72,8 +72,9 @@ class Design:
 
     name: str = "uniform"  # a key of `DESIGNS`, ``"grid"`` or ``"table"``
     # Inputs that vary, in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` where values
-    # are drawn, an `Axis` under a grid; empty for a table, whose columns are known when it is read
-    sampled: Mapping[str, Range | Axis] = field(default_factory=dict)
+    # are drawn, a `GridAxis` under a grid; empty for a table, whose columns are known when it is
+    # read
+    sampled: Mapping[str, Range | GridAxis] = field(default_factory=dict)
     realizations: int | None = 1  # None for a table whose length the sweep does not state
     seed: int = 0
     table: Path | GivenTable | None = None  # the table, or its path; None for other designs
@@ -83,7 +84,7 @@ class Design:
     @property
     def axes(self) -> dict[str, tuple[float, ...]]:
         """Values along the axes of a grid."""
-        return {name: s.values for name, s in self.sampled.items() if isinstance(s, Axis)}
+        return {name: s.values for name, s in self.sampled.items() if isinstance(s, GridAxis)}
 
     @property
     def source(self) -> str:

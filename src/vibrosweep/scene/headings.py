@@ -9,6 +9,8 @@ from typing import Final
 
 from vibrosweep.scene.realizations import factor
 
+__all__ = ["PIXELS", "Heading", "heading", "length_factor", "time_factor"]
+
 # Names as other programs write them, in small letters without marks between
 _NAMES: Final = {
     "time": "t time times zeit temps tempo tiempo tijd sec secs second seconds timestamp positiont "

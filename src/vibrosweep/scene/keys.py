@@ -70,8 +70,10 @@ from vibrosweep.model.parameters import (
     unit_of,
 )
 from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, speed_mistakes
-from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, GivenTable, Range
+from vibrosweep.scene.design import DESIGNS, GRID, TABLE, GivenTable, GridAxis, Range
 from vibrosweep.scene.scene import Scene, waveform_of
+
+__all__ = ["MAX_SEED", "SECTIONS", "Check", "Sections", "flag", "read_tables", "whole_number"]
 
 SUFFIXES: Final = (".csv", ".nc")
 
@@ -512,9 +514,9 @@ def fixed_numbers(scene: Table, sample: Table, mistakes: Mistakes) -> dict[str, 
     return {**in_scene} | {n: v for n, v in in_sample.items() if isinstance(v, float)}
 
 
-def sampled(sample: Table, mistakes: Mistakes) -> dict[str, Range | Axis]:
+def sampled(sample: Table, mistakes: Mistakes) -> dict[str, Range | GridAxis]:
     """Return the ranges, or under a grid the axes, in the order of `INPUTS`."""
-    found: dict[str, Range | Axis] = {}
+    found: dict[str, Range | GridAxis] = {}
     for name, value in inputs_in(sample).items():
         if isinstance(value, float):
             continue
@@ -528,14 +530,14 @@ def sampled(sample: Table, mistakes: Mistakes) -> dict[str, Range | Axis]:
     return found
 
 
-def _axis(key: str, value: tuple[float, ...] | Steps, mistakes: Mistakes) -> Axis:
+def _axis(key: str, value: tuple[float, ...] | Steps, mistakes: Mistakes) -> GridAxis:
     if isinstance(value, Steps):
         values = tuple(np.linspace(value.start, value.stop, value.num).tolist())
     else:
         values = value
     if len(set(values)) < len(values):
         mistakes.add(key, "names a value of the axis twice", value, "name each once")
-    return Axis(values)
+    return GridAxis(values)
 
 
 def _range(key: str, value: tuple[float, ...] | Steps, design: str, mistakes: Mistakes) -> Range:
@@ -596,14 +598,14 @@ def columns(sample: Table, numbers: Collection[str], mistakes: Mistakes) -> tupl
 
 
 def realizations(
-    sample: Table, spreads: Mapping[str, Range | Axis], mistakes: Mistakes
+    sample: Table, spreads: Mapping[str, Range | GridAxis], mistakes: Mistakes
 ) -> int | None:
     """Return the number of realizations; None for a table whose length the file does not state."""
     key, number, design = "sample.realizations", sample.get("realizations"), kind(sample)
     if design == TABLE:
         return number
     if design == GRID:
-        sizes = [len(axis.values) for axis in spreads.values() if isinstance(axis, Axis)]
+        sizes = [len(axis.values) for axis in spreads.values() if isinstance(axis, GridAxis)]
         product = math.prod(sizes)
         if number is not None and number != product:
             rule, remedy = f"contradicts the grid, whose axes make {product}", "leave this key out"
@@ -667,7 +669,7 @@ def record(
 
 
 def check_extremes(
-    key: str, scene: Scene, sampled: Mapping[str, Range | Axis], mistakes: Mistakes
+    key: str, scene: Scene, sampled: Mapping[str, Range | GridAxis], mistakes: Mistakes
 ) -> None:
     """Report parameters whose extreme values cannot be computed together.
 

@@ -43,7 +43,7 @@ from vibrosweep.model.shapes import (
     PARABOLIC_NAME,
     SINE,
     SINE_NAME,
-    Trace,
+    FittedTrace,
     Waveform,
     harmonics_of,
     name_in,
@@ -184,7 +184,7 @@ class Scene:
 
 
 COLUMNS: Final = ("height", "acceleration")  # of a trace
-_STORED: Final = (HARMONICS_NAME, *Trace._fields)  # keys of a fitted trace in a result
+_STORED: Final = (HARMONICS_NAME, *FittedTrace._fields)  # keys of a fitted trace in a result
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ def waveform_of(value: object) -> Waveform | Traced:
         word = value.lower() if isinstance(value, str) else ""
         answer = f"; {ANSWERS[word]}" if word in ANSWERS else ""
         raise ValueError(f"{FORMS}{answer}")
-    origin = Trace(*(value[name] for name in Trace._fields)) if "trace" in value else ()
+    origin = FittedTrace(*(value[name] for name in FittedTrace._fields)) if "trace" in value else ()
     return harmonics_of(value[HARMONICS_NAME], origin)
 
 

@@ -18,7 +18,13 @@ from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURES, OPTIONS, TRANSIENT_PERIODS
 from vibrosweep.model.observables import KEYS
 from vibrosweep.model.parameters import STAGGERED, Parameter
-from vibrosweep.model.shapes import HARMONICS_NAME, LARGEST_TONE, MOST_HARMONICS, WAVEFORMS, Trace
+from vibrosweep.model.shapes import (
+    HARMONICS_NAME,
+    LARGEST_TONE,
+    MOST_HARMONICS,
+    WAVEFORMS,
+    FittedTrace,
+)
 from vibrosweep.scene import keys
 from vibrosweep.scene.design import DESIGNS, GRID
 from vibrosweep.scene.scene import COLUMNS, Scene
@@ -138,14 +144,14 @@ def _waveform() -> Schema:
     number = _whole(1, MOST_HARMONICS)
     harmonics = _object({HARMONICS_NAME: tones})
     # as the text of a result holds it
-    fitted = _object({**dict.fromkeys(Trace._fields, True), HARMONICS_NAME: tones})
+    fitted = _object({**dict.fromkeys(FittedTrace._fields, True), HARMONICS_NAME: tones})
     trace = _object({"trace": path, "column": column, HARMONICS_NAME: number})
     return {
         "description": "shape of the motion of the base over a period",
         "anyOf": [
             {"enum": [name for name in WAVEFORMS if name != HARMONICS_NAME]},
             {**harmonics, "required": [HARMONICS_NAME]},
-            {**fitted, "required": [*Trace._fields, HARMONICS_NAME]},
+            {**fitted, "required": [*FittedTrace._fields, HARMONICS_NAME]},
             {**trace, "required": ["trace", "column", HARMONICS_NAME]},
         ],
     }

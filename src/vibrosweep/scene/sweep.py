@@ -37,7 +37,7 @@ from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS, Tables, read_tables
 from vibrosweep.scene.scene import Scene, Traced
 
-__all__ = ["Sweep", "batch", "parse_spec"]
+__all__ = ["Sweep", "batch", "checked", "parse_spec", "read_text"]
 
 # Fields of a scene, apart from its inputs, that [record] takes from [scene] by default
 SHARED: Final = (

@@ -22,11 +22,13 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import escaped
-from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, Trace, Waveform, zeros
+from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, FittedTrace, Waveform, zeros
 from vibrosweep.scene.cells import MISSING, cells_of
 from vibrosweep.scene.clocks import even_times, origin_of, rounding_of, strongest_rate
 from vibrosweep.scene.headings import acceleration_factor, length_factor, time_factor
 from vibrosweep.scene.scene import Traced
+
+__all__ = ["series_of", "waves"]
 
 AT_REST: Final = 0.02  # deviation from 1 of a mean that is taken for 1 g
 FEWEST_PERIODS: Final = 2.0
@@ -68,7 +70,7 @@ def measured(traced: Traced, folder: Path) -> tuple[Waveform, float, float]:
     velocity = float(np.abs(raw.velocity(zeros(raw, 1))).max())
     scaled = tuple((k, w / velocity, p) for k, w, p in tones)
     digest = hashlib.blake2b(content, digest_size=8).hexdigest()
-    trace = Trace(traced.trace, traced.column, digest, round(share, 6))
+    trace = FittedTrace(traced.trace, traced.column, digest, round(share, 6))
     return Waveform(HARMONICS_NAME, scaled, trace), frequency, velocity
 
 

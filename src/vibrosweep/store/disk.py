@@ -37,7 +37,7 @@ from vibrosweep.system import ENDINGS, locked
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-__all__ = ["check_output", "path_of", "replacing"]
+__all__ = ["check_output", "make_directory", "path_of", "replacing"]
 
 
 def path_of(name: str, value: object) -> Path:
@@ -287,7 +287,7 @@ LENGTH: Final = len("\nvibrosweep seal sha256 \n") + DIGITS
 BLOCK: Final = 1 << 20
 
 
-class State(Enum):
+class FileState(Enum):
     """Result of comparing a file with its seal."""
 
     INTACT = auto()
@@ -302,7 +302,7 @@ def append_seal(file: BinaryIO) -> None:
     file.write(f"\nvibrosweep seal sha256 {digest}\n".encode())
 
 
-def state_of(path: Path) -> State:
+def state_of(path: Path) -> FileState:
     """Compare the contents of a file with its seal; takes about a second per 1-2 GB.
 
     Raises a ValueError for anything but a regular file.
@@ -311,15 +311,15 @@ def state_of(path: Path) -> State:
 
 
 @lru_cache(maxsize=16)
-def _state(path: Path, inode: int, size: int, modified: int) -> State:
+def _state(path: Path, inode: int, size: int, modified: int) -> FileState:
     """Compare once for each version of a file."""
     with path.open("rb") as file:
         file.seek(max(0, size - LENGTH))
         seal = PATTERN.fullmatch(file.read())
         if seal is None:
-            return State.MISSING
+            return FileState.MISSING
         intact = _digest(file, size - LENGTH) == seal[1].decode()
-    return State.INTACT if intact else State.BROKEN
+    return FileState.INTACT if intact else FileState.BROKEN
 
 
 def _digest(file: BinaryIO, length: int) -> str:

@@ -19,7 +19,7 @@ import h5netcdf
 import h5py
 
 from vibrosweep.errors import DataError, ParameterError, VibrosweepError
-from vibrosweep.store.disk import State, path_of, state_of, undisturbed
+from vibrosweep.store.disk import FileState, path_of, state_of, undisturbed
 from vibrosweep.store.trial import open_for_writing, require_readable, require_whole
 
 if TYPE_CHECKING:
@@ -42,9 +42,9 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         before = open_for_writing(file_path)
         seal = state_of(file_path)
-        if seal is State.MISSING:
+        if seal is FileState.MISSING:
             require_readable(file_path)
-        elif seal is State.INTACT:
+        elif seal is FileState.INTACT:
             with undisturbed(), h5py.File(path, "r") as file:
                 require_whole(file)
     except FileNotFoundError as error:
@@ -53,7 +53,7 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
         if isinstance(error, BlockingIOError) or open_for_writing(file_path):
             raise _in_use(path) from error
         raise _unreadable(path, f" ({error})" if isinstance(error, ValueError) else "") from error
-    if seal is State.BROKEN:
+    if seal is FileState.BROKEN:
         if before or open_for_writing(file_path):
             raise _in_use(path)
         raise DataError(
@@ -95,7 +95,7 @@ def using(path: str | os.PathLike[str]) -> Iterator[None]:
     except (VibrosweepError, MemoryError):
         raise
     except Exception as error:  # a foreign file can cause any error
-        if state_of(Path(path)) is not State.MISSING:
+        if state_of(Path(path)) is not FileState.MISSING:
             raise
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise DataError(

@@ -110,6 +110,10 @@ class Writer(ABC):
         """Create an array; one in memory holds `blank` until it is written."""
 
     @abstractmethod
+    def _fill(self, array: Any, start: int, values: NDArray[Any]) -> None:
+        """Write a piece of an array that begins at realization `start`."""
+
+    @abstractmethod
     def attributes(self, values: Attributes) -> None:
         """Set attributes of the result."""
 
@@ -175,13 +179,7 @@ class Writer(ABC):
 
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
         """Write a piece that begins at realization `start`."""
-        array, done = self._arrays[name][1], 0
-        sizes = [self._sizes[axis] for axis in self._axes]
-        for box in boxes(sizes, start, start + values.shape[0]):
-            shape = [side.stop - side.start for side in box]
-            size = math.prod(shape)
-            array[box] = values[done : done + size].reshape(*shape, *values.shape[1:])
-            done += size
+        self._fill(self._arrays[name][1], start, values)
         self._missing[name] -= values.shape[0]
 
     def awaits(self, name: str) -> bool:
@@ -282,9 +280,13 @@ class Group(Writer):
         return dataset
 
     @undisturbed()
-    def write(self, name: str, start: int, values: NDArray[Any]) -> None:
-        """Write a piece that begins at realization `start`."""
-        super().write(name, start, values)
+    def _fill(self, array: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
+        done, sizes = 0, [self._sizes[axis] for axis in self._axes]
+        for box in boxes(sizes, start, start + values.shape[0]):
+            shape = [side.stop - side.start for side in box]
+            size = math.prod(shape)
+            array[box] = values[done : done + size].reshape(*shape, *values.shape[1:])
+            done += size
         self._disk.check()
 
     @undisturbed()

@@ -15,7 +15,7 @@ from proved_pieces import sine, step
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.proof.reference.arithmetic import Enclosure, UndecidableError
+from vibrosweep.proof.reference.arithmetic import OrbitEnclosure, UndecidableError
 from vibrosweep.proof.reference.high_bounce import BallMap
 from vibrosweep.proof.reference.laws import Constant
 from vibrosweep.proof.reference.trajectories import trajectory
@@ -338,7 +338,7 @@ def test_enclosure_keeps_every_point(e, amplitude, speed, radius, corner, reflec
             gravity=arb(9.81),
         )
         point = (arb(radius) * arb(corner[0]), arb(speed) + arb(radius) * arb(corner[1]))
-        state = Enclosure(arb(0, radius), arb(speed, radius))
+        state = OrbitEnclosure(arb(0, radius), arb(speed, radius))
         for _ in range(12):
             flown, half_turns, w = m.carry(state)
             point = m.impact(*point)
@@ -362,7 +362,7 @@ def test_a_mirrored_set_holds_the_mirrored_points(speed, radius, corner, slopes,
     """At any precision, also below that of the centre, and after the set has been turned."""
     with ctx.workprec(400):
         by_flown, by_speed = (arb(slope) for slope in slopes)
-        state = Enclosure(arb(0, radius), arb(speed, radius))
+        state = OrbitEnclosure(arb(0, radius), arb(speed, radius))
         state.turn(state.flown, state.speed / 3, ((arb(1), arb(1)), (by_flown, by_speed)))
         off = [arb(radius) * arb(part) for part in corner]
         flown, v = off[0] + off[1], arb(speed) / 3 + by_flown * off[0] + by_speed * off[1]

@@ -31,6 +31,8 @@ from vibrosweep.kernels._jit import Floats, generic, jit
 from vibrosweep.kernels.arithmetic import HALF_ULP
 from vibrosweep.model.parameters import Dimensionless
 
+__all__ = ["constants", "fly", "lift_off", "rebound", "speed"]
+
 Base = Any  # a named tuple of laws, shape and noise: numba compiles for its type
 Constants = Any  # the named tuple of one base
 

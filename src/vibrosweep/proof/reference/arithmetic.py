@@ -1,7 +1,7 @@
 """Ball arithmetic: numbers, decisions, sets of states, and derivatives.
 
 The one place where python-flint is imported.  A decision that is uncertain requests more precision
-(`decided`); an `Enclosure` is a set of states that turns and shrinks with an orbit (Lohner's
+(`decided`); an `OrbitEnclosure` is a set of states that turns and shrinks with an orbit (Lohner's
 method); a `Jet` is a ball with its derivatives by several variables (automatic differentiation,
 forward).
 """
@@ -155,7 +155,7 @@ ZERO, ONE = arb(0), arb(1)
 FRAME_BITS: Final = 64
 
 
-class Enclosure:
+class OrbitEnclosure:
     """All states (V, v) = centre + frame (r1, r2): the orbit's state is proved to be one of them.
 
     V is the time flown and v a speed, in units of the base.  Plain balls grow at each impact by the

@@ -43,7 +43,7 @@ class ClosedOrbit(NamedTuple):
     turns_back: bool = False  # True if a rebound downwards is turned back, as under `reflect`
 
 
-class BaseMotion(NamedTuple):
+class BaseJets(NamedTuple):
     """The motion of the base at a phase."""
 
     w: Jet
@@ -100,13 +100,13 @@ def cycle(orbit: ClosedOrbit, z: Sequence[Jet]) -> ClosedCycle:
     return ClosedCycle(off, flights, m[0] + m[3], determinant, obstacle)
 
 
-def _base_motion(wave: Wave, turns: Jet) -> BaseMotion:
+def _base_motion(wave: Wave, turns: Jet) -> BaseJets:
     """Motion of the base, with derivatives; the slope has none at a corner."""
     h = 2 * turns.v
     level, velocity, slope = wave.level(h), wave.velocity(h), wave.slope(h)
     jumps = wave.bounds.bend == 0 and slope.rad() > 0
     rate = arb("nan") if jumps else wave.rate(h)
-    return BaseMotion(
+    return BaseJets(
         Jet(velocity, [slope * d for d in turns.d]),
         Jet(level, [velocity * d for d in turns.d]),
         Jet(slope, [rate * d for d in turns.d]),
@@ -121,9 +121,7 @@ def _impact(orbit: ClosedOrbit, v: Jet) -> tuple[Jet, Jet]:
     return Jet(law.kept(v.v), [slope * d for d in v.d]), Jet(slope, [bend * d for d in v.d])
 
 
-def _bounce(
-    orbit: ClosedOrbit, a: Jet, s: Jet, first: BaseMotion, last: BaseMotion
-) -> ClosedFlight:
+def _bounce(orbit: ClosedOrbit, a: Jet, s: Jet, first: BaseJets, last: BaseJets) -> ClosedFlight:
     """A flight of the high-bounce map."""
     kept, q = _impact(orbit, s)
     w, k = kept + a * last.w, a * last.slope
@@ -133,7 +131,7 @@ def _bounce(
     return ClosedFlight(s, s, s, w, (one, one, k, k + q), q, arb(1), "")
 
 
-def _fly(orbit: ClosedOrbit, a: Jet, s: Jet, first: BaseMotion, last: BaseMotion) -> ClosedFlight:
+def _fly(orbit: ClosedOrbit, a: Jet, s: Jet, first: BaseJets, last: BaseJets) -> ClosedFlight:
     """A flight over the moving base."""
     alpha = a / (1 + orbit.e)
     gained = alpha * (last.w - first.w)  # speed of the base

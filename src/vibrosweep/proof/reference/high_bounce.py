@@ -27,7 +27,7 @@ from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference.arithmetic import (
     FRAME_BITS,
-    Enclosure,
+    OrbitEnclosure,
     UncertainError,
     arb,
     certain_above,
@@ -47,12 +47,12 @@ from vibrosweep.proof.reference.motion import (
     EPS,
     Carried,
     Contraction,
-    Flight,
-    Landed,
     Left,
     Pair,
-    Problem,
+    ProvedFlight,
+    ProvedLanding,
     Step,
+    TrajectoryProblem,
 )
 
 ZERO, ONE = arb(0), arb(1)
@@ -105,7 +105,7 @@ class BallMap:
         by_landing = self.amplitude * self.wave.slope(half_turns) * turns_by_landing
         return by_landing, self.restitution.slope(speed)
 
-    def carry(self, state: Enclosure) -> tuple[arb, arb, arb]:
+    def carry(self, state: OrbitEnclosure) -> tuple[arb, arb, arb]:
         """Map a set; return V', its phase in half turns and w as balls around all its states."""
         full = ctx.prec
         ctx.prec = bits = min(full, state.bits)
@@ -135,16 +135,16 @@ class BounceMotion:
     Attributes
     ----------
     launched, end
-        As in `vibrosweep.proof.reference.motion.Motion`.
+        As in `vibrosweep.proof.reference.motion.ParticleMotion`.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: TrajectoryProblem) -> None:
         p, self._launch_time, self._problem = problem.balls, problem.launched, problem
         self._map = BallMap.from_parameters(problem.parameters, problem.laws, self._launch_time)
         self._rest_velocity = p["gravity"] * p["contact_time"] / 2
         self._flown, self._velocity = ZERO, p["launch_velocity"]
         self._half_turns = self._map.half_turns_at_launch
-        self._state = Enclosure(self._flown, self._velocity)
+        self._state = OrbitEnclosure(self._flown, self._velocity)
         self.end = p["gravity"] * problem.lasting / 2
         self.launched = self._left(rested=False)
 
@@ -158,12 +158,12 @@ class BounceMotion:
         height = v * v / (2 * m.gravity)
         return Left(self._flown, rested, v, m.half_turn_rate * v / m.gravity / 2, height)
 
-    def land(self, impact: int) -> Landed:
+    def land(self, impact: int) -> ProvedLanding:
         """Fly to the next landing."""
         duration = self._map.half_turn_rate * self._velocity / self._map.gravity / 2
         drawn = self._map if self._problem.deviates is None else self._drawn(impact)
         self._flown, self._half_turns, self._velocity = drawn.carry(self._state)
-        return Landed(self._flown, self._half_turns, duration, None, arrival=duration)
+        return ProvedLanding(self._flown, self._half_turns, duration, None, arrival=duration)
 
     def _drawn(self, impact: int) -> BallMap:
         """Return the map with the random numbers of the next impact."""
@@ -186,7 +186,7 @@ class BounceMotion:
             return None
         self._flown = lifted
         self._velocity = self._rest_velocity
-        self._state = Enclosure(self._flown, self._velocity)
+        self._state = OrbitEnclosure(self._flown, self._velocity)
         return self._left(rested=True)
 
     @cached_property
@@ -293,7 +293,7 @@ class BounceMap(NamedTuple):
         """Bits that an impact may cost a ball, by its Jacobian."""
         return 1.0 + math.log2(3.0 + 2.0 * float(self.a * self.wave.bounds.steep))
 
-    def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
+    def carried(self, x: arb, flight: ProvedFlight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction and its normal through the impact after a flight from phase x."""
         u = flight.speed
         k, f = (float(slope) for slope in self.slopes(x + u, u))

@@ -39,7 +39,7 @@ FALLS: Final = "the base ever falls faster than gravity"
 AtLiftoff: TypeAlias = Sequence[tuple[arb, arb]]  # values of a shape at the phase of a lift-off
 
 
-class Bounds(NamedTuple):
+class ShapeBounds(NamedTuple):
     """Bounds of a shape."""
 
     # fast, steep, bend, jolt: of |w| and the moduli of its derivatives, in turns
@@ -59,7 +59,7 @@ class Wave(Protocol):
     """A shape, at one precision."""
 
     @property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> ShapeBounds:
         """Bounds of the shape."""
 
     def level(self, h: arb) -> arb:
@@ -98,9 +98,9 @@ class _Sine(Wave):
     """w = sin(2 pi x)."""
 
     @property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> ShapeBounds:
         turn = 2 * arb.pi()
-        return Bounds(ONE, turn, turn**2, turn**3, 1 / turn, 1.0, 0.0)
+        return ShapeBounds(ONE, turn, turn**2, turn**3, 1 / turn, 1.0, 0.0)
 
     def level(self, h: arb) -> arb:
         return -h.cos_pi() / (2 * arb.pi())
@@ -166,11 +166,11 @@ class _Harmonics(Wave):
         return total
 
     @property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> ShapeBounds:
         fast, steep, bend, jolt, top = (self._sum(power) for power in (0, 1, 2, 3, -1))
         most, turn = max(h for h, _, _ in self._tones), 2 * arb.pi()
         size = max(float(one) for one in (fast, steep / turn, turn * top)) * (1.0 + 2.0**-40)
-        return Bounds(fast, steep, bend, jolt, top, size, 6.0 * most * most + most + 32.0)
+        return ShapeBounds(fast, steep, bend, jolt, top, size, 6.0 * most * most + most + 32.0)
 
     def _along(self, half_turns: arb, term: Callable[[arb, arb, arb], arb]) -> arb:
         """Sum of a function of 2 pi h, c sin and c cos."""
@@ -231,8 +231,8 @@ class _Triangle(Wave):
     """w = 4 x for |x| <= 1/4 and 2 - 4 x up to 3/4: its height is made of parabolas."""
 
     @property
-    def bounds(self) -> Bounds:
-        return Bounds(ONE, arb(4), ZERO, ZERO, arb(0.125), 1.0, 0.0)
+    def bounds(self) -> ShapeBounds:
+        return ShapeBounds(ONE, arb(4), ZERO, ZERO, arb(0.125), 1.0, 0.0)
 
     def _pieces(self, h: arb) -> list[tuple[int, arb]]:
         """Sign of the slope, and phase from the middle, of each piece in which a phase may be."""

@@ -1,6 +1,7 @@
 """Motion of a particle from landing to landing: results, the interface of a base, ends of flights.
 
-Results are balls, and the doubles nearest to them.  A base implements `Motion` and `PeriodMap`.
+Results are balls, and the doubles nearest to them.  A base implements `ParticleMotion` and
+`PeriodMap`.
 
 A flight ends at the first root of a smooth function, which `first_root` certifies.  In the units of
 `vibrosweep.proof.reference.moving`, after leaving at phase x with the relative speed y, the
@@ -45,7 +46,7 @@ from vibrosweep.proof.reference.laws import (
 
 
 @dataclass(frozen=True, slots=True)
-class Flight:
+class ProvedFlight:
     """A flight; every ball contains the exact value."""
 
     # Ball, speed relative to the base at lift-off, in units of g / 2 f: on a base at rest, the
@@ -58,7 +59,7 @@ class Flight:
 
 
 @dataclass(frozen=True, slots=True)
-class Impact:
+class ProvedImpact:
     """One landing and the lift-off that follows; every ball contains the exact value."""
 
     landing_time: arb  # ball, s
@@ -72,7 +73,7 @@ class Impact:
     count: int
     phase: arb
     # The flight after lift-off, also where it ends after the observation; None at rest for good
-    flight: Flight | None
+    flight: ProvedFlight | None
     arrival: arb  # ball; speed relative to the base before the impact, in units of g / 2 f
 
 
@@ -83,9 +84,9 @@ class Trajectory:
     The arrays have shape (impact,); they hold the doubles nearest to the balls' midpoints.
     """
 
-    launch: Flight  # the flight before the first landing
+    launch: ProvedFlight  # the flight before the first landing
     # Every landing up to the end of the observation, or up to the budget
-    impacts: tuple[Impact, ...]
+    impacts: tuple[ProvedImpact, ...]
     at_rest: bool  # True if the last landing left the particle at rest for good
     # `Status.COMPLETED`, or `Status.BUDGET_EXCEEDED` where more landings follow than the budget
     # allows
@@ -93,9 +94,9 @@ class Trajectory:
     # Precision at which every decision became certain and every ball narrow enough
     precision_bits: int
 
-    def landed(self) -> Iterator[tuple[Flight, Impact]]:
+    def landed(self) -> Iterator[tuple[ProvedFlight, ProvedImpact]]:
         """Yield each landing with the flight that ends with it."""
-        flight: Flight | None = self.launch
+        flight: ProvedFlight | None = self.launch
         for impact in self.impacts:
             if flight is not None:
                 yield flight, impact
@@ -142,7 +143,7 @@ class Deviates(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Problem:
+class TrajectoryProblem:
     """Exact inputs of one trajectory, and the accuracy of its results."""
 
     parameters: dict[str, float]
@@ -198,7 +199,7 @@ class Problem:
         return Random(law, p["restitution_noise"] * slip, moved, thrown)
 
 
-class Landed(NamedTuple):
+class ProvedLanding(NamedTuple):
     """A landing."""
 
     flown: arb  # time since the launch, in the unit of the base
@@ -221,7 +222,7 @@ class Left(NamedTuple):
     height: arb  # m, of the highest point of the flight, above the mean level of the base
 
 
-class Motion(Protocol):
+class ParticleMotion(Protocol):
     """A particle and its base, at one precision."""
 
     launched: Left
@@ -230,7 +231,7 @@ class Motion(Protocol):
     def time(self, flown: arb) -> arb:
         """Time in s, `flown` after the launch."""
 
-    def land(self, impact: int) -> Landed:
+    def land(self, impact: int) -> ProvedLanding:
         """Fly to the next landing; an UncertainError where more precision is needed to find it."""
 
     def leave(self, impact: int) -> Left | None:
@@ -268,7 +269,7 @@ class PeriodMap(Protocol):
     def lost(self) -> float:
         """Bits that an impact may cost a ball."""
 
-    def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
+    def carried(self, x: arb, flight: ProvedFlight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction through the impact after a flight that sets out from phase x.
 
         The images are given as doubles; phase and speed of the lift-off are known up to `errors`.
@@ -291,7 +292,7 @@ END: Final = arb.pos_inf()
 UNDECIDED: Final = "the flight grazes the base or lands"
 
 
-class Course(Protocol):
+class ProvedCourse(Protocol):
     """A function of time, positive until its first root."""
 
     def height(self, s: arb) -> arb:
@@ -308,7 +309,7 @@ class Course(Protocol):
         return None
 
 
-def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
+def first_root(c: ProvedCourse, start: arb, impact: int, until: arb = END) -> arb:
     """Return a ball that holds the first root, with G' < 0 on all of it.
 
     There is no root before `start`.  The search ends at `until`; the result is infinite if it has
@@ -342,7 +343,7 @@ def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
     raise UncertainError(f"whether {UNDECIDED}", impact)
 
 
-def _step(c: Course, s: arb, height: arb, slope: arb) -> arb:
+def _step(c: ProvedCourse, s: arb, height: arb, slope: arb) -> arb:
     """Step that passes no root, from lower bounds of G(s), which is positive, and G'(s)."""
     now, rate, growth, largest = c.curvature(s)
     tried = step = _down(height, slope, largest)
@@ -366,14 +367,14 @@ def _down(height: arb, slope: arb, bend: arb) -> arb:
     return (slope + reach) / bend if bend > 0 else arb.pos_inf()
 
 
-def _bracket(c: Course, low: arb, high: arb) -> arb | None:
+def _bracket(c: ProvedCourse, low: arb, high: arb) -> arb | None:
     """Interval between two times if it is proved to hold exactly one root, a landing."""
     interval = low.union(high)
     proved = c.height(low) > 0 and c.height(high) < 0 and c.slope(interval) < 0
     return interval if proved else None
 
 
-def narrowed(c: Course, root: arb) -> arb:
+def narrowed(c: ProvedCourse, root: arb) -> arb:
     """Narrow a ball that holds a root and on which G' < 0, as far as the precision goes."""
     while True:
         middle = root.mid()

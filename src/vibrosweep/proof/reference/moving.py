@@ -26,7 +26,7 @@ from functools import cached_property
 
 from vibrosweep.proof.reference.arithmetic import (
     FRAME_BITS,
-    Enclosure,
+    OrbitEnclosure,
     Rows,
     UncertainError,
     arb,
@@ -37,9 +37,9 @@ from vibrosweep.proof.reference.arithmetic import (
 from vibrosweep.proof.reference.laws import (
     SINE_WAVE,
     AtLiftoff,
-    Bounds,
     Laws,
     Restitution,
+    ShapeBounds,
     Wave,
     mean_logarithm,
     next_of,
@@ -50,12 +50,12 @@ from vibrosweep.proof.reference.motion import (
     SHORTENING,
     Carried,
     Contraction,
-    Flight,
-    Landed,
     Left,
     Pair,
-    Problem,
+    ProvedFlight,
+    ProvedLanding,
     Step,
+    TrajectoryProblem,
     first_root,
     narrowed,
 )
@@ -65,7 +65,7 @@ ROUNDED_BITS = 64  # beyond those of a frame, in which roundings of doubles are 
 
 
 @dataclass(frozen=True)
-class Clearance:
+class BallClearance:
     """Height above the base during flights that set out from a ball of states."""
 
     wave: Wave
@@ -76,7 +76,7 @@ class Clearance:
     presses: Callable[[], Sequence[arb]] = tuple  # phases at which the base begins to press
 
     @cached_property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> ShapeBounds:
         """Bounds of the shape."""
         return self.wave.bounds
 
@@ -160,9 +160,9 @@ class MovingMap:
         """Velocity of the base at a phase."""
         return self.alpha * self.wave.velocity(2 * x)
 
-    def clearance(self, x: arb, y: arb) -> Clearance:
+    def clearance(self, x: arb, y: arb) -> BallClearance:
         """Height above the base during flights from a ball of states."""
-        return Clearance(self.wave, self.alpha, x, y, lambda: self.ends[1])
+        return BallClearance(self.wave, self.alpha, x, y, lambda: self.ends[1])
 
     def presses(self, x: arb, impact: int) -> bool:
         """Return whether the base presses a particle that lies on it at a phase."""
@@ -218,7 +218,7 @@ class MovingMap:
         """Bits that an impact may cost a ball."""
         return 2.0 + 2.0 * math.log2(3.0 + 4.0 * float(self.gamma))
 
-    def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
+    def carried(self, x: arb, flight: ProvedFlight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction and its normal through the impact after a flight from phase x."""
         landing = -2 * self.clearance(x, flight.speed).slope(flight.duration)
         exact = self.jacobian(x, flight.duration, landing)
@@ -286,10 +286,10 @@ class MovingMotion:
     Attributes
     ----------
     launched, end
-        As in `vibrosweep.proof.reference.motion.Motion`.
+        As in `vibrosweep.proof.reference.motion.ParticleMotion`.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: TrajectoryProblem) -> None:
         p, self._launch_time, self._problem = problem.balls, problem.launched, problem
         self._map = MovingMap.from_parameters(problem.parameters, problem.laws)
         self._frequency, self._gravity = p["frequency"], p["gravity"]
@@ -299,7 +299,7 @@ class MovingMotion:
         self._lift: arb | None = None  # phase of the lift-off, right after a rest
         u = 2 * p["frequency"] / p["gravity"] * p["launch_velocity"]
         self._speed = u - self._map.velocity(self._phase)
-        self._state = Enclosure(self._flown, self._speed)
+        self._state = OrbitEnclosure(self._flown, self._speed)
         self.launched = self._left()
 
     def time(self, flown: arb) -> arb:
@@ -317,7 +317,7 @@ class MovingMotion:
         velocity = self._gravity / (2 * self._frequency) * u
         return Left(self._flown, self._lift is not None, velocity, self._speed, height)
 
-    def land(self, impact: int) -> Landed:
+    def land(self, impact: int) -> ProvedLanding:
         """Fly to the next landing."""
         m, state = self._drawn(impact), self._state
         left = self._speed + m.velocity(self._phase + self._flown)
@@ -339,7 +339,7 @@ class MovingMotion:
         slopes = float(by_flown - 1), float(by_speed)
         turns = self._phase + self._flown
         arrival = m.velocity(turns) + 2 * duration - left
-        return Landed(self._flown, 2 * turns, duration, slopes, arrival)
+        return ProvedLanding(self._flown, 2 * turns, duration, slopes, arrival)
 
     def _drawn(self, impact: int) -> MovingMap:
         """Return the map with the random numbers of an impact."""
@@ -368,5 +368,5 @@ class MovingMotion:
             lift = next_of(m.ends[0], turns, impact)
             self._lift = lift - nearest_integer(lift)
             self._flown, self._speed = lift - self._phase, ZERO
-            self._state = Enclosure(self._flown, self._speed)
+            self._state = OrbitEnclosure(self._flown, self._speed)
         return self._left()

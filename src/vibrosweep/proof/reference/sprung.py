@@ -64,10 +64,10 @@ from vibrosweep.proof.reference.laws import Laws, Random, Restitution, Wave, wav
 from vibrosweep.proof.reference.motion import (
     END,
     SHORTENING,
-    Course,
     Deviates,
-    Flight,
-    Impact,
+    ProvedCourse,
+    ProvedFlight,
+    ProvedImpact,
     Trajectory,
     first_root,
     narrowed,
@@ -76,7 +76,7 @@ from vibrosweep.proof.reference.motion import (
 ZERO, HALF = arb(0), arb(0.5)
 
 
-class Mount(NamedTuple):
+class ExactMount(NamedTuple):
     """A base and its mount."""
 
     alpha: arb  # factor of the velocity of the base without particles
@@ -111,7 +111,7 @@ class Tones:
     Raises an UncertainError, about the next landing, at a resonance without damping.
     """
 
-    def __init__(self, mount: Mount, x: arb, load: arb, impact: int) -> None:
+    def __init__(self, mount: ExactMount, x: arb, load: arb, impact: int) -> None:
         self._tones = []
         numbers = [h for h, _, _ in mount.waveform.tones] or [1]
         for number, (u, v) in zip(numbers, mount.wave.at_liftoff(2 * x), strict=True):
@@ -166,14 +166,14 @@ class Tones:
         ]
 
 
-class Stretch:
+class ParabolicDrive:
     """Parabolic motion under a load, from a phase in turns on until the next corner.
 
     Its acceleration is constant, 4 alpha on the side 1 around phase 0 and -4 alpha on the side -1,
     and so is the forced part of D.
     """
 
-    def __init__(self, mount: Mount, x: arb, load: arb, side: int) -> None:
+    def __init__(self, mount: ExactMount, x: arb, load: arb, side: int) -> None:
         middle = nearest_integer(x) if side > 0 else nearest_integer(x - HALF) + HALF
         self._y, self._pull = x - middle, 4 * side * mount.alpha
         self._top = mount.alpha / 8
@@ -207,7 +207,7 @@ def _turn(number: int) -> arb:
 
 
 def _answer(
-    mount: Mount, load: arb, turn: arb, bare: tuple[arb, arb], impact: int
+    mount: ExactMount, load: arb, turn: arb, bare: tuple[arb, arb], impact: int
 ) -> tuple[arb, arb]:
     """Forced part of D under a load: coefficients, from those of the bare base."""
     if load.is_zero():
@@ -249,7 +249,8 @@ class Arc:
     impact
         Number of the next landing, for an error.
     side
-        Side of the drive if its waveform has corners (`Stretch`); the arc ends at the next corner.
+        Side of the drive if its waveform has corners (`ParabolicDrive`); the arc ends at the next
+        corner.
 
     Raises
     ------
@@ -259,7 +260,7 @@ class Arc:
 
     def __init__(
         self,
-        mount: Mount,
+        mount: ExactMount,
         x: arb,
         state: tuple[arb, arb],
         riders: int,
@@ -275,8 +276,10 @@ class Arc:
             raise UncertainError("whether the free base oscillates", impact)
         self._excess = ZERO if excess.is_zero() else self._z * self._z - self._q
         self.level = -2 * load / square
-        self._drive: Tones | Stretch = (
-            Stretch(mount, x, load, side) if mount.has_corners else Tones(mount, x, load, impact)
+        self._drive: Tones | ParabolicDrive = (
+            ParabolicDrive(mount, x, load, side)
+            if mount.has_corners
+            else Tones(mount, x, load, impact)
         )
         answered, rate = self._drive.answer(after)
         self._free = self._carried(state[0] - self.level - answered, state[1] - rate, -after)
@@ -372,7 +375,7 @@ class Above:
         return self._speed - 2 * s - self._arc.since(s)[1]
 
     def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
-        """As `vibrosweep.proof.reference.motion.Course.curvature`."""
+        """As `vibrosweep.proof.reference.motion.ProvedCourse.curvature`."""
         arc = self._arc
         return (
             2 + arc.derivative(2, s),
@@ -411,7 +414,7 @@ def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -
     return until.lower()
 
 
-class Pressure(Course):
+class Pressure(ProvedCourse):
     """Acceleration of the base relative to free fall: while positive, riders are pressed."""
 
     def __init__(self, arc: Arc) -> None:
@@ -441,7 +444,7 @@ LAUNCH, LANDING, LIFTOFF = "launch", "landing", "lift-off"
 class Bodies(NamedTuple):
     """The moving bodies: the base on its mount, and identical particles."""
 
-    mount: Mount
+    mount: ExactMount
     restitution: Restitution
     r: arb  # relative speed at and below which a particle sticks where the base presses it
     u0: arb  # velocity of a launch
@@ -450,7 +453,7 @@ class Bodies(NamedTuple):
     drawn: Callable[[int, int], Restitution] | None = None
 
 
-class Event(NamedTuple):
+class ParticleEvent(NamedTuple):
     """An event of one particle."""
 
     kind: str  # `LAUNCH`, `LANDING`, or `LIFTOFF` of a rider
@@ -512,7 +515,7 @@ class Next(NamedTuple):
 
     s: arb
     what: Launch | Corner | Flying | Riders
-    course: Course | None = None
+    course: ProvedCourse | None = None
 
     def narrowed(self) -> Next:
         """Return the event with its time as narrow as the precision allows."""
@@ -537,7 +540,7 @@ def latest_start(found: Sequence[Next]) -> arb:
 STRETCH: Final = arb(16)
 
 
-class System:
+class CoupledSystem:
     """The base, whose state at the first launch is given, and its particles, at one precision.
 
     Where all particles ride the base, their lift-off is looked for up to the phase `end`.
@@ -565,7 +568,7 @@ class System:
         self._flying: list[Flying] = []
         self._leaving: list[Flying] = []
         self._riders: list[int] = []
-        self.events: list[Event] = []
+        self.events: list[ParticleEvent] = []
         self.landings = 0
         self._drawn: Counter[int] = Counter()  # impacts of each particle whose numbers are drawn
         self._instant, self._late = self._waiting[0].turns.mid(), ZERO
@@ -648,7 +651,9 @@ class System:
             raise UncertainError(f"whether {first} follows the last event", number)
         return first
 
-    def _root(self, course: Course, start: arb, until: arb, what: Flying | Riders) -> list[Next]:
+    def _root(
+        self, course: ProvedCourse, start: arb, until: arb, what: Flying | Riders
+    ) -> list[Next]:
         """First root, where it comes before `until`; few bits are enough in most cases."""
         try:
             with ctx.workprec(FRAME_BITS):
@@ -817,7 +822,7 @@ class System:
         after = now if relative is None else now + relative
         moves = before, after, now if base is None else base, now, relative
         state = self.landings, len(self._riders), self._deviation, self._rate
-        self.events.append(Event(kind, particle, self._turns, self._height, *moves, *state))
+        self.events.append(ParticleEvent(kind, particle, self._turns, self._height, *moves, *state))
 
 
 CONSTANT_LAWS: Final = Laws()
@@ -829,18 +834,18 @@ class TooManyLandingsError(ParameterError):
 
 
 @dataclass(frozen=True)
-class Coupled:
+class CoupledMotion:
     """The proved motion of a realization."""
 
     particles: tuple[Trajectory, ...]  # trajectory of each
     # All up to the end, in the order of time, in these units
-    events: tuple[Event, ...]
+    events: tuple[ParticleEvent, ...]
     # Precision at which every decision became certain and every ball narrow enough
     precision_bits: int
 
 
 @dataclass(frozen=True)
-class _Problem:
+class _CoupledProblem:
     """Exact inputs, and the accuracy of the results."""
 
     parameters: Mapping[str, float]
@@ -880,7 +885,7 @@ class _Problem:
         p = self.parameters
         return (turns - arb(p["phase"]) / (2 * arb.pi())) / arb(p["frequency"])
 
-    def require_narrow(self, impact: Impact, number: int) -> None:
+    def require_narrow(self, impact: ProvedImpact, number: int) -> None:
         """Raise `UncertainError` unless a landing and the lift-off after it are narrow."""
         limits = WidthLimits(self.digits, self.parameters)
         found = [(impact.landing_time, limits.time), (impact.phase, limits.phase)]
@@ -900,7 +905,7 @@ def bodies_of(
     """Base and particles of physical parameters, at the current precision."""
     p = {name: arb(value) for name, value in parameters.items()}
     rate = 2 * p["frequency"] / p["gravity"]
-    mount = Mount(
+    mount = ExactMount(
         alpha=rate * p["amplitude"] / (1 + p["restitution"]),
         natural=2 * arb.pi() * p["mount_frequency"] / p["frequency"],
         damping=p["mount_damping"],
@@ -932,7 +937,7 @@ def coupled(
     digits: int = 20,
     max_bits: int = 1 << 14,
     bits: int = 0,
-) -> Coupled:
+) -> CoupledMotion:
     """Every landing of all particles, with proved error bounds.
 
     Parameters are those of `vibrosweep.model.parameters.PARAMETERS`, of the mount and, where
@@ -947,7 +952,9 @@ def coupled(
     """
     values = {name: float(value) for name, value in parameters.items()}
     launched = tuple(Fraction(time) for time in launch_times)
-    problem = _Problem(values, launched, Fraction(duration), laws, max_landings, digits, deviates)
+    problem = _CoupledProblem(
+        values, launched, Fraction(duration), laws, max_landings, digits, deviates
+    )
     first = max(bits, first_precision(digits))
     return decided(partial(_attempt, problem), first, max_bits)
 
@@ -959,11 +966,11 @@ class _Course:
     """
 
     def __init__(self) -> None:
-        self.events: list[Event] = []
+        self.events: list[ParticleEvent] = []
         self.counted = 0
         self.complete = False  # True once no later event is needed
 
-    def add(self, event: Event, after: bool, late: bool) -> None:
+    def add(self, event: ParticleEvent, after: bool, late: bool) -> None:
         """Add the next event; it may be `after` the end, or too `late` for a lift-off to count."""
         if self.complete:
             return
@@ -984,9 +991,9 @@ class _Course:
         """True if the particle is on the base at the end, and its lift-off may still count."""
         return self.rides and self.counted == len(self.events) and not self.complete
 
-    def trajectory(self, problem: _Problem, rest: bool, bits: int) -> Trajectory:
+    def trajectory(self, problem: _CoupledProblem, rest: bool, bits: int) -> Trajectory:
         """Return the trajectory; a particle that rides at the end may be at `rest` for good."""
-        impacts: list[Impact] = []
+        impacts: list[ProvedImpact] = []
         for i, landed in enumerate(self.events[: self.counted]):
             if landed.kind is not LANDING:
                 continue
@@ -994,7 +1001,7 @@ class _Course:
             left, count = i + rested, nearest_integer(landed.turns)
             leaves = left < len(self.events)
             impacts.append(
-                Impact(
+                ProvedImpact(
                     landing_time=problem.time(landed.turns),
                     liftoff_time=problem.time(self.events[left].turns) if leaves else None,
                     rebound_velocity=problem.speed * self.events[left].after if leaves else None,
@@ -1009,27 +1016,27 @@ class _Course:
         launch, at_rest = self._flight(problem, 0), rest and self.rides
         return Trajectory(launch, tuple(impacts), at_rest, Status.COMPLETED, bits)
 
-    def _flight(self, problem: _Problem, left: int) -> Flight:
+    def _flight(self, problem: _CoupledProblem, left: int) -> ProvedFlight:
         """Flight that an event begins, and the next one ends."""
         event, landed = self.events[left : left + 2]
         if landed.turns is event.turns:  # a launch that is slower than the base
-            return Flight(event.relative, problem.length * event.height, ZERO, None)
+            return ProvedFlight(event.relative, problem.length * event.height, ZERO, None)
         rising = event.after.max(ZERO)
         top = event.height + rising * rising / 4
-        return Flight(event.relative, problem.length * top, landed.turns - event.turns, None)
+        return ProvedFlight(event.relative, problem.length * top, landed.turns - event.turns, None)
 
 
-def _rests(event: Event) -> bool:
+def _rests(event: ParticleEvent) -> bool:
     """Return whether the particle stays on the base after an event."""
     return event.relative is None
 
 
-def _attempt(problem: _Problem, bits: int) -> Coupled:
+def _attempt(problem: _CoupledProblem, bits: int) -> CoupledMotion:
     """Return the motion at one precision, or raise `UncertainError`."""
     with ctx.workprec(bits):
         bodies = bodies_of(problem.parameters, problem.laws, problem.deviates)
         end = problem.turns(problem.duration)
-        system, counted, seen = System(bodies, problem.launches, end + PATIENCE), 0, 0
+        system, counted, seen = CoupledSystem(bodies, problem.launches, end + PATIENCE), 0, 0
         courses = [_Course() for _ in problem.launch_times]
         stay = rest = late = False
         while True:
@@ -1056,4 +1063,4 @@ def _attempt(problem: _Problem, bits: int) -> Coupled:
             ):
                 break
         particles = tuple(one.trajectory(problem, rest, bits) for one in courses)
-        return Coupled(particles, tuple(system.events[:counted]), bits)
+        return CoupledMotion(particles, tuple(system.events[:counted]), bits)

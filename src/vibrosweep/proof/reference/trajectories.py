@@ -58,21 +58,21 @@ from vibrosweep.proof.reference.arithmetic import (
 from vibrosweep.proof.reference.laws import Laws, wave_of
 from vibrosweep.proof.reference.motion import (
     Deviates,
-    Flight,
-    Impact,
-    Landed,
     Left,
-    Motion,
+    ParticleMotion,
     PeriodMap,
-    Problem,
+    ProvedFlight,
+    ProvedImpact,
+    ProvedLanding,
     Trajectory,
+    TrajectoryProblem,
 )
 
 
 class Reference(NamedTuple):
     """Reference of a base: its motion, its map and its errors in doubles."""
 
-    motion: Callable[[Problem], Motion]  # of a particle, from a problem
+    motion: Callable[[TrajectoryProblem], ParticleMotion]  # of a particle, from a problem
     # Impacts in forcing periods, from physical parameters and the laws of an impact
     period_map: Callable[[Mapping[str, float], Laws], PeriodMap]
     # Velocity of a sine at least as fast, high and steep as the base's motion, m s-1, from physical
@@ -82,7 +82,7 @@ class Reference(NamedTuple):
     liftoff_error: Callable[[Mapping[str, float], Laws], float]
 
 
-def _over_moving_base(problem: Problem) -> Motion:
+def _over_moving_base(problem: TrajectoryProblem) -> ParticleMotion:
     """Motion over the moving base; a base of amplitude 0 is fixed, so that ties are decided."""
     still = problem.parameters["amplitude"] == 0.0 and problem.deviates is None
     return high_bounce.BounceMotion(problem) if still else moving.MovingMotion(problem)
@@ -109,7 +109,9 @@ REFERENCE_OF: Final[Mapping[str, Reference]] = {
 }
 
 
-def _orbit(motion: Motion, problem: Problem) -> tuple[list[Landed], list[Left], Status]:
+def _orbit(
+    motion: ParticleMotion, problem: TrajectoryProblem
+) -> tuple[list[ProvedLanding], list[Left], Status]:
     """Landings at the current precision, each with the launch or lift-off of the flight before it.
 
     The last one is beyond the end or the budget, unless the particle comes to rest for good.
@@ -137,24 +139,30 @@ def _orbit(motion: Motion, problem: Problem) -> tuple[list[Landed], list[Left], 
     return landings, lifted, Status.BUDGET_EXCEEDED
 
 
-def _impact(motion: Motion, landed: Landed, left: Left | None, flight: Flight | None) -> Impact:
+def _impact(
+    motion: ParticleMotion, landed: ProvedLanding, left: Left | None, flight: ProvedFlight | None
+) -> ProvedImpact:
     """Physical and dimensionless values of a landing."""
     turns = landed.half_turns / 2
     count = nearest_integer(turns)
     phase, time = turns - count, motion.time(landed.flown)
     if left is None:
-        return Impact(time, None, None, True, count, phase, None, landed.arrival)
+        return ProvedImpact(time, None, None, True, count, phase, None, landed.arrival)
     liftoff = motion.time(left.flown) if left.rested else time
-    return Impact(time, liftoff, left.velocity, left.rested, count, phase, flight, landed.arrival)
+    return ProvedImpact(
+        time, liftoff, left.velocity, left.rested, count, phase, flight, landed.arrival
+    )
 
 
-def attempt(problem: Problem, motion_of: Callable[[Problem], Motion], bits: int) -> Trajectory:
+def attempt(
+    problem: TrajectoryProblem, motion_of: Callable[[TrajectoryProblem], ParticleMotion], bits: int
+) -> Trajectory:
     """Return the trajectory at one precision, or raise `UncertainError`."""
     with ctx.workprec(bits):
         motion = motion_of(problem)
         landings, lifted, status = _orbit(motion, problem)
         launch, *flights = [
-            Flight(left.speed, left.height, landed.duration, landed.slopes)
+            ProvedFlight(left.speed, left.height, landed.duration, landed.slopes)
             for left, landed in zip(lifted, landings, strict=True)
         ]
         at_rest = status is Status.COMPLETED and not landings[-1].flown > motion.end
@@ -200,7 +208,7 @@ def trajectory(
     Raises an UndecidableError where a decision stays uncertain at `max_bits`: a tie, or an orbit
     that loses more digits.
     """
-    problem = Problem(
+    problem = TrajectoryProblem(
         dict.fromkeys(NOISE, 0.0) | {name: float(value) for name, value in parameters.items()},
         Fraction(launch_time),
         Fraction(duration),
