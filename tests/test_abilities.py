@@ -8,7 +8,7 @@ import pytest
 
 import vibrosweep as vs
 from docs.page_tables import choices
-from together import combinations, together
+from together import LAWFUL, combinations, together
 from vibrosweep.abilities import (
     ANALYSES,
     BASES,
@@ -38,15 +38,11 @@ def add_speed(totals, landing):
     totals[0] += landing.speed
 
 
-def lawful(law):
-    return {"restitution_law": law} | ({} if law == "constant" else {"restitution_speed": 1.0})
-
-
 def keys_of(asked):
     """Keywords that ask for a law, a waveform or a measure."""
     ((kind, name),) = asked.items()
     if kind == "restitution":
-        return lawful(name)
+        return LAWFUL[name]
     if kind in ("measure", "noise"):
         return {name: True} if kind == "measure" else dict.fromkeys(name, 0.1)
     return {"rebound": name} if kind == "law" else {"waveform": SHAPES[name]}
@@ -157,7 +153,7 @@ def test_a_measure_of_a_scene_with_noise_is_taken_or_refused(measure):
 @pytest.mark.parametrize("analysis", OF_CONSTANT)
 def test_analyses_for_constant_restitution_refuse_other_laws_with_their_sentence(analysis):
     with pytest.raises(VibrosweepError) as caught:
-        perform("high-bounce", analysis, **lawful("plastic"))
+        perform("high-bounce", analysis, **LAWFUL["plastic"])
     sentence = refusal("high-bounce", analysis=analysis, restitution="plastic")
     assert str(caught.value).endswith(sentence)
 

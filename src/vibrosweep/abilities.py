@@ -12,7 +12,7 @@ from typing import Final
 from vibrosweep.mistakes import quoted
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS_OF, MOVING, SPRUNG
-from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.restitution_laws import CONSTANT, name_of
 from vibrosweep.model.shapes import WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
@@ -112,7 +112,7 @@ def refusal(
         return _refused_law(base, law)
     if restitution not in ("", CONSTANT) and analysis in OF_CONSTANT:
         return (
-            f'{OF_CONSTANT[analysis]}, not of restitution_law = "{restitution}": take '
+            f'{OF_CONSTANT[analysis]}, not of restitution_law = "{name_of(restitution)}": take '
             f'restitution_law = "{CONSTANT}"'
         )
     if waveform and waveform not in WAVEFORMS:

@@ -94,10 +94,13 @@ def sweep(
             Shape of the motion of the base: ``"sine"``, ``"parabolic"``, or the harmonics of its
             velocity with number, weight and phase in rad,
             ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
-        restitution_law, restitution_speed
+        restitution_law, restitution_speed, restitution_exponent, restitution_points
             Law by which the restitution depends on the impact speed, and the speed (m s-1) that
             scales it: ``"constant"``; ``"plastic"``: it falls above this speed, at which yielding
-            begins; ``"viscoelastic"``: ``restitution`` is its value at this speed; or a law
+            begins; ``"viscoelastic"``: ``restitution`` is its value at this speed; ``"power"``: it
+            falls with the power -``restitution_exponent`` above this speed; ``"points"``: it is
+            linear between ``restitution_points``, two or more pairs of speed (m s-1) and
+            restitution, or a CSV file with these columns, and constant beyond both ends; or a law
             registered with `vibrosweep.register_law`.
         restitution_noise, kick_noise, drive_noise, noise_seed
             Standard deviations, each a physical parameter: of the restitution at each impact (1);
