@@ -21,7 +21,7 @@ import vibrosweep as vs
 from accuracy import options_of
 from vibrosweep.abilities import refusal
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import BASES, LAWS, NOISE, SPRUNG
+from vibrosweep.model.parameters import BASES, LAWS, NOISE, RELATIVE_NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, POINTS, POWER, RESTITUTION_LAWS
 from vibrosweep.model.shapes import HARMONICS_NAME, WAVEFORMS
 from vibrosweep.proof.verifying import verify
@@ -55,7 +55,8 @@ def together(path: Path, combination: dict[str, str], *, noisy: bool) -> tuple[l
     table says that there is none.
     """
     base, law, kept, shape = combination.values()
-    noise = [key for key in NOISE if noisy and not refusal(base, noise=[key])]
+    kinds = NOISE.keys() - {RELATIVE_NOISE}  # which is the same kind in another unit
+    noise = [key for key in NOISE if noisy and key in kinds and not refusal(base, noise=[key])]
     asked: dict[str, Any] = {"law": law, "restitution": kept, "noise": noise}
     wanted = [key for key in MEASURES if not refusal(base, **asked, measure=key)]
     scene: dict[str, Any] = {**combination, **LAWFUL[kept], "amplitude": (0.3, 3.0)}

@@ -11,7 +11,7 @@ from typing import Final
 
 from vibrosweep.mistakes import quoted
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS_OF, MOVING, SPRUNG
+from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS_OF, MOVING, RELATIVE_NOISE, SPRUNG
 from vibrosweep.model.restitution_laws import CONSTANT, name_of
 from vibrosweep.model.shapes import WAVEFORMS
 
@@ -57,7 +57,7 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "restitution_spread": Ability(APART, "cannot be computed with base = {base}; leave it out"),
 }
 _RANDOM: Final[Mapping[str, Ability]] = {
-    **dict.fromkeys(("restitution_noise", "kick_noise"), _ANYWHERE),
+    **dict.fromkeys(("restitution_noise", RELATIVE_NOISE, "kick_noise"), _ANYWHERE),
     "drive_noise": Ability(
         (HIGH_BOUNCE,),
         "needs base = {others}: a base that moves would jump where its amplitude changes; take "

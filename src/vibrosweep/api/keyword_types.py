@@ -60,6 +60,7 @@ class MotionKeywords(TypedDict, total=False):
     rebound: Law
     waveform: Waveform
     restitution_noise: Values
+    restitution_noise_relative: Values
     kick_noise: Values
     drive_noise: Values
     noise_seed: int | None

@@ -57,6 +57,7 @@ SYMBOLS: Final = {
     "contact_time": r"\tau_c",
     "restitution_speed": "v_r",
     "restitution_noise": r"\sigma_e",
+    "restitution_noise_relative": r"\sigma_e / e",
     "kick_noise": r"\sigma_V",
     "drive_noise": r"\sigma_A",
     "mass_ratio": r"\mu",

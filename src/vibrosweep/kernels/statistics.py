@@ -482,7 +482,7 @@ class ObservedRows(NamedTuple):
 
     PHASE: int
     TIME: int
-    ARRIVAL: int
+    SPEED: int
     REBOUND: int
     RESTS: int
     SEEN: int
@@ -504,7 +504,7 @@ def note_for_function(
     observer: Observer, s: Floats, j: int, landing: Landing, n: float, seen: bool
 ) -> None:
     s[OBSERVED.PHASE + j], s[OBSERVED.TIME + j] = landing.phase, landing.flight_time
-    s[OBSERVED.ARRIVAL + j], s[OBSERVED.REBOUND + j] = landing.impact_speed, landing.rebound
+    s[OBSERVED.SPEED + j], s[OBSERVED.REBOUND + j] = landing.impact_speed, landing.rebound
     s[OBSERVED.RESTS + j] = 1.0 if landing.rests else 0.0
     s[OBSERVED.SEEN + j] = 1.0 if seen else 0.0
 
@@ -516,7 +516,7 @@ def call_function(observer: Observer, s: Floats, lanes: int, base: Base) -> None
             landing = Landing(
                 s[OBSERVED.PHASE + j],
                 s[OBSERVED.TIME + j],
-                s[OBSERVED.ARRIVAL + j],
+                s[OBSERVED.SPEED + j],
                 s[OBSERVED.REBOUND + j],
                 s[OBSERVED.RESTS + j] > 0.0,
             )

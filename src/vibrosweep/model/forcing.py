@@ -190,7 +190,8 @@ def refuse_extreme(values: Mapping[str, Array], forcing: str, law: str) -> None:
 ALMOST: Final = 0.8
 _PAGE: Final = "; docs/limits.md says what to use then"
 _RANDOM: Final = (
-    "noise is given by restitution_noise, kick_noise or drive_noise, each a standard deviation"
+    "noise is given by restitution_noise, kick_noise or drive_noise, each a standard deviation; "
+    "restitution_noise is absolute, restitution_noise_relative in units of restitution"
 )
 _SHAPE: Final = (
     'the shape of the motion of the base is its waveform: "sine", "parabolic", or harmonics with '

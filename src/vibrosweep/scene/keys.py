@@ -56,6 +56,7 @@ from vibrosweep.model.parameters import (
     NOISE,
     OF_MOUNT,
     OF_RESTITUTION,
+    RELATIVE_NOISE,
     SPRUNG,
     STAGGERED,
     STREAM_PARTICLES,
@@ -67,6 +68,7 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
     mount_mistakes,
+    noise_mistakes,
     precedes,
     unit_of,
 )
@@ -414,6 +416,7 @@ SECTIONS: Final[Sections] = {
 _LAW: Final = ("restitution_law", *NUMBERS_OF.values())
 _IMPLIED: Final = f"follows from {NUMBERS_OF[POINTS]}; leave it out"
 DEPENDENT: Final = ("base", *OF_MOUNT, *_LAW, *OF_RESTITUTION)
+OF_SLIP: Final = frozenset(("restitution_noise", RELATIVE_NOISE))  # ways to give the same noise
 Table = Mapping[str, Any]  # valid values of a table of a sweep file, by key
 
 
@@ -548,6 +551,7 @@ def check_given(base: str, law: str, scene: Table, sample: Table, mistakes: Mist
     involved = [f"{t}.{name}" for t in ("scene", "sample") for name in DEPENDENT]
     wrong = {name: _IMPLIED for name in implied(law) if name in homes}
     wrong |= {**mount_mistakes(base, homes), **speed_mistakes(law, {*homes, *implied(law)})}
+    wrong |= noise_mistakes(homes)
     for name, text in wrong.items():
         key = homes.get(name, f"scene.{name}")
         mistakes.add(key, text if key.endswith(name) else f"{name} {text}", involves=involved)
@@ -700,6 +704,7 @@ def record(
     replaced |= {*MASSES} if MASS_RATIO in given else set()
     replaced |= set() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
     replaced |= {*OF_MOUNT} if base != SPRUNG else set()
+    replaced |= set() if OF_SLIP.isdisjoint(given) else OF_SLIP
     of_points = law != shared["restitution_law"] and implied(shared["restitution_law"])
     replaced |= {SPEED} if law == CONSTANT or of_points else set()
     replaced |= implied(law).keys()
@@ -713,7 +718,8 @@ def record(
     found = {n: v for n, v in values.items() if n not in replaced} | {**given}
     tables = ("scene", "sample", "record")
     involved = [f"{t}.{name}" for t in tables for name in DEPENDENT]
-    for name, text in {**mount_mistakes(base, found), **speed_mistakes(law, found)}.items():
+    wrong = {**mount_mistakes(base, found), **speed_mistakes(law, found), **noise_mistakes(found)}
+    for name, text in wrong.items():
         mistakes.add(f"record.{name}", text, involves=involved)
     homes = dict.fromkeys(noise_homes(found, {}, ()), "record")
     check_noise(fields, homes, {}, mistakes)

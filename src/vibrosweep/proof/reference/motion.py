@@ -195,7 +195,8 @@ class Problem:
             return law
         p, (slip, push) = self.balls, self.deviates.of_impact(impact - 1)
         moved = (1 + p["restitution"]) * p["kick_noise"] * push / unit
-        return Random(law, p["restitution_noise"] * slip, moved, thrown)
+        size = p["restitution_noise"] + p["restitution_noise_relative"] * p["restitution"]
+        return Random(law, size * slip, moved, thrown)
 
 
 class Landed(NamedTuple):
