@@ -4,9 +4,10 @@
 
 All terms but one difference in the slope are positive.  An error is therefore counted in half ulps
 (2^-53) relative to its term, weighted by the share of the term in a sum, over parts of y that cover
-all speeds.  The coefficients of P are decimal numbers, up to half an ulp off as doubles.  Logarithm
-and exponential are within the bounds that `elementary_error` proves.  It is also proved that the
-slope falls with the speed, so that its end values enclose it over a range of speeds.
+all speeds.  Between points |de/dv| v is at most e, since E rises.  The coefficients of P are
+decimal numbers, up to half an ulp off as doubles.  Logarithm and exponential are within the bounds
+that `elementary_error` proves.  It is also proved that the slope falls with the speed, so that its
+end values enclose it over a range of speeds.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from vibrosweep.kernels import arithmetic, restitution
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.arithmetic import KICK_ERROR
 from vibrosweep.kernels.restitution import ratio, scale_of, slope
-from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC, PADE
+from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC, PADE, numbers_of, text_of
 from vibrosweep.proof.reference.arithmetic import Jet
 from vibrosweep.proof.reference.laws import Laws, _root_at, _slope_at, _terms
 
@@ -193,12 +194,20 @@ def prove() -> dict[str, float]:
     """Bounds in half ulps, by the names of `STATED`."""
     log, exp = (arithmetic.ERRORS[name] / HALF_ULP for name in ("log", "exp"))
     kick, scale = KICK_ERROR / HALF_ULP, STATED["y_0^10 / v_r"]
+    speed = restitution.SPEED_ERROR / HALF_ULP
     with ctx.workprec(BITS):
         root, start, (share, slope) = fourth_root_bound(), start_bound(), share_and_slope_bounds()
     return {
         "t^(-1/4)": root,
         # the root of v / v_y, with a product and a quotient; products with e, and with 3/4
         "e(v), plastic": 0.25 * (2.0 + kick) + root + 2.0,
+        # v / v_0 to a power of at most 1, two products and 1 - p; logarithm and its product
+        "e(v) and q(v), power": speed + exp + 3.0,
+        "the same, for 1 of ln (e(v) / e)": log + 1.0,
+        # a line of numbers rounded once, at most e and twice e, one sum, and the next line within
+        # the error of the speed and that of the point
+        "e(v), points": ((1.0 + speed) + 2.0 + 1.0 + (speed + 1.0)) * SECOND,
+        "q(v) / e(v), points": (2.0 * (1.0 + speed) + 2.0 + 1.0) * SECOND,
         "y_0": start,
         # nine roundings of the powers, one of the quotient
         "y_0^10 / v_r": 10.0 * STATED["y_0"] + 9.0 + 1.0 + kick,
@@ -212,6 +221,10 @@ def prove() -> dict[str, float]:
 STATED = {
     "t^(-1/4)": 2.0,
     "e(v), plastic": restitution.PLASTIC_ERROR / HALF_ULP,
+    "e(v) and q(v), power": restitution.POWER_ERROR / HALF_ULP,
+    "the same, for 1 of ln (e(v) / e)": restitution.POWER_LOG_ERROR / HALF_ULP,
+    "e(v), points": restitution.POINTS_ERROR / HALF_ULP,
+    "q(v) / e(v), points": restitution.POINTS_ERROR / HALF_ULP,
     "y_0": 8.0,
     "y_0^10 / v_r": restitution.SCALE_ERROR / HALF_ULP,
     "y, at ln y = 0": restitution.ROOT_ERROR / HALF_ULP,
@@ -236,6 +249,23 @@ def sample(size: int, seed: int) -> dict[str, float]:
         note("t^(-1/4)", restitution.inverse_fourth_root(v) * arb(v).root(4) - 1)
         kept = Laws(restitution="plastic").impact(arb(e), arb(0.3)).share(arb(v))
         note("e(v), plastic", ratio(plastic, e, scale_of(plastic, e, 0.3), v) / kept - 1)
+        p, e_low = draw.uniform(), e * draw.uniform(0.65, 1.0)
+        of_power = text_of("power", p)
+        found = restitution.restitution_of(of_power)
+        kept = Laws(restitution=of_power).impact(arb(e), arb(0.3)).share(arb(v))
+        off = upper(ratio(found, e, scale_of(found, e, 0.3), v) / kept - 1)
+        by_log = restitution.POWER_LOG_ERROR * upper((kept / e).log())
+        note("e(v) and q(v), power", arb(max(off - by_log, 0.0)))
+        points = text_of("points", ((0.1 * draw.uniform(), e), (draw.uniform(0.3, 1.0), e_low)))
+        found, speed = restitution.restitution_of(points), numbers_of(points)[-1][0]
+        exact, scale = (
+            Laws(restitution=points).impact(arb(e), arb(speed)),
+            scale_of(found, e, speed),
+        )
+        t = draw.uniform(0.0, 1.2)
+        note("e(v), points", ratio(found, e, scale, t) / exact.share(arb(t)) - 1)
+        off = slope(found, e, scale, t) - exact.slope(arb(t))
+        note("q(v) / e(v), points", off / exact.share(arb(t)))
         start = _root_at(arb(e))
         note("y_0", restitution.root_at(e) / start - 1)
         scale = scale_of(law, e, 0.3)

@@ -176,7 +176,7 @@ def yielding(judge: Callable[[str, float, Any], None]) -> None:
     i = int(np.argmax(found.stable.values))
     trace = float(found.multiplier_real[i].sum())
     judge("plastic, phase", float(found.impact_phase[i, 0]), arb("0.3476165567904094"))
-    judge("plastic, speed", float(found.arrival_velocity[i, 0]) / unit, arb("1.156174619245715"))
+    judge("plastic, speed", float(found.impact_speed[i, 0]) / unit, arb("1.156174619245715"))
     judge("plastic, trace", trace, arb("0.47506128917"))
 
 

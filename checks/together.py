@@ -16,19 +16,28 @@ from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 import vibrosweep as vs
 from accuracy import options_of
 from vibrosweep.abilities import refusal
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import BASES, LAWS, NOISE, SPRUNG
-from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS
+from vibrosweep.model.parameters import BASES, LAWS, NOISE, RELATIVE_NOISE, SPRUNG
+from vibrosweep.model.restitution_laws import CONSTANT, POINTS, POWER, RESTITUTION_LAWS
 from vibrosweep.model.shapes import HARMONICS_NAME, WAVEFORMS
 from vibrosweep.proof.verifying import verify
 
 MOUNT = {"mass_ratio": 0.1, "mount_frequency": 2.0}
 TONES = {HARMONICS_NAME: [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
+
+
+# Laws of restitution, as keywords with those that they need
+LAWFUL: Final = {
+    **{law: {"restitution_law": law, "restitution_speed": 1.0} for law in RESTITUTION_LAWS},
+    CONSTANT: {"restitution_law": CONSTANT},
+    POWER: {"restitution_law": POWER, "restitution_speed": 1.0, "restitution_exponent": 0.2},
+    POINTS: {"restitution_law": POINTS, "restitution_points": [[0.1, 0.9], [1.0, 0.8]]},
+}
 
 
 def combinations() -> Iterator[tuple[dict[str, str], bool]]:
@@ -46,14 +55,15 @@ def together(path: Path, combination: dict[str, str], *, noisy: bool) -> list[st
     Where the table of abilities says that there is no proof, none is asked for.
     """
     base, law, kept, shape = combination.values()
-    noise = [key for key in NOISE if noisy and not refusal(base, noise=[key])]
+    kinds = NOISE.keys() - {RELATIVE_NOISE}  # which is the same kind in another unit
+    noise = [key for key in NOISE if noisy and key in kinds and not refusal(base, noise=[key])]
     asked: dict[str, Any] = {"law": law, "restitution": kept, "noise": noise}
     wanted = [key for key in MEASURES if not refusal(base, **asked, measure=key)]
-    scene: dict[str, Any] = {**combination, "restitution": (0.5, 0.9), "amplitude": (0.3, 3.0)}
+    scene: dict[str, Any] = {**combination, **LAWFUL[kept], "amplitude": (0.3, 3.0)}
+    scene |= {} if kept == POINTS else {"restitution": (0.5, 0.9)}
     scene |= {"realizations": 4, "particles": 3, "duration": 6.0, **dict.fromkeys(wanted, True)}
     scene |= dict.fromkeys(noise, 0.1)
     scene |= MOUNT if base == SPRUNG else {}
-    scene |= {} if kept == CONSTANT else {"restitution_speed": 1.0}
     scene |= {"waveform": TONES} if shape == HARMONICS_NAME else {}
     with vs.run(scene, path) as found:
         wrong = [

@@ -8,7 +8,7 @@ import pytest
 
 import vibrosweep as vs
 from docs.page_tables import choices
-from together import combinations, together
+from together import LAWFUL, combinations, together
 from vibrosweep.abilities import (
     ANALYSES,
     BASES,
@@ -20,7 +20,7 @@ from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.explorer.points import open_points
 from vibrosweep.kernels.restitution import REBOUND_OF
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import LAWS, LAWS_OF
+from vibrosweep.model.parameters import LAWS, LAWS_OF, RELATIVE_NOISE
 from vibrosweep.model.parameters import NOISE as ALL_NOISE
 from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
 from vibrosweep.model.shapes import WAVEFORMS
@@ -38,15 +38,11 @@ def add_speed(totals, landing):
     totals[0] += landing.speed
 
 
-def lawful(law):
-    return {"restitution_law": law} | ({} if law == "constant" else {"restitution_speed": 1.0})
-
-
 def keys_of(asked):
     """Keywords that ask for a law, a waveform or a measure."""
     ((kind, name),) = asked.items()
     if kind == "restitution":
-        return lawful(name)
+        return LAWFUL[name]
     if kind in ("measure", "noise"):
         return {name: True} if kind == "measure" else dict.fromkeys(name, 0.1)
     return {"rebound": name} if kind == "law" else {"waveform": SHAPES[name]}
@@ -129,7 +125,7 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
         assert keyword_spec(over(base, **keys_of(asked))).scene.base == base
 
 
-NOISE = dict.fromkeys(ALL_NOISE, 0.1)
+NOISE = {name: 0.1 for name in ALL_NOISE if name != RELATIVE_NOISE}
 
 
 @pytest.mark.parametrize("analysis", ANALYSES)
@@ -157,7 +153,7 @@ def test_a_measure_of_a_scene_with_noise_is_taken_or_refused(measure):
 @pytest.mark.parametrize("analysis", OF_CONSTANT)
 def test_analyses_for_constant_restitution_refuse_other_laws_with_their_sentence(analysis):
     with pytest.raises(VibrosweepError) as caught:
-        perform("high-bounce", analysis, **lawful("plastic"))
+        perform("high-bounce", analysis, **LAWFUL["plastic"])
     sentence = refusal("high-bounce", analysis=analysis, restitution="plastic")
     assert str(caught.value).endswith(sentence)
 

@@ -11,8 +11,8 @@ from typing import Final
 
 from vibrosweep.mistakes import quoted
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS_OF, MOVING, SPRUNG
-from vibrosweep.model.restitution_laws import CONSTANT
+from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS_OF, MOVING, RELATIVE_NOISE, SPRUNG
+from vibrosweep.model.restitution_laws import CONSTANT, name_of
 from vibrosweep.model.shapes import WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
@@ -57,7 +57,7 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "restitution_spread": Ability(APART, "cannot be computed with base = {base}; leave it out"),
 }
 _RANDOM: Final[Mapping[str, Ability]] = {
-    **dict.fromkeys(("restitution_noise", "kick_noise"), _ANYWHERE),
+    **dict.fromkeys(("restitution_noise", RELATIVE_NOISE, "kick_noise"), _ANYWHERE),
     "drive_noise": Ability(
         (HIGH_BOUNCE,),
         "needs base = {others}: a base that moves would jump where its amplitude changes; take "
@@ -112,7 +112,7 @@ def refusal(
         return _refused_law(base, law)
     if restitution not in ("", CONSTANT) and analysis in OF_CONSTANT:
         return (
-            f'{OF_CONSTANT[analysis]}, not of restitution_law = "{restitution}": take '
+            f'{OF_CONSTANT[analysis]}, not of restitution_law = "{name_of(restitution)}": take '
             f'restitution_law = "{CONSTANT}"'
         )
     if waveform and waveform not in WAVEFORMS:

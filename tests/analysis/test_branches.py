@@ -117,7 +117,7 @@ def test_orbits_are_followed_under_a_law_of_restitution_and_marked_where_they_yi
     assert met(found, 0, DOUBLING) == pytest.approx([last], abs=1e-12)
     (at,) = met(found, 1, YIELDING)
     near = vs.orbits(restitution=0.9, amplitude=at, impacts=2, periods=2, **law)
-    assert np.nanmin(np.abs(near.arrival_velocity - 4.0)) < 1e-9
+    assert np.nanmin(np.abs(near.impact_speed - 4.0)) < 1e-9
 
 
 def test_a_branch_goes_round_its_fold_and_states_why_it_ends():

@@ -432,6 +432,8 @@ def test_a_number_of_threads_that_no_machine_has(threads):
 
 
 def test_an_observable_that_is_not_real():
-    imaginary = vs.Observable("absurd", lambda landing: 1j * landing.arrival, "x", landings="sum")
+    imaginary = vs.Observable(
+        "absurd", lambda landing: 1j * landing.impact_speed, "x", landings="sum"
+    )
     with pytest.raises(ParameterError, match="complex128; it must be a real number"):
         vs.sweep(amplitude=1.0, duration=5.0, observables=[imaginary])

@@ -414,7 +414,7 @@ def test_refused_rows_are_listed_and_not_verified(compute, tmp_path):
 
 # Observables in the streaming kernel, compared with the record of every landing.
 
-QUANTITIES = ("count", "phase", "flight_time", "arrival", "rebound", "rests")
+QUANTITIES = ("count", "phase", "flight_time", "impact_speed", "rebound", "rests")
 LANDING = Landing(0.1, 1.0, 1.0, 0.9, False)
 DURATION, TRANSIENT = 40.0, 7.3
 
@@ -424,7 +424,7 @@ def everything(totals, landing):
     totals[0] += 1.0
     totals[1] += landing.phase * landing.phase
     totals[2] += landing.flight_time
-    totals[3] += landing.arrival
+    totals[3] += landing.impact_speed
     totals[4] += landing.rebound
     totals[5] += 1.0 if landing.rests else 0.0
 

@@ -1,9 +1,11 @@
 """Laws of restitution over all bases."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from flint import arb, ctx
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -34,12 +36,14 @@ from vibrosweep.kernels.restitution import (
 from vibrosweep.kernels.settle import EXACT
 from vibrosweep.kernels.waveforms import Sine
 from vibrosweep.model.parameters import dimensionless, mounts
-from vibrosweep.model.restitution_laws import PADE
+from vibrosweep.model.restitution_laws import PADE, points_of, restitution_at, text_of
 from vibrosweep.proof.reference.laws import Laws
 
 # Laws of restitution: values, slopes and their errors against ball arithmetic and a contact.
 
-FALLING = ("plastic", "viscoelastic")
+POWER, POINTS = "power(0.3)", "points([[0.2, 0.8], [0.4, 0.75], [0.7, 0.7], [1.0, 0.7]])"
+FALLING = ("plastic", "viscoelastic", POWER, POINTS)
+STEPPED = (*FALLING[:1], POWER, POINTS)  # whose slopes jump
 HALF_ULP = 2.0**-53
 SPEEDS = st.floats(1e-9, 1e9)
 RESTITUTIONS = st.one_of(st.floats(0.46, 1.0), st.sampled_from([0.46, 1.0 - HALF_ULP, 1.0]))
@@ -103,7 +107,7 @@ def test_ratio_and_slope_are_within_their_bounds(name, e, speed, v):
         low, high = slope_range(*law, v, v)
         assert low <= derivative <= high
         # a component of a Jacobian may be off by 16 half ulps of its terms, whose sum is at least 2
-        assert abs(slope(*law, v) - derivative) <= 32.0 * HALF_ULP or name == "plastic"
+        assert abs(slope(*law, v) - derivative) <= 32.0 * HALF_ULP or name in STEPPED
 
 
 @given(
@@ -140,9 +144,51 @@ def test_the_plastic_law_has_a_kink_where_yielding_begins():
 @pytest.mark.parametrize("name", FALLING)
 def test_the_slowest_impacts_keep_the_largest_share_of_their_speed(name):
     law = numbers(name, 0.8, 1.0)
-    assert ratio(*law, 0.0) == slope(*law, 0.0) == (0.8 if name == "plastic" else 1.0)
+    assert ratio(*law, 0.0) == slope(*law, 0.0) == (0.8 if name in STEPPED else 1.0)
     assert lost_speed(*law, 2.0, 1.0) == pytest.approx(2.0 * (1.0 - ratio(*law, 2.0)))
-    assert np.isnan(ratio(*law, np.nan)) or name == "plastic"
+    assert np.isnan(ratio(*law, np.nan)) or name in STEPPED
+
+
+@given(v=SPEEDS, e=RESTITUTIONS, speed=SPEEDS)
+def test_the_power_of_a_quarter_is_the_plastic_law(v, e, speed):
+    power, plastic = numbers("power(0.25)", e, speed), numbers("plastic", e, speed)
+    error = ratio_error(*power, v) + ratio_error(*plastic, v)
+    assert ratio(*power, v) == pytest.approx(ratio(*plastic, v), rel=error)
+    assert ratio(*numbers("power(0)", e, speed), v) == e
+
+
+@st.composite
+def tables(draw):
+    """Points between which neither e(v) rises nor E(v) falls."""
+    speeds = sorted(draw(st.lists(st.floats(0.01, 10.0), min_size=2, max_size=16, unique=True)))
+    assume(min(np.diff(speeds)) > 1e-9)
+    ratios = [draw(st.floats(0.3, 1.0))]
+    for low, high in pairwise(speeds):  # -de/dv is below e / v
+        least = ratios[-1] * high / (2.0 * high - low)
+        ratios.append(draw(st.floats(0.0, 0.99)) * (least - ratios[-1]) + ratios[-1])
+    return list(zip(speeds, ratios, strict=True))
+
+
+@given(points=tables(), v=st.floats(1e-9, 20.0), width=st.floats(0.0, 2.0), speed=SPEEDS)
+def test_points_are_met_and_joined_by_lines(points, v, width, speed):
+    name = text_of("points", points_of(points))
+    law, unit = numbers(name, 0.5, speed), points[-1][0] / speed
+    with ctx.workprec(200):
+        exact = exactly(name, 0.5, speed)
+        for at in (v / unit, *(known / unit for known, _ in points)):
+            kept = exact.share(arb(at))
+            assert abs(ratio(*law, at) / kept - 1) <= ratio_error(*law, at)
+            low, high = slope_range(*law, at, at * (1.0 + width))
+            for share in (0.0, 0.4, 1.0):  # at a point a ball holds both slopes, to 30 bits
+                assert (
+                    low - 1e-8 <= exact.slope(arb(at) * (1.0 + share * arb(width))) <= high + 1e-8
+                )
+        plain = np.interp(v, *np.array(points).T)
+        assert float(exact.share(arb(v) / unit)) == pytest.approx(plain, rel=1e-12)
+        assert restitution_at(v, 0.5, name) == plain
+        c = arrival_to_repeat(*law, v / unit)
+        kept = exact.kept(arb(c))
+        assert abs(c + kept - 2 * arb(v / unit)) <= 64.0 * HALF_ULP * c
 
 
 def realization(parameters, name, rebound="rest", **given):

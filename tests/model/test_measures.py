@@ -130,7 +130,7 @@ def count(totals, landing):
 
 
 def spread(totals, landing):
-    totals[int((landing.phase + 0.5) * BINS) % BINS] += math.fabs(landing.arrival)
+    totals[int((landing.phase + 0.5) * BINS) % BINS] += math.fabs(landing.impact_speed)
 
 
 def make(function=count, **changes):

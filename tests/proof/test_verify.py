@@ -699,11 +699,11 @@ SWEEP = {
 
 
 def lost(landing):
-    return landing.arrival**2 - landing.rebound * landing.rebound
+    return landing.impact_speed**2 - landing.rebound * landing.rebound
 
 
 def root(landing):
-    return math.sqrt(landing.arrival)
+    return math.sqrt(landing.impact_speed)
 
 
 def late(landing):
@@ -711,7 +711,7 @@ def late(landing):
 
 
 def arrival(landing):
-    return landing.arrival
+    return landing.impact_speed
 
 
 def rests(landing):

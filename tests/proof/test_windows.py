@@ -398,7 +398,7 @@ def test_every_number_of_a_file_of_orbits_is_within_its_claim(found, tmp_path):
     [
         ("impact_phase", 1e-10),
         ("flight_time", 1e-10),
-        ("arrival_velocity", 1e-9),
+        ("impact_speed", 1e-9),
         ("multiplier_real", 1e-6),
         ("stable", 1),
     ],

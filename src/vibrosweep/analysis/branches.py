@@ -66,7 +66,7 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, INPUTS, forcing_of, refuse_extreme
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, dimensionless, taken
-from vibrosweep.model.restitution_laws import PLASTIC
+from vibrosweep.model.restitution_laws import kinks_of
 from vibrosweep.model.shapes import PARABOLIC_NAME
 from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.scene.scene import Scene
@@ -343,8 +343,7 @@ class Plane:
         self.scale = float(self.problem.kick[0])  # drive of a forcing of 1
         self.base: Any = base_of(*scene.mechanics)
         self.corner = CORNER_PHASE if scene.waveform.name == PARABOLIC_NAME else math.inf
-        plastic = scene.restitution_law == PLASTIC
-        self.kink = float(self.problem.restitution_speed[0]) if plastic else math.inf
+        self.kinks = np.array(kinks_of(scene.restitution_law)) * self.problem.restitution_speed[0]
         self.balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
         self.restitution, self.drives = restitution, values * self.scale
 
@@ -367,7 +366,7 @@ class Plane:
 
     def _nodes(self, z: Array, p: int, q: int, condition: int) -> Nodes:
         """Return the nodes of lines through `z` along which `condition` holds."""
-        cycle = Cycle(p, q, self.relative, self.corner, self.kink)
+        cycle = Cycle(p, q, self.relative, self.corner, self.kinks)
         equations = Equations(self.base, self.problem, cycle, condition, z)
         free = self.drives if condition == FIX_E else self.restitution
         column = p + (condition == FIX_E)

@@ -209,7 +209,7 @@ def _orbits(found: Closed, unit_speed: Array, unit_time: Array) -> dict[str, Any
             found.speed * speed,
             meaning("velocity at lift-off", "m s-1"),
         ),
-        "arrival_velocity": (
+        "impact_speed": (
             landing,
             found.arrival * speed,
             meaning("speed at the end of the flight that follows the impact", "m s-1")

@@ -424,7 +424,7 @@ def orbits(
                                                                  flight on
         ``rebound_velocity`` (m s-1)          orbit, impact      velocity at lift-off
         ``flight_time`` (s)                   orbit, impact      of the flight that follows
-        ``arrival_velocity`` (m s-1)          orbit, impact      at the end of that flight
+        ``impact_speed`` (m s-1)              orbit, impact      at the end of that flight
         ``seeds``                             impacts, periods   number of seeds tried
         ``late_orbits``                       impacts, periods   new orbits to which the last half
                                                                  of the seeds led

@@ -28,7 +28,7 @@ Values = ArrayLike | Mapping[str, float] | None
 Base = Literal["high-bounce", "moving", "sprung"] | str | None
 Law = Literal["rest", "reflect"] | str | None
 Waveform = Literal["sine", "parabolic"] | Mapping[str, Any] | None
-RestitutionLaw = Literal["constant", "plastic", "viscoelastic"] | str | None
+RestitutionLaw = Literal["constant", "plastic", "viscoelastic", "power", "points"] | str | None
 Launch = Literal["staggered"] | Sequence[float] | ArrayLike | None
 Design = Literal["uniform", "latin", "sobol", "grid"] | str
 
@@ -60,10 +60,13 @@ class MotionKeywords(TypedDict, total=False):
     rebound: Law
     waveform: Waveform
     restitution_noise: Values
+    restitution_noise_relative: Values
     kick_noise: Values
     drive_noise: Values
     noise_seed: int | None
     restitution_law: RestitutionLaw
+    restitution_exponent: float | None
+    restitution_points: ArrayLike | str | os.PathLike[str] | None
 
 
 class MeasureKeywords(TypedDict, total=False):

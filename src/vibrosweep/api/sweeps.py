@@ -94,15 +94,19 @@ def sweep(
             Shape of the motion of the base: ``"sine"``, ``"parabolic"``, or the harmonics of its
             velocity with number, weight and phase in rad,
             ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
-        restitution_law, restitution_speed
+        restitution_law, restitution_speed, restitution_exponent, restitution_points
             Law by which the restitution depends on the impact speed, and the speed (m s-1) that
             scales it: ``"constant"``; ``"plastic"``: it falls above this speed, at which yielding
-            begins; ``"viscoelastic"``: ``restitution`` is its value at this speed; or a law
+            begins; ``"viscoelastic"``: ``restitution`` is its value at this speed; ``"power"``: it
+            falls with the power -``restitution_exponent`` above this speed; ``"points"``: it is
+            linear between ``restitution_points``, two or more pairs of speed (m s-1) and
+            restitution, or a CSV file with these columns, and constant beyond both ends; or a law
             registered with `vibrosweep.register_law`.
-        restitution_noise, kick_noise, drive_noise, noise_seed
-            Standard deviations, each a physical parameter: of the restitution at each impact (1);
-            of the velocity of the base at each impact (m s-1); of the amplitude in each forcing
-            period, in units of the amplitude (1).  The seed of the random numbers, 0 by default.
+        restitution_noise, restitution_noise_relative, kick_noise, drive_noise, noise_seed
+            Standard deviations, each a physical parameter: of the restitution at each impact (1),
+            absolute or in units of ``restitution``, of which one can be given; of the velocity of
+            the base at each impact (m s-1); of the amplitude in each forcing period, in units of
+            the amplitude (1).  The seed of the random numbers, 0 by default.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
             For the sprung base, as physical parameters: the mass of one particle in units of that
             of the base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by

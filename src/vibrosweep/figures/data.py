@@ -23,7 +23,7 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import Status, known
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
-from vibrosweep.model.restitution_laws import CONSTANT, law_in
+from vibrosweep.model.restitution_laws import CONSTANT, POINTS, law_in, name_of
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ SYMBOLS: Final = {
     "contact_time": r"\tau_c",
     "restitution_speed": "v_r",
     "restitution_noise": r"\sigma_e",
+    "restitution_noise_relative": r"\sigma_e / e",
     "kick_noise": r"\sigma_V",
     "drive_noise": r"\sigma_A",
     "mass_ratio": r"\mu",
@@ -293,7 +294,8 @@ def conditions(dataset: xr.Dataset) -> str:
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
     if (law := law_in(dataset.attrs)) != CONSTANT:
-        parts.append(f"{law} restitution")
+        shown = "restitution between points" if name_of(law) == POINTS else f"{law} restitution"
+        parts.append(shown)
     if (shape := name_in(dataset.attrs)) != SINE_NAME:
         parts.append("base of harmonics" if shape == HARMONICS_NAME else f"{shape} base")
     if recoils(dataset):

@@ -51,10 +51,9 @@ class Cycle(NamedTuple):
     p: int
     q: int
     relative: bool  # whether the drive is that of the velocity of the base
-    # corner, kink: phase of one corner of the waveform, the other being its negative, and speed of
-    # the kink of the law; infinite if there is none
+    # phase of one corner of the waveform, the other being its negative; infinite if there is none
     corner: float
-    kink: float
+    kinks: Floats  # speeds of the kinks of the law
 
 
 class Scaled(NamedTuple):
@@ -137,8 +136,8 @@ def _put_values(
             values[REST] = min(values[REST], w - fixed.r)
         if cycle.corner < math.inf:
             values[CORNER] *= abs(arc.x) - cycle.corner
-        if cycle.kink < math.inf:
-            values[YIELD] *= arc.v - cycle.kink
+        for k in range(cycle.kinks.size):
+            values[YIELD] *= arc.v - cycle.kinks[k]
         values[LANDING] *= arc.v
 
 

@@ -336,8 +336,9 @@ def amplitude_change(noise: Noise | None, a: float, drive: float) -> float:
 def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: float = 0.0) -> float:
     """Bound of the rounding that noise adds to the speed after an impact, apart from the amplitude.
 
-    The random parts of restitution and kick are products, and the strength of the kick has five
-    roundings; each part is added to the number that it changes.
+    The random parts of restitution and kick are products; the strength of the kick has five
+    roundings, a relative one of the restitution has one; each part is added to the number that it
+    changes.
     """
     if noise is None:
         return 0.0

@@ -1,6 +1,7 @@
 """Laws of rebound and of restitution: what an impact does with the speed of arrival.
 
-A law is an empty named tuple, whose type numba knows when it compiles.  Speeds are the durations of
+A law is a named tuple, whose type numba knows when it compiles.  It is empty, or holds numbers that
+all realizations share.  Speeds are the durations of
 the flights that they begin, in forcing periods.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -26,7 +28,17 @@ from vibrosweep.kernels._jit import (
     require_compilable,
 )
 from vibrosweep.kernels.arithmetic import HALF_ULP, KICK_ERROR
-from vibrosweep.model.restitution_laws import CONSTANT, OUTSIDE, PADE, PLASTIC, VISCOELASTIC
+from vibrosweep.model.restitution_laws import (
+    CONSTANT,
+    OUTSIDE,
+    PADE,
+    PLASTIC,
+    POWER,
+    VISCOELASTIC,
+    lines_of,
+    name_of,
+    numbers_of,
+)
 from vibrosweep.model.restitution_laws import Law as OutsideLaw
 
 # --- Laws of rebound ------------------------------------------------------------------------------
@@ -170,10 +182,13 @@ implements(rise_to_repeat, Constant)(lambda law, e, scale, k: (1.0 - e) * k)
 # --- Laws of restitution whose coefficient falls with the speed -----------------------------------
 # - plastic (Johnson 1985, Contact Mechanics, section 11.5): e(v) = e up to the speed v_y at which
 #   yielding begins, and e (v / v_y)^(-1/4) above it.  E has a kink there.
+# - power: the same with another exponent.
+# - points: e(v) is linear between points and constant beyond both ends; its kinks are there.
 # - viscoelastic (Mueller and Poeschel 2011, Phys. Rev. E 84, 021302): e(v) = P(y), the quotient of
 #   two polynomials of y = y_0 (v / v_r)^(1/10), where P(y_0) = e.
 #
-# Their slopes fall too: over a range of speeds a slope lies between those at its ends.
+# Their slopes fall too, apart from jumps at points: over a range of speeds a slope lies between
+# those at its ends and on both sides of the points within.
 
 
 # The bits of t^(-1/4), to 3.2 %, are these less a quarter of the bits of t
@@ -186,6 +201,11 @@ Q1, Q2, Q3 = 1.0 / 4.0, 5.0 / 32.0, 15.0 / 128.0
 PLASTIC_ERROR: Final = 5.0 * HALF_ULP + 0.25 * KICK_ERROR
 # Of v / v_r, relative
 SPEED_ERROR: Final = 2.0 * HALF_ULP + KICK_ERROR
+# Relative errors of e(v) and q(v) of a power, and how much they grow with |ln (e(v) / e)|
+POWER_ERROR: Final = 9.0 * HALF_ULP
+POWER_LOG_ERROR: Final = 3.75 * HALF_ULP
+# Relative error of e(v) between points, and that of q(v), relative to e(v)
+POINTS_ERROR: Final = 15.0 * HALF_ULP
 N1, D2, D3, D4 = PADE
 STEPS = 40  # of the iteration for y_0, each of which reduces the error to a fifth
 # Relative errors: of y_0^10 / v_r, ten times 8 of y_0, 10 of the powers, 3 of v_r and the quotient;
@@ -240,6 +260,135 @@ def slope_range_plastic(
     near, far = 1.0 - 8.0 * HALF_ULP, 1.0 + 8.0 * HALF_ULP
     least = slope(law, e, scale, high * far) * near if high < np.inf else 0.0
     return least, slope(law, e, scale, low * near) * far
+
+
+class Power(NamedTuple):
+    """A fall with a power of the speed, above a speed."""
+
+    exponent: float
+
+
+@jit
+def _excess(scale: float, v: float) -> float:
+    """Speed in units of that of the law, from 1 to 1e300."""
+    t = v * scale
+    t = t if t > 1.0 else 1.0
+    return t if t < 1e300 else 1e300
+
+
+@implements(ratio, Power)
+def ratio_power(law: Restitution, e: float, scale: float, v: float) -> float:
+    # logarithm and exponential as in `_root`
+    f, k = arithmetic.mantissa_and_exponent(_excess(scale, v))
+    r, whole = arithmetic.reduced(-law.exponent * arithmetic.log_near_one(f, k))
+    power = arithmetic.power_of_two(whole)
+    return float(e * fma(power, arithmetic.exp_near_zero(r), power))
+
+
+implements(scale_of, Power)(lambda law, e, speed: 1.0 / speed)
+implements(slack, Power)(lambda law: 2.0)
+
+
+@implements(slope, Power)
+def slope_power(law: Restitution, e: float, scale: float, v: float) -> float:
+    share = ratio(law, e, scale, v)
+    return (1.0 - law.exponent) * share if v * scale > 1.0 else share
+
+
+@implements(slope_range, Power)
+def slope_range_power(
+    law: Restitution, e: float, scale: float, low: float, high: float
+) -> tuple[float, float]:
+    # as for the plastic law; the error of a slope grows less than the slope falls
+    near, far, error = 1.0 - 8.0 * HALF_ULP, 1.0 + 8.0 * HALF_ULP, e * 2.0 * POWER_ERROR
+    least = slope(law, e, scale, high * far) - error if high < np.inf else 0.0
+    return max(least, 0.0), slope(law, e, scale, low * near) + error
+
+
+@implements(ratio_error, Power)
+def ratio_error_power(law: Restitution, e: float, scale: float, v: float) -> float:
+    fallen = law.exponent * arithmetic.log(_excess(scale, v))
+    return float(POWER_ERROR + POWER_LOG_ERROR * fallen)
+
+
+class Points(NamedTuple):
+    """Points, the speed of the last of which is 1, and the lines after each of them."""
+
+    speeds: tuple[float, ...]
+    rises: tuple[float, ...]  # slopes of the lines
+    starts: tuple[float, ...]  # their values at 0
+    slowest: float  # e(v) up to the first point
+
+
+def _points_of(law: str) -> Points:
+    """Return the points of a law; each number is rounded once."""
+    points = numbers_of(law)
+    speeds = tuple(float(Fraction(v) / Fraction(points[-1][0])) for v, _ in points)
+    lines = [*lines_of(points), (Fraction(0), Fraction(points[-1][1]))]
+    rises, starts = zip(*((float(rise), float(start)) for rise, start in lines), strict=True)
+    return Points(speeds, rises, starts, points[0][1])
+
+
+@jit
+def _line(law: Restitution, t: float) -> tuple[float, float]:
+    """Slope and value at 0 of the line that holds at a speed."""
+    rise, start = 0.0, law.slowest
+    for k in range(len(law.speeds)):
+        rise = law.rises[k] if t > law.speeds[k] else rise
+        start = law.starts[k] if t > law.speeds[k] else start
+    return rise, start
+
+
+implements(scale_of, Points)(lambda law, e, speed: 1.0 / speed)
+implements(slack, Points)(lambda law: 2.0)
+implements(ratio_error, Points)(lambda law, e, scale, v: POINTS_ERROR)
+
+
+@implements(ratio, Points)
+def ratio_points(law: Restitution, e: float, scale: float, v: float) -> float:
+    rise, start = _line(law, v * scale)
+    return fma(rise, v * scale, start)
+
+
+@implements(slope, Points)
+def slope_points(law: Restitution, e: float, scale: float, v: float) -> float:
+    rise, start = _line(law, v * scale)
+    return fma(2.0 * rise, v * scale, start)
+
+
+@implements(slope_range, Points)
+def slope_range_points(
+    law: Restitution, e: float, scale: float, low: float, high: float
+) -> tuple[float, float]:
+    # rounding may have put an end on either side of a point
+    low, high = low * (1.0 - 8.0 * HALF_ULP), min(high, 2.0 / scale) * (1.0 + 8.0 * HALF_ULP)
+    first, last = slope(law, e, scale, low), slope(law, e, scale, high)
+    least, most = min(first, last), max(first, last)
+    rise, start = 0.0, law.slowest
+    for k in range(len(law.speeds)):
+        t = law.speeds[k]
+        before, after = fma(2.0 * rise, t, start), fma(2.0 * law.rises[k], t, law.starts[k])
+        inside = low * scale <= t <= high * scale
+        least = min(least, min(before, after)) if inside else least
+        most = max(most, max(before, after)) if inside else most
+        rise, start = law.rises[k], law.starts[k]
+    error = law.slowest * POINTS_ERROR
+    return max(least - error, 0.0), most + error
+
+
+@implements(arrival_to_repeat, Points)
+def arrival_to_repeat_points(law: Restitution, e: float, scale: float, k: float) -> float:
+    # c + E(c) rises; on a line it is a square, whose root is one step of Newton's method away
+    both = 2.0 * k * scale
+    rise, start = 0.0, law.slowest
+    for i in range(len(law.speeds)):
+        t = law.speeds[i]
+        later = fma(fma(law.rises[i], t, law.starts[i]), t, t) < both
+        rise, start = law.rises[i] if later else rise, law.starts[i] if later else start
+    half = 1.0 + start
+    c = 2.0 * both / (half + math.sqrt(max(fma(4.0 * rise, both, half * half), 0.0))) / scale
+    left = lost_speed(law, e, scale, c, -1.0) + 2.0 * k
+    return float(c + left / (1.0 + slope(law, e, scale, c)))
 
 
 class Viscoelastic(NamedTuple):
@@ -345,12 +494,12 @@ def _implement_falling(*kinds: type) -> None:
     """Implement the functions shared by all laws whose coefficient falls with the speed."""
     implements(straight, *kinds)(lambda law: False)
     implements(lost_speed, *kinds)(_lost_speed_falling)
-    implements(arrival_to_repeat, *kinds)(_arrival_to_repeat_falling)
     implements(leaving_to_repeat, *kinds)(_leaving_to_repeat_falling)
     implements(rise_to_repeat, *kinds)(_rise_to_repeat_falling)
 
 
-_implement_falling(Plastic, Viscoelastic)
+_implement_falling(Plastic, Viscoelastic, Power, Points)
+implements(arrival_to_repeat, Plastic, Viscoelastic, Power)(_arrival_to_repeat_falling)
 RESTITUTION_OF: Final[Mapping[str, Restitution]] = {
     CONSTANT: Constant(),
     PLASTIC: Plastic(),
@@ -358,13 +507,16 @@ RESTITUTION_OF: Final[Mapping[str, Restitution]] = {
 }
 
 
-def restitution_of(name: str) -> Restitution:
-    """Return a law by its name; one from outside the package with the code that it has now."""
-    return (
-        RESTITUTION_OF[name]
-        if name in RESTITUTION_OF
-        else _from_outside(OUTSIDE[name].code, OUTSIDE[name])
-    )
+def restitution_of(law: str) -> Restitution:
+    """Return a law by its text; one from outside the package with the code that it has now."""
+    if law in OUTSIDE:
+        return _from_outside(OUTSIDE[law].code, OUTSIDE[law])
+    return RESTITUTION_OF[law] if law in RESTITUTION_OF else _with_numbers(law)
+
+
+@functools.cache
+def _with_numbers(law: str) -> Restitution:
+    return Power(numbers_of(law)) if name_of(law) == POWER else _points_of(law)
 
 
 @functools.cache
@@ -400,4 +552,5 @@ def _from_outside(code: str, law: OutsideLaw) -> Restitution:
         return rounding + off * SPEED_ERROR / abs(kept) if kept != 0.0 else rounding
 
     _implement_falling(marker)
+    implements(arrival_to_repeat, marker)(_arrival_to_repeat_falling)
     return marker()

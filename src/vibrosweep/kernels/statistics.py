@@ -121,8 +121,8 @@ def _ended(landing: Landing) -> float:
 
 
 @jit
-def _arrival(landing: Landing) -> float:
-    return landing.arrival
+def _impact_speed(landing: Landing) -> float:
+    return landing.impact_speed
 
 
 # The first two are always kept: cycles and orbits need them.
@@ -138,7 +138,7 @@ UNCOUNTED: Final = 2.0**53  # from here on, adding 1 to a double may not change 
 # Of the flights that end with a landing
 SHORTEST: Final = declare("flight_min", _ended, MIN)
 LONGEST: Final = declare("flight_max", _ended, MAX)
-IMPACT_SPEED: Final = declare("impact_speed", _arrival, MAX)
+IMPACT_SPEED: Final = declare("impact_speed", _impact_speed, MAX)
 # Over a base that may lift resting particles when others land, flights are counted one by one.
 KINDS_COUPLED: Final[Kinds] = (*KINDS, declare("flights", _every, COUNT, of_flights=True))
 
@@ -482,7 +482,7 @@ class ObservedRows(NamedTuple):
 
     PHASE: int
     TIME: int
-    ARRIVAL: int
+    SPEED: int
     REBOUND: int
     RESTS: int
     SEEN: int
@@ -504,7 +504,7 @@ def note_for_function(
     observer: Observer, s: Floats, j: int, landing: Landing, n: float, seen: bool
 ) -> None:
     s[OBSERVED.PHASE + j], s[OBSERVED.TIME + j] = landing.phase, landing.flight_time
-    s[OBSERVED.ARRIVAL + j], s[OBSERVED.REBOUND + j] = landing.arrival, landing.rebound
+    s[OBSERVED.SPEED + j], s[OBSERVED.REBOUND + j] = landing.impact_speed, landing.rebound
     s[OBSERVED.RESTS + j] = 1.0 if landing.rests else 0.0
     s[OBSERVED.SEEN + j] = 1.0 if seen else 0.0
 
@@ -516,7 +516,7 @@ def call_function(observer: Observer, s: Floats, lanes: int, base: Base) -> None
             landing = Landing(
                 s[OBSERVED.PHASE + j],
                 s[OBSERVED.TIME + j],
-                s[OBSERVED.ARRIVAL + j],
+                s[OBSERVED.SPEED + j],
                 s[OBSERVED.REBOUND + j],
                 s[OBSERVED.RESTS + j] > 0.0,
             )

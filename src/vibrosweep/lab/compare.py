@@ -38,9 +38,10 @@ from vibrosweep.model.parameters import (
 )
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
-    RESTITUTION_LAWS,
     SPEED,
+    implied,
     range_mistake,
+    require_law,
     speed_mistakes,
 )
 from vibrosweep.model.shapes import SINE, Waveform
@@ -186,6 +187,13 @@ class ComparisonOptions:
     rebound: str = "rest"  # ``"rest"`` or ``"reflect"``
     seed: int = 0  # seed of the random numbers
     restitution_law: str = CONSTANT  # law of a known restitution
+
+    def __post_init__(self) -> None:
+        require_law("restitution_law", self.restitution_law)
+        of_points = implied(self.restitution_law)
+        if given := of_points.keys() & self.known.keys():
+            raise ParameterError(f"{min(given)}: follows from the points of the law; leave it out")
+        object.__setattr__(self, "known", {**self.known, **of_points})
 
     @property
     def gravity(self) -> float:
@@ -604,7 +612,6 @@ def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None
             f"draws = {options.draws}: must be at least 2, because one has no spread"
         )
     law = options.restitution_law
-    require_one_of("restitution_law", law, RESTITUTION_LAWS)
     for name, text in speed_mistakes(law, options.known).items():
         raise ParameterError(f"{name}: {text}")
     if law != CONSTANT and "restitution" not in options.known:

@@ -15,8 +15,8 @@ from vibrosweep.lab.ballistics import drop_from_apex, flight_of
 from vibrosweep.lab.recordings import Recording
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
-    RESTITUTION_LAWS,
     range_mistake,
+    require_law,
     restitution_at,
 )
 
@@ -114,7 +114,7 @@ class FloorExperiment:
 
     def __post_init__(self) -> None:
         require_one_of("contact", self.contact, CONTACTS)
-        require_one_of("restitution_law", self.restitution_law, RESTITUTION_LAWS)
+        require_law("restitution_law", self.restitution_law)
         for name, (low, high) in ALLOWED.items():
             value = getattr(self, name)
             number = isinstance(value, int | float | np.number) and not isinstance(value, bool)

@@ -190,7 +190,8 @@ def refuse_extreme(values: Mapping[str, Array], forcing: str, law: str) -> None:
 ALMOST: Final = 0.8
 _PAGE: Final = "; docs/limits.md says what to use then"
 _RANDOM: Final = (
-    "noise is given by restitution_noise, kick_noise or drive_noise, each a standard deviation"
+    "noise is given by restitution_noise, kick_noise or drive_noise, each a standard deviation; "
+    "restitution_noise is absolute, restitution_noise_relative in units of restitution"
 )
 _SHAPE: Final = (
     'the shape of the motion of the base is its waveform: "sine", "parabolic", or harmonics with '
@@ -202,7 +203,7 @@ _LAW: Final = (
 )
 _FALLS: Final = (
     "a restitution that falls with the speed of the impact is a law of restitution: give "
-    'restitution_law = "plastic", the power -1/4, or "viscoelastic", with restitution_speed'
+    'restitution_law = "plastic", "viscoelastic" or "power", with restitution_speed, or "points"'
 )
 _AIR: Final = f"flights are parabolas: air has no drag and no buoyancy{_PAGE}"
 _TURNS: Final = f"balls do not rotate and have no friction; kick_noise may stand for it{_PAGE}"
@@ -221,7 +222,7 @@ _WORDS: Final = {
     _SHAPE: "shape wave wave_form profile harmonics harmonic tones forcing2 amplitude2 frequency2 "
     "phase2 second_frequency second_amplitude second_harmonic triangle square sawtooth signal",
     _LAW: "law rebound_law impact_law collision_law",
-    _FALLS: "restitution_exponent velocity_exponent",
+    _FALLS: "velocity_exponent",
     _AIR: "drag air air_drag air_resistance drag_coefficient viscosity buoyancy wind",
     _TURNS: "spin rotation rotate angular_velocity inertia friction friction_coefficient "
     "tangential_restitution rolling",

@@ -33,7 +33,7 @@ class Landing(NamedTuple):
         zero.
     flight_time
         Duration in forcing periods of the flight that ends here.
-    arrival, rebound
+    impact_speed, rebound
         Speeds relative to the base, before the impact and at lift-off, in units of g / (2 f): from
         a base at rest, a flight with rebound 1 lasts one forcing period.  If the particle rests,
         `rebound` is the speed at the end of the rest.
@@ -46,14 +46,14 @@ class Landing(NamedTuple):
     >>> def rests(totals, landing):
     ...     totals[0] += landing.rests
     >>> totals = np.zeros(1)
-    >>> rests(totals, vs.Landing(phase=0.1, flight_time=0.5, arrival=0.5, rebound=0.0, rests=True))
+    >>> rests(totals, vs.Landing(0.1, flight_time=0.5, impact_speed=0.5, rebound=0.0, rests=True))
     >>> totals
     array([1.])
     """
 
     phase: float
     flight_time: float
-    arrival: float
+    impact_speed: float
     rebound: float
     rests: bool
 
@@ -112,11 +112,11 @@ class Observable:
     --------
     >>> import numpy as np, vibrosweep as vs
     >>> def fastest(totals, landing):
-    ...     totals[0] = max(totals[0], landing.arrival)
-    >>> arrival = vs.Observable("arrival_max", fastest, "fastest arrival", "m s-1",
+    ...     totals[0] = max(totals[0], landing.impact_speed)
+    >>> impact = vs.Observable("fastest_impact", fastest, "fastest impact", "m s-1",
     ...                         particles="max")
-    >>> found = vs.sweep(amplitude=0.0, restitution=0.9, observables=[arrival])
-    >>> print(found.arrival_max.values, found.arrival_max.units)
+    >>> found = vs.sweep(amplitude=0.0, restitution=0.9, observables=[impact])
+    >>> print(found.fastest_impact.values, found.fastest_impact.units)
     [5.] m s-1
     """
 

@@ -156,9 +156,14 @@ MOUNT: Final = by_name(
     Parameter("mount_damping", "zeta", "1", "damping ratio of the mount", 0.05, 0.0, 1e3),
 )
 
-# Standard deviations of noise, all optional
+RELATIVE_NOISE: Final = "restitution_noise_relative"
+# Standard deviations of noise, all optional; that of the restitution is absolute, or relative to
+# the nominal restitution
 NOISE: Final = by_name(
     Parameter("restitution_noise", "sigma_e", "1", "noise of the restitution", 0.0, 0.0, LARGEST),
+    Parameter(
+        RELATIVE_NOISE, "sigma_e/e", "1", "relative noise of the restitution", 0.0, 0.0, LARGEST
+    ),
     Parameter("kick_noise", "sigma_V", "m s-1", "noise of the kick", 0.0, 0.0, LARGEST / 4),
     Parameter("drive_noise", "sigma_A", "1", "noise of the amplitude", 0.0, 0.0, 1e6),
 )
@@ -283,9 +288,11 @@ def _strengths(
     kick = parameters.get("kick_noise")
     if kick is not None:
         kick = (1.0 + parameters["restitution"]) * per_velocity * kick
+    slip, drive = (parameters.get(name) for name in ("restitution_noise", "drive_noise"))
+    if RELATIVE_NOISE in parameters:
+        slip = parameters[RELATIVE_NOISE] * parameters["restitution"]
     # copies, as for the restitution
-    sizes = (parameters.get(name) for name in ("restitution_noise", "drive_noise"))
-    restitution, drive = (None if values is None else np.array(values) for values in sizes)
+    restitution, drive = (None if values is None else np.array(values) for values in (slip, drive))
     whole = np.rint(parameters["phase"] / math.tau - turns)
     return Strengths(restitution, kick, drive, np.array(parameters[STREAM], np.float64), whole)
 
@@ -437,6 +444,13 @@ MASSES: Final = by_name(
 
 # All parameters by which a mount may be given, in the order of files
 OF_MOUNT: Final = {MASS_RATIO: MOUNT[MASS_RATIO], **MASSES, **MOUNT}
+
+
+def noise_mistakes(given: Collection[str]) -> dict[str, str]:
+    """Return the mistake of a noise of the restitution that is given in two ways."""
+    absolute, relative, *_ = NOISE
+    text = f"{absolute}, which is absolute, is given too; keep one of the two"
+    return {relative: text} if absolute in given and relative in given else {}
 
 
 def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:

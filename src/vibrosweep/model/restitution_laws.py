@@ -4,20 +4,29 @@ An impact at the relative speed v leaves E(v) = e(v) v, with the slope q(v) = E'
 
     constant       e(v) = e
     plastic        e(v) = e up to v_y, e (v / v_y)^(-1/4) above it
+    power          e(v) = e up to v_0, e (v / v_0)^(-p) above it
+    points         e(v) is linear between given points, and constant beyond both ends
     viscoelastic   e(v) = P(y_0 (v / v_r)^(1/10)), P(y_0) = e
 
-`restitution` is e, and `restitution_speed` v_y or v_r.  P is a Pade approximation for two
-viscoelastic spheres, which are in contact until the force between them vanishes.  It exceeds the
-exact e(v) by 4e-3 where e(v) = 0.46, and by less where e(v) is larger; a smaller e(v) is computed
-in the same way, but reported as out of range.  Users register further laws.
+`restitution` is e, and `restitution_speed` v_y, v_0 or v_r; for points they follow: e(0), which
+gives the kick its size, and the highest speed of a point.  The numbers of a law that all
+realizations share, p or the points, stand in its text: ``power(0.2)``.
+
+P is a Pade approximation for two viscoelastic spheres, which are in contact until the force between
+them vanishes.  It exceeds the exact e(v) by 4e-3 where e(v) = 0.46, and by less where e(v) is
+larger; a smaller e(v) is computed in the same way, but reported as out of range.  Users register
+further laws.
 """
 
 from __future__ import annotations
 
 import inspect
+import json
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
 from types import FunctionType
 from typing import Any, Final
 
@@ -28,13 +37,24 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, require_one_of
 from vibrosweep.mistakes import quoted
 from vibrosweep.model.functions import digest_of, plain
-from vibrosweep.model.parameters import OF_RESTITUTION, physical
+from vibrosweep.model.parameters import LARGEST, OF_RESTITUTION, SMALLEST, physical
 
 CONSTANT: Final = "constant"
 PLASTIC: Final = "plastic"
 VISCOELASTIC: Final = "viscoelastic"
+POWER: Final = "power"
+POINTS: Final = "points"
 # `vibrosweep.model.restitution_laws.register_law` appends others
-RESTITUTION_LAWS: Final = [CONSTANT, PLASTIC, VISCOELASTIC]
+RESTITUTION_LAWS: Final = [CONSTANT, PLASTIC, VISCOELASTIC, POWER, POINTS]
+# Laws with numbers that all realizations share, and the keys that give these
+NUMBERS_OF: Final = {POWER: "restitution_exponent", POINTS: "restitution_points"}
+MOST_POINTS: Final = 16
+EXPONENTS: Final = "at least 0 and below 1"
+PAIRS: Final = (
+    "must be two or more points, each with its speed (m s-1) and its restitution, as in "
+    "[[0.1, 0.95], [2.0, 0.85]]"
+)
+Points = tuple[tuple[float, float], ...]  # speeds in m s-1, ascending, and ratios
 
 (SPEED,) = OF_RESTITUTION
 LEAST_VISCOELASTIC: Final = 0.46
@@ -59,7 +79,9 @@ def restitution_at(
         Speed v of the impact relative to the base (m s-1), not negative.
     restitution, law, restitution_speed
         As in a scene: ``restitution``, ``restitution_law`` and, unless that is ``"constant"``,
-        ``restitution_speed`` (m s-1).  All numbers broadcast.
+        ``restitution_speed`` (m s-1).  All numbers broadcast.  A law with numbers of its own is
+        written with them, as in results: ``"power(0.2)"``, whose exponent is -0.2, or
+        ``"points([[0.1, 0.95], [2.0, 0.85]])"``, for which neither restitution nor speed counts.
 
     Returns
     -------
@@ -82,17 +104,22 @@ def restitution_at(
     >>> vs.theory.restitution_at([0.1, 10.0], 0.8, "viscoelastic", 1.0).round(6)
     array([0.866619, 0.708939])
     """
-    require_one_of("law", law, RESTITUTION_LAWS)
+    require_law("law", law)
     v, e = np.asarray(velocity, np.float64), np.asarray(restitution, np.float64)
     if wrong := range_mistake(law, e):
         raise ParameterError(wrong)
     if law == CONSTANT:
         return np.broadcast_to(e, np.broadcast(v, e).shape).copy()
+    if name_of(law) == POINTS:
+        speeds, ratios = np.array(numbers_of(law)).T
+        return np.broadcast_to(np.interp(v, speeds, ratios), np.broadcast(v, e).shape).copy()
     if np.any(np.isnan(restitution_speed)):
         raise ParameterError(f"{SPEED}: is missing; law {law!r} needs it (m s-1)")
     s = v / np.asarray(restitution_speed, np.float64)
     if law == PLASTIC:
         return np.asarray(e * np.maximum(s, 1.0) ** -0.25)
+    if name_of(law) == POWER:
+        return np.asarray(e * np.maximum(s, 1.0) ** -numbers_of(law))
     if law == VISCOELASTIC:
         return np.asarray(_pade(_root_at(e) * s**0.1))
     return np.asarray(np.vectorize(OUTSIDE_RATIOS[law], otypes=[float])(e, s))
@@ -111,6 +138,132 @@ def _root_at(e: Array) -> Array:
     for _ in range(40):
         y = np.sqrt((1.0 - e) * (1.0 + n1 * y) / (e * (d2 + y * (d3 + y * d4))))
     return y
+
+
+def text_of(name: str, numbers: float | Points) -> str:
+    """Return a law with its numbers, a key of `NUMBERS_OF`, as a text."""
+    return f"{name}({json.dumps(numbers)})"
+
+
+def name_of(law: str) -> str:
+    """Return the name of a law, without its numbers."""
+    return law.partition("(")[0]
+
+
+def numbers_of(law: str) -> Any:
+    """Return the exponent or the points in the text of a law of `NUMBERS_OF`.
+
+    A ValueError says what is wrong with them.
+    """
+    name, _, text = law.partition("(")
+    try:
+        found = json.loads(text.removesuffix(")"))
+    except ValueError:
+        found = None
+    return exponent_of(found) if name == POWER else points_of(found)
+
+
+def is_law(law: str) -> bool:
+    """Return whether a text is a law of restitution, with its numbers."""
+    try:
+        require_law("", law)
+    except ParameterError:
+        return False
+    return True
+
+
+def require_law(key: str, law: str) -> None:
+    """Raise a ParameterError that names a key unless its value is a law, with its numbers."""
+    require_one_of(key, name_of(law), RESTITUTION_LAWS)
+    if name_of(law) in NUMBERS_OF:
+        try:
+            numbers_of(law)
+        except ValueError as error:
+            examples = {POWER: "power(0.2)", POINTS: "points([[0.1, 0.95], [2.0, 0.85]])"}
+            example = examples[name_of(law)]
+            text = f'{key} = "{law}": {NUMBERS_OF[name_of(law)]} {error}; write "{example}"'
+            raise ParameterError(text) from None
+    elif law != name_of(law):
+        raise ParameterError(f'{key} = "{law}": this law has no numbers of its own; leave them out')
+
+
+def implied(law: str) -> dict[str, float]:
+    """Return the parameters that follow from a law: for points e(0) and the highest speed."""
+    if name_of(law) != POINTS:
+        return {}
+    points = numbers_of(law)
+    return {"restitution": points[0][1], SPEED: points[-1][0]}
+
+
+def kinks_of(law: str) -> list[float]:
+    """Return the speeds, in units of that of the law, at which the slope of E jumps."""
+    if law == PLASTIC or (name_of(law) == POWER and numbers_of(law) > 0.0):
+        return [1.0]
+    if name_of(law) != POINTS:
+        return []
+    points = numbers_of(law)
+    rises = [Fraction(0), *(rise for rise, _ in lines_of(points)), Fraction(0)]
+    jumps = (a != b for a, b in pairwise(rises))
+    return [v / points[-1][0] for (v, _), jump in zip(points, jumps, strict=True) if jump and v > 0]
+
+
+def lines_of(points: Points) -> list[tuple[Fraction, Fraction]]:
+    """Return slope and value at 0 of e(v) between points, v in units of the highest speed."""
+    pairs = [(Fraction(v) / Fraction(points[-1][0]), Fraction(e)) for v, e in points]
+    found = []
+    for (v, e), (faster, less) in pairwise(pairs):
+        rise = (less - e) / (faster - v)
+        found.append((rise, e - rise * v))
+    return found
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def exponent_of(value: Any) -> float:
+    """Return the exponent of a power; a ValueError says what is allowed."""
+    if not (_is_number(value) and 0.0 <= value < 1.0):
+        raise ValueError(f"must be a number, {EXPONENTS}: the restitution falls as v^-exponent")
+    return float(value)
+
+
+def points_of(value: Any) -> Points:
+    """Return points of a law; a ValueError says what is wrong with them."""
+    listed = value if isinstance(value, list | tuple) else []
+    pairs = [one for one in listed if isinstance(one, list | tuple) and len(one) == 2]
+    if len(pairs) < len(listed) or len(pairs) < 2:
+        raise ValueError(PAIRS)
+    if len(pairs) > MOST_POINTS:
+        most = f"at most {MOST_POINTS} are allowed; leave some out"
+        raise ValueError(f"has {len(pairs)} points: {most}")
+    for number, (v, e) in enumerate(pairs, 1):
+        if not (_is_number(v) and (v == 0.0 or SMALLEST <= v <= LARGEST)):
+            allowed = f"0 or from {SMALLEST:g} to {LARGEST:g} m s-1"
+            raise ValueError(f"the speed of point {number} is {v!r}; it must be {allowed}")
+        if not (_is_number(e) and 0.0 < e <= 1.0):
+            allowed = "above 0 and at most 1"
+            raise ValueError(f"the restitution of point {number} is {e!r}; it must be {allowed}")
+    points = tuple((float(v), float(e)) for v, e in pairs)
+    for number, ((v, e), (faster, less)) in enumerate(pairwise(points), 2):
+        if not v < faster:
+            raise ValueError(
+                f"point {number} is not faster than the one before it, {faster:g} after {v:g} "
+                f"m s-1; sort the points by speed, each speed once"
+            )
+        if less > e:
+            raise ValueError(
+                f"the restitution rises to {less:g} at point {number}, from {e:g}; it must not "
+                f"rise with the speed: leave out or average points within their scatter"
+            )
+    for number, (rise, start) in enumerate(lines_of(points), 2):
+        v = Fraction(points[number - 1][0]) / Fraction(points[-1][0])
+        if start + 2 * rise * v <= 0:
+            raise ValueError(
+                f"the restitution falls so steeply before point {number} that faster impacts would "
+                f"leave less speed than slower ones; its slope must be less steep than e / v"
+            )
+    return points
 
 
 def fastest_in_range(law: str, restitution: Array, restitution_speed: Array | None) -> Array:
@@ -144,11 +297,12 @@ def speed_mistakes(law: str, given: Collection[str]) -> dict[str, str]:
     Each text says what to change.
     """
     if law == CONSTANT and SPEED in given:
-        others = quoted(name for name in RESTITUTION_LAWS if name != CONSTANT)
+        others = quoted(name for name in RESTITUTION_LAWS if name not in (CONSTANT, POINTS))
         text = f"belongs to a law that depends on the speed: write restitution_law = {others}"
         return {SPEED: f"{text}, or leave it out"}
     if law != CONSTANT and SPEED not in given:
-        return {SPEED: f'is missing; restitution_law = "{law}" needs it (in m s-1, above 0)'}
+        needs = f'restitution_law = "{name_of(law)}" needs it (in m s-1, above 0)'
+        return {SPEED: f"is missing; {needs}"}
     return {}
 
 

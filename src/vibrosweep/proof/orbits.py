@@ -67,7 +67,7 @@ PLACES: Final = 128  # points of a flight at which its height above the base is 
 SEARCHED: Final = "it describes the search for orbits, which cannot be proved"
 COMPLETE: Final = "it is not proved that there are no more orbits"
 YES, NO, RESTS = 1, 0, -1
-OF_LANDINGS: Final = ("impact_phase", "flight_time", "rebound_velocity", "arrival_velocity")
+OF_LANDINGS: Final = ("impact_phase", "flight_time", "rebound_velocity", "impact_speed")
 JUDGED: Final = (
     *("cycle_impacts", "cycle_periods", "admissible", "stable"),
     *("multiplier_real", "multiplier_imaginary", *OF_LANDINGS),
@@ -180,7 +180,7 @@ def _judged(
         for name, value, scale in (
             ("flight_time", lasts, period),
             ("rebound_velocity", flight.leaves, unit),
-            ("arrival_velocity", flight.arrives, unit),
+            ("impact_speed", flight.arrives, unit),
         ):
             size_of = scale * claim(value, size)
             yield judge(name, None, float(own[name][i]), arb(scale) * value.v, size_of)

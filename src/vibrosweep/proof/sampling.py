@@ -63,7 +63,7 @@ from vibrosweep.model.parameters import (
     Time,
     amount,
 )
-from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, law_in
+from vibrosweep.model.restitution_laws import CONSTANT, is_law, law_in
 from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import Deviates
 from vibrosweep.proof.reference.trajectories import REFERENCE_OF, Reference
@@ -348,7 +348,7 @@ def read_sample(
     with result_file(path) as file:
         for group in (file, *(file.groups[name] for name in file.groups if name == "record")):
             base, law = str(group.attrs.get("base", HIGH_BOUNCE)), law_in(group.attrs)
-            if group.attrs["rebound"] not in LAWS_OF.get(base, ()) or law not in RESTITUTION_LAWS:
+            if group.attrs["rebound"] not in LAWS_OF.get(base, ()) or not is_law(law):
                 raise _unsound(path, ["rebound, restitution_law or base"])
             noise = [name for name in NOISE if name in group.variables]
             if wrong := refusal(base, analysis="verify", noise=noise):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 import unicodedata
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -55,6 +56,7 @@ from vibrosweep.model.parameters import (
     NOISE,
     OF_MOUNT,
     OF_RESTITUTION,
+    RELATIVE_NOISE,
     SPRUNG,
     STAGGERED,
     STREAM_PARTICLES,
@@ -66,10 +68,24 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
     mount_mistakes,
+    noise_mistakes,
     precedes,
     unit_of,
 )
-from vibrosweep.model.restitution_laws import CONSTANT, RESTITUTION_LAWS, speed_mistakes
+from vibrosweep.model.restitution_laws import (
+    CONSTANT,
+    NUMBERS_OF,
+    POINTS,
+    RESTITUTION_LAWS,
+    SPEED,
+    Points,
+    exponent_of,
+    implied,
+    name_of,
+    points_of,
+    speed_mistakes,
+    text_of,
+)
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, GivenTable, GridAxis, Range
 from vibrosweep.scene.scene import Scene, waveform_of
 
@@ -308,6 +324,15 @@ def _columns(value: object) -> tuple[str, ...]:
     return tuple(sorted(value, key=[*INPUTS, *value].index))
 
 
+def _points(value: object) -> Points | str:
+    """Return points of a law of restitution, or the path of their table."""
+    if isinstance(value, str | os.PathLike):
+        if str(value).lower().endswith(".csv"):
+            return str(value)
+        raise ValueError("the path of a table of points must end in .csv")
+    return points_of(value)
+
+
 def _is_finite_number(value: object) -> TypeGuard[float]:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
@@ -360,6 +385,8 @@ _SCENE: Final[Mapping[str, Check]] = {
     "waveform": waveform_of,
     "noise_seed": _SEED,
     "restitution_law": partial(one_of, RESTITUTION_LAWS),
+    "restitution_exponent": exponent_of,
+    "restitution_points": _points,
 }
 SECTIONS: Final[Sections] = {
     "scene": _SCENE,
@@ -388,7 +415,10 @@ SECTIONS: Final[Sections] = {
 
 
 # The base and the law of restitution, with the parameters that only some of them need
-DEPENDENT: Final = ("base", *OF_MOUNT, "restitution_law", *OF_RESTITUTION)
+_LAW: Final = ("restitution_law", *NUMBERS_OF.values())
+_IMPLIED: Final = f"follows from {NUMBERS_OF[POINTS]}; leave it out"
+DEPENDENT: Final = ("base", *OF_MOUNT, *_LAW, *OF_RESTITUTION)
+OF_SLIP: Final = frozenset(("restitution_noise", RELATIVE_NOISE))  # ways to give the same noise
 Table = Mapping[str, Any]  # valid values of a table of a sweep file, by key
 
 
@@ -405,6 +435,7 @@ def settings(name: str, table: Table, shared: Table, mistakes: Mistakes) -> dict
     These are the fields of a `Scene`, apart from its inputs and measures.
     """
     found = {key: table.get(key, value) for key, value in shared.items()}
+    found["restitution_law"] = _law(name, table, shared["restitution_law"], mistakes)
     launch = found["launch"]
     if "launch" in table and "particles" not in table and isinstance(launch, tuple):
         found["particles"] = len(launch)
@@ -422,6 +453,27 @@ def settings(name: str, table: Table, shared: Table, mistakes: Mistakes) -> dict
         involved = [f"{t}.{k}" for t in (name, "scene") for k in ("base", "rebound")]
         mistakes.add(f"{name}.", wrong, involves=involved)
     return found
+
+
+def _law(home: str, table: Table, shared: str, mistakes: Mistakes) -> str:
+    """Return the law of restitution of a table with its numbers, by default a shared one."""
+    law = table.get("restitution_law", name_of(shared))
+    involved = [f"{t}.{key}" for t in (home, "scene") for key in _LAW]
+    for name, key in NUMBERS_OF.items():
+        if key in table and name != law:
+            rule = f'belongs to restitution_law = "{name}"'
+            remedy = "write that law, or leave it out"
+            mistakes.add(f"{home}.{key}", rule, table[key], remedy, involved)
+    if law not in NUMBERS_OF:
+        return str(law)
+    if NUMBERS_OF[law] in table:
+        return text_of(law, table[NUMBERS_OF[law]])
+    if law == name_of(shared):
+        return shared
+    rule = f'is missing; restitution_law = "{law}" needs it'
+    mistakes.add(f"{home}.{NUMBERS_OF[law]}", rule, involves=involved)
+    mistakes.broken.add(f"{home}.{NUMBERS_OF[law]}")
+    return CONSTANT
 
 
 def check_window(
@@ -499,7 +551,10 @@ def check_given(base: str, law: str, scene: Table, sample: Table, mistakes: Mist
     homes |= {name: f"sample.{name}" for name in inputs_in(sample)}
     homes |= {name: f"scene.{name}" for name in inputs_in(scene)}
     involved = [f"{t}.{name}" for t in ("scene", "sample") for name in DEPENDENT]
-    for name, text in {**mount_mistakes(base, homes), **speed_mistakes(law, homes)}.items():
+    wrong = {name: _IMPLIED for name in implied(law) if name in homes}
+    wrong |= {**mount_mistakes(base, homes), **speed_mistakes(law, {*homes, *implied(law)})}
+    wrong |= noise_mistakes(homes)
+    for name, text in wrong.items():
         key = homes.get(name, f"scene.{name}")
         mistakes.add(key, text if key.endswith(name) else f"{name} {text}", involves=involved)
 
@@ -651,15 +706,22 @@ def record(
     replaced |= {*MASSES} if MASS_RATIO in given else set()
     replaced |= set() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
     replaced |= {*OF_MOUNT} if base != SPRUNG else set()
-    replaced |= {*OF_RESTITUTION} if law == CONSTANT else set()
+    replaced |= set() if OF_SLIP.isdisjoint(given) else OF_SLIP
+    of_points = law != shared["restitution_law"] and implied(shared["restitution_law"])
+    replaced |= {SPEED} if law == CONSTANT or of_points else set()
+    replaced |= implied(law).keys()
     for name in varied or ():
         if name in INPUTS and name not in given and name not in replaced:
             state = f"so state the value of the recorded scene (allowed: {INPUTS[name].allowed})"
             mistakes.add(f"record.{name}", f"is missing; the sweep samples it, {state}")
+    for name in implied(law).keys() & given.keys():
+        mistakes.add(f"record.{name}", _IMPLIED, given[name])
+    given |= implied(law)
     found = {n: v for n, v in values.items() if n not in replaced} | {**given}
     tables = ("scene", "sample", "record")
     involved = [f"{t}.{name}" for t in tables for name in DEPENDENT]
-    for name, text in {**mount_mistakes(base, found), **speed_mistakes(law, found)}.items():
+    wrong = {**mount_mistakes(base, found), **speed_mistakes(law, found), **noise_mistakes(found)}
+    for name, text in wrong.items():
         mistakes.add(f"record.{name}", text, involves=involved)
     homes = dict.fromkeys(noise_homes(found, {}, ()), "record")
     check_noise(fields, homes, {}, mistakes)

@@ -36,7 +36,7 @@ from vibrosweep.mistakes import (
 )
 from vibrosweep.model.forcing import FORCINGS, INPUTS, misspelled
 from vibrosweep.model.measures import MEASURES, RESERVED
-from vibrosweep.model.parameters import STREAM, mount_mistakes
+from vibrosweep.model.parameters import STREAM, mount_mistakes, noise_mistakes
 from vibrosweep.model.restitution_laws import range_mistake, speed_mistakes
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable, Label, columns_of
 from vibrosweep.scene.keys import SECTIONS
@@ -312,7 +312,7 @@ def _chosen(columns: Mapping[str, Label], sweep: Sweep, mistakes: Mistakes) -> l
         mistakes.add_cell(rule, remedy="keep one of the two")
     given = {*chosen, *sweep.scene.given}
     wrong = mount_mistakes(sweep.scene.base, given)
-    wrong |= speed_mistakes(sweep.scene.restitution_law, given)
+    wrong |= speed_mistakes(sweep.scene.restitution_law, given) | noise_mistakes(given)
     for name, text in wrong.items():
         fixed = name in sweep.scene.given
         lacks = not fixed and name not in chosen

@@ -17,7 +17,8 @@ from typing import Any, Final
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURES, OPTIONS, TRANSIENT_PERIODS
 from vibrosweep.model.observables import KEYS
-from vibrosweep.model.parameters import STAGGERED, Parameter
+from vibrosweep.model.parameters import LARGEST, STAGGERED, Parameter
+from vibrosweep.model.restitution_laws import MOST_POINTS
 from vibrosweep.model.shapes import (
     HARMONICS_NAME,
     LARGEST_TONE,
@@ -157,6 +158,15 @@ def _waveform() -> Schema:
     }
 
 
+_POINT: Final = {
+    "type": "array",
+    "minItems": 2,
+    "maxItems": 2,
+    "items": [
+        {"type": "number", "minimum": 0.0, "maximum": LARGEST},
+        {"type": "number", "exclusiveMinimum": 0.0, "maximum": 1.0},
+    ],
+}
 _TEXTS: Final = {"type": "array", "minItems": 1, "items": {"type": "string"}}
 _OTHERS: Final[Mapping[str, Schema]] = {
     "duration": {**_ABOVE, "description": "end of the observation, s"},
@@ -166,6 +176,20 @@ _OTHERS: Final[Mapping[str, Schema]] = {
         "anyOf": [{"const": STAGGERED}, {"type": "array", "minItems": 1, "items": _FINITE}],
     },
     "waveform": _waveform(),
+    "restitution_exponent": {
+        "type": "number",
+        "minimum": 0.0,
+        "exclusiveMaximum": 1.0,
+        "description": 'exponent of restitution_law = "power": e(v) falls as v^-exponent',
+    },
+    "restitution_points": {
+        "description": 'points of restitution_law = "points": speed (m s-1) and restitution of '
+        "each, or the path of a CSV file with these columns",
+        "anyOf": [
+            {"type": "array", "minItems": 2, "maxItems": MOST_POINTS, "items": _POINT},
+            {"type": "string", "pattern": r"\.[cC][sS][vV]$"},
+        ],
+    },
     "design": {
         "description": "how realizations are drawn, or the path of their table",
         "anyOf": [

@@ -6,7 +6,9 @@ and a number is a fixed value.
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 import os
 import re
 import tomllib
@@ -32,6 +34,7 @@ from vibrosweep.model.forcing import (
 )
 from vibrosweep.model.observables import Measures, Observable, observables_of
 from vibrosweep.model.parameters import NOISE, STREAM, STREAMS, refuse_masked
+from vibrosweep.model.restitution_laws import NUMBERS_OF, POINTS, implied
 from vibrosweep.scene import keys
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design, GivenTable
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS, Tables, read_tables
@@ -50,8 +53,9 @@ LONGEST_SPEC: Final = 2**26  # bytes: a device may have no end
 BACKSLASH: Final = re.compile(
     r'"((?:[^"\\\n]|\\.)*?\\(?![btnfr"\\]|u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8})[^"\n]*)"'
 )
-# Line before the original text of a sweep file whose trace was replaced by harmonics
+# Line before the original text of a sweep file in which what a file holds replaced its path
 WRITTEN_FOR: Final = "# written for\n"
+WITH_POINTS: Final = ("scene", "record")  # tables that may name a table of points
 
 
 @dataclass(frozen=True)
@@ -104,8 +108,9 @@ class Sweep:
 def read_spec(path: str | os.PathLike[str], kept: Callable[[], str] | None = None) -> Sweep:
     """Read and validate a sweep file; a SpecError lists all mistakes.
 
-    If the file of its trace is missing, the harmonics come from the text of a result or of an
-    unfinished run, which `kept` returns, if that text was written for the same sweep file.
+    If the file of its trace or of its points is missing, what was read from it comes from the text
+    of a result or of an unfinished run, which `kept` returns, if that text was written for the same
+    sweep file.
     """
     source = Path(path)
     return parse_spec(read_text(source), source, kept)
@@ -171,7 +176,7 @@ def checked(
     that lists all `mistakes`, including those that this function finds.
     """
     folder = (source or Path()).parent
-    if kept is not None and _lacks_trace(data, folder):
+    if kept is not None and _lacks_file(data, folder):
         held = kept()
         if held.partition(WRITTEN_FOR)[2] == _quoted(text or text_of(data)):
             data, text = tomllib.loads(held), held
@@ -179,11 +184,13 @@ def checked(
     if title is None:
         remedy = 'begin with title = "..." that says what the sweep shows'
         mistakes.add("title", "is missing", remedy=remedy)
-    traced = _measured(tables, folder, mistakes)
-    if traced:  # so that the text needs no trace
-        scene = {**data["scene"], **traced}
+    read = _tabulated(tables, folder, mistakes)
+    if traced := _measured(tables, folder, mistakes):
+        read["scene"] = read.get("scene", {}) | traced
+    if read:  # so that the text needs no file
+        replaced = {name: {**data[name], **values} for name, values in read.items()}
         quoted = WRITTEN_FOR + _quoted(text or text_of(data))
-        text = text_of({**data, "title": title or "", "scene": scene}) + quoted
+        text = text_of({**data, "title": title or "", **replaced}) + quoted
     sweep = _assembled(tables, source, mistakes)
     stated = frozenset(tables.get("scene", {}))
     sweep = replace(sweep, title=title or "", text=text, stated=stated)
@@ -196,12 +203,17 @@ def checked(
     return sweep
 
 
-def _lacks_trace(data: Mapping[str, Any], folder: Path) -> bool:
-    """Return whether the scene has a trace, relative to a folder, whose file is missing."""
-    try:
-        return not (folder / data["scene"]["waveform"]["trace"]).exists()
-    except (KeyError, TypeError, ValueError):  # no trace, or a mistake that is reported later
-        return False
+def _lacks_file(data: Mapping[str, Any], folder: Path) -> bool:
+    """Return whether a trace or a table of points, relative to a folder, is missing."""
+
+    def lacks(home: str, *keys: str) -> bool:
+        try:
+            return not (folder / functools.reduce(operator.getitem, keys, data[home])).exists()
+        except (KeyError, TypeError, ValueError):  # no path, or a mistake that is reported later
+            return False
+
+    of_points = (lacks(home, NUMBERS_OF[POINTS]) for home in WITH_POINTS)
+    return lacks("scene", "waveform", "trace") or any(of_points)
 
 
 def text_of(data: Mapping[str, Any]) -> str:
@@ -211,6 +223,25 @@ def text_of(data: Mapping[str, Any]) -> str:
         if section in data:
             lines += [f"[{section}]", *(f"{key} = {toml(v)}" for key, v in data[section].items())]
     return "\n".join(lines) + "\n"
+
+
+def _tabulated(tables: Tables, folder: Path, mistakes: Mistakes) -> dict[str, dict[str, Any]]:
+    """Replace the paths of tables of points by the points; return these keys, by table."""
+    found, key = {}, NUMBERS_OF[POINTS]
+    for home in WITH_POINTS:
+        path = tables.get(home, {}).get(key)
+        if not isinstance(path, str):
+            continue
+        from vibrosweep.scene.points import points_in  # few sweeps have such a table
+
+        try:
+            points = points_in(folder / path)
+        except ValueError as error:
+            mistakes.add_broken(f"{home}.{key}", error.args, tables[home].pop(key))
+            continue
+        tables[home][key] = points
+        found[home] = {key: [list(point) for point in points]}
+    return found
 
 
 def _measured(tables: Tables, folder: Path, mistakes: Mistakes) -> dict[str, Any]:
@@ -252,6 +283,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     settings = keys.settings("scene", scene, defaults, mistakes)
     base = settings["base"]
     keys.check_given(base, settings["restitution_law"], scene, sample, mistakes)
+    numbers |= implied(settings["restitution_law"])
     measures = Measures(**tables.get("measure", {}))
     keys.check_unused(tables, mistakes, every=source is not None)
     noise = keys.noise_homes(numbers, sample, varied)

@@ -24,7 +24,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.model.forcing import ACCELERATION, AMPLITUDE, INPUTS
 from vibrosweep.model.measures import IMPACTS, RECORD, UNDETERMINED, VARIABLES, Variable
 from vibrosweep.model.parameters import MASS_RATIO, OF_RESTITUTION, SPRUNG, STREAM
-from vibrosweep.model.restitution_laws import CONSTANT, law_in
+from vibrosweep.model.restitution_laws import CONSTANT, OUTSIDE, is_law, law_in
 from vibrosweep.model.shapes import HARMONICS_NAME, Waveform, harmonics_of, name_in
 
 if TYPE_CHECKING:
@@ -208,7 +208,8 @@ def _refuse_contradictions(dataset: xr.Dataset) -> None:
     held, attrs = dataset.variables, dataset.attrs
     wrong = []
     law, speeds = law_in(attrs), [name for name in OF_RESTITUTION if name in held]
-    if (law != CONSTANT) != bool(speeds) and (speeds or law in ("plastic", "viscoelastic")):
+    known = is_law(law) and law not in OUTSIDE
+    if (law != CONSTANT) != bool(speeds) and (speeds or known):
         wrong.append("restitution_law")
     if "base" in attrs and MASS_RATIO in held and attrs["base"] != SPRUNG:
         wrong.append("base")

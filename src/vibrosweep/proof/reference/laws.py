@@ -16,9 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 
-from vibrosweep.model.restitution_laws import CONSTANT, OUTSIDE
+from vibrosweep.model.restitution_laws import CONSTANT, OUTSIDE, POINTS, POWER, name_of, numbers_of
 from vibrosweep.model.restitution_laws import Law as OutsideLaw
 from vibrosweep.model.shapes import HARMONICS_NAME, PARABOLIC_NAME, SINE, Waveform
 from vibrosweep.proof.reference.arithmetic import (
@@ -382,6 +383,11 @@ class Laws(NamedTuple):
         """Return the law for a restitution e and, if it has one, a speed v_r."""
         if self.restitution == CONSTANT or speed is None:
             return Constant(e)
+        if name_of(self.restitution) == POWER:
+            return Power(e, speed, arb(numbers_of(self.restitution)))
+        if name_of(self.restitution) == POINTS:
+            pairs = [(arb(v), arb(kept)) for v, kept in numbers_of(self.restitution)]
+            return Points([(v / pairs[-1][0] * speed, kept) for v, kept in pairs])
         if self.restitution in OF_SPEED:
             return OF_SPEED[self.restitution](e, speed)
         return Outside(OUTSIDE[self.restitution], e, speed)
@@ -425,11 +431,15 @@ class Constant(Restitution):
 
 
 @dataclass(frozen=True)
-class Plastic(Restitution):
-    """The same share up to a speed, and e (v / speed)^(-1/4) above it."""
+class Power(Restitution):
+    """The same share up to a speed, and e (v / speed)^(-p) above it."""
 
     e: arb
     speed: arb
+    p: arb
+
+    def _fallen(self, v: arb) -> arb:
+        return self.e * (self.p * (self.speed / v).log()).exp()
 
     def _chosen(self, v: arb, below: arb, above: Callable[[], arb]) -> arb:
         if v <= self.speed:
@@ -438,17 +448,63 @@ class Plastic(Restitution):
 
     def share(self, v: arb) -> arb:
         """Share of v that is left."""
-        return self._chosen(v, self.e, lambda: self.e * (self.speed / v).sqrt().sqrt())
+        return self._chosen(v, self.e, lambda: self._fallen(v))
 
     def slope(self, v: arb) -> arb:
         """Derivative of `kept`."""
-        return self._chosen(v, self.e, lambda: 0.75 * self.e * (self.speed / v).sqrt().sqrt())
+        return self._chosen(v, self.e, lambda: (1 - self.p) * self._fallen(v))
 
     def bend(self, v: arb) -> arb:
         """Derivative of `slope`, which jumps at the kink."""
         if v < self.speed:
             return arb(0)
-        return -0.25 * self.slope(v) / v if v > self.speed else arb("nan")
+        return -self.p * self.slope(v) / v if v > self.speed else arb("nan")
+
+
+class Plastic(Power):
+    """A power of 1/4."""
+
+    def __init__(self, e: arb, speed: arb) -> None:
+        super().__init__(e, speed, arb(0.25))
+
+    def _fallen(self, v: arb) -> arb:
+        return self.e * (self.speed / v).sqrt().sqrt()
+
+
+class Points(Restitution):
+    """A share that is linear between points, and constant beyond both ends."""
+
+    def __init__(self, points: Sequence[tuple[arb, arb]]) -> None:
+        last = points[-1]
+        # pieces: from and to a speed, with the share at the first and its slope
+        self._pieces = [(arb("-inf"), points[0][0], points[0][1], arb(0))]
+        for (v, e), (faster, less) in pairwise(points):
+            self._pieces.append((v, faster, e, (less - e) / (faster - v)))
+        self._pieces.append((last[0], arb("inf"), last[1], arb(0)))
+
+    def _united(self, v: arb, value: Callable[[arb, arb, arb, arb], arb]) -> arb:
+        """Return the union of a function on the pieces that may hold a speed."""
+        found = None
+        for low, high, e, rise in self._pieces:
+            if not (v < low or v > high):
+                one = value(v.max(low).min(high) if rise != 0 else v, low, e, rise)
+                found = one if found is None else found.union(one)
+        return arb("nan") if found is None else found
+
+    def share(self, v: arb) -> arb:
+        """Share of v that is left."""
+        return self._united(v, lambda at, low, e, rise: e + rise * (at - low) if rise != 0 else e)
+
+    def slope(self, v: arb) -> arb:
+        """Derivative of `kept`."""
+        return self._united(
+            v, lambda at, low, e, rise: e + rise * (2 * at - low) if rise != 0 else e
+        )
+
+    def bend(self, v: arb) -> arb:
+        """Derivative of `slope`, which jumps at points."""
+        holding = [rise for low, high, _, rise in self._pieces if v > low and v < high]
+        return 2 * holding[0] if holding else arb("nan")
 
 
 class Viscoelastic(Restitution):

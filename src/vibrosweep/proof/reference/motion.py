@@ -196,7 +196,8 @@ class TrajectoryProblem:
             return law
         p, (slip, push) = self.balls, self.deviates.of_impact(impact - 1)
         moved = (1 + p["restitution"]) * p["kick_noise"] * push / unit
-        return Random(law, p["restitution_noise"] * slip, moved, thrown)
+        size = p["restitution_noise"] + p["restitution_noise_relative"] * p["restitution"]
+        return Random(law, size * slip, moved, thrown)
 
 
 class ProvedLanding(NamedTuple):

@@ -917,6 +917,7 @@ def bodies_of(
     if deviates is not None:
         of_particle = cache(deviates)
         size = p.get("restitution_noise", ZERO)
+        size += p.get("restitution_noise_relative", ZERO) * p["restitution"]
         strength = rate * (1 + p["restitution"]) * p.get("kick_noise", ZERO)
 
         def drawn(particle: int, number: int) -> Random:
