@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import base64
 import html
-import io
 import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from string import Template
-from typing import Any, Final
-
-import matplotlib as mpl
+from typing import Final
 
 from study.bases import HIGH_BOUNCE, MOVING, SPRUNG
 from study.estimates import Estimate
@@ -28,7 +25,6 @@ from study.verdict import (
     Reading,
     Verdict,
 )
-from vibrosweep.figures import style
 
 BASES: Final = {
     HIGH_BOUNCE: "study's equations",
@@ -52,14 +48,10 @@ KINDS: Final = {
 # heights of flights, which the list of tests gives
 AT_HEIGHT: Final = re.compile(r" \(at 1 Hz, flights .*?\)")
 MINUS: Final = "\N{MINUS SIGN}"
-# Glyphs as outlines: the page looks the same wherever it is opened; a fixed salt gives the same
-# names to the same clip paths in every run.
-SVG: Final[dict[Any, Any]] = {**style.RC, "svg.fonttype": "path", "svg.hashsalt": "vibrosweep"}
-NO_DATE: Final = {"Date": None, "Creator": None}
 
 
-def as_html(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
-    """The page, with its style and figures inside."""
+def as_html(claims: Sequence[Claim], origin: Mapping[str, str], state: Sequence[str] = ()) -> str:
+    """The page, with its style and figures inside; `state` says what it does not show."""
     words = texts()
     page = files("study")
     template = Template(page.joinpath("page.html").read_text(encoding="utf-8"))
@@ -67,6 +59,7 @@ def as_html(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
     return template.substitute(
         style=page.joinpath("page.css").read_text(encoding="utf-8"),
         **{name: marked_up(words[name]) for name in ("rule", "samples", "bases", "reply")},
+        state="".join(f'<p class="state">{html.escape(line)}</p>' for line in state),
         short="".join(f"<p>{marked_up(text)}</p>" for text in (words["summary"], words["lesson"])),
         counts="".join(f"<li>{line}</li>" for line in _counts(shown)),
         heads="".join(f"<th>{html.escape(name)}</th>" for name in BASES.values()),
@@ -281,9 +274,7 @@ def quantity(value: float, units: str, digits: int = 4) -> str:
 
 
 def _figure(picture: Picture) -> str:
-    with io.StringIO() as text, mpl.rc_context(SVG):
-        picture.figure.savefig(text, format="svg", metadata=dict(NO_DATE))
-        data = base64.b64encode(text.getvalue().encode()).decode()
+    data = base64.b64encode(picture.svg.encode()).decode()
     return (
         f'<figure><img alt="{html.escape(picture.caption)}" '
         f'src="data:image/svg+xml;base64,{data}">'

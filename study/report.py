@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import tempfile
@@ -11,17 +10,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-import matplotlib as mpl
-
 from study.bases import HIGH_BOUNCE
 from study.claims_page import as_html, plain
 from study.texts import texts
-from study.verdict import Check, Claim, Evidence, Number, Picture, Reading
+from study.verdict import Check, Claim, Evidence, Number, Reading
 from vibrosweep import sweep
 from vibrosweep.errors import OutputError
-from vibrosweep.figures import style
 
-DOTS_PER_INCH: Final = 150
 ORIGIN: Final = ("source", "created", "libraries", "python", "cpu", "threads", "git_revision")
 
 
@@ -30,20 +25,22 @@ def write(
     directory: Path,
     origin: Mapping[str, str],
     *,
+    state: Sequence[str] = (),
     pictures: bool = False,
 ) -> list[Path]:
     """Write the page, the JSON file and, on request, the pictures as files; return their paths.
 
     The directory is made if it does not exist; files of the same name are replaced; `origin` is
-    the result of `provenance`.  Raises an OutputError if something cannot be written.
+    the result of `provenance`, and `state` says in sentences what is not shown.  Raises an
+    OutputError if something cannot be written.
     """
     contents: dict[str, bytes] = {
-        "claims.html": as_html(claims, origin).encode(),
-        "claims.json": as_json(claims, origin).encode(),
+        "claims.html": as_html(claims, origin, state).encode(),
+        "claims.json": as_json(claims, origin, state).encode(),
     }
     if pictures:
         shown = [picture for claim in claims for picture in claim.outcome.pictures]
-        contents |= {f"{picture.name}.png": _png(picture) for picture in shown}
+        contents |= {f"{picture.name}.png": picture.png for picture in shown}
     return _replace_all(directory, contents)
 
 
@@ -81,17 +78,12 @@ def _writing(directory: Path) -> Iterator[None]:
         ) from error
 
 
-def _png(picture: Picture) -> bytes:
-    with io.BytesIO() as data, mpl.rc_context(style.RC):
-        picture.figure.savefig(data, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
-        return data.getvalue()
-
-
-def as_json(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
+def as_json(claims: Sequence[Claim], origin: Mapping[str, str], state: Sequence[str] = ()) -> str:
     """Return all but the figures as JSON; runs of one version differ only in the provenance."""
     words = texts()
     document = {
         **{name: words[name] for name in ("rule", "samples", "bases")},
+        "state": list(state),
         "claims": [_claim_data(claim) for claim in claims],
         "provenance": dict(origin),
     }

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
-from typing import Any
+from typing import Any, Final
 
+import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from study.verdict import Picture
+from vibrosweep.figures import style
+
+# Glyphs as outlines: the page looks the same wherever it is opened; a fixed salt gives the same
+# names to the same clip paths in every run.
+SVG: Final[dict[Any, Any]] = {**style.RC, "svg.fonttype": "path", "svg.hashsalt": "vibrosweep"}
+NO_DATE: Final[dict[str, Any]] = {"Date": None, "Creator": None}
+DOTS_PER_INCH: Final = 150
 
 
 def texts() -> dict[str, Any]:
@@ -24,9 +33,17 @@ def texts() -> dict[str, Any]:
 
 
 def pictures(figures: Mapping[str, Figure]) -> list[Picture]:
-    """Figures by file name, with their captions."""
+    """Figures by file name, drawn, with their captions."""
     captions = texts()["captions"]
-    return [Picture(name, captions[name], figure) for name, figure in figures.items()]
+    return [drawn(name, captions[name], figure) for name, figure in figures.items()]
+
+
+def drawn(name: str, caption: str, figure: Figure) -> Picture:
+    """Draw a figure for the page and as a file."""
+    with io.StringIO() as text, io.BytesIO() as data, mpl.rc_context(SVG):
+        figure.savefig(text, format="svg", metadata=NO_DATE)
+        figure.savefig(data, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+        return Picture(name, caption, text.getvalue(), data.getvalue())
 
 
 def _in_one_line(words: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, Literal, SupportsFloat
 
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from study.estimates import Estimate, exact, exceptions, share
@@ -173,11 +172,12 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its file name and its caption."""
+    """A drawn figure with its file name and its caption."""
 
     name: str
     caption: str
-    figure: Figure
+    svg: str
+    png: bytes
 
 
 @dataclass(frozen=True)

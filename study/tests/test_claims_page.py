@@ -8,14 +8,13 @@ from matplotlib.figure import Figure
 from study import claims_page
 from study.estimates import Estimate
 from study.samples import FIRST, RANGES, Setting
-from study.texts import texts
+from study.texts import drawn, texts
 from study.verdict import (
     ANY_BASE,
     Check,
     Claim,
     Evidence,
     Outcome,
-    Picture,
     Reading,
     check,
 )
@@ -53,7 +52,7 @@ def test_a_verdict_that_depends_on_no_base_spans_all_columns():
 
 
 def test_texts_are_escaped():
-    picture = Picture("plain", 'with "quotes" & <tags>', Figure(figsize=(1, 1)))
+    picture = drawn("plain", 'with "quotes" & <tags>', Figure(figsize=(1, 1)))
     claim = made_up([check("a < b & 'c'", float("nan"), "at most", 1e-8, "s")], pictures=[picture])
     made = claims_page.as_html([claim], {"cpu": "<b>"})
     checker = Reader()

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from study import report
 from study.bases import HIGH_BOUNCE
 from study.samples import LAWS, Setting
-from study.verdict import Claim, Evidence, Outcome, Picture, Reading, check, number
+from study.texts import drawn
+from study.verdict import Claim, Evidence, Outcome, Reading, check, number
 from vibrosweep.errors import OutputError
 
 SETTING = Setting("setting", {"amplitude": (1.0, 2.0)}, null_model="uniform phases")
@@ -22,7 +23,7 @@ def awkward():
     evidence = Evidence(
         "moving", [Reading("x_{min}", tests)], numbers=[number("speed", float("inf"), "m s-1")]
     )
-    picture = Picture("plain", "caption", Figure(figsize=(1, 1)))
+    picture = drawn("plain", "caption", Figure(figsize=(1, 1)))
     return Claim("7", "Eq. 1", "x_{min} < y^2", "method", "", Outcome([evidence], [picture]))
 
 
