@@ -35,7 +35,7 @@ LONGER = {
 }
 CLIENT = 1 / 8  # share of the kills that hit the process of the run
 STOPPED = (
-    b"all workers of the Dask cluster have gone",
+    b"all workers of the Dask cluster are gone",
     b"run the same command again to continue",
 )
 

@@ -311,7 +311,7 @@ def test_no_extreme_overflows_and_too_large_amplitudes_are_refused(forcing):
             refuse_extreme(found, forcing, "constant")
         else:
             assert forcing in ("base_displacement", "base_acceleration")
-            with pytest.raises(ParameterError, match=f"{forcing}: makes an amplitude"):
+            with pytest.raises(ParameterError, match=f"{forcing}: gives an amplitude"):
                 refuse_extreme(found, forcing, "constant")
 
 
@@ -492,7 +492,7 @@ def test_no_word_with_an_answer_is_a_key():
     [
         ("noise", "restitution_noise, kick_noise or drive_noise"),
         ("sigma", "restitution_noise, kick_noise or drive_noise"),
-        ("law", "rebound says what"),
+        ("law", "rebound sets what"),
         ("drag", "air has no drag"),
         ("tilt", "nothing is tilted"),
         ("spin", "do not rotate"),

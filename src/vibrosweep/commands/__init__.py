@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 
 class Command(NamedTuple):
-    """What ``vibrosweep --help`` says of a command, and where it is."""
+    """What ``vibrosweep --help`` says about a command, and where it is."""
 
     words: str
     module: str
@@ -45,7 +45,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
         "vibrosweep windows windows.toml",
     ),
     "bifurcation": Command(
-        "follow orbits up and down the forcing, and draw them",
+        "continue orbits up and down the forcing, and draw them",
         "pictures",
         "vibrosweep bifurcation bifurcation.toml --samples 200",
     ),
@@ -60,7 +60,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
         "vibrosweep orbits orbits.toml --impacts 2 --periods 3",
     ),
     "branches": Command(
-        "follow periodic orbits along a parameter, and find their bifurcations",
+        "continue periodic orbits along a parameter, and find their bifurcations",
         "pictures",
         "vibrosweep branches branches.toml --doublings 2",
     ),

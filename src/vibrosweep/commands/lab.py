@@ -386,7 +386,7 @@ def _keep(
     draw: Callable[[], Axes | Panels],
     stem: str,
 ) -> None:
-    """Write a result and draw its figure, if the options ask for them."""
+    """Write a result and draw its figure, if the options request them."""
     if options.output is not None:
         from vibrosweep.store.writing import write_dataset
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 LINES: Final = {  # options of the analyses of lines of orbits, with their defaults
     "impacts": ("largest number of impacts of an orbit", 1),
     "periods": ("largest number of its forcing periods", 1),
-    "doublings": ("number of successive doublings whose new orbits are followed", 0),
+    "doublings": ("number of successive doublings whose new orbits are continued", 0),
     "points": ("largest number of points of a line in each direction", 1000),
 }
 
@@ -76,8 +76,8 @@ ANALYSES: Final[Mapping[str, Analysis]] = {
         "bifurcation",
         "a grid over the forcing",
         {
-            "samples": ("impacts kept", 64),
-            "launches": ("particles launched anew at each point", 8),
+            "samples": ("impacts recorded at each point", 64),
+            "launches": ("new launches at each point", 8),
         },
         _bifurcation,
     ),

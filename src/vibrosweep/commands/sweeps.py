@@ -193,8 +193,8 @@ def _plan_lines(
 ) -> Iterator[str]:
     cost = plan.cost
     yield f"{'realizations':16}{plan.design.realizations} of {some(particles, 'particle')}"
-    about = "" if options.chunk else "about "  # a run measures the speed of the machine anew
-    cut = f"of {about}{some(plan.chunk, 'realization')}, each kept as soon as it is finished"
+    about = "" if options.chunk else "about "  # a run measures the speed of the machine again
+    cut = f"of {about}{some(plan.chunk, 'realization')}, each saved as soon as it is finished"
     chunks = f"{about}{plan.chunks} {cut}" if plan.chunks > 1 else "1 (short: not cut)"
     yield f"{'chunks':16}{chunks}"
     within = f" ({needs.fewest:.3g} to {needs.most:.3g} with 95 % confidence)"
@@ -229,7 +229,7 @@ def add_run(parser: argparse.ArgumentParser) -> None:
         "--chunk",
         metavar="N",
         type=positive,
-        help="realizations in a chunk; each finished chunk is kept",
+        help="realizations in a chunk; each finished chunk is saved",
     )
     parser.add_argument("--force", action="store_true", help="replace an output or unfinished run")
     parser.add_argument(
@@ -241,7 +241,7 @@ def add_run(parser: argparse.ArgumentParser) -> None:
         "--impact-budget",
         metavar="N",
         type=positive,
-        help="with --retry-failed: impacts after which a particle is given up",
+        help="with --retry-failed: impacts after which a particle is abandoned",
     )
     add_json(parser)
     add_quiet(parser)
@@ -308,7 +308,7 @@ def _earlier(summary: Summary) -> Iterator[str]:
     """Say what an earlier run had computed."""
     if summary.kept:
         yield (
-            f"{some(summary.kept, 'realization')} of them kept from the run before: the time is "
+            f"{some(summary.kept, 'realization')} of them are from the earlier run: the time is "
             f"that of the others"
         )
     if summary.repaired:

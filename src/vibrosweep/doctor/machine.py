@@ -97,9 +97,9 @@ def quarter(x: float) -> float:
 
 
 def compiler(directory: Path | None) -> Finding:
-    """Compile a kernel and its piece, keep the machine code, and load it again.
+    """Compile a kernel and its piece, store the machine code, and load it again.
 
-    It is kept in `directory`, or in the system's temporary directory where that is None.
+    It is stored in `directory`, or in the system's temporary directory where that is None.
     """
     subject, state = "compiler", f"numba {numba.__version__}"
     if numba.config.DISABLE_JIT:
@@ -118,8 +118,8 @@ def compiler(directory: Path | None) -> Finding:
         costs = "; ".join(f"{cost} ({name})" for name, cost in lost.items())
         return Finding(subject, state, f"results are correct, but {costs}; {remedy()}")
     if not hits:
-        return Finding(subject, state, f"machine code that was kept is not loaded; {remedy()}")
-    return Finding(subject, f"{state} compiled a kernel, kept it, and loaded it again")
+        return Finding(subject, state, f"stored machine code is not loaded; {remedy()}")
+    return Finding(subject, f"{state} compiled a kernel, stored it, and loaded it again")
 
 
 def vector_registers() -> Finding:

@@ -64,7 +64,7 @@ def restitution_at(
     Returns
     -------
     numpy.ndarray
-        e(v), as the arguments broadcast.
+        e(v), broadcast over the arguments.
 
     Raises
     ------

@@ -559,7 +559,7 @@ def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
 def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
     """Mark realizations that did not complete, or lack a measure that a larger budget gives."""
     failed = columns["status"] != Status.COMPLETED
-    # a realization whose landings are counted from a cycle completes, but these measures need
+    # a realization whose cycles are added exactly completes, but these measures need
     # every landing
     for name in SETTLING[1:]:
         if name in columns:
