@@ -25,7 +25,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
         "list the example sweeps, or copy some of them", "sweeps", "vibrosweep examples paper"
     ),
     "plan": Command(
-        "estimate what a sweep will take, from a few of its realizations",
+        "estimate the time, memory and disk that a sweep takes",
         "sweeps",
         "vibrosweep plan paper.toml --threads 8",
     ),
@@ -81,7 +81,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
         "vibrosweep doctor",
     ),
     "warmup": Command(
-        "compile the kernels of common scenes once and keep the machine code",
+        "compile the kernels of common scenes in advance",
         "machine",
         "vibrosweep warmup",
     ),

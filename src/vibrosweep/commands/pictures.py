@@ -123,9 +123,9 @@ def _add(name: str, parser: argparse.ArgumentParser) -> None:
         "--output",
         metavar="OUT.h5",
         type=output_file,
-        help="default: the names of the sweep file and the command",
+        help="result file; default: the names of sweep file and command",
     )
-    parser.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
+    parser.add_argument("--threads", metavar="N", type=threads, help="threads; default: all")
     parser.add_argument("--force", action="store_true", help="replace existing outputs")
     add_json(parser)
     add_quiet(parser)
@@ -134,7 +134,7 @@ def _add(name: str, parser: argparse.ArgumentParser) -> None:
             "--observable",
             metavar="NAME",
             default="rebound_velocity",
-            help="default: rebound_velocity",
+            help="quantity to draw; default: rebound_velocity",
         )
     for option, (words, default) in analysis.numbers.items():
         kind = positive if default else whole

@@ -44,7 +44,7 @@ def add_examples(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         type=directory,
         default=Path(),
-        help="copy there; default: here",
+        help="folder for the copies; default: here",
     )
     parser.add_argument("--force", action="store_true", help="replace existing files")
 
@@ -134,7 +134,7 @@ def _add_sweep(parser: argparse.ArgumentParser) -> None:
         "--output",
         metavar="OUT.h5",
         type=output_file,
-        help="default: the name of the sweep file",
+        help="result file; default: the name of the sweep file",
     )
 
 
@@ -146,7 +146,7 @@ def _output_of(options: argparse.Namespace) -> Path:
 
 def add_plan(parser: argparse.ArgumentParser) -> None:
     _add_sweep(parser)
-    parser.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
+    parser.add_argument("--threads", metavar="N", type=threads, help="threads; default: all")
     parser.add_argument("--chunk", metavar="N", type=positive, help="realizations in a chunk")
     add_json(parser)
 
@@ -213,7 +213,7 @@ def _plan_lines(
 def add_run(parser: argparse.ArgumentParser) -> None:
     _add_sweep(parser)
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
+    where.add_argument("--threads", metavar="N", type=threads, help="threads; default: all")
     where.add_argument(
         "--workers",
         metavar="N",
@@ -235,7 +235,7 @@ def add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--retry-failed",
         action="store_true",
-        help="compute again the realizations of a result that did not complete",
+        help="recompute the realizations of a result that did not complete",
     )
     parser.add_argument(
         "--impact-budget",
