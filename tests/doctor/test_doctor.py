@@ -121,7 +121,7 @@ def test_a_limit_on_the_time_of_processors(tmp_path):
     (tmp_path / "cpu.max").write_text(f"{100_000 * available_threads()} 200000\n")
     half = available_threads() / 2
     assert (
-        f"the container grants the time of only {half:g}: give --threads {max(1, round(half))}, "
+        f"the container limits CPU time to {half:g} processors: give --threads {max(1, round(half))}, "
         in machine.processors(tmp_path).trouble
     )
 

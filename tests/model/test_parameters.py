@@ -387,7 +387,7 @@ def test_masses_of_too_large_a_ratio_are_refused_and_told_apart():
     masses = {"particle_mass": [1.0, 1.0, 1e30], "base_mass": [1e-3, 9e-4, 1e-30]}
     values = completed(arrays(**{**WEIGHED, **masses}))
     assert representable(values, ()).tolist() == [True, False, False]
-    with pytest.raises(ParameterError, match="particle_mass and base_mass: make a mass_ratio of"):
+    with pytest.raises(ParameterError, match="particle_mass and base_mass: give a mass_ratio of"):
         refuse_extreme(values, "amplitude", "constant")
     refuse_extreme({name: v[:1] for name, v in values.items()}, "amplitude", "constant")
 

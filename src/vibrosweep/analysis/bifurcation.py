@@ -79,12 +79,12 @@ KEPT: Final = (
 def bifurcation(
     sweep: Sweep, observable: str | OfImpacts, samples: int, launches: int, threads: int
 ) -> xr.Dataset:
-    """Follow the orbits of a sweep's particles up and down the forcing: `vibrosweep.bifurcation`.
+    """Continue the orbits of a sweep's particles up and down the forcing: `vibrosweep.bifurcation`.
 
     At the first point of each direction particles are launched as the scene says; at every further
     point they start from the state reached at the previous one.  They settle until they recur or
     the duration is over, and then `samples` further impacts are kept.  As many staggered particles
-    as `launches` says are launched anew at every point.  Orbits that ``regime`` calls unsettled may
+    as `launches` says are launched at every point.  Orbits that ``regime`` calls unsettled may
     still approach an attractor.  Raises a SpecError unless the only axis of the design is a
     forcing.
     """

@@ -190,8 +190,8 @@ def bifurcation(
         Dims (direction, amplitude, particle, sample), where the forcing that was given replaces
         ``amplitude``: the observable under its name, ``observable`` for a function.  Dims
         (direction, amplitude, particle): ``regime``, ``cycle_impacts``, ``cycle_periods``,
-        ``cycle_rests``, ``lyapunov_largest`` with its error.  The same of particles that are
-        launched anew, with the dim launch in place of direction and particle: names begin with
+        ``cycle_rests``, ``lyapunov_largest`` with its error.  The same of
+        the new launches, with the dim launch in place of direction and particle: names begin with
         ``launched_``.  Dim amplitude: ``attractors``, the number of different ones that were found.
         Scalars: ``chaos_low`` and ``chaos_high``, the neighbouring points between which the first
         positive exponent appears, by three standard errors; NaN where there is no such point.
@@ -474,7 +474,7 @@ def branches(
 ) -> xr.Dataset:
     """Continue periodic orbits along a parameter, past folds, and find their bifurcations.
 
-    The orbits found at the values of the axis are followed in both directions, each once, until
+    The orbits found at the values of the axis are continued in both directions, each once, until
     they leave the range of the axis, touch the base, or begin to rest.  Saddle-nodes, period
     doublings, grazings (in flight, or at a landing of speed 0) and rests are solutions of equations
     for the orbit, the parameter and the multiplier together.  A branch that no step continues is
@@ -489,7 +489,7 @@ def branches(
         Largest numbers of impacts and of forcing periods of the orbits at the values of the axis;
         up to 12 and 64.
     doublings
-        Number of successive period doublings from which the new orbits are followed too; at most
+        Number of successive period doublings from which the new orbits are continued too; at most
         6, and up to orbits of 64 impacts.
     points
         Largest number of points of an orbit in each direction; at least 10.
@@ -564,9 +564,9 @@ def boundaries(
 ) -> xr.Dataset:
     """Trace bifurcations of periodic orbits over the plane of restitution and forcing.
 
-    At each restitution of the axis orbits are followed along the forcing, as by
-    `vibrosweep.branches`; each of their bifurcations is then followed in both directions as a curve
-    in the plane.
+    At each restitution of the axis orbits are continued along the forcing, as by
+    `vibrosweep.branches`; each of their bifurcations is then continued in both directions as a
+    curve in the plane.
 
     Parameters
     ----------

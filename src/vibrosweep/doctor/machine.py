@@ -31,12 +31,12 @@ def processors(group: Path = GROUP) -> Finding:
     usable, words = available_threads(), _group_limit(group, "cpu.max")
     limited = len(words) == 2 and words[0] != "max"
     quota = int(words[0]) / int(words[1]) if limited else usable
-    state = f"{usable} of {os.cpu_count()} may be used; vibrosweep run takes {usable} threads"
+    state = f"{usable} of {os.cpu_count()} may be used; vibrosweep run uses {usable} threads"
     if quota > usable - 0.5:
         return Finding("processors", state)
     advice = f"give --threads {max(1, round(quota))}, or raise the limit of the container"
     return Finding(
-        "processors", state, f"the container grants the time of only {quota:g}: {advice}"
+        "processors", state, f"the container limits CPU time to {quota:g} processors: {advice}"
     )
 
 

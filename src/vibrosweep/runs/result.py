@@ -347,8 +347,8 @@ def still_base(forcing: str) -> str:
         return ""
     return (
         f'{forcing} is that of a base that moves, but the default, "{HIGH_BOUNCE}", stays at '
-        f'height zero and kicks: base = "{MOVING}" lets it move, base = "{HIGH_BOUNCE}" leaves '
-        f"this out"
+        f'height zero and kicks: base = "{MOVING}" lets it move, base = "{HIGH_BOUNCE}" silences '
+        f"this note"
     )
 
 
@@ -378,7 +378,7 @@ def strong_forcing(acceleration: float, forcing: str) -> str:
         return ""
     units = "g" if forcing == ACCELERATION else INPUTS[forcing].units
     return (
-        f"the base accelerates with up to {acceleration:.4g} g, but shakers with about "
+        f"the base accelerates at up to {acceleration:.4g} g, but shakers reach about "
         f"{STRONGEST:g} g at most: check {forcing} ({units}) and frequency (Hz)"
     )
 
