@@ -28,7 +28,7 @@ PAGE = Path(__file__).parents[1] / "study" / "claims.md"
 SEEDS = 20
 FIRST_SEEDS = (0, 1000)
 # On the base of finite mass a condition speaks of two particles; the docs use the other wording
-ONE_NAME = "two particles in slots of their own", "each particle in a slot of its own"
+ONE_NAME = "two particles in separate slots", "each particle in its own slot"
 SHORT = {
     Verdict.HOLDS: "holds",
     Verdict.CONDITIONAL: "conditional",

@@ -132,7 +132,9 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"  # drawn by the browser: nothing is loaded from elsewhere
 html_show_sourcelink = False
-html_sidebars = {page: [] for page in ("index", "start", "gallery")}  # nothing is below them
+html_sidebars = {
+    page: [] for page in ("index", "start", "which", "gallery")
+}  # nothing is below them
 html_theme_options = {
     "navbar_align": "left",
     "header_links_before_dropdown": 8,
@@ -162,7 +164,9 @@ def display(translator: HTML5Translator, node: Element) -> None:
 def _write(translator: HTML5Translator, node: Element, shown: str) -> None:
     from docutils.nodes import SkipNode
 
-    formula = convert(unescape(node.astext()), display=shown)
+    # equations beside each other, which stand below each other where there is no room
+    parts = unescape(node.astext()).split(r"\qquad")
+    formula = "".join(convert(part, display=shown) for part in parts)
     # the spacing of TeX: around the names of functions, and none beside bars
     formula = FUNCTION.sub(_spaced, formula)
     formula = BAR.sub('<mo lspace="0" rspace="0" stretchy="false">|</mo>', formula)
@@ -242,7 +246,9 @@ def mark_tables(app: Sphinx, document: Element, name: str) -> None:
         for cell in cells:
             if NUMBER.fullmatch(cell.astext()):
                 cell["classes"].append("number")
-        if any(len(cell.astext()) > SENTENCE for cell in cells):
+        columns = list(zip(*table.findall(nodes.row), strict=False))
+        widths = [max(len(cell.astext()) for cell in column) for column in columns]
+        if max(widths) > SENTENCE or (len(columns) <= 4 and sum(widths) > 2 * SENTENCE):
             table["classes"].append("prose")
             head, *rows = table.findall(nodes.row)
             for row in rows:

@@ -81,15 +81,16 @@ def _comment(variable: Variable) -> str:
 
 
 def _abilities() -> Iterator[str]:
-    """Yield what can be computed over each base."""
+    """Yield what a base, or noise, does not support."""
     yield f"| | {' | '.join(f'`{base}`' for base in BASES)} | under noise |"
     yield f"|---|{'---|' * len(BASES)}---|"
     for choice in choices():
         ((kind, name),) = choice.items()
-        support = (_support(base, choice) for base in BASES)
+        cells = [*(_support(base, choice) for base in BASES), _support_under_noise(choice)]
         shown = name if isinstance(name, str) else name[0]
         what = "restitution_law" if kind == "restitution" else kind
-        yield f"| {what} `{shown}` | {' | '.join(support)} | {_support_under_noise(choice)} |"
+        if set(cells) != {"yes"}:
+            yield f"| {what} `{shown}` | {' | '.join(cells)} |"
 
 
 def _support_under_noise(choice: dict[str, Any]) -> str:

@@ -204,7 +204,7 @@ def heights_differ(plan: Plan, base: str) -> Evidence:
 
 
 def grooves(plan: Plan) -> Outcome:
-    """The grooves of Table 2 guide every ball on a path of its own, for fifty balls too."""
+    """The grooves of Table 2 guide every ball on its own path, for fifty balls too."""
     least = DIAMETERS[1] / (2.0 * math.sin(math.pi / GROOVES))
     slow, fast = (1e3 * float(theory.locked_height(1, f)) for f in FREQUENCIES)
     shallow = float(np.sqrt(9.81e3 / (8.0 * GROOVE_DEPTH)))

@@ -66,11 +66,11 @@ def in_own_slots(base: str, checks: Sequence[Check], largest: int, before: str =
     """Condition under which order holds, with the heights that it needs."""
     if base == SPRUNG:
         height = height_needed(2)
-        words = f"two particles in slots of their own (at 1 Hz, flights {height:.1f} m high)"
+        words = f"two particles in separate slots (at 1 Hz, flights {height:.1f} m high)"
         return Reading(before + words, checks, height)
     twenty, hundred = height_needed(20), height_needed(100)
     words = (
-        f"each particle in a slot of its own (at 1 Hz, flights {twenty:.0f} m high for N = 20, "
+        f"each particle in its own slot (at 1 Hz, flights {twenty:.0f} m high for N = 20, "
         f"{hundred / 1e3:.0f} km for 100; at 35 Hz {twenty / FASTEST**2:.1f} m and "
         f"{hundred / FASTEST**2:.0f} m)"
     )
@@ -176,11 +176,11 @@ def _staggered_on_a_light_base() -> Reading:
             forcing["restitution"], forcing["base_acceleration"], *MOUNT.values()
         )
         orbit = theory.sprung.staggered(base, particles, list(range(particles)))
-        what = f"spectral radius of {particles} particles in slots of their own (basin not claimed)"
-        there = Setting("slots of their own", constants={**forcing, **MOUNT})
+        what = f"spectral radius of {particles} particles in separate slots (basin not claimed)"
+        there = Setting("separate slots", constants={**forcing, **MOUNT})
         radius = theory.sprung.spectral_radius(orbit)
         checks.append(check(what, radius, "at most", 1.0, setting=there))
-    name = "5 and 20 particles, each in a slot of its own"
+    name = "5 and 20 particles, each in its own slot"
     return Reading(name, checks, height_needed(20))
 
 

@@ -126,7 +126,7 @@ def stays_staggered(plan: Plan, base: str) -> Evidence:
         base,
         [(RESTITUTION, n, None) for n in POPULATIONS],
         test,
-        lambda n, kind: f"{kind} ({n} particles, each in a slot of its own)",
+        lambda n, kind: f"{kind} ({n} particles, each in its own slot)",
     )
 
 

@@ -1,4 +1,4 @@
-"""Particles in slots of their own, for which the claims about order are true."""
+"""Particles in separate slots, for which the claims about order are true."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def populations(base: str, largest: int = POPULATIONS[-1]) -> tuple[int, ...]:
 def own_slots_setting(base: str) -> Setting:
     """Setting under which `own_slots` is computed."""
     if base == SPRUNG:
-        return Setting("slots of their own", constants=LIGHT)
+        return Setting("separate slots", constants=LIGHT)
     given = {"restitution": RESTITUTION, "amplitude": "middle of the window of mode N"}
-    return Setting("slots of their own", constants=given)
+    return Setting("separate slots", constants=given)
 
 
 def own_slots(particles: int, base: str, plan: Plan, impacts: int = 20) -> xr.Dataset:

@@ -630,7 +630,7 @@ def test_an_existing_output_is_kept_unless_forced(spec, tmp_path, capsys):
     output = tmp_path / "found.h5"
     output.with_suffix(".png").write_bytes(b"mine")
     assert main(["windows", str(spec()), "-o", str(output)]) == 2
-    assert "found.png: exists and is kept" in capsys.readouterr().err
+    assert "found.png: exists and was not replaced" in capsys.readouterr().err
     assert output.with_suffix(".png").read_bytes() == b"mine"
     assert main(["windows", str(spec()), "-o", str(output), "--force"]) == 0
 

@@ -256,7 +256,7 @@ def test_a_sweep_file_that_is_none(refused, tmp_path, result):
 
 def test_an_existing_output_is_kept(refused, vibrosweep, result, tmp_path):
     old = result.read_bytes()
-    assert "is kept" in refused("run", SINGLE, "-o", result)
+    assert "was not replaced" in refused("run", SINGLE, "-o", result)
     assert result.read_bytes() == old
     code, _, messages = vibrosweep("run", SINGLE, "-o", result, "--force")
     assert (code, messages) == (0, "")
@@ -363,7 +363,7 @@ def test_an_interrupted_run_leaves_nothing(start, spec, tmp_path, ending):
         process.send_signal(ending)
         time.sleep(0.01)
     messages = process.communicate(timeout=20)[1]
-    expected = "vibrosweep: interrupted; an unfinished result is not kept\n"
+    expected = "vibrosweep: interrupted; the unfinished result was discarded\n"
     assert (process.returncode, messages) == (130, expected)
     assert old.read_bytes() == b"old"
     assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml", "out.h5"}
@@ -621,7 +621,7 @@ sys.exit(vibrosweep.__main__.main())
     )
     assert done.returncode == 130
     early = place in ("vibrosweep.cli", "vibrosweep.errors")
-    said = "before it began" if early else "an unfinished result is not kept"
+    said = "before it began" if early else "the unfinished result was discarded"
     assert re.fullmatch(f"vibrosweep: interrupted;? {said}\n", done.stderr)
     assert not list(tmp_path.glob("drawn/*"))
     assert not list(tmp_path.glob("new.h5*"))

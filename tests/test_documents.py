@@ -348,7 +348,9 @@ def test_a_file_that_appears_during_a_run_is_kept(spec, output, monkeypatch, chu
         monkeypatch.setattr(Path, "hardlink_to", refuse)
     sweep, beside = read_spec(spec()), output.with_name("out-2.h5")
     output.with_name("out-1.h5").write_bytes(b"mine, too")
-    with pytest.raises(TakenOutputError, match=f"is kept; the result is complete in {beside}$"):
+    with pytest.raises(
+        TakenOutputError, match=f"was not replaced; the result is complete in {beside}$"
+    ):
         run_sweep(
             sweep, output, threads=1, chunk=chunk, advance=lambda *now: output.write_bytes(b"mine")
         )
@@ -407,7 +409,9 @@ def test_existing_results_are_told_apart(spec, output, refused):
     assert main(["run", str(spec()), "-o", str(output)]) == 0
     before = output.read_bytes()
     message = refused("run", spec("# a comment\n" + SWEEP), "-o", output)
-    assert "exists and is kept: it is the finished result of exactly this sweep;" in message
+    assert (
+        "exists and was not replaced: it is the finished result of exactly this sweep;" in message
+    )
     message = refused("run", spec(SWEEP + "[measure]\nregimes = true\n"), "-o", output)
     assert "the result of another sweep or version:\n  measure.regimes: was false, is" in message
     assert "is true\nwrite to another file with -o, or replace it with --force" in message

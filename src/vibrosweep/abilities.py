@@ -28,19 +28,17 @@ class Ability:
 
 
 _FOLLOWED = (
-    "follows particles one by one, which base = {base} couples: compute a sweep instead "
+    "treats particles independently, but base = {base} couples them: compute a sweep instead "
     "(vibrosweep run), or take base = {others}"
 )
 _ANYWHERE = Ability(BASES, "")
 # Bases of a measure, by its field `coupled`
 _BY_COUPLING: Final[Mapping[bool | None, Ability]] = {
     None: _ANYWHERE,
-    True: Ability(
-        (SPRUNG,), "describes particles that a base of finite mass couples; take base = {others}"
-    ),
+    True: Ability((SPRUNG,), "describes particles coupled by base recoil; take base = {others}"),
     False: Ability(
         APART,
-        "describes particles that do not act on each other; with base = {base} leave it out "
+        "describes particles that are not coupled; with base = {base} leave it out "
         "(`vibrosweep verify` tells how exact a result is)",
     ),
 }
@@ -77,7 +75,7 @@ WITHOUT_MEANING: Final[Mapping[str, tuple[str, ...]]] = {
     "sobol": ("design", "record", "windows"),
 }
 # Measures and analyses that do not work with noise, each with the reason
-REPEATS: Final = "looks for orbits that repeat, and random motion never does"
+REPEATS: Final = "looks for orbits that repeat, and random motion never repeats"
 WHY_NOT_RANDOM: Final[Mapping[str, str]] = {
     **dict.fromkeys(_OF_ORBITS, REPEATS),
     "joint": "describes orbits that repeat",

@@ -30,7 +30,7 @@ from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text, cut, nearest
 from vibrosweep.system import ENDINGS, POLL
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
-DISCARDED: Final = "interrupted; an unfinished result is not kept"
+DISCARDED: Final = "interrupted; the unfinished result was discarded"
 OBJECTS_BETWEEN_COLLECTIONS: Final = 50_000  # new objects between garbage collections
 PATIENCE: Final = 2.0  # seconds in which repeated interruptions count as one
 
@@ -175,7 +175,7 @@ def _refuse_unknown(arguments: Sequence[str]) -> None:
     """Raise a ParameterError for a command that there is not, with the one that was meant."""
     for word in arguments:
         if word.startswith("--") and word.endswith("=--"):  # argparse would take it for no value
-            raise ParameterError(f"{cut(word)}: is no value; vibrosweep COMMAND --help lists all")
+            raise ParameterError(f"{cut(word)}: is not a value; see vibrosweep COMMAND --help")
     if not arguments or arguments[0].startswith("-") or arguments[0] in COMMANDS:
         return
     guess = nearest(arguments[0], COMMANDS)

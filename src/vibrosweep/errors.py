@@ -47,7 +47,7 @@ class _InDialect(BaseException):
 
 
 class VibrosweepError(_InDialect, Exception):
-    """Base of all errors that a user can cause and mend."""
+    """Base of all errors that a user can cause and correct."""
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
@@ -85,8 +85,8 @@ class ExistingOutputError(OutputError):
     def __init__(self, path: Path, what: str = "") -> None:
         end = "" if what.endswith("\n") else "; "
         super().__init__(
-            f"{path}: exists and is kept{what and ': '}{what}{end}write to another file with ",
-            *(OUTPUT, ", or replace it with ", FORCE),
+            f"{path}: exists and was not replaced{what and ': '}{what}{end}write to another file ",
+            *("with ", OUTPUT, ", or replace it with ", FORCE),
         )
         self.path = path
 
@@ -96,8 +96,8 @@ class TakenOutputError(OutputError):
 
     def __init__(self, path: Path, beside: Path) -> None:
         super().__init__(
-            f"{path}: appeared while the result was computed, and is kept; the result is complete "
-            f"in {beside}"
+            f"{path}: appeared while the result was computed, and was not replaced; the result "
+            f"is complete in {beside}"
         )
 
 

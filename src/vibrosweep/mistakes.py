@@ -46,7 +46,7 @@ class Cell(NamedTuple):
 
 
 class Mistake(NamedTuple):
-    """One mistake: what was given, and how to mend it."""
+    """One mistake: what was given, and how to correct it."""
 
     # Path in a sweep file, or a cell; a path that ends with a dot stands for a whole table
     key: str | Cell

@@ -1,4 +1,4 @@
-"""A line on a terminal or in a notebook that says which task takes long.
+"""A line on a terminal or in a notebook that shows which task is taking long.
 
 If standard error is neither, nothing is written.  ``TQDM_DISABLE=1`` silences the line, as it does
 the progress bars.

@@ -99,7 +99,7 @@ def test_bad_input_is_refused_with_its_range():
         vs.orbits(periods=0)
     with pytest.raises(SpecError, match="restitution"):
         vs.orbits(restitution=2.0)
-    with pytest.raises(ParameterError, match="couples"):
+    with pytest.raises(ParameterError, match="couples them"):
         vs.orbits(base="sprung", mass_ratio=0.1, mount_frequency=2.0)
 
 

@@ -238,7 +238,7 @@ def test_a_mistake_is_also_a_value_error():
 
 def test_a_particle_that_is_given_up_is_noted():
     cut = simulate(particles=2, impact_budget=6, duration=12.0)
-    assert cut.attrs["notes"].startswith("2 of 2 particles were given up after 6 landings: raise")
+    assert cut.attrs["notes"].startswith("2 of 2 particles were abandoned after 6 landings: raise")
     assert "notes" not in simulate(particles=2).attrs
 
 
@@ -309,7 +309,7 @@ def test_two_forcings_and_two_durations_are_refused():
         simulate(amplitude=1.2, base_velocity=0.5)
     with pytest.raises(SpecError, match=r"duration_periods = 4: duration = 3\.0 is given too"):
         simulate(duration=3.0, duration_periods=4)
-    with pytest.raises(SpecError, match="base_acceleration: makes an amplitude"):
+    with pytest.raises(SpecError, match="base_acceleration: gives an amplitude"):
         simulate(base_acceleration=1e30, frequency=1e-3)
     with pytest.raises(SpecError, match=r"duration_periods = 0:"):
         simulate(duration_periods=0)

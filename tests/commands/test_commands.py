@@ -113,7 +113,7 @@ def test_all_are_copied_and_none_is_replaced_unasked(tmp_path, capsys):
     (place / "paper.toml").write_text("mine", encoding="utf-8")
     (place / "basins.toml").unlink()
     assert main(["examples", "basins", "paper", "-o", str(place)]) == 2
-    assert "paper.toml: exists and is kept" in capsys.readouterr().err
+    assert "paper.toml: exists and was not replaced" in capsys.readouterr().err
     assert (place / "paper.toml").read_text(encoding="utf-8") == "mine"
     assert not (place / "basins.toml").exists()
     assert main(["examples", "basins", "paper", "--force", "-o", str(place)]) == 0
@@ -161,7 +161,7 @@ def test_a_page_is_written(swept, tmp_path, capsys):
     assert main(["explore", str(swept), "-o", str(page)]) == 0
     assert f"written to {page}" in capsys.readouterr().out
     assert main(["explore", str(swept), "-o", str(page)]) == 2
-    assert "exists and is kept" in capsys.readouterr().err
+    assert "exists and was not replaced" in capsys.readouterr().err
 
 
 def test_a_taken_port_is_reported(swept, capsys):

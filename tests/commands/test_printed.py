@@ -70,7 +70,7 @@ def test_nothing_is_printed_when_quiet(spec, tmp_path, capsys):
     assert main(["run", str(spec), "-o", str(tmp_path / "q.h5"), "--quiet"]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert "exists and is kept" in err
+    assert "exists and was not replaced" in err
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_a_limit_on_the_time_of_processors(tmp_path):
     (tmp_path / "cpu.max").write_text(f"{100_000 * available_threads()} 200000\n")
     half = available_threads() / 2
     assert (
-        f"the container grants the time of only {half:g}: give --threads {max(1, round(half))}, "
+        f"the container limits CPU time to {half:g} processors: give --threads {max(1, round(half))}, "
         in machine.processors(tmp_path).trouble
     )
 
@@ -192,10 +192,10 @@ def test_a_finding_as_text():
 def test_the_compiler_is_tried(monkeypatch, tmp_path):
     found = machine.compiler(tmp_path)
     assert (found.trouble, list(tmp_path.iterdir())) == ("", [])
-    assert found.state.endswith("compiled a kernel, kept it, and loaded it again")
+    assert found.state.endswith("compiled a kernel, stored it, and loaded it again")
     genuine = machine.kernel
     for kernel, words in (
-        (lambda function, place: _jit.Deferred(function), "machine code that was kept is not"),
+        (lambda function, place: _jit.Deferred(function), "stored machine code is not"),
         (lambda function, place: genuine(lambda x: x, place), "a quarter of 1 is computed as"),
         (lambda function, place: _jit.Deferred(None), "a kernel cannot be compiled: "),
     ):

@@ -271,7 +271,7 @@ def test_the_reason_is_given_where_no_ends_are_drawn(points):
     assert not ends
     assert "depend on frequency, which differs" in reason
     coupled = replace(points, base_choice=points.base_choice.over("sprung"))
-    assert "particles do not act on" in drawn(coupled, ("restitution", "amplitude"))[1]
+    assert "a base without recoil" in drawn(coupled, ("restitution", "amplitude"))[1]
 
 
 # Curves of bifurcations over the plane of the page.

@@ -236,7 +236,7 @@ def test_a_bifurcation_diagram(launched, random):
             expected += [(x, y, faint(colour)) for y in one.rebound_velocity.values.ravel()]
             exponents += [(x, y, colour, True) for y in one.lyapunov_largest.values]
     if launched:
-        colour = names["launched anew"]
+        colour = names["new launches"]
         expected += [(at[i], y, faint(colour)) for i in range(at.size) for y in anew[i].ravel()]
         exponents += [(at[i], y, colour, True) for i in range(at.size) for y in anew[i, :, 0]]
         marks = {one.get_label(): one.get_xdata() for one in upper.lines}

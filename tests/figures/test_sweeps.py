@@ -744,7 +744,7 @@ def test_a_diagram_along_the_acceleration_is_that_along_the_amplitude(tmp_path):
     np.testing.assert_array_equal(found["flight_time"], plain["flight_time"])
     for diagram, words in ((found, "acceleration"), (plain, "amplitude")):
         upper, lower = bifurcation_diagram(diagram)
-        assert {f"{words} down", f"{words} up", "launched anew"} <= set(labels(upper))
+        assert {f"{words} down", f"{words} up", "new launches"} <= set(labels(upper))
         assert words in lower.get_xlabel()
         high = {"acceleration": 2.0, "amplitude": amplitude[-1]}[words]
         assert lower.lines[0].get_xdata().max() == pytest.approx(high, rel=1e-15)

@@ -67,7 +67,7 @@ def test_films_are_kept_unless_forced_and_repeat_exactly(filmed, vibrosweep):
     spec = filmed.parent / "short.toml"
     code, _, message = vibrosweep("synthesize", spec, "-o", filmed)
     assert code == 2
-    assert "exists and is kept" in message
+    assert "exists and was not replaced" in message
     content = trials(filmed)[0].read_bytes()
     assert vibrosweep("synthesize", spec, "-o", filmed, "--force")[0] == 0
     assert trials(filmed)[0].read_bytes() == content

@@ -36,7 +36,7 @@ def test_a_particle_that_is_never_seen_and_shapes_and_names_that_differ():
     )
     for names in (["a"], ["a", "a"]):
         message = refusal(make_tracks, [0.0, 1.0, 2.0], np.nan_to_num(heights), names)
-        assert "give each of 2 particles a name of its own" in message
+        assert "give each of 2 particles a unique name" in message
 
 
 def test_one_frame():

@@ -311,7 +311,7 @@ def test_no_extreme_overflows_and_too_large_amplitudes_are_refused(forcing):
             refuse_extreme(found, forcing, "constant")
         else:
             assert forcing in ("base_displacement", "base_acceleration")
-            with pytest.raises(ParameterError, match=f"{forcing}: makes an amplitude"):
+            with pytest.raises(ParameterError, match=f"{forcing}: gives an amplitude"):
                 refuse_extreme(found, forcing, "constant")
 
 
@@ -387,7 +387,7 @@ def test_masses_of_too_large_a_ratio_are_refused_and_told_apart():
     masses = {"particle_mass": [1.0, 1.0, 1e30], "base_mass": [1e-3, 9e-4, 1e-30]}
     values = completed(arrays(**{**WEIGHED, **masses}))
     assert representable(values, ()).tolist() == [True, False, False]
-    with pytest.raises(ParameterError, match="particle_mass and base_mass: make a mass_ratio of"):
+    with pytest.raises(ParameterError, match="particle_mass and base_mass: give a mass_ratio of"):
         refuse_extreme(values, "amplitude", "constant")
     refuse_extreme({name: v[:1] for name, v in values.items()}, "amplitude", "constant")
 
@@ -492,7 +492,7 @@ def test_no_word_with_an_answer_is_a_key():
     [
         ("noise", "restitution_noise, kick_noise or drive_noise"),
         ("sigma", "restitution_noise, kick_noise or drive_noise"),
-        ("law", "rebound says what"),
+        ("law", "rebound sets what"),
         ("drag", "air has no drag"),
         ("tilt", "nothing is tilted"),
         ("spin", "do not rotate"),

@@ -283,7 +283,7 @@ def test_a_run_whose_workers_have_all_gone_ends(one, local, tmp_path):
             one.scale(0)
 
     output = tmp_path / "out.h5"
-    words = r"all workers .* have gone, .* for 1 s; (\d+) of 40 chunks .* kept in .* again"
+    words = r"all workers .* are gone, .* for 1 s; (\d+) of 40 chunks .* saved in .* again"
     with cluster.connected(one.scheduler_address) as client:
         runner = cluster.on_dask(client, absence=1.0)
         with pytest.raises(RunError, match=words) as error:

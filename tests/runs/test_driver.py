@@ -260,7 +260,7 @@ def test_a_resumed_run_says_what_it_has_not_computed(tmp_path, capsys):
             read_spec(path), tmp_path / "out.h5", threads=1, chunk=90, runner=first_chunk
         )
     assert main(["run", str(path), "-o", str(tmp_path / "out.h5"), "--threads", "1"]) == 0
-    assert "90 realizations of them kept from the run before" in capsys.readouterr().out
+    assert "90 realizations of them are from the earlier run" in capsys.readouterr().out
 
 
 def test_a_huge_sweep_does_not_fill_memory_before_it_starts(tmp_path):

@@ -166,7 +166,7 @@ def test_a_replacing_run_continues_without_force(sweep_survival, expected, compu
 def test_an_output_that_appeared_meanwhile_is_kept(sweep_survival, tmp_path):
     with unfinished(sweep_survival):
         (tmp_path / "out.h5").write_bytes(b"other")
-    with pytest.raises(OutputError, match="is kept"):
+    with pytest.raises(OutputError, match="was not replaced"):
         sweep_survival()
     assert len(parts(tmp_path)) == 3
 

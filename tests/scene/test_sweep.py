@@ -617,11 +617,11 @@ def test_other_bases_hold_nothing_of_a_mount():
         ),
         (
             SCENE + "mount_frequency = 3.0\nparticle_mass = 5.0\nbase_mass = 1e-3",
-            ["scene: particle_mass and base_mass: make a mass_ratio of 5e+03", "at most 1000"],
+            ["scene: particle_mass and base_mass: give a mass_ratio of 5e+03", "at most 1000"],
         ),
         (
             MOUNTED + "[measure]\ntrust = true",
-            ["measure.trust = true: describes particles that do not"],
+            ["measure.trust = true: describes particles that are not"],
         ),
         (MOUNTED + 'rebound = "reflect"', ['"reflect" has no meaning with base = "sprung"']),
         (

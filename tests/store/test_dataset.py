@@ -297,7 +297,9 @@ def test_a_signal_waits_until_hdf5_has_written(found, tmp_path, monkeypatch):
 def test_an_existing_file_is_kept(found, tmp_path):
     path = tmp_path / "out.h5"
     path.write_bytes(b"old")
-    with pytest.raises(ExistingOutputError, match=r"exists and is kept.*path=.*force=True"):
+    with pytest.raises(
+        ExistingOutputError, match=r"exists and was not replaced.*path=.*force=True"
+    ):
         vs.save_result(found, path, KIND)
     assert path.read_bytes() == b"old"
     vs.save_result(found, path, KIND, force=True)

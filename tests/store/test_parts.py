@@ -404,7 +404,7 @@ def test_check_output(tmp_path):
     pipe = tmp_path / "pipe.h5"
     os.mkfifo(pipe)
     for path, force, words in [
-        (old, False, r"exists and is kept.*output=.*force=True"),
+        (old, False, r"exists and was not replaced.*output=.*force=True"),
         (tmp_path, False, "is a directory"),
         (tmp_path, True, "is a directory"),
         (pipe, True, "not a regular file"),

@@ -1,4 +1,4 @@
-"""Bifurcation diagram along the forcing: orbits continued from point to point, or launched anew."""
+"""Bifurcation diagram along the forcing: orbits continued from point to point, and new launches."""
 
 from __future__ import annotations
 
@@ -79,12 +79,12 @@ KEPT: Final = (
 def bifurcation(
     sweep: Sweep, observable: str | OfImpacts, samples: int, launches: int, threads: int
 ) -> xr.Dataset:
-    """Follow the orbits of a sweep's particles up and down the forcing: `vibrosweep.bifurcation`.
+    """Continue the orbits of a sweep's particles up and down the forcing: `vibrosweep.bifurcation`.
 
     At the first point of each direction particles are launched as the scene says; at every further
     point they start from the state reached at the previous one.  They settle until they recur or
     the duration is over, and then `samples` further impacts are kept.  As many staggered particles
-    as `launches` says are launched anew at every point.  Orbits that ``regime`` calls unsettled may
+    as `launches` says are launched at every point.  Orbits that ``regime`` calls unsettled may
     still approach an attractor.  Raises a SpecError unless the only axis of the design is a
     forcing.
     """
@@ -144,7 +144,7 @@ def bifurcation(
 
 
 def _together(followed: Sequence[Orbits], anew: Orbits, points: int) -> Orbits:
-    """Orbits that are followed up and down, and launched anew, in the order of the points."""
+    """Continued orbits, up and down, and new launches, in the order of the points."""
 
     def joined(of_steps: Sequence[NDArray[Any]], fresh: Any) -> NDArray[Any]:
         each = np.array(of_steps).reshape(points, len(DIRECTIONS), -1)
@@ -156,7 +156,7 @@ def _together(followed: Sequence[Orbits], anew: Orbits, points: int) -> Orbits:
 
 
 def _regimes(found: Mapping[str, NDArray[Any]], particles: int, forcing: str) -> dict[str, Any]:
-    """Variables of orbits that are followed, and of those launched anew, as by `_together`."""
+    """Variables of continued orbits, and of new launches, as by `_together`."""
     data: dict[str, Any] = {}
     for name in KEPT:
         up, down, anew = np.split(found[name], [particles, 2 * particles], axis=1)
@@ -189,7 +189,7 @@ def summary(diagram: xr.Dataset) -> Iterator[str]:
     """Describe the shares of the regimes, attractors that coexist, and where chaos begins."""
     along, forcing = diagram.attrs["forcing"].removeprefix("base_"), diagram.attrs["forcing"]
     each = {f"{along} {one}": diagram["regime"].sel(direction=one) for one in DIRECTIONS}
-    each["launched anew"] = diagram["launched_regime"]
+    each["new launches"] = diagram["launched_regime"]
     for name, regimes in each.items():
         parts = [
             f"{one.meaning.replace('_', ' ')} {np.mean(regimes.values == one):.1%}"

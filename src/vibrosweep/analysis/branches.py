@@ -98,7 +98,7 @@ ENDS: Final = (
     (AT_CORNER, "corner"),
     (AT_YIELDING, "yielding"),
 )
-# Bifurcations that are followed as curves
+# Bifurcations that are continued as curves
 OF_CURVES: Final = tuple(event for event in EVENTS if event[0] != BORN)
 FEWEST_POINTS: Final = 10
 NONE: Final = -2
@@ -190,7 +190,7 @@ def _require(wanted: tuple[int, int], doublings: int, points: int) -> None:
     if wanted[0] * 2**doublings > LONGEST:
         raise ParameterError(
             f"impacts = {wanted[0]} and doublings = {doublings}: these orbits have up to "
-            f"{wanted[0] * 2**doublings} impacts, and orbits are followed up to {LONGEST}; lower "
+            f"{wanted[0] * 2**doublings} impacts, and orbits are continued up to {LONGEST}; lower "
             f"one of the two"
         )
 
@@ -317,7 +317,7 @@ def summary(found: xr.Dataset) -> Iterator[str]:
 
 
 class Plane:
-    """A rectangle of restitution and forcing in which lines are followed.
+    """A rectangle of restitution and forcing in which lines are continued.
 
     Parameters
     ----------
@@ -393,7 +393,7 @@ class Plane:
 
 @dataclass(eq=False)
 class Task:
-    """A line to be followed: from an orbit at one of the values, or from a doubling."""
+    """A line to be continued: from an orbit at one of the values, or from a doubling."""
 
     p: int
     q: int
@@ -413,7 +413,7 @@ def branches_along(
     """Follow all orbits of up to the `wanted` impacts and periods along a parameter.
 
     `condition` fixes the other parameter; orbits are searched at the values of the free one.
-    Among orbits of equally many impacts, those born at doublings are followed first.
+    Among orbits of equally many impacts, those born at doublings are continued first.
     """
     e, drive = plane.restitution, plane.drives
     size = max(e.size, drive.size)  # one of the two is fixed

@@ -71,7 +71,7 @@ def refused_ragged(dataset: xr.Dataset) -> str:
 
 
 def differing(parameter: str) -> str:
-    """Return words that ask for realizations that differ in a parameter, and how to get them."""
+    """Return words on a need for realizations that differ in a parameter, and how to get them."""
     return (
         f"realizations that differ in {parameter}: sample it, for example {parameter} = [low, "
         f"high], in the [sample] section of the sweep file"
@@ -107,7 +107,7 @@ def per_realization(dataset: xr.Dataset, name: str) -> Array:
 
 
 def completed(sweep: xr.Dataset) -> NDArray[np.bool_]:
-    """Return for each realization whether all its particles were followed to the end."""
+    """Return for each realization whether all its particles were simulated to the end."""
     if "status" not in sweep.variables:
         return np.ones(sweep.sizes["realization"], np.bool_)
     return np.asarray(per_realization(sweep, "status") == Status.COMPLETED)

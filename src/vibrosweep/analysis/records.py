@@ -1,4 +1,4 @@
-"""What a record says: flights and the base under them, heights at any times, the return map."""
+"""Flights of a record and the base under them, heights at any times, the return map."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
     xarray.Dataset
         Dims ``realization``, ``particle`` and ``time``: ``height`` (m); dims ``realization`` and
         ``time``: ``base_height`` (m), which is 0 over base ``"high-bounce"``.  The height of a
-        particle is NaN before its launch, and after it was given up (`Status`).
+        particle is NaN before its launch, and after it was abandoned (`Status`).
 
     Raises
     ------
@@ -394,7 +394,7 @@ class ParticleFlights(NamedTuple):
 def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
     """Motion of the base of one realization of a record, which must hold all particles.
 
-    Messages name the `analysis` that the user asked for.  Raises a DataError if the record lacks a
+    Messages name the `analysis` that the user called.  Raises a DataError if the record lacks a
     parameter of the motion, or, over the base of finite mass, a particle.
     """
     _require_all_landings(one, analysis)
@@ -452,7 +452,7 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> ParticleFlights:
     """Flights of one realization of a record that begin before `until`, in s.
 
     A flight whose landing is not recorded lasts until the end.  Over a moving base the flight after
-    the last landing of a particle that was given up is left out: its end is not known.
+    the last landing of a particle that was abandoned is left out: its end is not known.
     """
     start = _begun(one, "launch_time", "liftoff_time")
     velocity = _begun(one, "launch_velocity", "rebound_velocity")
@@ -601,7 +601,7 @@ class Recoiling(BaseMotion):
 def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
     """Motion of the base of one realization of a record, from its undisturbed motion `alone`.
 
-    Messages name the `analysis` that the user asked for.  Raises a DataError if the record lacks a
+    Messages name the `analysis` that the user called.  Raises a DataError if the record lacks a
     variable or a particle.
     """
     require(one, analysis, *TO_FOLLOW)

@@ -172,7 +172,7 @@ def _index_dataset(
             variables[f"{name}_{side}"] = variable(dims, ends[end, i], f"{side} end, {words}")
     of_outputs = table(
         "output",
-        mean=(sample.mean(axis=1), "mean, in the output's own unit"),
-        standard_deviation=(sample.std(axis=1), "standard deviation, in the output's own unit"),
+        mean=(sample.mean(axis=1), "mean, in the unit of the output"),
+        standard_deviation=(sample.std(axis=1), "standard deviation, in the unit of the output"),
     )
     return xr.Dataset({**variables, **of_outputs}, {"output": [*outputs], "parameter": [*names]})

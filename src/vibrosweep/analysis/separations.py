@@ -318,7 +318,7 @@ def order_against_chance(
         uniform phases ``phase_factor``, ``dt_min_over_chance``, ``dt_min_chance``,
         ``dt_min_surrogate_share``, ``order_over_chance``, ``order_chance`` and ``gap_chance``.
         Variables that assume independent landings are NaN where a particle rests, lands more than
-        1.2 times per period, keeps to few phases, as a locked one does, or was not followed to the
+        1.2 times per period, keeps to few phases, as a locked one does, or was not simulated to the
         end.
 
     Raises
@@ -367,7 +367,7 @@ def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
     xarray.Dataset
         Dim ``realization``: ``dt_min`` (s), ``coincidence_rate`` (s-1), ``dt_min_over_chance`` and
         ``dt_min_chance``; NaN where a particle rests in the window, lands more than 1.2 times per
-        period, is locked (as far as the sweep has regimes), or was not followed to the end.
+        period, is locked (as far as the sweep has regimes), or was not simulated to the end.
 
     Raises
     ------

@@ -165,8 +165,8 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     directions.  A bracket around an edge is at most as wide as the tolerance, relative to the edge;
     that of a locked orbit contains the exact edge.  The ranges of a random design are scanned at
     `RESTITUTIONS` and `POINTS` values in even steps, as the attribute ``grid`` says.  Raises a
-    SpecError if the sweep asks for no windows, if a condition is not known, or if parameters other
-    than the restitution and a forcing vary.
+    SpecError if the sweep has no conditions, if one is not known, or if parameters other than the
+    restitution and a forcing vary.
     """
     require_ability("windows", sweep.scene, sweep.design.sampled)
     conditions = _conditions(sweep)

@@ -57,7 +57,7 @@ def windows(
     ----------
     spec
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
-        is taken; keywords beside a result complete it.
+        is taken; keywords given with a result complete it.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -73,7 +73,7 @@ def windows(
             A list of ``"locked(k)"``, ``"ordered"``, ``"periodic"``, ``"separated"``,
             ``"collision_free"`` and ``"regular"``; by default ``["locked(1)"]``.
         continuation
-            True to continue orbits along the scan, up and down, instead of launching them anew at
+            True to continue orbits along the scan, up and down, instead of launching new ones at
             every point; False by default.
         prove
             True to prove, in ball arithmetic, the ends of ``locked(k)`` as bifurcations of its
@@ -128,7 +128,7 @@ def windows(
     ParameterError
         A condition cannot be continued, or the points do not fit into memory.
     MissingFlintError
-        Proofs are asked for, and python-flint is not installed.
+        Proofs are requested, and python-flint is not installed.
 
     Warns
     -----
@@ -160,7 +160,7 @@ def bifurcation(
     threads: int | None = None,
     **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
-    """Follow orbits up and down the forcing, and launch particles anew at each point.
+    """Continue orbits up and down the forcing, with new launches at each point.
 
     An attractor that orbits reach neither on the way up nor on the way down is found if one of the
     launches leads to it.
@@ -169,20 +169,20 @@ def bifurcation(
     ----------
     spec
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
-        is taken; keywords beside a result complete it.
+        is taken; keywords given with a result complete it.
     observable
         ``"rebound_velocity"`` (m s-1), ``"rebound_height"`` (m), ``"flight_time"`` (s),
         ``"impact_phase"`` (turns), or a function of the phase of landing (turns), the speed at
         lift-off (m s-1) and gravity (m s-2), on arrays of any shape.
     samples
-        Number of impacts that are kept at each point, once the orbit has settled.
+        Number of impacts that are recorded at each point, once the orbit has settled.
     launches
-        Number of particles that are launched anew at each point, staggered over one forcing period.
+        Number of new launches at each point, staggered over one forcing period.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
         Those of `vibrosweep.sweep`; the forcing, in any of its four forms, is an ascending list.
-        Without a duration orbits are followed until they settle.
+        Without a duration orbits are simulated until they settle.
 
     Returns
     -------
@@ -190,8 +190,8 @@ def bifurcation(
         Dims (direction, amplitude, particle, sample), where the forcing that was given replaces
         ``amplitude``: the observable under its name, ``observable`` for a function.  Dims
         (direction, amplitude, particle): ``regime``, ``cycle_impacts``, ``cycle_periods``,
-        ``cycle_rests``, ``lyapunov_largest`` with its error.  The same of particles that are
-        launched anew, with the dim launch in place of direction and particle: names begin with
+        ``cycle_rests``, ``lyapunov_largest`` with its error.  The same of
+        the new launches, with the dim launch in place of direction and particle: names begin with
         ``launched_``.  Dim amplitude: ``attractors``, the number of different ones that were found.
         Scalars: ``chaos_low`` and ``chaos_high``, the neighbouring points between which the first
         positive exponent appears, by three standard errors; NaN where there is no such point.
@@ -233,13 +233,13 @@ def basins(
     ----------
     spec
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
-        is taken; keywords beside a result complete it.
+        is taken; keywords given with a result complete it.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
         Those of `vibrosweep.sweep`: ``launch_velocity`` is a list (m s-1); ``launch`` gives the
         launch times (s), or ``particles`` the number of staggered ones; ``restitution`` or a
-        forcing may be a list too.  Without a duration orbits are followed until they settle.
+        forcing may be a list too.  Without a duration orbits are simulated until they settle.
 
     Returns
     -------
@@ -322,7 +322,7 @@ def sobol(
     ----------
     spec
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
-        is taken; keywords beside a result complete it.
+        is taken; keywords given with a result complete it.
     outputs
         Measured variables with one number for each realization; by default
         ``rebound_height_max``, ``rebound_height_mean``, ``flight_time_mean`` and, for two or more
@@ -340,7 +340,7 @@ def sobol(
     -------
     xarray.Dataset
         Dims (output, parameter): ``first_order`` and ``total_order``, each with ``_low`` and
-        ``_high``; dim output: ``mean`` and ``standard_deviation``, in the output's own unit.
+        ``_high``; dim output: ``mean`` and ``standard_deviation``, in the unit of the output.
 
     Raises
     ------
@@ -394,7 +394,7 @@ def orbits(
     ----------
     spec
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
-        is taken; keywords beside a result complete it.
+        is taken; keywords given with a result complete it.
     impacts, periods
         Largest numbers of impacts and of forcing periods of an orbit; up to 12 and 64.
     seeds
@@ -472,9 +472,9 @@ def branches(
     threads: int | None = None,
     **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
-    """Follow periodic orbits along a parameter, round folds, and find their bifurcations.
+    """Continue periodic orbits along a parameter, past folds, and find their bifurcations.
 
-    The orbits found at the values of the axis are followed in both directions, each once, until
+    The orbits found at the values of the axis are continued in both directions, each once, until
     they leave the range of the axis, touch the base, or begin to rest.  Saddle-nodes, period
     doublings, grazings (in flight, or at a landing of speed 0) and rests are solutions of equations
     for the orbit, the parameter and the multiplier together.  A branch that no step continues is
@@ -484,12 +484,12 @@ def branches(
     ----------
     spec
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
-        is taken; keywords beside a result complete it.
+        is taken; keywords given with a result complete it.
     impacts, periods
         Largest numbers of impacts and of forcing periods of the orbits at the values of the axis;
         up to 12 and 64.
     doublings
-        Number of successive period doublings from which the new orbits are followed too; at most
+        Number of successive period doublings from which the new orbits are continued too; at most
         6, and up to orbits of 64 impacts.
     points
         Largest number of points of an orbit in each direction; at least 10.
@@ -564,15 +564,15 @@ def boundaries(
 ) -> xr.Dataset:
     """Trace bifurcations of periodic orbits over the plane of restitution and forcing.
 
-    At each restitution of the axis orbits are followed along the forcing, as by
-    `vibrosweep.branches`; each of their bifurcations is then followed in both directions as a curve
-    in the plane.
+    At each restitution of the axis orbits are continued along the forcing, as by
+    `vibrosweep.branches`; each of their bifurcations is then continued in both directions as a
+    curve in the plane.
 
     Parameters
     ----------
     spec
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
-        is taken; keywords beside a result complete it.
+        is taken; keywords given with a result complete it.
     impacts, periods, doublings
         As for `vibrosweep.branches`.
     points
@@ -674,7 +674,7 @@ def separations(
     bins = count("bins", bins)
     if isinstance(spec, xr.Dataset):
         if keywords:
-            raise ParameterError(f"{', '.join(keywords)}: cannot be given beside a result")
+            raise ParameterError(f"{', '.join(keywords)}: cannot be given together with a result")
         result = spec
     else:
         needed = {"separation": True} if spec is None else {}
@@ -686,7 +686,7 @@ def separations(
 
 
 def windows_found(spec: Sweep, threads: int) -> xr.Dataset:
-    """Find the windows of a sweep, and prove them if the sweep asks for it."""
+    """Find the windows of a sweep, and prove them if the sweep requests it."""
     if not (spec.windows or {}).get("prove"):
         return find_windows(spec, threads)
     from vibrosweep.proof import prove_windows

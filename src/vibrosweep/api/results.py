@@ -49,7 +49,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Open the record of every landing that a sweep file asks for in ``[record]``.
+    """Open the record of every landing that a sweep file requests in ``[record]``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Every landing of a small scene, or of realizations of a sweep that are simulated again."""
+"""Every landing of a small scene, or of re-simulated realizations of a sweep."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def simulate(
             Stream of random numbers of each realization: a whole number, or a list with one entry
             per realization; by default their indices.
         impact_budget
-            Number of landings after which a particle is given up, rounded up to a multiple of 6;
+            Number of landings after which a particle is abandoned, rounded up to a multiple of 6;
             its status says so.
         transient, transient_periods
             Beginning of the window of measures such as ``regimes`` and ``lyapunov``, which give the
@@ -139,7 +139,7 @@ def simulate(
         ``regime``, ``cycle_periods``, ...  realization, particle          measures, as in a sweep
         ==================================  =============================  =========================
 
-        The attribute ``notes`` says if particles were given up, if more than half of the
+        The attribute ``notes`` says if particles were abandoned, if more than half of the
         places are empty, if the base is driven more strongly than any shaker could, and if
         the observation is too short for the regimes.  If `ragged`, the dim landing replaces
         (realization, particle, impact), and trajectory replaces (realization, particle),
@@ -228,18 +228,18 @@ def simulate(
 
 
 def _spent(scene: Scene, status: Array) -> str:
-    """Return a remark if particles were given up before the end of the observation."""
+    """Return a remark if particles were abandoned before the end of the observation."""
     spent = int(np.count_nonzero(status == Status.BUDGET_EXCEEDED))
     if not spent:
         return ""
     return (
-        f"{spent} of {status.size} particles were given up after {scene.budget} landings: raise "
+        f"{spent} of {status.size} particles were abandoned after {scene.budget} landings: raise "
         f"impact_budget, or shorten the duration"
     )
 
 
 def _short(scene: Scene, quantities: Mapping[str, Array]) -> str:
-    """Warn and return a remark if the observation is too short for the regimes asked for."""
+    """Warn and return a remark if the observation is too short for the requested regimes."""
     if not scene.measures.regimes:
         return ""
     if scene.noise(quantities):
@@ -265,8 +265,8 @@ def replayed(result: xr.Dataset, keywords: Mapping[str, Any]) -> tuple[Scene, di
     keywords = {name: value for name, value in keywords.items() if value is not None}
     if others := keywords.keys() - MEASURES.keys():
         raise ParameterError(
-            f"{', '.join(sorted(others))}: cannot be given beside a result, whose realizations are "
-            f"followed as in its sweep; give keywords alone for other scenes"
+            f"{', '.join(sorted(others))}: cannot be given together with a result, whose "
+            f"realizations are re-simulated as in its sweep; give keywords alone for other scenes"
         )
     if result.attrs.get(KIND) != SWEEP.name or "sweep_file" not in result.attrs:
         raise DataError(
@@ -329,7 +329,7 @@ def _with_results(result: xr.Dataset) -> xr.Dataset:
         return result
     kept = np.flatnonzero(result["status"].values != Status.REFUSED)
     if not kept.size:
-        raise DataError("the mask hides every realization of the dataset: there is none to follow")
+        raise DataError("the mask hides all realizations of the dataset: there is none to simulate")
     return result.isel({REALIZATION: kept})
 
 
@@ -361,5 +361,5 @@ def require_same_counts(result: xr.Dataset, record: Mapping[str, NDArray[Any]]) 
         raise DataError(
             f"{np.count_nonzero(wrong)} of {size} realizations do not land as often as in their "
             f"sweep: the dataset states the scene of other realizations, as after xarray.concat; "
-            f"follow those of each sweep alone"
+            f"simulate those of each sweep separately"
         )

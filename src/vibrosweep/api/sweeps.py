@@ -64,7 +64,7 @@ def sweep(
     ----------
     spec
         Instead of keywords: a mapping of them, the path of a sweep file, or a result, whose sweep
-        is taken; keywords beside a result complete it.
+        is taken; keywords given with a result complete it.
     observables
         Functions that are called at every landing.
     threads
@@ -277,8 +277,8 @@ def as_sweep(
         return keyword_spec({**defaults, **keywords}, analysis, keywords)
     if keywords:
         raise ParameterError(
-            f"{', '.join(keywords)}: cannot be given beside a sweep file or a mapping; write it "
-            f"there"
+            f"{', '.join(keywords)}: cannot be given together with a sweep file or a mapping; "
+            f"write it there"
         )
     if isinstance(spec, Mapping):
         return keyword_spec({**defaults, **spec}, analysis, kept=kept)

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 
 class Command(NamedTuple):
-    """What ``vibrosweep --help`` says of a command, and where it is."""
+    """What ``vibrosweep --help`` says about a command, and where it is."""
 
     words: str
     module: str
@@ -25,7 +25,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
         "list the example sweeps, or copy some of them", "sweeps", "vibrosweep examples paper"
     ),
     "plan": Command(
-        "estimate what a sweep will take, from a few of its realizations",
+        "estimate the time, memory and disk that a sweep takes",
         "sweeps",
         "vibrosweep plan paper.toml --threads 8",
     ),
@@ -45,7 +45,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
         "vibrosweep windows windows.toml",
     ),
     "bifurcation": Command(
-        "follow orbits up and down the forcing, and draw them",
+        "continue orbits up and down the forcing, and draw them",
         "pictures",
         "vibrosweep bifurcation bifurcation.toml --samples 200",
     ),
@@ -60,7 +60,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
         "vibrosweep orbits orbits.toml --impacts 2 --periods 3",
     ),
     "branches": Command(
-        "follow periodic orbits along a parameter, and find their bifurcations",
+        "continue periodic orbits along a parameter, and find their bifurcations",
         "pictures",
         "vibrosweep branches branches.toml --doublings 2",
     ),
@@ -81,7 +81,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
         "vibrosweep doctor",
     ),
     "warmup": Command(
-        "compile the kernels of common scenes once and keep the machine code",
+        "compile the kernels of common scenes in advance",
         "machine",
         "vibrosweep warmup",
     ),

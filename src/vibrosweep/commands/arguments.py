@@ -63,13 +63,13 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def say(options: argparse.Namespace, *lines: str) -> None:
-    """Print lines, unless `options` ask for JSON or for nothing."""
+    """Print lines, unless `options` request JSON or silence."""
     if lines and not (getattr(options, "quiet", False) or getattr(options, "json", False)):
         print("\n".join(lines), flush=True)
 
 
 def tell(options: argparse.Namespace, facts: Mapping[str, Any]) -> None:
-    """Print facts as one JSON object where `options` ask for it."""
+    """Print facts as one JSON object where `options` request it."""
     if options.json:
         import json
 

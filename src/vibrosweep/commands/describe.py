@@ -193,7 +193,7 @@ def _unsettled(file: Any) -> Iterator[str]:
         mendable += int(np.count_nonzero(codes["status"][places] <= Status.BUDGET_EXCEEDED))
         for place in places[: LISTED - len(lines)].tolist():
             status = Status(int(codes["status"][place]))
-            # other measures are counted from the cycle, but these need every landing
+            # other measures are added from the cycle, but these need every landing
             meaning = status.meaning if status else "separations or error bounds undetermined"
             at = slice(rows.start + place, rows.start + place + 1)
             values = (f"{name} {read_rows(file, name, at)[0]:g}" for name in sampled)

@@ -14,7 +14,7 @@ ORIGIN: Final = re.compile(r"https?://[\w.-]+(:\d+)?|https?://\[[\da-fA-F:]+\](:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("result", metavar="OUT.h5", type=Path)
+    parser.add_argument("result", metavar="OUT.h5", type=Path, help="the result")
     parser.add_argument(
         "-o",
         "--output",
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--force", action="store_true", help="replace an existing PAGE.html")
     parser.add_argument(
-        "--port", metavar="N", type=_port, default=0, help="of this machine; default: a free one"
+        "--port", metavar="N", type=_port, default=0, help="port; default: a free one"
     )
     parser.add_argument(
         "--frame-in",

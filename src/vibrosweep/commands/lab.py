@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         type=directory,
         default=Path("tracks"),
-        help="default: tracks",
+        help="folder for the recordings; default: tracks",
     )
     synthesize.add_argument("--force", action="store_true", help="replace existing files")
     synthesize.set_defaults(part=_synthesize)
@@ -67,14 +67,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         compare.add_argument(f"--{name}", metavar=unit, type=float, help="default: estimated")
     compare.add_argument("--phase", metavar="RAD", type=float, help="at t = 0; default: estimated")
     compare.add_argument(
-        "--restitution-law", metavar="LAW", default="constant", help="law of a given restitution"
+        "--restitution-law", metavar="LAW", default="constant", help="law of restitution"
     )
-    compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="speed of the law")
+    compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="its speed")
     compare.add_argument("--contact-time", metavar="S", type=float, help="default: 1e-4")
     compare.add_argument(
         "--draws", metavar="N", type=positive, default=64, help="parameter sets drawn; default: 64"
     )
-    compare.add_argument("--seed", metavar="S", type=whole, default=0, help="default: 0")
+    compare.add_argument("--seed", metavar="S", type=whole, default=0, help="seed; default: 0")
     compare.set_defaults(part=_compare)
 
 
@@ -106,7 +106,7 @@ def _add_restitution(parser: argparse.ArgumentParser) -> None:
     for name, unit, words in (
         ("drop-height", "M", "height of the drops, so that the first fall counts"),
         ("contact", "S", "length of a contact; default: 0.0002:0.005"),
-        ("gravity", "G", "default: 9.81"),
+        ("gravity", "G", "m/s^2; default: 9.81"),
     ):
         default = 9.81 if name == "gravity" else None
         text = f"{words}; a number, or a range LOW:HIGH"
@@ -114,33 +114,33 @@ def _add_restitution(parser: argparse.ArgumentParser) -> None:
     for name, unit, words in (
         ("mass", "KG", "mass of the ball, for its drag in air"),
         ("diameter", "M", "its diameter"),
-        ("frame-rate", "HZ", "of the camera"),
-        ("from", "S", "begin of the part that is used"),
+        ("frame-rate", "HZ", "frames per second of the camera"),
+        ("from", "S", "start of the part that is used"),
         ("to", "S", "its end"),
     ):
         parser.add_argument(f"--{name}", metavar=unit, type=float, help=words)
     parser.add_argument(
-        "--scale", metavar="M", type=_scale, help='m per unit of the file, or "gravity"'
+        "--scale", metavar="M", type=_scale, help='metres per unit of the file, or "gravity"'
     )
     parser.add_argument("--axis", choices=("up", "down"), help="direction in which heights grow")
     for name in ("column", "particle", "sheet"):
         parser.add_argument(f"--{name}", metavar="NAME", help=f"{name} to read")
     parser.add_argument("--json", action="store_true", help="print numbers as JSON")
     parser.add_argument(
-        "-o", "--output", metavar="OUT.h5", type=output_file, help="write the result"
+        "-o", "--output", metavar="OUT.h5", type=output_file, help="result file to write"
     )
-    parser.add_argument("--figures", metavar="DIR", type=directory, help="draw figures there")
+    parser.add_argument("--figures", metavar="DIR", type=directory, help="folder for figures")
     parser.add_argument("--force", action="store_true", help="replace an existing output")
     parser.set_defaults(part=_restitution)
 
 
 def _add_tracks(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("tracks", metavar="TRACKS", type=Path, nargs="+", help="a recording each")
+    parser.add_argument("tracks", metavar="TRACKS", type=Path, nargs="+", help="one recording each")
     parser.add_argument(
         "--together", action="store_true", help="all files hold particles of one recording"
     )
-    parser.add_argument("--frame-rate", metavar="HZ", type=float, help="of the camera")
-    parser.add_argument("--scale", metavar="M", type=float, help="m per unit of the file")
+    parser.add_argument("--frame-rate", metavar="HZ", type=float, help="frames per second")
+    parser.add_argument("--scale", metavar="M", type=float, help="metres per unit of the file")
     parser.add_argument("--axis", choices=("up", "down"), help="direction in which heights grow")
     parser.add_argument("--base", metavar="Y", type=float, help="height of the base in the file")
     parser.add_argument(
@@ -161,8 +161,12 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
     for name in ("particle", "sheet"):
         parser.add_argument(f"--{name}", metavar="NAME", help=f"{name} to read")
     parser.add_argument("--base-track", metavar="NAME", help="particle that is a mark on the base")
-    parser.add_argument("--exposure", metavar="S", type=float, default=0.0, help="default: 0")
-    parser.add_argument("--gravity", metavar="G", type=float, default=9.81, help="default: 9.81")
+    parser.add_argument(
+        "--exposure", metavar="S", type=float, default=0.0, help="of a frame; default: 0"
+    )
+    parser.add_argument(
+        "--gravity", metavar="G", type=float, default=9.81, help="m/s^2; default: 9.81"
+    )
     parser.add_argument(
         "--method",
         choices=("fit", "sign_change"),
@@ -170,9 +174,9 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
         help="parabolas, or the frame at which the velocity changes sign; default: fit",
     )
     parser.add_argument(
-        "-o", "--output", metavar="OUT.h5", type=output_file, help="write the result"
+        "-o", "--output", metavar="OUT.h5", type=output_file, help="result file to write"
     )
-    parser.add_argument("--figures", metavar="DIR", type=directory, help="draw figures there")
+    parser.add_argument("--figures", metavar="DIR", type=directory, help="folder for figures")
     parser.add_argument("--force", action="store_true", help="replace an existing output")
 
 
@@ -386,7 +390,7 @@ def _keep(
     draw: Callable[[], Axes | Panels],
     stem: str,
 ) -> None:
-    """Write a result and draw its figure, if the options ask for them."""
+    """Write a result and draw its figure, if the options request them."""
     if options.output is not None:
         from vibrosweep.store.writing import write_dataset
 

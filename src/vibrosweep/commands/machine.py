@@ -41,7 +41,7 @@ def warmup(options: argparse.Namespace) -> None:
     say(
         options,
         f"{some(compiled.made, 'variant')} compiled, {compiled.kept} found on disk, in "
-        f"{time.perf_counter() - began:.3g} s; kept in {compiled.directory}",
+        f"{time.perf_counter() - began:.3g} s; stored in {compiled.directory}",
     )
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 LINES: Final = {  # options of the analyses of lines of orbits, with their defaults
     "impacts": ("largest number of impacts of an orbit", 1),
     "periods": ("largest number of its forcing periods", 1),
-    "doublings": ("number of successive doublings whose new orbits are followed", 0),
+    "doublings": ("number of successive doublings whose new orbits are continued", 0),
     "points": ("largest number of points of a line in each direction", 1000),
 }
 
@@ -76,8 +76,8 @@ ANALYSES: Final[Mapping[str, Analysis]] = {
         "bifurcation",
         "a grid over the forcing",
         {
-            "samples": ("impacts kept", 64),
-            "launches": ("particles launched anew at each point", 8),
+            "samples": ("impacts recorded at each point", 64),
+            "launches": ("new launches at each point", 8),
         },
         _bifurcation,
     ),
@@ -123,9 +123,9 @@ def _add(name: str, parser: argparse.ArgumentParser) -> None:
         "--output",
         metavar="OUT.h5",
         type=output_file,
-        help="default: the names of the sweep file and the command",
+        help="result file; default: the names of sweep file and command",
     )
-    parser.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
+    parser.add_argument("--threads", metavar="N", type=threads, help="threads; default: all")
     parser.add_argument("--force", action="store_true", help="replace existing outputs")
     add_json(parser)
     add_quiet(parser)
@@ -134,7 +134,7 @@ def _add(name: str, parser: argparse.ArgumentParser) -> None:
             "--observable",
             metavar="NAME",
             default="rebound_velocity",
-            help="default: rebound_velocity",
+            help="quantity to draw; default: rebound_velocity",
         )
     for option, (words, default) in analysis.numbers.items():
         kind = positive if default else whole

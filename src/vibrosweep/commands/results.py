@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def add_info(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("result", metavar="OUT.h5", type=Path)
+    parser.add_argument("result", metavar="OUT.h5", type=Path, help="the result")
     add_json(parser)
 
 
@@ -30,14 +30,14 @@ def info(options: argparse.Namespace) -> None:
 
 
 def add_figures(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("result", metavar="OUT.h5", type=Path)
+    parser.add_argument("result", metavar="OUT.h5", type=Path, help="the result")
     parser.add_argument(
         "-o",
         "--output",
         metavar="DIR",
         type=directory,
         default=Path("figures"),
-        help="default: figures",
+        help="folder for the figures; default: figures",
     )
     add_quiet(parser)
 
@@ -88,11 +88,13 @@ def _loaded(
 
 
 def add_verify(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("result", metavar="OUT.h5", type=Path)
+    parser.add_argument("result", metavar="OUT.h5", type=Path, help="the result")
     parser.add_argument(
         "--sample", metavar="K", type=positive, default=20, help="realizations drawn; default: 20"
     )
-    parser.add_argument("--seed", metavar="S", type=whole, default=0, help="default: 0")
+    parser.add_argument(
+        "--seed", metavar="S", type=whole, default=0, help="seed of the draw; default: 0"
+    )
     parser.add_argument(
         "--max-landings",
         metavar="N",

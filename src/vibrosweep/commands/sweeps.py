@@ -44,7 +44,7 @@ def add_examples(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         type=directory,
         default=Path(),
-        help="copy there; default: here",
+        help="folder for the copies; default: here",
     )
     parser.add_argument("--force", action="store_true", help="replace existing files")
 
@@ -134,7 +134,7 @@ def _add_sweep(parser: argparse.ArgumentParser) -> None:
         "--output",
         metavar="OUT.h5",
         type=output_file,
-        help="default: the name of the sweep file",
+        help="result file; default: the name of the sweep file",
     )
 
 
@@ -146,7 +146,7 @@ def _output_of(options: argparse.Namespace) -> Path:
 
 def add_plan(parser: argparse.ArgumentParser) -> None:
     _add_sweep(parser)
-    parser.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
+    parser.add_argument("--threads", metavar="N", type=threads, help="threads; default: all")
     parser.add_argument("--chunk", metavar="N", type=positive, help="realizations in a chunk")
     add_json(parser)
 
@@ -193,8 +193,8 @@ def _plan_lines(
 ) -> Iterator[str]:
     cost = plan.cost
     yield f"{'realizations':16}{plan.design.realizations} of {some(particles, 'particle')}"
-    about = "" if options.chunk else "about "  # a run measures the speed of the machine anew
-    cut = f"of {about}{some(plan.chunk, 'realization')}, each kept as soon as it is finished"
+    about = "" if options.chunk else "about "  # a run measures the speed of the machine again
+    cut = f"of {about}{some(plan.chunk, 'realization')}, each saved as soon as it is finished"
     chunks = f"{about}{plan.chunks} {cut}" if plan.chunks > 1 else "1 (short: not cut)"
     yield f"{'chunks':16}{chunks}"
     within = f" ({needs.fewest:.3g} to {needs.most:.3g} with 95 % confidence)"
@@ -213,7 +213,7 @@ def _plan_lines(
 def add_run(parser: argparse.ArgumentParser) -> None:
     _add_sweep(parser)
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--threads", metavar="N", type=threads, help="default: all processors")
+    where.add_argument("--threads", metavar="N", type=threads, help="threads; default: all")
     where.add_argument(
         "--workers",
         metavar="N",
@@ -229,19 +229,19 @@ def add_run(parser: argparse.ArgumentParser) -> None:
         "--chunk",
         metavar="N",
         type=positive,
-        help="realizations in a chunk; each finished chunk is kept",
+        help="realizations in a chunk; each finished chunk is saved",
     )
     parser.add_argument("--force", action="store_true", help="replace an output or unfinished run")
     parser.add_argument(
         "--retry-failed",
         action="store_true",
-        help="compute again the realizations of a result that did not complete",
+        help="recompute the realizations of a result that did not complete",
     )
     parser.add_argument(
         "--impact-budget",
         metavar="N",
         type=positive,
-        help="with --retry-failed: impacts after which a particle is given up",
+        help="with --retry-failed: impacts after which a particle is abandoned",
     )
     add_json(parser)
     add_quiet(parser)
@@ -308,7 +308,7 @@ def _earlier(summary: Summary) -> Iterator[str]:
     """Say what an earlier run had computed."""
     if summary.kept:
         yield (
-            f"{some(summary.kept, 'realization')} of them kept from the run before: the time is "
+            f"{some(summary.kept, 'realization')} of them are from the earlier run: the time is "
             f"that of the others"
         )
     if summary.repaired:

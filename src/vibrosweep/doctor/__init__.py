@@ -133,7 +133,7 @@ def hdf5_libraries(
             code, words, errors = -1, [], f"no answer within {patience:g} s"
     state = "h5py has " + (words[0] if words else "no HDF5 library that works")
     if other:
-        state += f", netCDF4 has {words[1] if len(words) > 1 else 'none that works beside it'}"
+        state += f", netCDF4 has {words[1] if len(words) > 1 else 'none that works with it'}"
     if code == 0 and words[-1] == "read":
         return Finding("HDF5", f"{state}; a file was written and read again in one process")
     reason = errors.strip().splitlines()[-1] if errors.strip() else f"it ended with code {code}"

@@ -31,12 +31,12 @@ def processors(group: Path = GROUP) -> Finding:
     usable, words = available_threads(), _group_limit(group, "cpu.max")
     limited = len(words) == 2 and words[0] != "max"
     quota = int(words[0]) / int(words[1]) if limited else usable
-    state = f"{usable} of {os.cpu_count()} may be used; vibrosweep run takes {usable} threads"
+    state = f"{usable} of {os.cpu_count()} may be used; vibrosweep run uses {usable} threads"
     if quota > usable - 0.5:
         return Finding("processors", state)
     advice = f"give --threads {max(1, round(quota))}, or raise the limit of the container"
     return Finding(
-        "processors", state, f"the container grants the time of only {quota:g}: {advice}"
+        "processors", state, f"the container limits CPU time to {quota:g} processors: {advice}"
     )
 
 
@@ -97,9 +97,9 @@ def quarter(x: float) -> float:
 
 
 def compiler(directory: Path | None) -> Finding:
-    """Compile a kernel and its piece, keep the machine code, and load it again.
+    """Compile a kernel and its piece, store the machine code, and load it again.
 
-    It is kept in `directory`, or in the system's temporary directory where that is None.
+    It is stored in `directory`, or in the system's temporary directory where that is None.
     """
     subject, state = "compiler", f"numba {numba.__version__}"
     if numba.config.DISABLE_JIT:
@@ -118,8 +118,8 @@ def compiler(directory: Path | None) -> Finding:
         costs = "; ".join(f"{cost} ({name})" for name, cost in lost.items())
         return Finding(subject, state, f"results are correct, but {costs}; {remedy()}")
     if not hits:
-        return Finding(subject, state, f"machine code that was kept is not loaded; {remedy()}")
-    return Finding(subject, f"{state} compiled a kernel, kept it, and loaded it again")
+        return Finding(subject, state, f"stored machine code is not loaded; {remedy()}")
+    return Finding(subject, f"{state} compiled a kernel, stored it, and loaded it again")
 
 
 def vector_registers() -> Finding:

@@ -42,13 +42,13 @@ class Compiled(NamedTuple):
 def warm_up() -> Compiled:
     """Compute a small scene over every base, with every law and kind of measure.
 
-    Raises an OutputError if machine code cannot be kept on this disk.
+    Raises an OutputError if machine code cannot be stored on this disk.
     """
     if not HAS_CACHE:
-        raise OutputError("machine code cannot be kept: vibrosweep doctor says why")
+        raise OutputError("machine code cannot be stored: vibrosweep doctor says why")
     if _jit.cache_directory is None:
         raise OutputError(
-            "machine code cannot be kept beside the package nor in the home directory; set "
+            "machine code cannot be stored beside the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
     ways = [(base, law) for base, law in product(KIND_OF, LAWS) if not refusal(base, law=law)]

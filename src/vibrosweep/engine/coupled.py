@@ -174,8 +174,8 @@ def standard_error(growth: Array, waves: Array) -> Array:
     with a variance s^2, which adds up.  At each end of a block, the time since the last impact and
     the direction of the deviation shift growth, with a variance t^2, from one block to the next.  A
     block then has the variance s^2 + 2 t^2 and the sum of n blocks n s^2 + 2 t^2, so that n times
-    the variance of the blocks would count the ends n times.  The ends do not enter slow waves along
-    the row, whose mean square is n s^2 / 2.
+    the variance of the blocks would count the ends n times.  The ends do not enter slow
+    oscillations along the row, whose mean square is n s^2 / 2.
     """
     with np.errstate(invalid="ignore"):
         adds_up = 2.0 * (waves * waves).sum(axis=1) / waves.shape[1]

@@ -94,7 +94,7 @@ def record_landings(
     `count_landings` where it is known.  Raises a ParameterError if the record does not fit into
     half of this machine's memory.
     """
-    scene = replace(scene, skip=False)  # landings are followed one by one
+    scene = replace(scene, skip=False)  # landings are simulated one by one
     landings, status = counted or count_landings(parameters, scene, workers, form)
     shape, capacity = (parameters["frequency"].size, scene.particles), int(landings.max())
     capacities = landings if form.ragged else np.full(landings.size, capacity)
@@ -188,7 +188,7 @@ def count_landings(
     realizations, particles = parameters["frequency"].size, scene.particles
     trajectories = realizations * particles
     require_room(realizations, particles)
-    # no trajectory is followed beyond `most` landings, with which the record is refused anyway
+    # no trajectory is simulated beyond `most` landings, with which the record is refused anyway
     most = physical_memory() // (2 * form.bytes_per_landing)
     most //= 1 if form.ragged else trajectories
     budget = min(scene.measures.impact_budget, most + LOOK_AFTER)

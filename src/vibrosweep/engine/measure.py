@@ -255,7 +255,7 @@ def statistics(
     """Return the statistics of every trajectory, ordered by realization, then by particle.
 
     The result is in memory that the workers reuse for the next batch.  If `cycles` is given, it is
-    filled, and a trajectory is followed only until it recurs.  An `observer` is called at every
+    filled, and a trajectory is simulated only until it recurs.  An `observer` is called at every
     landing, and requires that `cycles` is None.  `more` names further statistics.
     """
     total = batch.problem.kick.size * scene.particles
@@ -468,10 +468,10 @@ def observable_values(
 
     An observable that gives a number for each landing is a statistic like those of the kernels, and
     is computed with them.  One that changes totals is computed separately, because every landing
-    must be followed for it: other measures can then still be counted from cycles.
+    must be simulated for it: other measures can then still be added from cycles.
 
     `found` holds the statistics of trajectories.  For a function that changes totals, `follow`
-    follows all landings once more; it may overwrite `found`.  Raises a ParameterError with the
+    simulates all landings once more; it may overwrite `found`.  Raises a ParameterError with the
     error of such a function.
     """
     values = {}

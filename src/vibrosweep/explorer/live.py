@@ -347,7 +347,7 @@ class Page:
         )
         self.save = save_button()
         self.holder = ColumnDataSource({"text": [""]})
-        # the state of the page, as the address says it and as an address that was opened asks for
+        # the state of the page, as the address gives it and as an opened address requests it
         self.said, self.asked = (ColumnDataSource({"text": [""]}) for _ in range(2))
         # a browser receives only models that belong to a widget
         self.save.tags = [self.holder, self.said, self.asked]
@@ -485,7 +485,7 @@ class Page:
         self.said.data = {"text": [urlencode({**state, **self.shown.words})]}
 
     def _restore(self, data: Any) -> None:
-        """Restore the state that an address asks for; what it cannot mean changes nothing."""
+        """Restore the state that an address requests; invalid entries change nothing."""
         texts = data.get("text")
         sent = isinstance(texts, list) and len(texts) == 1 and isinstance(texts[0], str)
         asked = dict(parse_qsl(texts[0].lstrip("#"))) if sent else {}
@@ -503,10 +503,10 @@ class Page:
             self._restore_motion(dict(parse_qsl(asked["pinned"])))
             self.pin.active = True
         self._restore_motion(asked)
-        self._show("what the address asks for")
+        self._show("the state in the address")
 
     def _restore_motion(self, asked: Mapping[str, str]) -> None:
-        """Set the controls to the motion that an address asks for."""
+        """Set the controls to the motion that an address requests."""
         index = _number(asked.get("point", ""))
         if index is not None and index in range(self.points.count):
             self._take(int(index))

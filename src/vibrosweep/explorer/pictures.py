@@ -382,9 +382,9 @@ def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd],
     forcing = next((name for name in axes if name in FORCINGS), None)
     base = points.base_choice.scene.base
     if base not in FIXED:
-        return [], "closed forms hold for a base that particles do not act on"
+        return [], "closed forms hold for a base without recoil"
     if points.base_choice.scene.waveform != SINE:
-        return [], "closed forms of windows hold for a base that moves as a sine"
+        return [], "closed forms of windows hold for a sinusoidal base"
     if forcing is None:
         return [], "closed forms are drawn where an axis is the forcing"
     other = axes[1 - axes.index(forcing)]

@@ -264,7 +264,7 @@ class Points:
     # axes, colour: names of the columns that are shown at first
     axes: tuple[str, str]
     colour: str
-    # Warning about realizations that are simulated again; empty if none is needed
+    # Warning about realizations that are re-simulated; empty if none is needed
     remark: str = ""
     borders: tuple[Border, ...] = ()  # curves that are drawn over a plane of their parameters
 

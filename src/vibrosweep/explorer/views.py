@@ -193,7 +193,7 @@ class Colouring:
             "ticker": FixedTicker(ticks=[*labels]),
             "major_label_overrides": labels,
             "tags": [*self.names],
-            # the last one, since it makes the browser build the bar anew, with the other two
+            # the last one, since it makes the browser rebuild the bar, with the other two
             "color_mapper": kind(palette=self.palette, low=self.low, high=self.high),
         }
 

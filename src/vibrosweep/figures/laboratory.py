@@ -176,7 +176,7 @@ def restitution_by_speed(found: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     error = found["bounce_error"].values
     for chosen, color, name in (
         (used, style.OKABE_ITO[0], "bounce, error of the measurement"),
-        (~used, style.GREY, "odd bounce, left out"),
+        (~used, style.GREY, "outlier, left out"),
     ):
         if chosen.any():
             axes.errorbar(

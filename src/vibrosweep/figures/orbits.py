@@ -534,9 +534,9 @@ def bifurcation_diagram(
 ) -> Panels:
     """Draw the impacts of all particles along the forcing, up and down, above their exponents.
 
-    The axis is the forcing as given.  Particles that are launched anew at each point are drawn
-    under those that are followed up and down, black marks at the top show where attractors coexist,
-    and a dotted line where the first exponent above zero lies, if the diagram holds them.  An orbit
+    The axis is the forcing as given.  New launches at each point are drawn under orbits that are
+    continued up and down, black marks at the top show where attractors coexist, and a dotted line
+    where the first exponent above zero lies, if the diagram holds them.  An orbit
     with rests has the exponent minus infinity, drawn at the lower edge.  The head of the figure
     states the share of unsettled orbits, whose impacts need not belong to an attractor.
 
@@ -577,7 +577,7 @@ def bifurcation_diagram(
         x, y = np.broadcast_arrays(at[:, np.newaxis], values.reshape(at.size, -1))
         look = {"color": colour, "linewidths": 0.0, "alpha": FAINT, "rasterized": True}
         upper.scatter(x, y, s=size, **look)
-        label = "launched anew" if way == "launched" else f"{words} {way}"
+        label = "new launches" if way == "launched" else f"{words} {way}"
         upper.plot([], [], ".", color=colour, markersize=6.0, label=label)
     _mark_coexistence(upper, diagram, at)
     _exponents(lower, diagram, at)
@@ -594,7 +594,7 @@ def bifurcation_diagram(
 
 
 def _of(diagram: xr.Dataset, name: str, way: str) -> Array | None:
-    """Values of particles that are followed up or down, or launched anew, at each point."""
+    """Values of orbits continued up or down, or of new launches, at each point."""
     if way != "launched":
         return np.asarray(diagram[name].sel(direction=way).values)
     anew = diagram.get(f"launched_{name}")

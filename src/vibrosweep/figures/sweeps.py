@@ -71,7 +71,7 @@ def parameter_plane(
     differ between realizations, the dimensionless kick 2 f A / g, in which the curves depend on
     neither.  A grid is drawn as cells, a random design as dots; very many realizations are drawn
     as small cells with their median (for codes: the commonest).  Realizations that did not complete
-    have no value, unless the variable is ``status``; the head of the figure says how many they are.
+    have no value, unless the variable is ``status``; the heading of the figure states how many.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def height_against_restitution(sweep: xr.Dataset, *, ax: Axes | None = None) -> 
     base of finite mass neither is drawn.  If frequency or gravity differ between realizations,
     heights have the unit H_1, and the plateaus lie at k^2.  More than 20,000 realizations are
     counted in cells, without circles.  Realizations that did not complete are left out, and the
-    head of the figure says how many.
+    heading of the figure states how many.
 
     Parameters
     ----------

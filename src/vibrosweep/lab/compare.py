@@ -647,7 +647,7 @@ def _compare_recording(
         )
     means = measured_means(impacts, among)
     used = {name: float(values[0]) for name, values in sets.items()}
-    warnings = [f"{refused} drawn sets were not physical and were drawn anew"] if refused else []
+    warnings = [f"{refused} drawn sets were not physical and were redrawn"] if refused else []
     try:
         shares = camera_shares(tracks, by_fit, used, scene, options)
     except TrackError as error:

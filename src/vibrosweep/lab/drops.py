@@ -491,7 +491,7 @@ class Pool:
         for k, row in self.odd:
             drop = self.drops[k]
             texts.append(
-                f"{drop.name}: the bounce at {drop.time[row]:.5g} s is odd "
+                f"{drop.name}: the bounce at {drop.time[row]:.5g} s is an outlier "
                 f"(e = {drop.restitution[row]:.3f}) and left out"
             )
         return texts

@@ -489,7 +489,7 @@ def _remark(used: Flags) -> str:
     if used.all():
         return ""
     odd = np.count_nonzero(~used)
-    return f"{odd} bounces are odd and left out: clicks that are missed or false"
+    return f"{odd} bounces are outliers and left out: clicks that are missed or false"
 
 
 def _components(fit: Fit) -> dict[str, Any]:

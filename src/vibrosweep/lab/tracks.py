@@ -83,7 +83,7 @@ def make_tracks(
     check_size("height", heights, source)
     names = np.arange(heights.shape[1]) if particle is None else np.asarray(particle)
     if names.shape != heights.shape[1:] or np.unique(names).size < names.size:
-        raise TrackError(f"{source}: give each of {heights.shape[1]} particles a name of its own")
+        raise TrackError(f"{source}: give each of {heights.shape[1]} particles a unique name")
     never = np.flatnonzero(~np.isfinite(heights).any(axis=0))
     if never.size:
         raise TrackError(

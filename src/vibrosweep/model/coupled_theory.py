@@ -151,7 +151,7 @@ def locked_acceleration_min(
     Returns
     -------
     numpy.ndarray
-        In units of gravity, as the arguments broadcast.
+        In units of gravity, broadcast over the arguments.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def landing_phase(
     Returns
     -------
     numpy.ndarray
-        Turns, as the arguments broadcast; NaN where the orbit does not exist.
+        Turns, broadcast over the arguments; NaN where the orbit does not exist.
 
     Raises
     ------
@@ -241,8 +241,8 @@ def reversing_separation(
     Returns
     -------
     numpy.ndarray
-        Forcing periods, as the arguments broadcast; NaN where the mode does not exist at mu = 0 or
-        is unstable there (s >= s_m).
+        Forcing periods, broadcast over the arguments; NaN where the mode does not exist at mu = 0
+        or is unstable there (s >= s_m).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What may be stated of a scene: the four ways to state the forcing of the base, and other words.
+"""Inputs of a scene: the four ways to give the forcing of the base, and hints on unknown keywords.
 
 The base has the velocity V0 sin(2 pi f t + phi).  At a landing, a particle gains (1 + e) times the
 velocity of the base, which is the kick of the high-bounce map:
@@ -11,8 +11,8 @@ the highest level, and Gamma the greatest downward acceleration, from which a pa
 The kernels take the amplitude A, and this double defines the realization.  In the same way the
 masses of a particle and of the base may be given in place of their ratio.
 
-A word that is no key is answered: by the key to use, or by why there is none.  The page
-docs/limits.md answers at length.
+An unknown keyword gets a hint: the key to use, or why there is none.  The page
+docs/limits.md tells more.
 """
 
 from __future__ import annotations
@@ -175,20 +175,20 @@ def refuse_extreme(values: Mapping[str, Array], forcing: str, law: str) -> None:
     allowed = PARAMETERS[AMPLITUDE]
     if not np.all(allowed.accepts(values[AMPLITUDE])):
         raise ParameterError(
-            f"{forcing}: makes an amplitude of {float(np.max(values[AMPLITUDE])):.3g} m s-1, which "
+            f"{forcing}: gives an amplitude of {float(np.max(values[AMPLITUDE])):.3g} m s-1, which "
             f"must be {allowed.allowed}"
         )
     allowed = MOUNT[MASS_RATIO]
     if MASS_RATIO in values and not np.all(allowed.accepts(values[MASS_RATIO])):
         raise ParameterError(
-            f"{' and '.join(MASSES)}: make a {MASS_RATIO} of "
+            f"{' and '.join(MASSES)}: give a {MASS_RATIO} of "
             f"{float(np.max(values[MASS_RATIO])):.3g}, which must be {allowed.allowed}"
         )
 
 
 # Share of equal letters from which the name of a column is that of a parameter, misspelled
 ALMOST: Final = 0.8
-_PAGE: Final = "; docs/limits.md says what to use then"
+_PAGE: Final = "; docs/limits.md lists what to use instead"
 _RANDOM: Final = (
     "noise is given by restitution_noise, kick_noise or drive_noise, each a standard deviation; "
     "restitution_noise is absolute, restitution_noise_relative in units of restitution"
@@ -198,7 +198,7 @@ _SHAPE: Final = (
     "number, weight and phase, as in [[1, 1.0, 0.0], [2, 0.4, 1.1]]"
 )
 _LAW: Final = (
-    'rebound says what follows a kick that points down, "rest" or "reflect"; restitution_law says '
+    'rebound sets what follows a kick that points down, "rest" or "reflect"; restitution_law sets '
     "what share of the impact speed remains, and vibrosweep.register_law adds laws"
 )
 _FALLS: Final = (

@@ -121,7 +121,7 @@ def locked_velocity(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike
     Returns
     -------
     numpy.ndarray
-        m s-1, as the arguments broadcast.
+        m s-1, broadcast over the arguments.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def locked_height(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike =
     Returns
     -------
     numpy.ndarray
-        m, as the arguments broadcast.
+        m, broadcast over the arguments.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def locked_apex(
     Returns
     -------
     numpy.ndarray
-        m, as the arguments broadcast; NaN for Gamma < Gamma_k.
+        m, broadcast over the arguments; NaN for Gamma < Gamma_k.
 
     Raises
     ------
@@ -236,7 +236,7 @@ def locked_phase(
     Returns
     -------
     numpy.ndarray
-        Turns, as the arguments broadcast; NaN below A_min.
+        Turns, broadcast over the arguments; NaN below A_min.
 
     Raises
     ------
@@ -281,7 +281,7 @@ def amplitude_min(
     Returns
     -------
     numpy.ndarray
-        m s-1, as the arguments broadcast.
+        m s-1, broadcast over the arguments.
 
     Raises
     ------
@@ -330,7 +330,7 @@ def amplitude_max(
     Returns
     -------
     numpy.ndarray
-        m s-1, as the arguments broadcast.
+        m s-1, broadcast over the arguments.
 
     Raises
     ------
@@ -382,7 +382,7 @@ def multipliers(
     Returns
     -------
     numpy.ndarray
-        Complex, with a last axis of length 2 after the shape of the arguments broadcast; NaN for
+        Complex, with a last axis of length 2 after the broadcast shape of the arguments; NaN for
         A < (1 - e) g k / (2 f).  Over a moving base the orbit begins at a larger amplitude where
         the restitution is very small, see `amplitude_min`.
 

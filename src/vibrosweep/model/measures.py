@@ -73,7 +73,7 @@ class Status(_Code):
         3,
         "A time is more than 2^51 forcing periods, or the particles land 2^53 times or more, which "
         "cannot be counted exactly; or the amplitude is above 1e30 m s-1, or the mass ratio above "
-        "1000; nothing is given, and counts are -1: lower the frequency, the forcing or the mass "
+        "1000; no value is given, and counts are -1: lower the frequency, the forcing or the mass "
         "ratio, take fewer particles, or shorten scene.duration.",
     )
 
@@ -589,7 +589,7 @@ MEASURES: Final[Mapping[str, Measure]] = {
             "joint_exponent_error",
             "1",
             "standard error of the largest Lyapunov exponent of the joint state per forcing period",
-            "from slow waves of the growth, and from the scatter of sixteenths of the window",
+            "from slow oscillations of the growth rate and the scatter of sixteenths of the window",
             judged="recomputed",
             per="period",
         ),

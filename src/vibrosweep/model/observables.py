@@ -1,4 +1,4 @@
-"""What is measured of a scene: the measures that are asked for, their window, and observables.
+"""What is measured of a scene: the requested measures, their window, and observables.
 
 An observable is a function of a user that is called with every landing.
 """
@@ -76,10 +76,10 @@ class Observable:
     function
         Plain Python that numba compiles, in one of two forms.  ``function(landing)`` returns a
         number for a `Landing` in the window, in vector code if it has no branch; ``landings`` says
-        how the numbers of a particle's landings combine.  ``function(totals, landing)`` is called
-        for the landings of each particle in their order.  It changes the `totals` of the particle,
-        a float64 array with one number for each of `values`, or with one number, and returns
-        nothing.
+        how the numbers of a particle's landings combine.  An accumulator,
+        ``function(totals, landing)``, is called for the landings of each particle in their order.
+        It changes the `totals` of the particle, a float64 array with one number for each of
+        `values`, or with one number, and returns nothing.
     meaning
         Long name of the variable.
     units
@@ -247,7 +247,7 @@ def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
     if twice:
         raise ParameterError(
             f"observables: names that occur more than once: {', '.join(twice)}; every observable "
-            f"and every dimension needs a name of its own"
+            f"and every dimension needs a unique name"
         )
     lengths = {(o.along, o.values) for o in found if o.along}
     if len(lengths) > len({along for along, _ in lengths}):

@@ -75,7 +75,7 @@ def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HI
     Returns
     -------
     numpy.ndarray
-        Forcing periods, as the arguments broadcast.
+        Forcing periods, broadcast over the arguments.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def liftoff_speed_bound(
     Returns
     -------
     numpy.ndarray
-        Bound in g / (2 f), in the shape of the arguments broadcast.
+        Bound in g / (2 f), in the broadcast shape of the arguments.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def flight_time_bound(
     Returns
     -------
     numpy.ndarray
-        Forcing periods, in the shape of the arguments broadcast.
+        Forcing periods, in the broadcast shape of the arguments.
 
     Raises
     ------
@@ -261,7 +261,7 @@ def unforced_rest_impact(
     Returns
     -------
     numpy.ndarray
-        Number of landings, in the shape of the arguments broadcast.
+        Number of landings, in the broadcast shape of the arguments.
 
     Raises
     ------
@@ -313,7 +313,7 @@ def unforced_rest_time(
     Returns
     -------
     numpy.ndarray
-        Time in s, in the shape of the arguments broadcast.
+        Time in s, in the broadcast shape of the arguments.
 
     Raises
     ------

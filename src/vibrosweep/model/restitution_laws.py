@@ -86,7 +86,7 @@ def restitution_at(
     Returns
     -------
     numpy.ndarray
-        e(v), as the arguments broadcast.
+        e(v), broadcast over the arguments.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Realizations drawn from a finished dataset, with what its sweep file says of them.
+"""Realizations drawn from a finished dataset, with what its sweep file says about them.
 
 `read_sample` rejects files that no sweep can have written.  The coordinates are compared with the
 sweep file that the dataset holds, and the arrays of the axes with what is written there.  Where
@@ -263,7 +263,7 @@ def _drawn_again(
         every = inputs_of(spec.scene.given, spec.scene.base)
         names, reason = tuple(every if spec.design.name == "table" else spec.design.sampled), design
     elif np.any(rows >= design.realizations):
-        reason = f"the sweep file asks for {design.realizations} realizations"
+        reason = f"the sweep file specifies {design.realizations} realizations"
         names = design.sampled
     else:
         return chosen(design, rows.tolist()).take(0, rows.size), ""

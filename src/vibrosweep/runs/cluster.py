@@ -36,7 +36,7 @@ VISIBLE_WITHIN: Final = 60.0
 CHUNKS_PER_THREAD: Final = 4
 # Chunks per thread that are submitted ahead: no thread is idle, and the scheduler's queue is short
 AHEAD: Final = 3
-GONE: Final = "the scheduler of the Dask cluster has gone"
+GONE: Final = "the scheduler of the Dask cluster is gone"
 
 
 class MissingDaskError(VibrosweepError, ImportError):
@@ -207,7 +207,7 @@ class _Chunks:
             looked = now
             if not self._threads() and self._seen is not None and now - self._seen > self._absence:
                 raise RunError(
-                    f"all workers of the Dask cluster have gone, and no new one has come for "
+                    f"all workers of the Dask cluster are gone, and no new one has arrived for "
                     f"{self._absence:.0f} s"
                 )
 
@@ -250,7 +250,7 @@ class _Chunks:
             # Dask gives up a chunk once four workers that held it have died, even if they were
             # computing another one.  Computed alone, a chunk shows whether it kills its worker.
             if index == self._alone:
-                self.failed[index] = "the workers that computed it died, time after time"
+                self.failed[index] = "the workers that computed it died repeatedly"
             else:
                 self._suspects.append(index)
         elif isinstance(error, ImportError) or "deserializ" in str(error):

@@ -309,7 +309,7 @@ def continued(
             + "\n  ".join(changes)
             + "\nfinish it with the sweep that it began with, write to another file with ",
             OUTPUT,
-            ", or throw it away and start again with ",
+            ", or discard it and start again with ",
             FORCE,
         )
     return manifest
@@ -413,7 +413,7 @@ class KeptRun:
             return f"the finished chunks were removed with {self.directory}"
         again: Text = ("without ", FORCE, " ") if manifest.replaces else ""
         return (
-            f"{finished} of {manifest.chunks} chunks are finished and kept in "
+            f"{finished} of {manifest.chunks} chunks are finished and saved in "
             f"{self.directory}: run the same command ",
             again,
             "again to continue",
@@ -630,7 +630,7 @@ def _rows(spec: Sweep, output: Path) -> tuple[int, ...]:
         budget = int(before[BUDGET])
         names = [name for name in SETTLING if name in file.variables]
         failed = unsettled({name: read_rows(file, name, slice(None)) for name in names})
-        if spec.record is not None:  # the record is written anew if any row is retried
+        if spec.record is not None:  # the record is rewritten if any row is retried
             status = file.groups["record"].variables["status"][...]
             failed[:1] |= np.any(unsettled({"status": status}))
     now = identity(spec)
@@ -639,7 +639,7 @@ def _rows(spec: Sweep, output: Path) -> tuple[int, ...]:
         raise RunError(
             f"{output}: is a result of another sweep or version:\n  "
             + "\n  ".join(changes)
-            + "\nonly the impact budget may differ; compute the sweep anew with ",
+            + "\nonly the impact budget may differ; recompute the sweep with ",
             FORCE,
         )
     if spec.scene.measures.impact_budget < budget:

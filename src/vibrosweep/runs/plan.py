@@ -432,7 +432,7 @@ def require_disk(output: Path, needed: float) -> None:
             f"{target_of(output).parent} has {free / 2**30:.3g} GiB free: make room, choose "
             f"another place with ",
             OUTPUT,
-            ", or lower sample.realizations or what [measure] asks for",
+            ", or lower sample.realizations or switch off measures in [measure]",
         )
 
 

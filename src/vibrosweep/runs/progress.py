@@ -40,7 +40,7 @@ def reporting(
 ) -> Iterator[Advance]:
     """Report progress, speed and remaining time of a run on `stream`, counted in `things`.
 
-    Runs of less than `delay` seconds, and those that shall be `quiet`, report nothing.
+    Runs of less than `delay` seconds, and those that should be `quiet`, report nothing.
     """
     if quiet:
         yield silent

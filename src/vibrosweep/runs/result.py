@@ -349,8 +349,8 @@ def still_base(forcing: str) -> str:
         return ""
     return (
         f'{forcing} is that of a base that moves, but the default, "{HIGH_BOUNCE}", stays at '
-        f'height zero and kicks: base = "{MOVING}" lets it move, base = "{HIGH_BOUNCE}" leaves '
-        f"this out"
+        f'height zero and kicks: base = "{MOVING}" lets it move, base = "{HIGH_BOUNCE}" silences '
+        f"this note"
     )
 
 
@@ -380,7 +380,7 @@ def strong_forcing(acceleration: float, forcing: str) -> str:
         return ""
     units = "g" if forcing == ACCELERATION else INPUTS[forcing].units
     return (
-        f"the base accelerates with up to {acceleration:.4g} g, but shakers with about "
+        f"the base accelerates at up to {acceleration:.4g} g, but shakers reach about "
         f"{STRONGEST:g} g at most: check {forcing} ({units}) and frequency (Hz)"
     )
 
@@ -561,7 +561,7 @@ def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
 def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
     """Mark realizations that did not complete, or lack a measure that a larger budget gives."""
     failed = columns["status"] != Status.COMPLETED
-    # a realization whose landings are counted from a cycle completes, but these measures need
+    # a realization whose cycles are added exactly completes, but these measures need
     # every landing
     for name in SETTLING[1:]:
         if name in columns:

@@ -192,7 +192,7 @@ def register_design(name: str, place: Place, points: str | Points = "uniform") -
         Points of the unit cube: those of ``"uniform"``, ``"latin"``, ``"sobol"`` or another design,
         or a function ``points(realizations, parameters, seed)`` that returns a function
         ``rows(start, stop)`` of shape (stop - start, parameters).  A row must not depend on the
-        slice in which it is asked for.
+        slice in which it is requested.
 
     Returns
     -------

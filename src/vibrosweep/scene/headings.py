@@ -1,4 +1,4 @@
-"""What the heading of a column says: its name, its unit, and what the column holds."""
+"""The heading of a column: its name, its unit, and what the column holds."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class Scene:
     duration: Time = 12.0  # end of the observation: a number in s, or `Periods`
     rebound: str = LAWS[0]  # one of `vibrosweep.model.parameters.LAWS`
     measures: Measures = field(default_factory=Measures)
-    # True to count repetitions of a cycle instead of following them; False for records of all
+    # True to add the remaining cycles exactly instead of simulating them; False for records of
     # landings, and for comparison
     skip: bool = True
     base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`

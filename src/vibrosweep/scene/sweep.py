@@ -141,7 +141,7 @@ def read_text(source: Path) -> str:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise SpecError(f"{source}: cannot be read: {reason}") from error
     if len(data) > LONGEST_SPEC:
-        raise SpecError(f"{source}: is longer than 64 MiB, as no sweep file is; check the path")
+        raise SpecError(f"{source}: is longer than 64 MiB, too much for a sweep file; check it")
     return text
 
 

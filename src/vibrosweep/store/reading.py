@@ -99,8 +99,8 @@ def using(path: str | os.PathLike[str]) -> Iterator[None]:
             raise
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise DataError(
-            f"{path}: was saved by another program, and holds something other than vibrosweep "
-            f"writes ({reason}); take the file that vibrosweep wrote, or compute it again"
+            f"{path}: was saved by another program, and holds something that vibrosweep does "
+            f"not write ({reason}); take the file that vibrosweep wrote, or compute it again"
         ) from error
 
 

@@ -21,7 +21,7 @@ class MissingFlintError(VibrosweepError, ImportError):
 
 
 class UndecidableError(VibrosweepError, ArithmeticError):
-    """A decision, or the digits asked for, stayed uncertain at the largest precision.
+    """A decision, or the requested digits, stayed uncertain at the largest precision.
 
     Either two numbers that the model compares are equal (a tie: no precision can tell which is
     larger unless both are exact), or the orbit loses more digits than the precision holds.
@@ -40,7 +40,7 @@ class UndecidableError(VibrosweepError, ArithmeticError):
         super().__init__(
             f"impact {impact}: {decision} stays uncertain at {bits} bits: if this is an exact tie, "
             f"change a parameter by a rounding unit; if the orbit loses more digits than that, "
-            f"raise max_bits, shorten the duration or ask for fewer digits"
+            f"raise max_bits, shorten the duration or request fewer digits"
         )
         self.decision = decision
         self.impact = impact
@@ -114,7 +114,7 @@ class WidthLimits:
         """Raise `UncertainError` unless all results, each given with its radius, are narrow."""
         for ball, radius in found:
             if not (ball.rel_accuracy_bits() >= self.bits or ball.rad() <= radius):
-                raise UncertainError("a result to the digits asked for", impact)
+                raise UncertainError("a result to the requested digits", impact)
 
 
 def accuracy_bits(digits: int) -> int:

@@ -1,7 +1,7 @@
 """Trajectories with proved error bounds, in ball arithmetic (python-flint's `arb`).
 
 Parameters are taken as the exact doubles that they are.  The precision is doubled until every
-branch is certain and every result is narrower than asked: the results are theorems about those
+branch is certain and every result is as narrow as requested: the results are theorems about those
 doubles, up to the correctness of FLINT.  The rules of the branches:
 
 * A landing at t' counts if and only if t' <= duration.
