@@ -73,7 +73,7 @@ LONGER = {
 }
 RUN = 1 / 8  # share of the kills that hit the process of the run rather than a worker
 STOPPED = (
-    b"all workers of the Dask cluster have gone",
+    b"all workers of the Dask cluster are gone",
     b"run the same command again to continue",
 )
 PHASES = {
