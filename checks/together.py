@@ -31,7 +31,7 @@ TONES = {HARMONICS_NAME: [[1, 1.0, 0.0], [2, 0.4, 1.1]]}
 
 
 # Laws of restitution, as keywords with those that they need
-LAWFUL: Final = {
+LAWFUL: Final[dict[str, dict[str, Any]]] = {
     **{law: {"restitution_law": law, "restitution_speed": 1.0} for law in RESTITUTION_LAWS},
     CONSTANT: {"restitution_law": CONSTANT},
     POWER: {"restitution_law": POWER, "restitution_speed": 1.0, "restitution_exponent": 0.2},
