@@ -221,3 +221,9 @@ def test_relative_noise_is_proved(tmp_path):
         scene = {"base": base, "amplitude": (0.5, 2.0), "realizations": 3, "duration": 6.0, **mount}
         vs.run({**scene, "restitution_noise_relative": 0.05}, tmp_path / f"{base}.h5").close()
         assert vs.verify(tmp_path / f"{base}.h5").passed
+
+
+def test_particles_of_an_experiment_share_their_points():
+    spread = vs.lab.Variation(restitution_spread=0.01)
+    with pytest.raises(vs.errors.ParameterError, match="share the points"):
+        vs.lab.Experiment(**POINTS, particles=2, variation=spread)
