@@ -1,6 +1,7 @@
 """A ball on a floor: from films and from times of impacts, with all that real recordings show."""
 
 import json
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab import FloorExperiment, Recording, film_drops, hear_drops, restitution
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of, nominal_of
 from vibrosweep.lab.lines import restitution_lines
+from vibrosweep.model.restitution_laws import numbers_of
+from vibrosweep.scene.sweep import keyword_spec
 
 BALL = {"mass": 0.046, "diameter": 0.043}  # terminal speed 33 m/s
 
@@ -169,6 +172,17 @@ def test_the_laws_that_fit_a_film_are_listed():
     found = restitution(film_drops(setup, 3, seed=6)[0])
     assert "viscoelastic" in found["law"].values
     assert "constant" not in found["law"].values
+
+
+def test_a_line_that_fits_is_stated_as_points_of_a_sweep():
+    setup = FloorExperiment(slope=-0.03, scatter=0.001, bounces=6)
+    found = restitution(film_drops(setup, 4, seed=1)[0])
+    assert found["law"].values.tolist() == ["line"]
+    (line,) = (line for line in restitution_lines(found) if "fit equally" in line)
+    keys = line.partition(": ")[2].replace(", restitution_points", "\nrestitution_points")
+    scene = keyword_spec(tomllib.loads(keys)).scene
+    for v, e in numbers_of(scene.restitution_law):
+        assert e == pytest.approx(0.85 - 0.03 * (v - 1.0), abs=2e-3)
 
 
 @pytest.mark.parametrize(

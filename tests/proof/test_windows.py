@@ -322,6 +322,29 @@ def test_under_a_law_the_slope_takes_the_place_of_the_restitution(base, law):
     assert float(proved.cycle.determinant.v) == pytest.approx(q * share, rel=1e-8)
 
 
+def test_windows_between_points_are_closed_forms_and_proved():
+    """0 < -G < 2 (1 + q e) / ((1 + q) (1 + e)), with e and q at the speed c + E(c) = k g / f."""
+    pairs, frequency = [[0.1, 0.95], [2.0, 0.85]], 25.0
+    found = vs.windows(
+        base="moving", frequency=frequency, restitution_law="points", restitution_points=pairs,
+        base_acceleration=np.linspace(0.05, 2.0, 12), conditions=["locked(1)", "locked(2)"],
+        prove=True,
+    )  # fmt: skip
+    unit = 9.81 / (2.0 * frequency)
+    for k in (1, 2):
+        c = k * unit
+        for _ in range(500):
+            c += 0.5 * (2.0 * k * unit - c * (1.0 + np.interp(c, *np.transpose(pairs))))
+        e = np.interp(c, *np.transpose(pairs))
+        q = e - c * 0.1 / 1.9
+        low = math.pi * (c / unit - k)
+        high = math.hypot(low, 2.0 * (1.0 + q * e) / ((1.0 + q) * (1.0 + e)))
+        one = found.isel(condition=k - 1, direction=0, window=0)
+        assert (one.Gamma_min, one.Gamma_max) == pytest.approx((low, high), rel=1e-8)
+        for proof in ("min_proof", "max_proof", "inside_proof"):
+            assert one[proof] == 1, proof
+
+
 def test_the_derivative_of_a_slope_is_that_of_differences():
     with ctx.workprec(160):
         for law in ("plastic", "viscoelastic"):

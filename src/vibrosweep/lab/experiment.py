@@ -22,6 +22,7 @@ from vibrosweep.kernels.record import Record
 from vibrosweep.mistakes import Mistakes
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.restitution_laws import implied
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.scene.keys import (
     MAX_SEED,
@@ -350,6 +351,11 @@ class Experiment:
             wrong = refusal(scene.base, analysis=name)
             if wrong and getattr(self.variation, name):
                 raise ParameterError(f"variation.{name}: {wrong}")
+        if implied(law) and self.variation.restitution_spread:
+            raise ParameterError(
+                "variation.restitution_spread: all particles share the points of the law; "
+                "leave it out, or take another restitution_law"
+            )
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -374,6 +380,7 @@ def with_defaults(keywords: Mapping[str, Any]) -> dict[str, Any]:
         "amplitude": FORCINGS,
         "transient": ("transient_periods",),
         "duration": ("duration_periods",),
+        "restitution": ("restitution_points",),
         "particles": () if isinstance(keywords.get("launch"), str) else ("launch", "launch_time"),
     }
     defaults = {

@@ -17,7 +17,7 @@ from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.tracks import remarks
 from vibrosweep.lab.variables import with_error
 from vibrosweep.mistakes import toml
-from vibrosweep.model.restitution_laws import CONSTANT, SPEED
+from vibrosweep.model.restitution_laws import CONSTANT, NUMBERS_OF, POINTS, SPEED, points_of
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE
 from vibrosweep.scene.scene import stored
 
@@ -112,13 +112,37 @@ def _dependence(found: xr.Dataset) -> list[str]:
         if name in ("plastic", "viscoelastic"):
             speed = float(f"{float(law['law_speed']):.4g}")
             keys |= {"restitution_law": str(name), SPEED: speed}
-        if name == "line":
+        if name == "line" and (points := _ends_of_line(found, float(law["law_restitution"]))):
+            keys = {"restitution_law": POINTS, NUMBERS_OF[POINTS]: points}
+        elif name == "line":
             shown.append(f"a line of this slope, {keys['restitution']} at the median speed")
-        else:
-            shown.append(", ".join(f"{key} = {toml(value)}" for key, value in keys.items()))
+            continue
+        shown.append(", ".join(f"{key} = {toml(value)}" for key, value in keys.items()))
     if shown:
         lines.append(f"fit equally, as in a sweep file: {'; or '.join(shown)}")
     return lines
+
+
+def _ends_of_line(found: xr.Dataset, middle: float) -> list[list[float]]:
+    """Return the ends of a line over the speeds of the bounces, as points of a law.
+
+    `middle` is its restitution at the median speed.  There are none if a sweep does not take them,
+    or if the speeds have no known unit.
+    """
+    speeds = found["bounce_speed"].values
+    used = speeds[found["bounce_used"].values == 1]
+    if not found.attrs["speed_known"]:
+        return []
+    slope, median = float(found["slope"]), float(np.median(speeds))
+    ends = [
+        [float(f"{v:.4g}"), float(f"{middle + slope * (v - median):.5g}")]
+        for v in (used.min(), used.max())
+    ]
+    try:
+        points_of(ends)
+    except ValueError:
+        return []
+    return ends
 
 
 def _scatter(found: xr.Dataset, drops: int) -> list[str]:
