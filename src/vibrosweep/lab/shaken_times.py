@@ -17,7 +17,7 @@ import xarray as xr
 from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array, Flags
-from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.errors import TrackError
 from vibrosweep.lab.ballistics import given
 from vibrosweep.lab.clicks import impacts_in
 from vibrosweep.lab.drops import (
@@ -34,7 +34,7 @@ from vibrosweep.lab.drops import (
     without,
 )
 from vibrosweep.lab.recordings import Recording
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.lab.variables import require_parameter, require_range_of_frequencies
 
 __all__ = ["times_on_shaker"]
 
@@ -332,7 +332,10 @@ def times_on_shaker(
     >>> round(float(found.frequency), 2), round(float(found.restitution), 3)
     (20.0, 0.8)
     """
-    _check(frequency, frequency_range, gravity)
+    require_range_of_frequencies(frequency_range)
+    require_parameter("gravity", gravity)
+    if frequency is not None:
+        require_parameter("frequency", frequency)
     c = 0.0 if contact is None else given("contact", contact).value
     triples, name, middle = _triples(recordings, gravity, c)
     low, high = frequency_range
@@ -384,17 +387,6 @@ def _ambiguous(name: str, tried: list[_Start], best: _Start) -> str:
             )
             return f"{name}: {shown} describe the times alike; record for longer, or the approach"
     return ""
-
-
-def _check(frequency: float | None, frequency_range: tuple[float, float], gravity: float) -> None:
-    low, high = frequency_range
-    if not 0.0 < low < high < np.inf:
-        raise ParameterError(f"frequency_range = {frequency_range!r}: must rise, in Hz")
-    for key, value in (("frequency", frequency), ("gravity", gravity)):
-        if value is None and key == "frequency":
-            continue
-        if not isinstance(value, int | float) or not PARAMETERS[key].accepts(value):
-            raise ParameterError(f"{key} = {value!r}: must be {PARAMETERS[key].allowed}")
 
 
 def _triples(
