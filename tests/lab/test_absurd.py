@@ -2,6 +2,7 @@
 
 import contextlib
 import inspect
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -111,6 +112,35 @@ def test_arguments_with_absurd_values_are_refused_in_one_message():
         survives(lambda times=times: lab.restitution([clicks(times)]))
         survives(lambda times=times: lab.times_on_shaker([clicks(times)], frequency=20.0))
     survives(lambda: lab.restitution([]))
+
+
+TRACKS = {
+    "find_impacts": ("gravity", "base", "exposure", "method", "motion", "frequency", "trace"),
+    "compare_tracks": (
+        *("method", "base", "exposure", "motion", "rebound", "restitution_law", "draws", "seed"),
+        *("threads", "restitution", "amplitude", "frequency", "phase", "gravity", "contact_time"),
+        "restitution_speed",
+    ),
+    "estimate": ("frequency", "frequency_range"),
+}
+
+
+@pytest.mark.parametrize("name", TRACKS)
+def test_what_is_done_with_tracks_refuses_absurd_arguments(name, locked, found):
+    about = found if name == "estimate" else locked.tracks
+    given = {"restitution": 0.9, "amplitude": 0.06, "frequency": 20.0, "draws": 2}
+    given = given if name == "compare_tracks" else {}
+    for argument in TRACKS[name]:
+        for value in ABSURD:
+            call = partial(getattr(lab, name), about, **{**given, argument: value})
+            survives(call)
+
+
+def test_a_virtual_film_refuses_absurd_setups():
+    """Experiments are made, and not filmed where they may be: that is checked elsewhere."""
+    for name in inspect.signature(lab.Experiment).parameters:
+        for value in ABSURD:
+            survives(partial(lab.Experiment, **{name: value}))
 
 
 def test_virtual_drops_refuse_absurd_setups():

@@ -1,5 +1,6 @@
 """Commands that film, measure and compare; and one message for every mistake."""
 
+import json
 import re
 
 import numpy as np
@@ -144,3 +145,23 @@ def test_one_message_for_a_mistake(filmed, vibrosweep, monkeypatch, tmp_path, wo
     assert said.count("vibrosweep: ") == 1
     assert message in said
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("part", ["synthesize", "impacts", "restitution", "compare"])
+def test_each_part_prints_an_example_json_or_nothing(filmed, tmp_path, capsys, part):
+    with pytest.raises(SystemExit):
+        main(["lab", part, "--help"])
+    assert f"example: vibrosweep lab {part} " in capsys.readouterr().out
+    times = tmp_path / "times.csv"
+    pd.DataFrame({"time (s)": np.cumsum(0.8 ** np.arange(8.0))}).to_csv(times, index=False)
+    words = {
+        "synthesize": [filmed.parent / "short.toml", "--force", "-o", filmed],
+        "impacts": [trials(filmed)[0], "--frequency", 20],
+        "restitution": [times],
+        "compare": [trials(filmed)[0], "--frequency", 20, "--draws", 4],
+    }[part]
+    words = ["lab", part, *map(str, words)]
+    assert main([*words, "--json"]) == 0
+    assert isinstance(json.loads(capsys.readouterr().out), dict)
+    assert main([*words, "--quiet"]) == 0
+    assert capsys.readouterr().out == ""

@@ -1,5 +1,7 @@
 """Comparison with prediction, and the sources of its errors."""
 
+import re
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -21,6 +23,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.fitting import Setup
 from vibrosweep.lab.impacts import BOUNCED, STAYED, agreement, find_impacts, phases, quantities
+from vibrosweep.lab.lines import table_lines
 from vibrosweep.model.shapes import SINE
 from vibrosweep.theory import locked_height
 
@@ -56,6 +59,20 @@ def test_estimated_parameters_predict_what_was_measured(irregular, workers):
     assert float(table["restitution"][0]) == pytest.approx(0.85, abs=0.005)
     assert (table["error"].sel(reading="ensemble") < 1.0).all()
     assert (table["parameters"] > 0.0).all()
+
+
+def test_irregular_motion_is_said_and_compared_as_a_whole(irregular, locked, workers):
+    """Single flights cannot be foretold, but their distribution is that of the true motion."""
+    known = {**KNOWN, "restitution": 0.85, "amplitude": 0.12}
+    table = compare([irregular.tracks], ComparisonOptions(known), workers)
+    assert float(table["irregular"][0]) > 0.5
+    assert (table["distribution_distance"] < 2.0 * table["distribution_chance"]).all()
+    text = "\n".join(table_lines(table))
+    assert "is irregular" in text
+    assert "flight" not in re.search(r"reading.*|quantity.*", text).group()
+    regular = compare([locked.tracks], ComparisonOptions(KNOWN), workers)
+    assert float(regular["irregular"][0]) == 0.0
+    assert "irregular" not in "\n".join(table_lines(regular))
 
 
 def test_a_copy_that_cannot_be_measured_leaves_the_errors_of_the_camera_open(irregular, workers):

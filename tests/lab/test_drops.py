@@ -3,6 +3,7 @@
 import json
 import tomllib
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from vibrosweep.cli import main
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab import FloorExperiment, Recording, film_drops, hear_drops, restitution
+from vibrosweep.lab import FloorExperiment, Recording, drops, film_drops, hear_drops, restitution
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of, nominal_of
 from vibrosweep.lab.lines import restitution_lines
 from vibrosweep.model.restitution_laws import numbers_of
@@ -163,6 +164,45 @@ def test_times_name_no_law_and_one_bounce_no_scatter():
     # the first fall counts with the height of the drop
     fallen = restitution([clicks([0.0, 0.7])], contact=5e-4, drop_height=0.8)
     assert float(fallen["restitution"]) == pytest.approx(0.866, abs=1e-3)
+
+
+@pytest.mark.parametrize("drift", [-2e-3, 2e-3])
+def test_a_camera_that_drifts_moves_neither_restitution_nor_contact(drift):
+    """By mm per second, in which a level that is constant would be contacts of other length."""
+    setup = FloorExperiment(restitution=0.8, contact_time=1e-3, noise=1e-4)
+    films = [
+        replace(film, height=film.height + drift * film.time)
+        for film in film_drops(setup, 2, seed=12)[0]
+    ]
+    found = restitution(films)
+    assert float(found["restitution"]) == pytest.approx(
+        0.8, abs=3.0 * float(found["restitution_error"])
+    )
+    contact = found.sel(input="contact")
+    off = float(contact["input_value"]) - 1e-3
+    assert abs(off) < 3.0 * float(contact["input_error"])
+
+
+def test_the_grid_of_components_resolves_them_however_many_bounces():
+    """Twice as many nodes on each axis change errors by 5 %, and upper limits by a fifth."""
+    rng, rows = np.random.default_rng(5), []
+    for n in (6, 6, 60, 60):
+        clicks = np.diff(np.eye(n + 1), axis=0)
+        timing = clicks @ clicks.T
+        value = 0.8 + 0.006 * rng.standard_normal(n) + clicks @ rng.normal(0.0, 2e-3, n + 1)
+        rows.append((value, np.ones((n, 1)), np.zeros((n, n)), timing, np.ones(n)))
+    for few in (rows[:2], rows):
+        grids = []
+        for nodes in (drops.NODES, 2 * drops.NODES):
+            with mock.patch.object(drops, "NODES", nodes):
+                grids.append(
+                    drops.fit_components(drops.stack(few), np.zeros(1), (True, True, True))
+                )
+        for which in range(3):
+            near, fine = (grid.component_quantile(which, 0.95) for grid in grids)
+            assert near == pytest.approx(fine, rel=0.2)
+        sizes = [float(grid.moments()[1][0, 0]) ** 0.5 for grid in grids]
+        assert sizes[0] == pytest.approx(sizes[1], rel=0.05)
 
 
 def test_the_laws_that_fit_a_film_are_listed():

@@ -8,6 +8,7 @@ import xarray as xr
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from vibrosweep.errors import TrackError
 from vibrosweep.lab.experiment import Camera
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL, STAYED, find_impacts
 from vibrosweep.lab.tracks import make_tracks
@@ -148,3 +149,12 @@ def test_attributes_of_the_result(found):
         assert found[name].attrs["units"] == "s"
     assert found["quality"].attrs["flag_values"].tolist() == [-1, BOUNCED, STAYED, DOUBTFUL]
     assert isinstance(found, xr.Dataset)
+
+
+@pytest.mark.parametrize("method", ["fit", "sign_change"])
+def test_a_track_without_a_landing_is_refused(method):
+    """One flight, whole or cut off: there is no number to report."""
+    time = np.arange(0.0, 0.3, 0.005)
+    tracks = make_tracks(time, 0.5 - 4.905 * (time[:, np.newaxis] - 0.1) ** 2)
+    with pytest.raises(TrackError, match="no landing is seen"):
+        find_impacts(tracks, method=method)

@@ -9,6 +9,7 @@ from vibrosweep.cli import main
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab import Recording, times_on_shaker
 from vibrosweep.lab.lines import restitution_lines
+from vibrosweep.lab.shaken_times import Triples
 
 SHAKEN = {"frequency": 20.0, "restitution": 0.8, "phase": 0.7, "base": "moving"}
 GAMMA = 2.0 * np.pi * 20.0 * 0.35 / 1.8 / 9.81
@@ -90,3 +91,21 @@ def test_the_command_reads_times(landed, tmp_path, capsys):
     assert "restitution 0.8" in capsys.readouterr().out
     assert main(["info", str(out)]) == 0
     assert "restitution 0.8" in capsys.readouterr().out
+
+
+def test_derivatives_are_those_of_the_restitutions(landed):
+    """By clicks and by S, C and f, for any contact."""
+    times = landed[3:20] - landed[3]
+    motion = np.array([0.1, 0.15, 20.0])
+    triples = Triples(times, np.arange(1, times.size - 1), 9.81, 5e-4)
+    by_clicks, by_motion = triples.derivatives(times, motion)
+    step = 1e-6
+    for k, column in ((-1, 0), (0, 1), (1, 2)):
+        for bounce, click in enumerate(triples.middle + k):
+            moved = step * (np.arange(times.size) == click)
+            up, down = (triples.bounces(times + s * moved, motion)[0][bounce] for s in (1, -1))
+            assert by_clicks[bounce, column] == pytest.approx((up - down) / (2 * step), rel=1e-3)
+    for k in range(3):
+        moved = step * (np.arange(3) == k)
+        up, down = (triples.bounces(times, motion + s * moved)[0] for s in (1, -1))
+        np.testing.assert_allclose(by_motion[:, k], (up - down) / (2 * step), rtol=1e-4, atol=1e-5)

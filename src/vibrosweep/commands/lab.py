@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.commands.arguments import directory, output_file, positive, some, whole
+from vibrosweep.commands.arguments import (
+    add_json,
+    add_quiet,
+    directory,
+    output_file,
+    positive,
+    say,
+    some,
+    tell,
+    whole,
+)
 from vibrosweep.commands.pictures import drawing
 from vibrosweep.errors import ParameterError, TrackError
 
@@ -31,9 +40,17 @@ PHYSICAL: Final = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command and of its three parts."""
+    """Add the arguments of the command and of its parts."""
     parts = parser.add_subparsers(title="parts", metavar="PART", required=True)
-    synthesize = parts.add_parser("synthesize", help="film a virtual experiment")
+
+    def part(name: str, words: str, example: str) -> argparse.ArgumentParser:
+        text = f"example: vibrosweep lab {name} {example}"
+        added = parts.add_parser(name, help=words, description=words, epilog=text)
+        add_json(added)
+        add_quiet(added)
+        return added
+
+    synthesize = part("synthesize", "film a virtual experiment", "experiment.toml -o tracks")
     synthesize.add_argument("spec", metavar="SPEC.toml", type=Path)
     synthesize.add_argument(
         "-o",
@@ -46,8 +63,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     synthesize.add_argument("--force", action="store_true", help="replace existing files")
     synthesize.set_defaults(part=_synthesize)
 
-    impacts = parts.add_parser(
-        "impacts", help="find the landings of tracks, or measure a shaken base from their times"
+    impacts = part(
+        "impacts",
+        "find the landings of tracks, or measure a shaken base from their times",
+        "track.csv --frequency 20 -o impacts.h5",
     )
     _add_tracks(impacts)
     impacts.add_argument(
@@ -59,9 +78,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     impacts.set_defaults(part=_impacts)
 
-    _add_restitution(parts.add_parser("restitution", help="measure a ball on a floor at rest"))
+    words = "measure a ball on a floor at rest"
+    _add_restitution(part("restitution", words, "drop1.csv drop2.csv --scale gravity"))
 
-    compare = parts.add_parser("compare", help="compare tracks with prediction")
+    compare = part("compare", "compare tracks with prediction", "trial*.csv --frequency 20")
     _add_tracks(compare)
     for name, unit in (("frequency", "HZ"), ("restitution", "E"), ("amplitude", "M/S")):
         compare.add_argument(f"--{name}", metavar=unit, type=float, help="default: estimated")
@@ -125,7 +145,6 @@ def _add_restitution(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--axis", choices=("up", "down"), help="direction in which heights grow")
     for name in ("column", "particle", "sheet"):
         parser.add_argument(f"--{name}", metavar="NAME", help=f"{name} to read")
-    parser.add_argument("--json", action="store_true", help="print numbers as JSON")
     parser.add_argument(
         "-o", "--output", metavar="OUT.h5", type=output_file, help="result file to write"
     )
@@ -192,8 +211,10 @@ def _synthesize(options: argparse.Namespace) -> None:
     written = write_experiments(
         spec.experiments, options.output, options.spec.stem, force=options.force
     )
-    print(spec.title or options.spec.stem)
-    print(f"{some(len(written) // 2, 'recording')} and their true landings in {options.output}")
+    title, recordings = spec.title or options.spec.stem, len(written) // 2
+    count = f"{some(recordings, 'recording')} and their true landings in {options.output}"
+    say(options, title, count)
+    tell(options, {"title": title, "recordings": recordings, "output": options.output})
 
 
 def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
@@ -221,7 +242,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     recordings = [read_tracks(group, **how) for group in groups]
     for tracks in recordings:
         if "remarks" in tracks.attrs:
-            print(tracks.attrs["remarks"])
+            say(options, tracks.attrs["remarks"])
     return recordings
 
 
@@ -259,7 +280,7 @@ def _lists_of_times(options: argparse.Namespace) -> list[list[Recording]] | None
 def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> None:
     """Measure a shaken base from times alone."""
     from vibrosweep.api.result_kinds import RESTITUTION
-    from vibrosweep.lab.lines import restitution_lines
+    from vibrosweep.lab.lines import numbers_of, restitution_lines
     from vibrosweep.lab.shaken_times import times_on_shaker
     from vibrosweep.store.disk import check_output
 
@@ -271,9 +292,12 @@ def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> 
                 f"one by one, or add --together"
             )
     how = {name: getattr(options, name) for name in ("frequency", "contact", "gravity")}
+    numbers = []
     for recordings in lists:
         found = times_on_shaker(recordings, **how)
-        print("\n".join(restitution_lines(found)))
+        say(options, *restitution_lines(found))
+        numbers.append(numbers_of(found))
+    tell(options, {"recordings": numbers})
 
     def draw() -> Axes:
         from vibrosweep.figures.laboratory import restitution_by_speed
@@ -287,7 +311,7 @@ def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import IMPACTS
     from vibrosweep.lab.fitting import fit_tracks
     from vibrosweep.lab.impacts import agreement, impacts_of, quantities
-    from vibrosweep.lab.lines import agreement_lines, flights_of, impact_lines
+    from vibrosweep.lab.lines import agreement_lines, flights_of, impact_lines, numbers_of
 
     try:
         recordings = _recordings(options)
@@ -306,9 +330,12 @@ def _impacts(options: argparse.Namespace) -> None:
     for tracks in recordings:
         fitted = fit_tracks(tracks, options.gravity, setup)
         found = impacts_of(tracks, fitted, options.gravity, options.method)
-        print("\n".join(impact_lines(found)))
+        say(options, *impact_lines(found))
         summaries.append(quantities(found, frequency=options.frequency, phase=options.phase))
-    print("\n".join(agreement_lines(agreement(summaries))))
+    agreed = agreement(summaries)
+    say(options, *agreement_lines(agreed))
+    numbers = [numbers_of(summary) for summary in summaries]
+    tell(options, {"recordings": numbers, "agreement": numbers_of(agreed)})
 
     def draw() -> Panels:
         from vibrosweep.figures.laboratory import fitted_track
@@ -322,7 +349,7 @@ def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import COMPARISON
     from vibrosweep.engine.workers import Workers
     from vibrosweep.lab.compare import ComparisonOptions, compare
-    from vibrosweep.lab.lines import table_lines
+    from vibrosweep.lab.lines import numbers_of, table_lines
     from vibrosweep.runs.driver import available_threads
 
     recordings = _recordings(options)
@@ -337,7 +364,8 @@ def _compare(options: argparse.Namespace) -> None:
     )
     with Workers(available_threads()) as workers:
         table = compare(recordings, how, workers)
-    print("\n".join(table_lines(table)))
+    say(options, *table_lines(table))
+    tell(options, numbers_of(table))
     _keep(options, table, COMPARISON, lambda: COMPARISON.axes(table), COMPARISON.stem)
 
 
@@ -365,8 +393,8 @@ def _restitution(options: argparse.Namespace) -> None:
         begin=getattr(options, "from"),
         end=options.to,
     )
-    lines = restitution_lines(found)
-    print(json.dumps(numbers_of(found), indent=1) if options.json else "\n".join(lines))
+    say(options, *restitution_lines(found))
+    tell(options, numbers_of(found))
 
     def draw() -> Axes:
         from vibrosweep.figures.laboratory import restitution_by_speed
@@ -395,14 +423,14 @@ def _keep(
         from vibrosweep.store.writing import write_dataset
 
         write_dataset(result, options.output, kind, force=options.force)
-        print(f"written to {options.output}")
+        say(options, f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.registry import save_formats
         from vibrosweep.figures.style import for_file
 
         with drawing(options.output):
             for path in save_formats(for_file(draw), options.figures, stem):
-                print(path)
+                say(options, str(path))
 
 
 COMMANDS: Final = {"lab": (add_arguments, perform)}

@@ -25,7 +25,7 @@ from vibrosweep.lab.impacts import BOUNCED, METHODS, harmonic_numbers, impacts_o
 from vibrosweep.lab.traces import polar, with_values
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.trials import wandering_record
-from vibrosweep.lab.variables import with_units
+from vibrosweep.lab.variables import require_number, require_parameter, with_units
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
@@ -482,6 +482,7 @@ APART: Final = 0.5
 REGULAR: Final = 1e-3  # relative standard deviation of flights that are all alike
 FEWEST: Final = 8  # flights with which this can be told
 CHANCE: Final = 1.36  # distance of two samples, over sqrt(1/n + 1/m), that chance exceeds in 5 %
+MOST_DRAWS: Final = 10**6
 SHARES: Final = ("frames", "pixels", "parameters")
 
 
@@ -558,8 +559,7 @@ def compare_tracks(
     for name, value in known.items():
         if name not in KNOWN:
             raise ParameterError(f"{name}: is not a parameter; known are {', '.join(KNOWN)}")
-        if not KNOWN[name].accepts(value):
-            raise ParameterError(f"{name} = {value!r}: must be {KNOWN[name].allowed}")
+        require_parameter(name, value)
     if isinstance(recordings, xr.Dataset):
         recordings = [recordings]
     setup = Setup(base, exposure, motion, known.get("frequency"), trace)
@@ -607,10 +607,9 @@ def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None
     if not recordings:
         raise TrackError("there is no recording to compare: give at least one")
     require_one_of("rebound", options.rebound, LAWS)
-    if options.draws < 2:
-        raise ParameterError(
-            f"draws = {options.draws}: must be at least 2, because one has no spread"
-        )
+    # one set has no spread
+    require_number("draws", options.draws, 2, MOST_DRAWS, whole=True)
+    require_number("seed", options.seed, 0, whole=True)
     law = options.restitution_law
     for name, text in speed_mistakes(law, options.known).items():
         raise ParameterError(f"{name}: {text}")

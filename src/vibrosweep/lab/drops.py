@@ -48,12 +48,16 @@ __all__ = ["restitution"]
 # errors of b.  Inputs that are known within a range are columns of X with a prior of variance 1.
 
 NODES: Final = 8  # of the grid, for each component
-ZOOMS: Final = 3
+FIRST_NODES: Final = (32, 4, 4)  # of the first one: error of a bounce, share of clicks, drops
+ERRORS: Final = (1e-6, 0.5)  # of a bounce, and from drop to drop
+ZOOMS: Final = 4
 FAINT: Final = 9.0  # a node whose log density is lower by as much does not matter
+CLICK: Final = 2e-5  # s: a sample of sound, finer than which nobody hears
 # Scale of the prior (Cauchy) of what differs from drop to drop, which two drops hardly determine
 DROP_SCALE: Final = 0.01
 DEVIATES: Final = np.linspace(-4.0, 4.0, 25)  # at which a column has nodes
 LEAST: Final = 1e-6  # error of e that is as good as none
+QUANTILES: Final = (0.025, 0.1587, 0.8413, 0.975)
 COMPONENTS: Final = ("timing", "scatter", "drop_scatter")
 
 
@@ -74,7 +78,6 @@ class Fit(NamedTuple):
     nodes: Array  # (node, component)
     mean: Array  # (node, column)
     covariance: Array  # (node, column, column)
-    edges: tuple[Array, ...]  # of the cells around the nodes, for each component
     evidence: float  # logarithm of the likelihood, averaged over the prior
 
     @property
@@ -117,16 +120,19 @@ class Fit(NamedTuple):
             np.repeat(self.nodes[seen], size, axis=0)[kept],
             means.reshape(n * size, -1)[kept],
             np.repeat(left, size, axis=0)[kept],
-            self.edges,
             self.evidence,
         )
 
     def component_quantile(self, which: int, share: float) -> float:
         """Return the value below which a component lies with this probability."""
-        edges = self.edges[which]
-        cell = np.searchsorted(edges, self.nodes[:, which]) - 1
-        total = np.cumsum(np.bincount(cell, self.weight, edges.size - 1))
-        return float(np.interp(share, np.append(0.0, total), edges))
+        values, place = np.unique(self.nodes[:, which], return_inverse=True)
+        between = (values[1:] + values[:-1]) / 2.0
+        # the cells of the first and the last node end as far beyond them
+        edges = [2.0 * values[0] - between[:1], between, 2.0 * values[-1] - between[-1:]]
+        total = np.cumsum(np.bincount(place, self.weight))
+        if not between.size:
+            return float(values[0])
+        return float(np.interp(share, np.append(0.0, total), np.concatenate(edges)))
 
 
 def covariance_of(rows: Rows, nodes: Array) -> Array:
@@ -155,37 +161,46 @@ def solve(rows: Rows, nodes: Array, prior: Array) -> tuple[Array, ...]:
 def fit_components(
     rows: Rows, prior: Array, free: tuple[bool, bool, bool], zooms: int = ZOOMS
 ) -> Fit:
-    """Average over the components that are `free`; `prior` holds the precision of each column."""
-    typical = _typical(rows)
-    scales = np.array([0.01 / typical[1], 0.01, 0.01])  # of timing, and of e
-    low, high = 1e-4 * scales, 30.0 * scales
+    """Average over the components that are `free`; `prior` holds the precision of each column.
+
+    Data determine the error of a bounce, which clicks and scatter make together, far better than
+    the share of the clicks.  The grid is therefore one of both, even in the logarithm of the error,
+    and in the roots of an angle for the share and of what differs from drop to drop, so that 0 is
+    resolved.
+    """
+    by_timing = _typical(rows)[1]
+    box = np.array([np.log(ERRORS), [0.0, (np.pi / 2.0) ** 0.5], [0.0, ERRORS[1] ** 0.5]])
+    kinds = np.array([free[1], free[0], free[2]])
     for zoom in range(zooms):
-        # even in the logarithm at first, then in the square root, so that 0 is resolved
-        steps = np.linspace(0.0, 1.0, NODES + 1) ** 2
-        edges = tuple(
-            np.geomspace(a, b, NODES + 1) if zoom == 0 else a + (b - a) * steps
-            for a, b in zip(low, high, strict=True)
-        )
-        axes = [
-            (e[1:] + e[:-1]) / 2.0 if f else np.zeros(1) for e, f in zip(edges, free, strict=True)
+        counts = np.where(kinds, NODES if zoom else FIRST_NODES, 1)
+        edges = [
+            np.linspace(low, high, count + 1)
+            for (low, high), count in zip(box, counts, strict=True)
         ]
-        widths = [np.diff(e) if f else np.ones(1) for e, f in zip(edges, free, strict=True)]
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-        cells = np.prod(np.meshgrid(*widths, indexing="ij"), axis=0).ravel()
+        middles = [
+            (e[1:] + e[:-1]) / 2.0 if k else np.zeros(1) for e, k in zip(edges, kinds, strict=True)
+        ]
+        place = np.stack(np.meshgrid(*middles, indexing="ij"), -1).reshape(-1, 3)
+        error = np.exp(place[:, 0]) if kinds[0] else np.zeros(1)
+        angle, drops = place[:, 1] ** 2, place[:, 2] ** 2
+        clicks, scatter = error * np.sin(angle) / by_timing, error * np.cos(angle)
+        nodes = np.stack([clicks, scatter, drops], axis=1)
         parts = [solve(rows, part, prior) for part in np.array_split(nodes, len(nodes) // 64 + 1)]
         loglik, mean, covariance, _ = (np.concatenate(p) for p in zip(*parts, strict=True))
-        density = loglik + _log_prior(nodes, free, typical) + np.log(cells)
+        # sizes of the cells: d log(error), and d(error) d(error angle), and those of the roots
+        sizes = place[:, 0] * (int(free[0]) + int(free[1]))
+        sizes += np.log(np.where(kinds[1:], place[:, 1:], 1.0)).sum(1)
+        density = loglik + _log_prior(rows, nodes, free) + sizes
         seen = density > density.max() - FAINT
-        if zoom < zooms - 1:
-            for k in np.flatnonzero(free):
-                near = np.flatnonzero(np.isin(axes[k], nodes[seen, k]))
+        for k in np.flatnonzero(kinds):
+            # at first the error is too coarse for shares to be judged
+            if zoom or k == 0:
+                near = np.flatnonzero(np.isin(middles[k], place[seen, k]))
                 # with a cell on either side, as the density may be higher between the nodes
-                first, last = max(near[0] - 1, 0), min(near[-1] + 2, axes[k].size)
-                low[k] = edges[k][first] if first else (0.0 if zoom == 0 else low[k])
-                high[k] = edges[k][last]
+                box[k] = edges[k][[max(near[0] - 1, 0), min(near[-1] + 2, counts[k])]]
     weight = np.exp(density - density.max())
     evidence = float(density.max() + np.log(weight.sum()))
-    return Fit(weight / weight.sum(), nodes, mean, covariance, edges, evidence)
+    return Fit(weight / weight.sum(), nodes, mean, covariance, evidence)
 
 
 def _typical(rows: Rows) -> tuple[float, float]:
@@ -197,11 +212,34 @@ def _typical(rows: Rows) -> tuple[float, float]:
     )
 
 
-def _log_prior(nodes: Array, free: tuple[bool, bool, bool], typical: tuple[float, float]) -> Array:
-    """Scale-free prior of timing and scatter, down to the fixed errors; Cauchy of drops."""
-    single = typical[0] ** 2 + nodes[:, 1] ** 2 + (typical[1] * nodes[:, 0]) ** 2
-    number = int(free[0]) + int(free[1])
-    return -0.5 * number * np.log(single) - np.log1p((nodes[:, 2] / DROP_SCALE) ** 2)
+def _log_prior(rows: Rows, nodes: Array, free: tuple[bool, bool, bool]) -> Array:
+    """Scale-free priors: of clicks down to `CLICK`, of the others down to all other errors.
+
+    A prior that is even in a component expects the largest that the data allow, and so too little
+    of the others.  That of drops, which two drops hardly determine, falls off as Cauchy's.
+    """
+    by_fixed, by_timing = _typical(rows)
+    (clicks, scatter, drops), bounces = nodes.T, rows.bounce.sum(1)
+    single = by_fixed**2 + scatter**2 + (by_timing * clicks) ** 2
+    of_drop = single / max(float(bounces[bounces > 0.0].mean()), 1.0) + drops**2
+    parts = np.stack(
+        [CLICK**2 + clicks**2, single, of_drop * (1.0 + (drops / DROP_SCALE) ** 2) ** 2]
+    )
+    return np.asarray(-0.5 * np.array(free) @ np.log(parts))
+
+
+def component_variables(fit: Fit) -> dict[str, Any]:
+    """Return median, quantiles and 95 % limit of each component, NaN where it is not determined."""
+    found: dict[str, Any] = {}
+    for k, name in enumerate(COMPONENTS):
+        given = fit.nodes[:, k].any()
+        values = [
+            fit.component_quantile(k, q) if given else np.nan for q in (0.5, *QUANTILES, 0.95)
+        ]
+        found[name] = values[0]
+        found[f"{name}_quantile"] = ("quantile", values[1:5])
+        found[f"{name}_limit"] = values[5]
+    return found
 
 
 def weighted_residuals(rows: Rows, fit: Fit) -> tuple[Array, Array]:
@@ -254,7 +292,6 @@ def stack(blocks: list[tuple[Array, Array, Array, Array, Array]]) -> Rows:
 # -----------------------------------------------------------------------------
 # Bounces of all drops, pooled: restitution, its dependence on the speed, its scatter.
 
-QUANTILES: Final = (0.025, 0.1587, 0.8413, 0.975)
 ODD: Final = 4.0  # standard deviations of a bounce that is left out
 MOST_ODD: Final = 0.1  # share of bounces that may be left out
 FALLS: Final = 0.01  # size of the one-sided test of an e that falls with speed
@@ -461,7 +498,7 @@ class Pool:
             "speed": speed,
             "slope": float(mean[1]) if tested else np.nan,
             "slope_error": float(np.sqrt(covariance[1, 1])) if tested else np.nan,
-            **self._components(chosen, bounces),
+            **component_variables(chosen),
             **self._bounce_variables(chosen),
             "law_restitution": ("law", [law[1] for law in laws]),
             "law_speed": ("law", [law[2] for law in laws]),
@@ -495,17 +532,6 @@ class Pool:
                 f"(e = {drop.restitution[row]:.3f}) and left out"
             )
         return texts
-
-    def _components(self, fit: Fit, bounces: int) -> dict[str, Any]:
-        found: dict[str, Any] = {}
-        wanted = (0.5, *QUANTILES, 0.95)
-        for k, name in enumerate(("timing", "scatter", "drop_scatter")):
-            given = fit.nodes[:, k].any()
-            values = [fit.component_quantile(k, q) if given else np.nan for q in wanted]
-            found[name] = values[0]
-            found[f"{name}_quantile"] = ("quantile", values[1:5])
-            found[f"{name}_limit"] = values[5]
-        return found
 
     def _bounce_variables(self, fit: Fit) -> dict[str, Any]:
         joined = {

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array, diags_array
 
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
-from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.errors import TrackError
 from vibrosweep.lab.base_fit import (
     FAR,
     FEWEST,
@@ -41,7 +41,11 @@ from vibrosweep.lab.base_fit import (
 )
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL, harmonic_numbers
 from vibrosweep.lab.traces import names_of, polar, slopes_of_sizes
-from vibrosweep.lab.variables import with_units
+from vibrosweep.lab.variables import (
+    require_parameter,
+    require_range_of_frequencies,
+    with_units,
+)
 from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
 from vibrosweep.model.restitution_laws import CONSTANT, PLASTIC, SPEED, restitution_at
 from vibrosweep.model.shapes import Waveform
@@ -357,13 +361,9 @@ def estimate(
     ['restitution', 'amplitude', 'phase']
     """
     require(impacts, "estimate", "landing_time", "quality", source="find_impacts")
-    low, high = frequency_range
-    for name, value in (("frequency", frequency), ("frequency_range", low)):
-        if value is not None and not PARAMETERS["frequency"].accepts(value):
-            allowed = PARAMETERS["frequency"].allowed
-            raise ParameterError(f"{name} = {value!r}: must be {allowed}")
-    if not low < high < np.inf:
-        raise ParameterError(f"frequency_range = {frequency_range!r}: must rise, in Hz")
+    require_range_of_frequencies(frequency_range)
+    if frequency is not None:
+        require_parameter("frequency", frequency)
     if impacts.attrs["base_motion"] == "moving":
         return _estimate_moving_base(impacts)
     bounces = bounces_of(impacts)

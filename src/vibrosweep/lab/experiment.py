@@ -19,6 +19,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.coupled import BaseTrack
 from vibrosweep.errors import ParameterError, SpecError, refuse
 from vibrosweep.kernels.record import Record
+from vibrosweep.lab.variables import require_number
 from vibrosweep.mistakes import Mistakes
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.parameters import PARAMETERS
@@ -279,6 +280,9 @@ class Variation:
     level_spread: float = 0.0
 
 
+MOST_REPEATS: Final = 1000
+
+
 @dataclass(frozen=True, init=False)
 class Experiment:
     """A scene that is recorded several times.
@@ -338,6 +342,11 @@ class Experiment:
                 "scene: must be the scene of an experiment, without keywords beside it; give "
                 "parameters as keywords, as in Experiment(amplitude=0.06, particles=2)"
             )
+        require_number("repeats", repeats, 1, MOST_REPEATS, whole=True)
+        require_number("seed", seed, 0, whole=True)
+        for name, part, kind in (("camera", camera, Camera), ("variation", variation, Variation)):
+            if not isinstance(part, kind | None):
+                raise ParameterError(f"{name} = {part!r}: must be a {kind.__name__}")
         values = scene, repeats, camera or Camera(), variation or Variation(), seed
         for field, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, field.name, value)
@@ -483,7 +492,7 @@ _SECTIONS: Final[Sections] = {
         )
     },
     "trials": {
-        "repeats": whole_number(1, 1000),
+        "repeats": whole_number(1, MOST_REPEATS),
         "seed": whole_number(0, MAX_SEED),
     },
 }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from vibrosweep.arrays import Array, Indices
-from vibrosweep.errors import ParameterError, TrackError, require_one_of
+from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.base_fit import (
     FITTED,
     UNDETERMINED,
@@ -57,7 +57,7 @@ from vibrosweep.lab.flights import (
 )
 from vibrosweep.lab.traces import trace_of_mark
 from vibrosweep.lab.tracks import find_swaps
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.lab.variables import require_number, require_parameter
 
 # -----------------------------------------------------------------------------
 # Find flights in samples: fit them, intersect neighbours, assign the samples again, repeat.
@@ -574,13 +574,14 @@ class FittedTracks(NamedTuple):
 
 def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> FittedTracks:  # noqa: B008
     """Find and fit the flights of tracks; raise the errors of `find_impacts`."""
+    _check_setup(gravity, setup)
     if "base_height" in tracks:
         if setup.trace is not None:
             raise TrackError("a trace and a mark on the base are given: leave one of them out")
         setup = setup._replace(trace=trace_of_mark(tracks, setup.exposure))
     if setup.trace is not None:
         setup = setup._replace(trace=setup.trace.since(tracks.attrs.get("origin", 0.0)))
-    _check_setup(gravity, setup)
+    _check_trace(setup)
     _check_base(tracks, setup.base)
     time, height = tracks["time"].values, tracks["height"].values
     cuts = np.zeros(height.shape, bool)
@@ -663,12 +664,18 @@ def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights
 
 
 def _check_setup(gravity: float, setup: Setup) -> None:
-    for name, value in (("gravity", gravity), ("frequency", setup.frequency)):
-        if value is not None and not PARAMETERS[name].accepts(value):
-            raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
-    if not 0.0 <= setup.exposure <= 1.0:
-        raise TrackError(f"exposure = {setup.exposure!r}: must be at least 0 and at most 1 s")
+    require_parameter("gravity", gravity)
+    if setup.frequency is not None:
+        require_parameter("frequency", setup.frequency)
+    require_number("exposure", setup.exposure, 0.0, 1.0, error=TrackError)
     require_one_of("motion", setup.motion, MOTIONS, TrackError)
+    if setup.base is not None:
+        require_number("base", setup.base, error=TrackError)
+    if not isinstance(setup.trace, Trace | None):
+        raise TrackError(f"trace = {setup.trace!r}: must be one that read_trace returned")
+
+
+def _check_trace(setup: Setup) -> None:
     if setup.base is not None and (setup.motion == "moving" or setup.trace is not None):
         raise TrackError(
             "a height of the base belongs to one at a constant level, but a trace or the motion "

@@ -194,17 +194,11 @@ def _inputs(found: xr.Dataset) -> list[str]:
 
 
 def numbers_of(found: xr.Dataset) -> dict[str, Any]:
-    """Return the numbers of a result as JSON holds them: None where nothing is determined."""
-
-    def plain(value: Any) -> Any:
-        values = np.asarray(value).tolist()
-        if isinstance(values, list):
-            return [plain(one) for one in values]
-        return None if isinstance(values, float) and not np.isfinite(values) else values
-
-    numbers = {str(name): plain(one.values) for name, one in found.variables.items()}
-    numbers |= {name: plain(value) for name, value in found.attrs.items()}
-    return {name: value for name, value in numbers.items() if not name.startswith("sample_")}
+    """Return the numbers of a result, without samples of films."""
+    numbers = {str(name): one.values for name, one in found.variables.items()}
+    return {name: value for name, value in numbers.items() if not name.startswith("sample_")} | {
+        str(name): value for name, value in found.attrs.items()
+    }
 
 
 # -----------------------------------------------------------------------------

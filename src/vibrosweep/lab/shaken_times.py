@@ -10,20 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import xarray as xr
 from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array, Flags
-from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.errors import TrackError
 from vibrosweep.lab.ballistics import given
 from vibrosweep.lab.clicks import impacts_in
 from vibrosweep.lab.drops import (
     QUANTILES,
+    ROUGH,
+    ZOOMS,
     Fit,
     Rows,
+    component_variables,
     fit_components,
     odd_row,
     stack,
@@ -31,7 +34,7 @@ from vibrosweep.lab.drops import (
     without,
 )
 from vibrosweep.lab.recordings import Recording
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.lab.variables import require_parameter, require_range_of_frequencies
 
 __all__ = ["times_on_shaker"]
 
@@ -49,8 +52,31 @@ MOST_ODD: Final = 0.2  # share of bounces that may be
 BELOW: Final = 0.05  # share of flights that may meet the base between their impacts
 EQUAL: Final = 8.0  # log likelihood by which another motion must be worse
 APART: Final = (0.03, 0.002)  # e and relative frequency of another motion
+CHANCE: Final = 12**-0.5  # spread of bounces: that of restitutions drawn evenly from 0 to 1
 WORST: Final = (0.1, 0.25)  # error of e, and relative error of the acceleration
-SMALL: Final = 1e-6  # s, step of derivatives
+
+
+class _Base(NamedTuple):
+    """Height and velocity of a base at instants, and their derivatives by S, C and f."""
+
+    height: Array
+    velocity: Array
+    acceleration: Array
+    by_motion: tuple[tuple[Array, Array], ...]  # of height and velocity
+
+
+def _base(t: Array, motion: Array) -> _Base:
+    """Return the base with the motion S, C and f."""
+    s, c, f = motion
+    w = TWO_PI * f
+    sine, cosine = np.sin(w * t), np.cos(w * t)
+    height, velocity, turned = (
+        (c * sine - s * cosine) / w,
+        s * sine + c * cosine,
+        s * cosine - c * sine,
+    )
+    by_f = ((t * velocity - height) / f, TWO_PI * t * turned)
+    return _Base(height, velocity, w * turned, ((-cosine / w, sine), (sine / w, cosine), by_f))
 
 
 class Triples(NamedTuple):
@@ -66,50 +92,34 @@ class Triples(NamedTuple):
 
         The motion is S, C and f.
         """
-        i, (s, c, f) = self.middle, motion
-        w, up, down = TWO_PI * f, time[:-1] + self.contact, time[1:]
-
-        def velocity(t: Array) -> Array:
-            return np.asarray(s * np.sin(w * t) + c * np.cos(w * t))
-
-        def height(t: Array) -> Array:
-            return np.asarray((c * np.sin(w * t) - s * np.cos(w * t)) / w)
-
-        length = down - up
-        rise = (height(down) - height(up)) / length
+        i, up = self.middle, time[:-1] + self.contact
+        length, lift, land = time[1:] - up, _base(up, motion), _base(time[1:], motion)
+        rise = (land.height - lift.height) / length
         leaves = 0.5 * self.gravity * length + rise
         lands = rise - 0.5 * self.gravity * length
-        speed = velocity(time[i]) - lands[i - 1]
-        after = leaves[i] - velocity(up[i])
+        speed = land.velocity[i - 1] - lands[i - 1]
+        after = leaves[i] - lift.velocity[i]
         return after / speed, speed, leaves[i]
 
-    def by_clicks(self, time: Array, motion: Array) -> Array:
-        """Return derivatives of the restitutions by the clicks before, at and after."""
-        columns = []
-        for k in (-1, 0, 1):
-            ends = []
-            for sign in (1.0, -1.0):
-                # every third click is moved at a time, so that one pass serves all bounces
-                found = np.empty(self.middle.size)
-                for third in range(3):
-                    moved = time.copy()
-                    moved[third::3] += sign * SMALL
-                    mine = (self.middle + k) % 3 == third
-                    found[mine] = self.bounces(moved, motion)[0][mine]
-                ends.append(found)
-            columns.append((ends[0] - ends[1]) / (2.0 * SMALL))
-        return np.stack(columns, axis=1)
-
-    def by_motion(self, time: Array, motion: Array) -> Array:
-        """Return derivatives of the restitutions by S, C and f."""
-        steps = 1e-6 * np.array([1.0, 1.0, 1.0])
-        ends = [
-            [self.bounces(time, motion + sign * h)[0] for sign in (1.0, -1.0)]
-            for h in np.diag(steps)
+    def derivatives(self, time: Array, motion: Array) -> tuple[Array, Array]:
+        """Return those of restitutions by the clicks before, at and after, and by S, C and f."""
+        e, speed, _ = self.bounces(time, motion)
+        i, up = self.middle, time[:-1] + self.contact
+        length, lift, land = time[1:] - up, _base(up, motion), _base(time[1:], motion)
+        rise, half = (land.height - lift.height) / length, 0.5 * self.gravity
+        # of the mean velocity of a flight by its begin and its end
+        begin, end = (rise - lift.velocity) / length, (land.velocity - rise) / length
+        arrival, departure = land.acceleration[i - 1], lift.acceleration[i]
+        of_speed = (-(begin + half)[i - 1], arrival - (end - half)[i - 1], 0.0)
+        of_after = (0.0, (begin - half)[i] - departure, (end + half)[i])
+        by_clicks = [
+            (after - e * before) / speed for before, after in zip(of_speed, of_after, strict=True)
         ]
-        return np.stack(
-            [(a - b) / (2.0 * h) for (a, b), h in zip(ends, steps, strict=True)], axis=1
-        )
+        by_motion = []
+        for (h0, v0), (h1, v1) in zip(lift.by_motion, land.by_motion, strict=True):
+            climb = (h1 - h0) / length
+            by_motion.append((climb[i] - v0[i] - e * (v1[i - 1] - climb[i - 1])) / speed)
+        return np.stack(by_clicks, axis=1), np.stack(by_motion, axis=1)
 
     def share_below(self, motion: Array) -> float:
         """Return the share of flights that the base would end before their impact."""
@@ -118,14 +128,10 @@ class Triples(NamedTuple):
         share = np.linspace(0.02, 0.98, 49)[:, None]
         up = t[i] + self.contact
         since = share * (t[i + 1] - up)
-        s, c, f = motion
-        w = TWO_PI * f
-
-        def height(t: Array) -> Array:
-            return np.asarray((c * np.sin(w * t) - s * np.cos(w * t)) / w)
-
-        above = height(up) + leaves * since - 0.5 * self.gravity * since**2 - height(up + since)
-        low = -1e-3 * self.gravity * (t[i + 1] - up) ** 2 - 1e-3 * np.hypot(s, c) / w
+        fallen = leaves * since - 0.5 * self.gravity * since**2
+        above = _base(up, motion).height + fallen - _base(up + since, motion).height
+        least = self.gravity * (t[i + 1] - up) ** 2 + np.hypot(*motion[:2]) / (TWO_PI * motion[2])
+        low = -1e-3 * least
         return float((above < low).any(axis=0).mean())
 
 
@@ -181,15 +187,24 @@ def _refined(triples: Triples, start: Array, known: float | None) -> _Start:
     """Fit e, S, C and f robustly."""
     free = slice(None) if known is None else slice(3)
 
-    def off(p: Array) -> Array:
+    def of(p: Array) -> tuple[Array, Array, Array]:
         motion = np.append(p[1:3], p[3] if known is None else known)
-        e, _, _ = triples.bounces(triples.time, motion)
-        slopes = triples.by_clicks(triples.time, motion)
-        return np.asarray((e - p[0]) / np.sqrt((slopes**2).sum(axis=1)) / 1e-4)
+        by_clicks, by_motion = triples.derivatives(triples.time, motion)
+        left = triples.bounces(triples.time, motion)[0] - p[0]
+        return left, by_motion, 1e-4 * np.sqrt((by_clicks**2).sum(axis=1))
+
+    def off(p: Array) -> Array:
+        left, _, size = of(p)
+        return left / size
+
+    def slopes(p: Array) -> Array:
+        # the change of the weights is left out
+        left, by_motion, size = of(p)
+        return (np.column_stack([-np.ones(left.size), by_motion]) / size[:, None])[:, free]
 
     scale = np.array([0.1, 0.1, 0.1, 0.01])[free]
     try:
-        found = least_squares(off, start[free], loss="cauchy", x_scale=scale, max_nfev=40)
+        found = least_squares(off, start[free], slopes, loss="cauchy", x_scale=scale, max_nfev=40)
     except ValueError:
         return _Start(np.inf, start, np.empty(0))
     values = found.x if known is None else np.append(found.x, known)
@@ -224,7 +239,7 @@ def _adjusted(triples: Triples, start: _Start, known: float | None, rounding: fl
     parts = [np.arange(a, min(a + BLOCK, n)) for a in range(0, n, BLOCK)]
     for turn in range(ROUNDS):
         e, _, _ = triples.bounces(time, motion)
-        slopes, by_motion = triples.by_clicks(time, motion), triples.by_motion(time, motion)
+        slopes, by_motion = triples.derivatives(time, motion)
         shift = (triples.time - time)[i[:, None] + [-1, 0, 1]]
         value = e + (slopes * shift).sum(axis=1)
         blocks, matrices = [], []
@@ -243,7 +258,7 @@ def _adjusted(triples: Triples, start: _Start, known: float | None, rounding: fl
         for block, row in odd:
             rows = without(rows, block, row)
         last = turn == ROUNDS - 1
-        fit = fit_components(rows, prior, (True, True, False), 3 if last else 2)
+        fit = fit_components(rows, prior, (True, True, False), ZOOMS if last else ROUGH)
         mean, covariance = fit.moments()
         if last:
             break
@@ -317,7 +332,10 @@ def times_on_shaker(
     >>> round(float(found.frequency), 2), round(float(found.restitution), 3)
     (20.0, 0.8)
     """
-    _check(frequency, frequency_range, gravity)
+    require_range_of_frequencies(frequency_range)
+    require_parameter("gravity", gravity)
+    if frequency is not None:
+        require_parameter("frequency", frequency)
     c = 0.0 if contact is None else given("contact", contact).value
     triples, name, middle = _triples(recordings, gravity, c)
     low, high = frequency_range
@@ -327,17 +345,20 @@ def times_on_shaker(
     locked = _locked(triples, name)
     tried = [_refined(triples, start, frequency) for start in _scan(triples, rates)]
     start = min(tried, key=lambda one: one.misfit)
+    nothing = TrackError(
+        locked
+        or f"{name}: no restitution and motion of a base describe the times; check the "
+        f"frequency, and whether impacts are missing"
+    )
     if not np.isfinite(start.misfit):
-        raise TrackError(
-            locked
-            or f"{name}: no restitution and motion of a base describe the times; check the "
-            f"frequency, and whether impacts are missing"
-        )
+        raise nothing
     rounding = max(r.rounding for r in recordings)
     try:
         found = _adjusted(triples, start, frequency, rounding)
     except np.linalg.LinAlgError:
         raise TrackError(locked or f"{name}: the times do not determine the motion") from None
+    if np.median(_spread(found)) > CHANCE:
+        raise nothing
     error = float(np.sqrt(found.covariance[0, 0]))
     if not (-3.0 * error <= found.values[0] <= 1.0 + 3.0 * error and np.isfinite(error)):
         raise TrackError(
@@ -347,6 +368,12 @@ def times_on_shaker(
         )
     warning = locked or _ambiguous(name, tried, start)
     return _result(triples, found, (name, middle, frequency, contact is None), warning)
+
+
+def _spread(found: _Adjusted) -> Array:
+    """Return the standard deviation of each restitution, by scatter and clicks."""
+    timing, scatter, _ = found.fit.components
+    return np.asarray(np.sqrt(scatter**2 + timing**2 * (found.slopes**2).sum(axis=1)))
 
 
 def _ambiguous(name: str, tried: list[_Start], best: _Start) -> str:
@@ -360,17 +387,6 @@ def _ambiguous(name: str, tried: list[_Start], best: _Start) -> str:
             )
             return f"{name}: {shown} describe the times alike; record for longer, or the approach"
     return ""
-
-
-def _check(frequency: float | None, frequency_range: tuple[float, float], gravity: float) -> None:
-    low, high = frequency_range
-    if not 0.0 < low < high < np.inf:
-        raise ParameterError(f"frequency_range = {frequency_range!r}: must rise, in Hz")
-    for key, value in (("frequency", frequency), ("gravity", gravity)):
-        if value is None and key == "frequency":
-            continue
-        if not isinstance(value, int | float) or not PARAMETERS[key].accepts(value):
-            raise ParameterError(f"{key} = {value!r}: must be {PARAMETERS[key].allowed}")
 
 
 def _triples(
@@ -452,7 +468,7 @@ def _result(
             **dict.fromkeys(("slope", "slope_error", "prediction_error"), np.nan),
             **motion,
             "determined": np.int8(sure),
-            **_components(found.fit),
+            **component_variables(found.fit),
             "bounce_restitution": ("bounce", bounce),
             "bounce_speed": ("bounce", speed),
             "bounce_time": ("bounce", triples.time[triples.middle] + middle),
@@ -490,21 +506,6 @@ def _remark(used: Flags) -> str:
         return ""
     odd = np.count_nonzero(~used)
     return f"{odd} bounces are outliers and left out: clicks that are missed or false"
-
-
-def _components(fit: Fit) -> dict[str, Any]:
-    """Return timing and scatter with their quantiles and 95 % limits."""
-    components: dict[str, Any] = {}
-    for k, key in enumerate(("timing", "scatter", "drop_scatter")):
-        values = [
-            fit.component_quantile(k, q) if k < 2 else np.nan for q in (0.5, *QUANTILES, 0.95)
-        ]
-        components |= {
-            key: values[0],
-            f"{key}_quantile": ("quantile", values[1:5]),
-            f"{key}_limit": values[5],
-        }
-    return components
 
 
 def _contact_effect(triples: Triples, found: _Adjusted, gamma: Array) -> Array:

@@ -4,7 +4,48 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any
+from numbers import Integral, Real
+from typing import Any, Final
+
+from vibrosweep.errors import ParameterError, VibrosweepError
+from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
+
+LARGEST: Final = 1e9  # of any argument in SI units
+KNOWN: Final = {**PARAMETERS, **OF_RESTITUTION}
+
+
+def require_number(
+    name: str,
+    value: object,
+    low: float = -LARGEST,
+    high: float = LARGEST,
+    *,
+    whole: bool = False,
+    error: type[VibrosweepError] = ParameterError,
+) -> None:
+    """Raise an error unless the value of an argument is one number within these limits."""
+    if not (isinstance(value, Integral if whole else Real) and low <= value <= high):  # type: ignore[operator]
+        kind = "a whole number" if whole else "a number"
+        raise error(f"{name} = {value!r}: must be {kind}, at least {low:g} and at most {high:g}")
+
+
+def require_parameter(name: str, value: object, *, of: str = "") -> None:
+    """Raise an error unless the value of an argument is one that a parameter, or that `of`, has."""
+    parameter = KNOWN[of or name]
+    if not (isinstance(value, Real) and parameter.accepts(float(value))):
+        raise ParameterError(f"{name} = {value!r}: must be {parameter.allowed}")
+
+
+def require_range_of_frequencies(between: object) -> None:
+    """Raise an error unless these are two frequencies, the lower first."""
+    ends = between if isinstance(between, tuple | list) else ()
+    for end in ends:
+        require_parameter("frequency_range", end, of="frequency")
+    if len(ends) != 2 or not ends[0] < ends[1]:
+        raise ParameterError(
+            f"frequency_range = {between!r}: must be two frequencies in Hz that rise, such as "
+            f"(1.0, 100.0)"
+        )
 
 
 def with_units(
