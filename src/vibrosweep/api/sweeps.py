@@ -147,6 +147,8 @@ def sweep(
         The table of realizations holds mistakes.
     ParameterError
         The result does not fit into memory, or a setting of this call is wrong.
+    RunError
+        The computation failed twice, which is a fault of vibrosweep.
 
     Examples
     --------

@@ -20,9 +20,21 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.tracks import FRAME_RATES, table_to_tracks, with_mark
-from vibrosweep.scene.cells import MISSING, Cells, cells_of, decoded, read_content
-from vibrosweep.scene.clocks import even_times, origin_of, rounding_of
-from vibrosweep.scene.headings import PIXELS, Heading, heading, length_factor, time_factor
+from vibrosweep.scene.tables import (
+    MISSING,
+    PIXELS,
+    Cells,
+    Heading,
+    cells_of,
+    decoded,
+    even_times,
+    heading,
+    length_factor,
+    origin_of,
+    read_content,
+    rounding_of,
+    time_factor,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

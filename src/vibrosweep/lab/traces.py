@@ -17,8 +17,7 @@ from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.base_fit import TWO_PI, Trace
 from vibrosweep.lab.tracks import check_size, rate_of
 from vibrosweep.model.shapes import HARMONICS_NAME, MOST_HARMONICS, SINE, Waveform
-from vibrosweep.scene.cells import read_content
-from vibrosweep.scene.clocks import origin_of, strongest_rate
+from vibrosweep.scene.tables import origin_of, read_content, strongest_rate
 from vibrosweep.scene.traces import series_of, waves
 
 __all__ = ["QUANTITIES", "make_trace", "read_trace"]

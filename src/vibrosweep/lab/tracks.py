@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.flights import GAP_FRAMES
-from vibrosweep.scene.clocks import even_times
+from vibrosweep.scene.tables import even_times
 
 __all__ = ["FRAME_RATES", "check_size", "make_tracks", "rate_of", "table_to_tracks"]
 

@@ -23,10 +23,18 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import escaped
 from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, FittedTrace, Waveform, zeros
-from vibrosweep.scene.cells import MISSING, cells_of
-from vibrosweep.scene.clocks import even_times, origin_of, rounding_of, strongest_rate
-from vibrosweep.scene.headings import acceleration_factor, length_factor, time_factor
 from vibrosweep.scene.scene import Traced
+from vibrosweep.scene.tables import (
+    MISSING,
+    acceleration_factor,
+    cells_of,
+    even_times,
+    length_factor,
+    origin_of,
+    rounding_of,
+    strongest_rate,
+    time_factor,
+)
 
 __all__ = ["series_of", "waves"]
 

@@ -1,14 +1,17 @@
-"""Tables as other programs write them: text of any dialect, and the sheets of workbooks.
+"""Tables as other programs write them: their cells, what headings say, and the clocks of times.
 
-A table is a heading and rows that hold numbers.  A line without any number is part of a heading,
-so titles, names, units and the labels above several tables are told apart by their places.
+A table is text of any dialect, or a sheet of a workbook: a heading and rows that hold numbers.  A
+line without any number is part of a heading, so titles, names, units and the labels above several
+tables are told apart by their places.  Times are as they were stamped: rounded, with gaps, on any
+clock.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Sequence
+import unicodedata
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -17,9 +20,25 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import escaped
-from vibrosweep.scene.headings import Heading, heading, is_unit
+from vibrosweep.scene.realizations import factor
 
-__all__ = ["MISSING", "Cells", "cells_of", "decoded", "read_content"]
+__all__ = [
+    "MISSING",
+    "PIXELS",
+    "Cells",
+    "Heading",
+    "cells_of",
+    "decoded",
+    "even_times",
+    "heading",
+    "length_factor",
+    "origin_of",
+    "read_content",
+    "rounding_of",
+    "strongest_rate",
+    "time_factor",
+]
+
 
 WORKBOOKS: Final = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # first bytes of xlsx and ods, and of xls
 MISSING: Final = frozenset(
@@ -279,3 +298,195 @@ def _headed(above: list[Row], width: int, source: str, sheet: str, before: Cells
         [],
         [],
     )
+
+
+# --- Headings -------------------------------------------------------------------------------------
+
+# Names as other programs write them, in small letters without marks between
+_NAMES: Final = {
+    "time": "t time times zeit temps tempo tiempo tijd sec secs second seconds timestamp positiont "
+    "timestamps clock",
+    "frame": "frame frames framenumber frameno frameindex bild",
+    "height": "y h height heights hoehe hohe altezza hauteur altura hoogte altitude positiony "
+    "yposition posy ypos ycoordinate elevation",
+    "depth": "z positionz zposition posz zpos",
+    "horizontal": "x positionx xposition posx xpos xcoordinate",
+    "interval": "interval intervals dt deltat",
+    "acceleration": "a acc accel acceleration accelerations beschleunigung",
+    "particle": "particle particleid track trackid ball object",
+    "recording": "recording run drop trial film video file experiment series case throw group "
+    "measurement",
+}
+_ROLES: Final = {name: role for role, names in _NAMES.items() for name in names.split()}
+_SECONDS: Final = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "usec", "microsecond", "microseconds"), "us"),
+    "min": "min",
+}
+_METRES: Final = {
+    **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), "m"),
+    **dict.fromkeys(("cm", "centimetre", "centimetres", "centimeter", "centimeters"), "cm"),
+    **dict.fromkeys(("mm", "millimetre", "millimetres", "millimeter", "millimeters"), "mm"),
+    **dict.fromkeys(("um", "micron", "microns", "micrometre", "micrometer"), "um"),
+}
+PIXELS: Final = frozenset(("px", "pixel", "pixels", "pix"))
+STANDARD_GRAVITY: Final = 9.80665  # m s-2, of an acceleration in g
+# Words of columns that hold no instants although they are in s
+_NO_INSTANT: Final = re.compile(r"interval|differ|durat|delta|\bdt\b|error|uncert|sigma|std|period")
+
+
+@dataclass(frozen=True)
+class Heading:
+    """The heading of a column."""
+
+    text: str  # as it stands in the file
+    role: str  # a key of `_NAMES`, or empty
+    unit: str  # as the file spells it; empty if it states none
+    label: str  # what stands above the column, or the number or name that ends its own name
+
+    def means(self, column: str) -> bool:
+        """Tell whether a user who writes `column` means this one."""
+        wanted = column.strip().lower()
+        return wanted in (self.text.lower(), _split(self.text)[0].lower())
+
+
+def heading(text: str, unit: str = "", label: str = "") -> Heading:
+    """Interpret the heading of a column, and what stands below and above it."""
+    name, own = _split(text)
+    unit = own or unit.strip(" ()[]")
+    plain = _plain(name)
+    role = _ROLES.get(plain, "")
+    if not role and (match := re.fullmatch(r"(\D+?)[\s_.#]*(?:\{?(\d+|[A-Za-z ]\w*)\}?)", name)):
+        # y1, y_2, t.1, y_{mass A}
+        base = _ROLES.get(_plain(match[1]), "")
+        if base in ("time", "height", "horizontal") and (match[2].isdigit() or "_" in name):
+            role, label = base, label or match[2]
+    if not role and _SECONDS.get(_ascii(unit)) and not _NO_INSTANT.search(name.lower()):
+        role = "time"
+    if not role and re.search(r"\btime\b", name.lower()) and not _NO_INSTANT.search(name.lower()):
+        role = "time"
+    if not role and acceleration_factor(unit) and not length_factor(unit):
+        role = "acceleration"
+    if not role and (plain.startswith("acceleration") or plain in ("ax", "ay", "az")):
+        role = "acceleration"
+    return Heading(text.strip(), role, unit, label)
+
+
+def is_unit(text: str) -> bool:
+    """Tell whether a cell below a name is a unit."""
+    bare = _ascii(text.strip(" ()[]"))
+    known = bare in _SECONDS or bare in _METRES or bare in PIXELS or bare in ("frame", "g")
+    bracketed = text.strip()[:1] in "([" and text.strip()[-1:] in ")]"
+    return known or bracketed or acceleration_factor(bare) is not None
+
+
+def time_factor(unit: str) -> tuple[float, float] | None:
+    """Numerator and denominator of the factor to s; None for another unit."""
+    return factor(_SECONDS.get(_ascii(unit), unit), "s") if unit else (1.0, 1.0)
+
+
+def length_factor(unit: str) -> tuple[float, float] | None:
+    """Numerator and denominator of the factor to m; None for another unit."""
+    return factor(_METRES.get(_ascii(unit), unit), "m") if unit else (1.0, 1.0)
+
+
+def acceleration_factor(unit: str) -> tuple[float, float] | None:
+    """Numerator and denominator of the factor to m s-2; None for another unit."""
+    if unit == "g":
+        return STANDARD_GRAVITY, 1.0
+    plain = unit.replace("\N{SUPERSCRIPT TWO}", "2").replace("\N{SUPERSCRIPT MINUS}", "-")
+    return factor(plain, "m s-2") if unit else (1.0, 1.0)
+
+
+def _split(text: str) -> tuple[str, str]:
+    """Divide a heading into name and unit: y (cm), y [cm], y / cm, y in cm, y_cm."""
+    text = text.strip()
+    if match := re.fullmatch(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]", text):
+        return match[1], match[2].strip()
+    for pattern in (r"(.*?)\s*/\s*(\S.*)", r"(.+?)\s+in\s+(\S+)", r"(.+)[_\s](\w+)"):
+        match = re.fullmatch(pattern, text)
+        if match and is_unit(match[2]):
+            return match[1], match[2]
+    return text, ""
+
+
+def _ascii(unit: str) -> str:
+    return unit.strip().lower().replace("\N{MICRO SIGN}", "u").replace("\u03bc", "u")
+
+
+def _plain(name: str) -> str:
+    """Return the letters and digits of a name, without accents, in small letters."""
+    spread = unicodedata.normalize("NFKD", name.lower())
+    return "".join(c for c in spread if c.isalnum())
+
+
+# --- Clocks ---------------------------------------------------------------------------------------
+
+FAR: Final = 100.0  # durations from its zero at which a clock counts from 1970 or from midnight
+STEADY: Final = 0.02  # largest relative difference between a rate and its first estimate
+
+
+def rounding_of(cells: Iterable[str]) -> float:
+    """Step to which numbers are rounded, from the decimals with which they are written."""
+    decimals = 0
+    for cell in cells:
+        mantissa, _, exponent = cell.lower().partition("e")
+        digits = len(mantissa.partition(".")[2].rstrip("0"))
+        decimals = max(decimals, digits - int(exponent or 0))
+    return float(10.0**-decimals)
+
+
+def even_times(time: Array, rounding: float, rate: float | None = None) -> tuple[Array, float]:
+    """Undo the rounding of times (s) that a steady clock stamped; gaps are allowed.
+
+    Returns times and the rate in Hz, which is `rate`, a whole number or 1000/1001 of one if
+    the stamps allow it.  Times that no steady clock explains stay as they are, and the rate is
+    that of the median step.
+    """
+    steps = np.diff(time)
+    if time.size < 2:
+        return time, np.nan
+    usual = float(np.median(steps))
+    if time.size < 4:
+        return time, 1.0 / usual
+    usual = float(steps[steps < 1.5 * usual].mean())
+    frame = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
+    since = time - time[0]
+    found = 1.0 / float(np.polyfit(frame, since, 1)[0])
+    slack = (1.0 + 1e-6) * rounding + 4.0 * float(np.spacing(np.abs(time).max()))
+    for candidate in _rates(found, rate):
+        rest = since - frame / candidate
+        if abs(candidate / found - 1.0) < STEADY and np.ptp(rest) <= slack:
+            middle = 0.5 * float(rest.min() + rest.max())
+            return time[0] + middle + frame / candidate, candidate
+    return time, 1.0 / float(np.median(steps))
+
+
+def _rates(found: float, rate: float | None) -> Iterator[float]:
+    """Yield rates near one that was found, the likeliest first."""
+    if rate is not None:
+        yield rate
+    for candidate in (round(found), 1000.0 * round(1.001 * found) / 1001.0, round(found, 1), found):
+        if candidate > 0.0:
+            yield float(candidate)
+
+
+def origin_of(time: Array) -> float:
+    """Whole second from which to count times, so that phases hold: 0 unless it is far away."""
+    begin, span = float(time[0]), float(time[-1] - time[0])
+    return float(np.floor(begin)) if abs(begin) > FAR * span else 0.0
+
+
+def strongest_rate(time: Array, values: Array, padding: int = 1) -> float:
+    """Frequency in Hz of the highest peak of the spectrum of values without mean or trend.
+
+    Values are put on an even clock of the usual step, and gaps hold zeros: where all steps are
+    multiples of one this is the spectrum of Lomb and Scargle but for its norm.
+    """
+    step = 1.0 / even_times(time, 0.0)[1]
+    place = np.rint((time - time[0]) / step).astype(np.intp)
+    even = np.zeros(place[-1] + 1)
+    even[place] = values
+    power = np.abs(np.fft.rfft(even, padding * even.size)) ** 2
+    return (int(np.argmax(power[1:])) + 1) / (padding * even.size * step)
