@@ -17,7 +17,7 @@ from study.verdict import Claim, Outcome
 from vibrosweep.errors import SpecError
 
 # Samples from which all claims are judged in two minutes
-QUICK: Final = Plan(seeds=3, realizations=20)
+QUICK: Final = Plan(seeds=5, realizations=40)
 FULL: Final = Plan()
 # Processor time of claims on an AMD EPYC, from quick and from full samples; others take below 1 s
 SECONDS: Final = {
