@@ -154,12 +154,8 @@ def grid_axes(
     if needed not in axes or other or not (ranges or spec.design.name == GRID):
         also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
         grid = Word('design = "grid" with an axis of', "a list of values for")
-        wrong = Mistake(
-            f"sample.{other[0]}" if other else "sample.design",
-            (f"{purpose} need ", grid, f" {needed}{also}"),
-            ABSENT if other else spec.design.name,
-        )
-        raise spec.refusal(wrong)
+        key = f"sample.{other[0] if other else needed}"
+        raise spec.refusal(Mistake(key, (f"{purpose} need ", grid, f" {needed}{also}"), ABSENT))
     return axes
 
 
