@@ -128,7 +128,7 @@ def test_mistakes_are_named():
     for given, key in (
         ({"launch": [np.nan], "launch_velocity": [1.0]}, "scene.launch"),
         ({"launch_velocity": [-1.0]}, "sample.launch_velocity"),
-        ({"amplitude": [1.0, 2.0]}, "sample.design"),
+        ({"amplitude": [1.0, 2.0]}, "sample.launch_velocity"),
         ({"frequency": [1.0, 2.0], "launch_velocity": [1.0]}, "sample.frequency"),
         (
             {"restitution": [0.9], "amplitude": [1.0], "launch_velocity": [1.0]},

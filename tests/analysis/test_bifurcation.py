@@ -160,7 +160,7 @@ def test_more_samples_than_fit_into_memory_are_refused_with_a_remedy_that_exists
 
 def test_the_base_acceleration_lies_along_the_amplitude():
     found = bifurcation(
-        keyword_spec({"duration_periods": 20.0, "base_acceleration": 7.0}).scene,
+        keyword_spec({"duration_periods": 20.0}).scene,
         [0.0, 1.2],
         samples=2,
     )
@@ -192,6 +192,9 @@ def test_launches_find_an_attractor_to_which_no_orbit_is_followed():
     flight = vs.theory.locked_velocity(2, frequency=60.0)
     np.testing.assert_allclose(speeds[np.isfinite(speeds)], flight, rtol=1e-9)
     assert (found.attractors.values[inside] > 1).all()
+    kept = np.isfinite(found.launched_rebound_velocity).sum("sample")
+    expected = np.where(found.launched_regime == vs.Regime.APERIODIC, 8, 2)
+    assert set(kept.values[kept.values != expected]) <= {0}  # at permanent rest
     aperiodic = (found.launched_regime == vs.Regime.APERIODIC).any("launch")
     assert aperiodic.values.tolist() == [False] * 6 + [True] * 2
     assert (float(found.chaos_low), float(found.chaos_high)) == (values[5], values[6])

@@ -2,6 +2,7 @@
 
 import inspect
 import math
+import re
 
 import cloudpickle
 import numpy as np
@@ -166,9 +167,9 @@ def test_orbits_that_are_observed_too_briefly_are_warned_of_once_and_noted(
             found = analysis(**keywords, **given, base=base, restitution=0.9)
         (warning,) = caught
         assert warning.filename == __file__
-        assert found.attrs["notes"] == str(warning.message)
+        assert found.attrs["notes"].endswith(f"observation: {warning.message}")
     found = analysis(**keywords, duration_periods=1.1 * enough, base=base, restitution=0.9)
-    assert found.attrs["notes"] == ""
+    assert "observation" not in found.attrs["notes"]
 
 
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
@@ -176,7 +177,7 @@ def test_orbits_that_are_observed_too_briefly_are_warned_of_once_and_noted(
 def test_without_a_duration_orbits_are_observed_until_they_settle(analysis, keywords, base):
     found = analysis(**keywords, base=base, restitution=0.9, frequency=25.0)
     enough = vs.theory.recognition_periods(0.9, base=base)
-    assert found.attrs["notes"] == ""
+    assert "observation" not in found.attrs["notes"]
     assert found.duration * 25.0 > 3.9 * enough
     with pytest.warns(ShortObservationWarning, match="100000 are observed"):
         analysis(**keywords, base=base, restitution=0.9999)  # longest default duration
@@ -213,7 +214,32 @@ def test_sobol_warns_of_short_observations_for_outputs_of_orbits_only():
     asks = {"amplitude": (0.2, 3.0), "phase": (0.0, 1.0), "realizations": 8, "particles": 6}
     with pytest.warns(ShortObservationWarning):
         vs.sobol(**asks, outputs=["unsettled_count"], duration=100.0)
-    assert vs.sobol(**asks).attrs["notes"] == ""
+    assert "observation" not in vs.sobol(**asks).attrs["notes"]
+
+
+SHAKEN = {"frequency": 60.0, "base_acceleration": [0.5, 1.0]}
+LINE = {"restitution": 0.5, "amplitude": [1.0, 2.0]}
+
+
+@pytest.mark.parametrize(
+    ("analysis", "keywords", "subjects"),
+    [
+        (vs.windows, SHAKEN, {"defaults", "base"}),  # locked orbits, which no particle looks for
+        (vs.windows, SHAKEN | {"conditions": ["ordered"]}, {"defaults", "base", "launch"}),
+        (vs.bifurcation, SHAKEN | {"samples": 2}, {"defaults", "base", "launch"}),
+        (vs.basins, {"launch_velocity": [4.0], "frequency": 60.0}, {"defaults", "launch"}),
+        (vs.orbits, {"base_acceleration": 0.8, "impacts": 1, "periods": 1}, {"defaults", "base"}),
+        (vs.branches, LINE | {"impacts": 1, "periods": 1}, {"defaults"}),
+        (vs.branches, LINE | {"base": "high-bounce"}, {"defaults"}),
+    ],
+)
+def test_analyses_remark_on_the_scene_as_sweeps_do(analysis, keywords, subjects):
+    found = analysis(**keywords).attrs["notes"]
+    assert {one.partition(":")[0] for one in re.split(r"; (?=[a-z]+: )", found)} == subjects
+    assert found.startswith("defaults: base high-bounce, ") == ("base" not in keywords)
+    assert ("launch_velocity" in found.partition(";")[0]) == (
+        "launch" in subjects and "launch_velocity" not in keywords
+    )
 
 
 @pytest.mark.parametrize("command", ["windows", "basins", "bifurcation"])
@@ -227,6 +253,7 @@ def test_the_command_line_prints_the_note_once(command, tmp_path, monkeypatch, c
     assert main([command, "x.toml"]) == 0  # warnings are errors here
     said, complained = capsys.readouterr()
     assert said.count("such orbits may be called unsettled") == 1
+    assert said.count("\ndefaults: base high-bounce, ") == 1
     assert not complained
     with xr.open_dataset(tmp_path / f"x_{command}.h5", engine="h5netcdf") as found:
         assert "such orbits may be called unsettled" in found.attrs["notes"]

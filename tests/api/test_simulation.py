@@ -473,3 +473,11 @@ def test_a_result_that_no_sweep_computed_is_refused(change, word):
 def test_a_result_takes_no_keywords():
     with pytest.raises(ParameterError, match=r"^restitution: "):
         vs.simulate(vs.sweep(restitution=0.9), restitution=0.8)
+
+
+def test_a_tuple_is_answered_once():
+    with pytest.raises(SpecError) as caught:
+        simulate(frequency=(20.0, 30.0))
+    (mistake,) = caught.value.mistakes
+    assert "give a list" in str(caught.value)
+    assert mistake.key.endswith("frequency")

@@ -89,8 +89,15 @@ def test_impacts_of_a_bifurcation_diagram_are_points(forcing):
     scan = {forcing: [0.6, 1.2]}
     found = vs.bifurcation(restitution=0.9, **scan, launch=[0.125, 0.45], duration=1500.0)
     points = of_result(found, HERE, "bifurcation")
-    values = found[found.attrs["observable"]].values
-    assert points.count == np.isfinite(values).sum()
+    name = found.attrs["observable"]
+    ways = found[name].sel(direction="up"), found[name].sel(direction="down")
+    ways = [np.isfinite(one.values).sum() for one in (*ways, found[f"launched_{name}"])]
+    direction = points.columns["direction"]
+    assert [np.count_nonzero(direction.values == code) for code in direction.codes] == ways
+    assert [*direction.codes.values()] == ["up", "down", "new launches"]
+    assert points.count == sum(ways)
+    launched = direction.values == 2
+    assert set(points.columns["regime"].values[launched]) == set(found.launched_regime.values.flat)
     assert points.choice(points.count - 1).inputs[forcing] == 1.2
     assert points.axes[0] == forcing
     assert points.choice(0).launch_time == (0.125, 0.45)

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.collections import QuadMesh
 from matplotlib.colors import to_rgba
 
+import vibrosweep as vs
 from tests.figures.drawn import (
     bars,
     colour_at,
@@ -28,7 +30,7 @@ from vibrosweep.analysis.basins import name_of
 from vibrosweep.analysis.branches import EVENTS
 from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.errors import DataError
-from vibrosweep.figures.orbits import FAINT, KINDS, TIES
+from vibrosweep.figures.orbits import KINDS, TIES
 
 PLAIN = {"phase": 0.0, "gravity": 9.81, "contact_time": 1e-4, "frequency": 1.0}
 BLACK, WHITE = to_rgba("black"), to_rgba("white")
@@ -212,7 +214,7 @@ def test_a_bifurcation_diagram(launched, random):
     numbers = {
         "lyapunov_largest": (dims, exponent),
         "rebound_velocity": ((*dims, "sample"), speed),
-        "regime": (dims, np.full(shape, 3, np.int8)),
+        "regime": (dims, np.full(shape, 2, np.int8)),
     }
     anew = random.uniform(1.0, 5.0, (at.size, 2, 4))
     several = random.integers(1, 3, at.size)
@@ -220,6 +222,7 @@ def test_a_bifurcation_diagram(launched, random):
         numbers |= {
             "launched_rebound_velocity": (("amplitude", "launch", "sample"), anew),
             "launched_lyapunov_largest": (("amplitude", "launch"), anew[:, :, 0]),
+            "launched_regime": (("amplitude", "launch"), np.full((at.size, 2), 2, np.int8)),
             "attractors": ("amplitude", several),
             "chaos_high": ((), at[1]),
         }
@@ -233,11 +236,11 @@ def test_a_bifurcation_diagram(launched, random):
         colour = names[f"amplitude {direction}"]
         for i, x in enumerate(at):
             one = diagram.sel(direction=direction).isel(amplitude=i)
-            expected += [(x, y, faint(colour)) for y in one.rebound_velocity.values.ravel()]
+            expected += [(x, y, colour) for y in one.rebound_velocity.values.ravel()]
             exponents += [(x, y, colour, True) for y in one.lyapunov_largest.values]
     if launched:
         colour = names["new launches"]
-        expected += [(at[i], y, faint(colour)) for i in range(at.size) for y in anew[i].ravel()]
+        expected += [(at[i], y, colour) for i in range(at.size) for y in anew[i].ravel()]
         exponents += [(at[i], y, colour, True) for i in range(at.size) for y in anew[i, :, 0]]
         marks = {one.get_label(): one.get_xdata() for one in upper.lines}
         assert list(marks["first exponent above 0"]) == [at[1]] * 2
@@ -257,8 +260,78 @@ def test_a_bifurcation_diagram(launched, random):
     assert floor < lowest < np.nanmin(exponent[np.isfinite(exponent)])
 
 
-def faint(colour):
-    return (*colour[:3], FAINT)
+def test_impacts_of_aperiodic_orbits_are_counted_in_pixels(random):
+    at = axis(random, 6)
+    dims, shape = ("direction", "amplitude", "particle"), (2, at.size, 3)
+    speed = random.uniform(1.0, 5.0, (*shape, 8))
+    regime = random.choice([2, 3, 4], shape)
+    diagram = xr.Dataset(
+        {
+            "lyapunov_largest": (dims, random.normal(size=shape)),
+            "rebound_velocity": ((*dims, "sample"), speed),
+            "regime": (dims, regime.astype(np.int8)),
+        },
+        {"amplitude": at, "direction": ["up", "down"], **scene(restitution=0.8)},
+        {"observable": "rebound_velocity", "forcing": "amplitude"},
+    )
+    upper, _ = drawn(figures.bifurcation_diagram, diagram)
+    dots = sorted(y for _, y, *_ in scattered(upper) if np.isfinite(y))
+    assert dots == sorted(speed[regime == 2].ravel())
+    (mesh,) = (one for one in upper.collections if isinstance(one, QuadMesh))
+    edges, shades = mesh.get_coordinates(), np.ma.getmaskarray(mesh.get_array())
+    for i, x in enumerate(np.sort(at)):
+        assert edges[0, i, 0] < x < edges[0, i + 1, 0]
+        there = speed[:, at == x][regime[:, at == x] > 2]
+        counts, _ = np.histogram(there, edges[:, 0, 1])
+        np.testing.assert_array_equal(~shades[:, i], counts > 0)
+
+
+STABLE = {"restitution": 0.5, "doublings": 1, "points": 300}
+AMPLITUDES = [1.0, 2.0, 3.0, 5.0]
+
+
+@pytest.fixture(scope="module")
+def diagram():
+    return vs.bifurcation(restitution=0.5, amplitude=AMPLITUDES, samples=2, launches=1)
+
+
+def test_stable_orbits_are_drawn_over_a_bifurcation_diagram(diagram):
+    lines = vs.branches(**STABLE, amplitude=[1.0, 5.0])
+    orbits = vs.orbits(restitution=0.5, amplitude=AMPLITUDES, impacts=1, periods=1)
+    real = (lines.stable == 1) & (lines.admissible == 1)
+    for over, expected in (
+        (lines, lines.rebound_velocity.where(real)),
+        (orbits, orbits.rebound_velocity.where((orbits.stable == 1) & (orbits.admissible == 1))),
+    ):
+        upper, _ = figures.bifurcation_diagram(diagram, orbits=over)
+        black = [line for line in upper.lines if line.get_zorder() == 3.0]
+        shown = np.concatenate([np.ravel(line.get_ydata()) for line in black])
+        expected = expected.values[np.isfinite(expected.values)]
+        np.testing.assert_array_equal(np.sort(shown[np.isfinite(shown)]), np.sort(expected))
+        assert expected.size
+        assert "stable orbits" in legend(upper)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"restitution": 0.6}, "restitution"),
+        ({"along": "restitution"}, "along amplitude, but these are along restitution"),
+        ({"observable": "flight_time"}, "rebound_velocity or impact_phase"),
+    ],
+)
+def test_orbits_that_do_not_belong_to_a_bifurcation_diagram_are_refused(diagram, changed, words):
+    lines = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], points=100)
+    if "restitution" in changed:
+        lines = lines.assign(restitution=changed["restitution"])
+    elif "along" in changed:
+        lines = lines.assign_attrs(along="restitution")
+    else:
+        diagram = diagram.rename(
+            {"rebound_velocity": "flight_time", "launched_rebound_velocity": "launched_flight_time"}
+        ).assign_attrs(changed)
+    with pytest.raises(DataError, match=words):
+        figures.bifurcation_diagram(diagram, orbits=lines)
 
 
 def random_lines(random, dim):

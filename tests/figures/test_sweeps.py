@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from matplotlib.collections import FillBetweenPolyCollection, PathCollection, QuadMesh
 from matplotlib.colors import LogNorm, to_rgb
+from matplotlib.figure import Figure
 
 import vibrosweep as vs
 from tests.scans import basins, bifurcation, find_windows
@@ -602,6 +603,23 @@ def test_windows_of_another_forcing_have_its_axis_and_curves():
     assert upper.get_ydata() == pytest.approx(exact, rel=1e-12)
 
 
+@pytest.mark.parametrize("width", [3.4, 7.0])
+@pytest.mark.parametrize("base", ["moving", "high-bounce"])
+def test_names_of_windows_do_not_lie_on_each_other(base, width):
+    """Also where upper ends of one orbit cross lower ends of the next."""
+    found = vs.windows(
+        base=base, restitution=np.linspace(0.3, 0.98, 5), base_acceleration=[0.05, 1.0, 2.5],
+        conditions=["locked(1)", "locked(2)", "locked(3)"], duration=100.0,
+    )  # fmt: skip
+    figure = Figure(figsize=(width, 0.75 * width), layout="constrained")
+    (axes,) = stability_windows(found, ax=figure.add_subplot())
+    figure.canvas.draw()
+    middles = axes.transData.transform([text.get_position() for text in axes.texts]) / figure.dpi
+    assert len(middles) >= 4
+    for one, other in itertools.combinations(middles, 2):
+        assert np.hypot(*(one - other)) > 0.3  # inches; they are 0.1 high and slant alike
+
+
 def test_curves_under_the_reflect_law_are_labelled_as_orbits_without_reflection():
     found = find_windows(
         keyword_spec({"duration": 2000.0, "rebound": "reflect"}).scene,
@@ -638,13 +656,14 @@ def test_any_number_of_conditions_and_any_mode_can_be_drawn(modes):
 def test_a_bifurcation_diagram_shows_every_impact_and_exponent():
     diagram = bifurcation(SCENE, np.linspace(0.4, 3.4, 15), samples=5)
     upper, lower = bifurcation_diagram(diagram)
-    shown = np.concatenate([np.asarray(c.get_offsets()) for c in upper.collections])
-    drawn = diagram["rebound_velocity"].size + diagram["launched_rebound_velocity"].size
-    assert diagram["rebound_velocity"].size == 2 * 15 * 2 * 5
-    assert shown.shape == (drawn, 2)
+    dots = [c for c in upper.collections if not isinstance(c, QuadMesh)]
+    shown = np.concatenate([np.asarray(c.get_offsets()) for c in dots])
     names = "rebound_velocity", "launched_rebound_velocity"
+    assert shown.shape == (sum(diagram[name].size for name in names), 2)
+    assert diagram["rebound_velocity"].size == 2 * 15 * 2 * 5
     largest = max(float(diagram[name].max()) for name in names)
-    assert np.nanmax(shown[:, 1]) == pytest.approx(largest)
+    pixels = [c.get_coordinates()[..., 1].max() for c in upper.collections if c not in dots]
+    assert max([np.nanmax(shown[:, 1]), *pixels]) == pytest.approx(largest)
     assert "velocity at lift-off" in upper.get_ylabel()
     heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in lower.lines])
     assert np.isfinite(heights).all()

@@ -111,7 +111,7 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
         end = f"{side} end of the Wilson 95 % interval of the fraction of launches"
         shares[f"fraction_{side}"] = (counted.dims, values, meaning(end))
     notes = short_observation(scene, highest, frequency)
-    along = dict(zip(("along",), axes, strict=False))
+    along: dict[str, Any] = dict(zip(("along",), axes, strict=False))
     return (
         found.drop_vars("launches")
         .assign(shares | shared(scene, ["launch_velocity", *axes]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -59,6 +60,7 @@ class Impacts(NamedTuple):
 
 
 DIRECTIONS: Final = ("up", "down")
+MORE: Final = 4  # times as many samples are kept of an aperiodic orbit, which fills an interval
 BYTES_PER_IMPACT, BYTES_PER_ORBIT = 18, 130
 OBSERVABLES: Final = {
     "rebound_velocity": ("speed", "m s-1", "velocity at lift-off"),
@@ -83,10 +85,9 @@ def bifurcation(
 
     At the first point of each direction particles are launched as the scene says; at every further
     point they start from the state reached at the previous one.  They settle until they recur or
-    the duration is over, and then `samples` further impacts are kept.  As many staggered particles
-    as `launches` says are launched at every point.  Orbits that ``regime`` calls unsettled may
-    still approach an attractor.  Raises a SpecError unless the only axis of the design is a
-    forcing.
+    the duration is over, and then `samples` further impacts are kept, `MORE` times as many of an
+    aperiodic orbit.  As many staggered particles as `launches` says are launched at every point.  Orbits that ``regime`` calls unsettled may still approach an attractor.  Raises a
+    SpecError unless the only axis of the design is a forcing.
     """
     require_ability("bifurcation", sweep.scene, sweep.design.sampled)
     forcing = forcing_of(sweep.design.sampled)
@@ -99,17 +100,17 @@ def bifurcation(
     field, units, words = OBSERVABLES.get(name, ("", "1", name))
     many = replace(scene, particles=launches, launch=STAGGERED)
     orbits_each = len(DIRECTIONS) * scene.particles + launches
-    bytes_each = BYTES_PER_ORBIT + BYTES_PER_IMPACT * samples
+    bytes_each = BYTES_PER_ORBIT + BYTES_PER_IMPACT * samples * MORE
     require_memory(f"orbits with {samples} samples each", a.size * orbits_each, bytes_each)
 
     def observed(scene: Scene, parameters: dict[str, Array], orbits: Orbits) -> Array:
-        impacts = _impacts(scene, parameters, orbits, samples, workers)
+        impacts = _impacts(scene, parameters, orbits, samples * MORE, workers)
         if callable(observable):
             return np.asarray(observable(impacts.phase, impacts.speed, scene.inputs["gravity"]))
         return np.asarray(getattr(impacts, field))
 
     order = np.stack([a, a[::-1]])
-    values = unwritten((len(DIRECTIONS), a.size, scene.particles, samples))
+    values = unwritten((len(DIRECTIONS), a.size, scene.particles, samples * MORE))
     states = launch_states(scene, scene.parameters({forcing: order[:, 0]}))
     followed: list[Orbits] = []
     with Workers(threads) as workers:
@@ -121,14 +122,15 @@ def bifurcation(
             values[at] = observed(scene, parameters, followed[-1])
         parameters = scene.parameters({forcing: a})
         anew = settle_from(many, parameters, launch_states(many, parameters), workers)
-        launched = observed(many, parameters, anew)
+        launched = np.array(observed(many, parameters, anew), np.float64)
     found = orbit_variables(_together(followed, anew, a.size), parameters["frequency"])
     data = _regimes(found, scene.particles, forcing) | _coexistence(found, forcing, a)
-    for one, axes, impacts in (
-        (name, ("direction", forcing, "particle"), values),
-        (f"launched_{name}", (forcing, "launch"), launched),
-    ):
-        data[one] = ((*axes, "sample"), impacts, meaning(words, units))
+    chaos = float(data["chaos_high"][1])
+    for prefix, impacts in (("", values), ("launched_", launched)):
+        axes, regimes, _ = data[f"{prefix}regime"]
+        impacts[regimes != Regime.APERIODIC, samples:] = np.nan
+        kept = impacts[..., : samples * MORE if math.isfinite(chaos) else samples]
+        data[f"{prefix}{name}"] = ((*axes, "sample"), kept, meaning(words, units))
     quantities = scene.quantities({forcing: a})
     coordinates: dict[str, Any] = {
         n: (forcing, quantities[n], coordinate_attributes(FORCINGS[n]))

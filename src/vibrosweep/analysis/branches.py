@@ -131,7 +131,7 @@ def branches(
     words = "branch whose orbit doubles where this one is born, -1 if there is none"
     data["parent"] = ("branch", parents, meaning(words))
     data |= shared(spec.scene, [along])
-    return xr.Dataset(data, attrs=attributes(spec, spec.scene, along=along))
+    return xr.Dataset(data, attrs=attributes(spec, spec.scene, launched=False, along=along))
 
 
 def boundaries(
@@ -175,7 +175,7 @@ def boundaries(
         words = coordinate_attributes(FORCINGS[name])
         data[name] = (dims, quantities[name].reshape(values.shape), words)
     data |= shared(spec.scene, varied)
-    return xr.Dataset(data, attrs=attributes(spec, spec.scene, forcing=forcing))
+    return xr.Dataset(data, attrs=attributes(spec, spec.scene, launched=False, forcing=forcing))
 
 
 def _require(wanted: tuple[int, int], doublings: int, points: int) -> None:

@@ -32,8 +32,9 @@ from vibrosweep.model.parameters import (
 )
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE
-from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes
+from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes, remarks
 from vibrosweep.scene.design import GRID
+from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.system import physical_memory
@@ -67,7 +68,19 @@ def settling(spec: Sweep, restitution: float) -> Scene:
     return replace(scene, duration=Periods(float(np.ceil(min(periods, LONGEST)))))
 
 
-def attributes(sweep: Sweep, scene: Scene, notes: str = "", **others: Any) -> dict[str, Any]:
+OBSERVATION: Final = "observation: "  # begins the last of the remarks on a result, if it is there
+
+
+def remarks_on(sweep: Sweep, observation: str = "", *, launched: bool = True) -> str:
+    """Remarks on the scene of an analysis and on its observation, in one text."""
+    found = remarks(sweep, open_design(sweep), launched=launched)
+    found[OBSERVATION.partition(":")[0]] = observation
+    return "; ".join(f"{about}: {text}" for about, text in found.items() if text)
+
+
+def attributes(
+    sweep: Sweep, scene: Scene, observation: str = "", *, launched: bool = True, **others: Any
+) -> dict[str, Any]:
     """Attributes of a result: its sweep, its scene apart from the inputs, remarks, and others."""
     return {
         "title": sweep.title,
@@ -76,7 +89,7 @@ def attributes(sweep: Sweep, scene: Scene, notes: str = "", **others: Any) -> di
         "impact_budget": scene.measures.impact_budget,
         **attributes_of_scene(scene),
         **others,
-        "notes": notes,
+        "notes": remarks_on(sweep, observation, launched=launched),
         "sweep_file": sweep.text,
     }
 
@@ -141,12 +154,8 @@ def grid_axes(
     if needed not in axes or other or not (ranges or spec.design.name == GRID):
         also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
         grid = Word('design = "grid" with an axis of', "a list of values for")
-        wrong = Mistake(
-            f"sample.{other[0]}" if other else "sample.design",
-            (f"{purpose} need ", grid, f" {needed}{also}"),
-            ABSENT if other else spec.design.name,
-        )
-        raise spec.refusal(wrong)
+        key = f"sample.{other[0] if other else needed}"
+        raise spec.refusal(Mistake(key, (f"{purpose} need ", grid, f" {needed}{also}"), ABSENT))
     return axes
 
 

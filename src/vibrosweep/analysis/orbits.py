@@ -85,7 +85,7 @@ def orbits(sweep: Sweep, threads: int, *, impacts: int, periods: int, seeds: int
     places = (("impacts", impacts, "impacts of an orbit"), ("periods", periods, "its periods"))
     for name, most, words in places:
         coordinates[name] = (name, np.arange(1, most + 1), {"long_name": words})
-    attrs = attributes(sweep, scene, seeds_of_each_phase=seeds)
+    attrs = attributes(sweep, scene, launched=False, seeds_of_each_phase=seeds)
     dataset = xr.Dataset(data, coordinates, attrs)
     if not design.sampled:
         return dataset.isel(realization=0)

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.abilities import refusal
-from vibrosweep.analysis.common import require_ability
+from vibrosweep.analysis.common import remarks_on, require_ability
 from vibrosweep.analysis.datasets import table, variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
@@ -85,7 +85,9 @@ def sobol_indices(
     indices = _index_dataset(_indices(parts), ends, parts, outputs, [*ranges])
     recognised = needed.keys() & {"regimes", "lyapunov"}
     note = observation_of_orbits(sweep, open_design(sweep)) if recognised else ""
-    return indices.assign_attrs(title=sweep.title, sweep_file=sweep.text, notes=note)
+    return indices.assign_attrs(
+        title=sweep.title, sweep_file=sweep.text, notes=remarks_on(sweep, note)
+    )
 
 
 def _require_outputs(outputs: Sequence[str], base: str, confidence: float) -> None:

@@ -217,6 +217,7 @@ def find_windows(sweep: Sweep, threads: int) -> xr.Dataset:
     notes = short_observation(scene, float(e.max()), frequency) if orbits else ""
     meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)
     others |= {"forcing": forcing, "meaning": meanings}
+    others["launched"] = any(isinstance(c, Condition) for c in conditions)
     return dataset.assign_attrs(attributes(sweep, scene, notes, **others))
 
 

@@ -175,7 +175,8 @@ def bifurcation(
         ``"impact_phase"`` (turns), or a function of the phase of landing (turns), the speed at
         lift-off (m s-1) and gravity (m s-2), on arrays of any shape.
     samples
-        Number of impacts that are recorded at each point, once the orbit has settled.
+        Number of impacts that are recorded at each point, once the orbit has settled; four times
+        as many of an aperiodic one.
     launches
         Number of new launches at each point, staggered over one forcing period.
     threads

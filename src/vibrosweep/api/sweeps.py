@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import xarray as xr
 
+from vibrosweep.analysis.common import OBSERVATION
 from vibrosweep.api.keyword_types import SweepKeywords, completed
 from vibrosweep.api.results import open_sweep
 from vibrosweep.errors import (
@@ -303,7 +304,7 @@ def _sweep_of(attributes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def warned(found: xr.Dataset) -> xr.Dataset:
-    """Issue the notes of a result as a warning and return it; the command line prints them."""
-    if found.attrs["notes"]:
-        warnings.warn(found.attrs["notes"], ShortObservationWarning, stacklevel=3)
+    """Warn of an observation that is too short, and return the result, whose notes say so too."""
+    if short := found.attrs["notes"].partition(OBSERVATION)[2]:
+        warnings.warn(short, ShortObservationWarning, stacklevel=3)
     return found

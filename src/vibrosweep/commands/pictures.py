@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -76,7 +77,7 @@ ANALYSES: Final[Mapping[str, Analysis]] = {
         "bifurcation",
         "a grid over the forcing",
         {
-            "samples": ("impacts recorded at each point", 64),
+            "samples": ("impacts recorded at each point, four times as many of an aperiodic orbit", 64),
             "launches": ("new launches at each point", 8),
         },
         _bifurcation,
@@ -165,8 +166,7 @@ def _perform(name: str, options: argparse.Namespace) -> None:
     found: xr.Dataset = compute(spec, threads=count, **analysis.keywords(options))
     taken, lines = time.perf_counter() - began, [*kind.lines(found)]
     say(options, f"{taken:.3g} s on {some(count, 'thread')}", *lines)
-    if found.attrs["notes"]:
-        say(options, f"observation: {found.attrs['notes']}")
+    say(options, *filter(None, re.split(r"; (?=[a-z]+: )", found.attrs["notes"])))
     if limited := found.attrs.get("restitution_law_range"):
         say(options, f"restitution_law: {limited}")
     write_dataset(found.assign_attrs(provenance(count)), output, kind, force=options.force)

@@ -530,7 +530,9 @@ class Page:
     def _one_message(self) -> Iterator[None]:
         self.document.hold("combine")
         try:
-            yield
+            # Bokeh collects all models again after each new one, and that takes most of the time
+            with self.document.models.freeze():
+                yield
         finally:
             self.document.unhold()
 

@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 import vibrosweep as vs
@@ -33,9 +34,6 @@ from vibrosweep.model.shapes import SINE
 from vibrosweep.scene.scene import Launch, Scene, stored
 from vibrosweep.scene.sweep import batch
 from vibrosweep.store.reading import SWEEP, load_dataset, read_kind
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SYMBOLS: Final[Mapping[str, str]] = {
     "restitution": "e",
@@ -420,21 +418,29 @@ def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
 
 
 def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
-    """Make a point for each impact."""
+    """Make a point for each impact of continued orbits and of new launches."""
     name = str(diagram.attrs["observable"])
     along = next(str(dim) for dim in diagram[name].dims if dim in FORCINGS)
-    values = diagram[name].transpose("direction", along, "particle", "sample")
-    direction, row, particle, sample = np.nonzero(np.isfinite(values.values))
-    orbit = (direction, row, particle)
+    measured = ("regime", "lyapunov_largest", "cycle_impacts", "cycle_periods")
     forcings = [n for n in FORCINGS if n in diagram.variables]
-    columns = {n: _column(n, diagram[n], row) for n in forcings} | {
-        name: _column(name, values, (direction, row, particle, sample)),
-        "direction": _named("direction of the scan", diagram["direction"].values, direction),
+    of_launches = {f"launched_{one}": one for one in (name, *measured)}
+    ways = {str(one): diagram.sel(direction=one, drop=True) for one in diagram["direction"].values}
+    ways["new launches"] = diagram[[*of_launches]].rename(of_launches | {"launch": "particle"})
+    parts: list[dict[str, Column]] = []
+    for code, one in enumerate(ways.values()):
+        values = one[name].transpose(along, "particle", "sample")
+        at = row, particle, _ = np.nonzero(np.isfinite(values.values))
+        parts.append(
+            {n: _column(n, diagram[n], row) for n in forcings}
+            | {name: _column(name, values, at)}
+            | {"direction": _named("direction of the scan", [*ways], np.full(row.size, code))}
+            | {n: _column(n, _numbers(n, one).transpose(along, ...), at[:2]) for n in measured}
+            | {"particle": Column("number of the particle", particle.astype(np.float64))}
+        )
+    columns = {
+        n: replace(column, values=np.concatenate([part[n].values for part in parts]))
+        for n, column in parts[0].items()
     }
-    for measured in ("regime", "lyapunov_largest", "cycle_impacts", "cycle_periods"):
-        one = _numbers(measured, diagram).transpose("direction", along, "particle")
-        columns[measured] = _column(measured, one, orbit)
-    columns["particle"] = Column("number of the particle", particle.astype(np.float64))
     return {
         "columns": columns,
         "varied": (along,),

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import ColorType
 
 from vibrosweep.analysis.basins import UNSETTLED, name_of
@@ -70,7 +71,11 @@ ORDER: Final = (
     ("down", style.OKABE_ITO[1], 1.4),
     ("up", style.OKABE_ITO[0], 0.5),
 )
-FAINT: Final = 0.4  # opacity: impacts of a cycle lie over each other, those of chaos do not
+NOT_REPEATED: Final = (Regime.APERIODIC, Regime.UNSETTLED)
+ROWS: Final = 300  # of the pixels in which impacts of such orbits are counted
+DARKEST: Final = 0.75
+# Observables of a diagram over which orbits can be drawn, which hold them too
+DRAWN_OVER: Final = ("rebound_velocity", "impact_phase")
 
 
 @style.styled
@@ -530,20 +535,27 @@ def _named(axes: Axes, basins: xr.Dataset) -> tuple[list[str], Array, list[Color
 
 @style.styled
 def bifurcation_diagram(
-    diagram: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None
+    diagram: xr.Dataset,
+    *,
+    orbits: xr.Dataset | None = None,
+    ax: Sequence[Axes] | Panels | None = None,
 ) -> Panels:
     """Draw the impacts of all particles along the forcing, up and down, above their exponents.
 
-    The axis is the forcing as given.  New launches at each point are drawn under orbits that are
-    continued up and down, black marks at the top show where attractors coexist, and a dotted line
-    where the first exponent above zero lies, if the diagram holds them.  An orbit
-    with rests has the exponent minus infinity, drawn at the lower edge.  The head of the figure
-    states the share of unsettled orbits, whose impacts need not belong to an attractor.
+    The axis is the forcing as given.  Impacts of orbits in which no repetition was found are
+    counted in grey pixels, the darker the more of them at a value of the forcing; others are dots.
+    New launches at each point are drawn under orbits that are continued up and down, black marks at the top show where attractors coexist, and a dotted line where the first
+    exponent above zero lies, if the diagram holds them.  An orbit with rests has the exponent minus
+    infinity, drawn at the lower edge.  The head of the figure states the share of unsettled orbits,
+    whose impacts need not belong to an attractor.
 
     Parameters
     ----------
     diagram
         Result of `vibrosweep.bifurcation`.
+    orbits
+        Result of `vibrosweep.branches` or `vibrosweep.orbits` along the same forcing in the same
+        scene, whose stable orbits are drawn over the impacts.
     ax
         Two axes to draw on; by default those of a new figure of pyplot.
 
@@ -555,7 +567,7 @@ def bifurcation_diagram(
     Raises
     ------
     DataError
-        The dataset lacks a variable.
+        The dataset lacks a variable, or contradicts the orbits, or these lack the observable.
 
     Examples
     --------
@@ -570,22 +582,30 @@ def bifurcation_diagram(
     upper, lower = panels = style.panels_on(ax, style.PAGE, 5.0, [[0], [1]], **layout)
     name, along = str(diagram.attrs["observable"]), str(diagram.attrs["forcing"])
     at, words = diagram[along].values, along.removeprefix("base_")
+    irregular: list[Array] = []
     for way, colour, size in ORDER:
-        values = _of(diagram, name, way)
-        if values is None:
+        values, regimes = _of(diagram, name, way), _of(diagram, "regime", way)
+        if values is None or regimes is None:
             continue
+        never = np.isin(regimes, NOT_REPEATED)[..., np.newaxis]
+        irregular.append(np.where(never, values, np.nan).reshape(at.size, -1))
+        values = np.where(never, np.nan, values)
         x, y = np.broadcast_arrays(at[:, np.newaxis], values.reshape(at.size, -1))
-        look = {"color": colour, "linewidths": 0.0, "alpha": FAINT, "rasterized": True}
+        look = {"color": colour, "linewidths": 0.0, "rasterized": True}
         upper.scatter(x, y, s=size, **look)
         label = "new launches" if way == "launched" else f"{words} {way}"
         upper.plot([], [], ".", color=colour, markersize=6.0, label=label)
+    _draw_density(upper, at, np.concatenate(irregular, axis=1))
+    if orbits is not None:
+        _draw_stable(upper, orbits, diagram, name, along)
     _mark_coexistence(upper, diagram, at)
     _exponents(lower, diagram, at)
     upper.set_ylabel(data.label(diagram, name))
     lower.set_xlabel(data.label(diagram, along))
     if upper.get_position().x0 != lower.get_position().x0:  # a user has put them side by side
         upper.set_xlabel(data.label(diagram, along))
-    lower.set_ylabel("largest Lyapunov exponent per impact")
+    narrow = style.is_narrow(lower)
+    lower.set_ylabel("exponent" if narrow else "largest Lyapunov exponent per impact")
     drawn = {along, "amplitude", "base_acceleration"}
     head = data.conditions(diagram.drop_vars(drawn, errors="ignore"))
     unsettled = np.mean(diagram["regime"].values == Regime.UNSETTLED)
@@ -604,6 +624,58 @@ def _of(diagram: xr.Dataset, name: str, way: str) -> Array | None:
 def _of_launches(variable: xr.DataArray) -> xr.DataArray:
     """Return a variable that has no direction, also where a mask of the dataset gave it one."""
     return variable.max("direction") if "direction" in variable.dims else variable
+
+
+def _draw_density(axes: Axes, at: Array, values: Array) -> None:
+    """Count impacts in pixels, one column for each point, darkest where most of its impacts are."""
+    at, values = np.sort(at), values[np.argsort(at)]
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return
+    edges = np.linspace(known.min(), known.max(), ROWS + 1)
+    counts = np.array([np.histogram(one[np.isfinite(one)], edges)[0] for one in values])
+    most = np.maximum(counts.max(axis=1, keepdims=True), 1)
+    axes.pcolormesh(
+        between(at),
+        edges,
+        np.ma.masked_equal(np.sqrt(counts / most), 0.0).T,
+        cmap="Greys",
+        vmin=-0.3,  # a single impact is seen, too
+        vmax=1.0 / DARKEST,
+        rasterized=True,
+        zorder=0.8,
+    )
+    axes.plot([], [], "s", color="0.45", markersize=5.0, label="no repetition found")
+
+
+def _draw_stable(
+    axes: Axes, orbits: xr.Dataset, diagram: xr.Dataset, name: str, along: str
+) -> None:
+    """Draw the stable orbits that particles can follow, in black."""
+    figure, of_branches = "bifurcation_diagram", "branch" in orbits.dims
+    (LINE_NEEDS if of_branches else ORBIT_NEEDS).check(figure, orbits)
+    dims = [str(dim) for dim in orbits["admissible"].dims if dim not in ORBIT_DIMS]
+    found = str(orbits.attrs.get("along", "")) if of_branches else ", ".join(dims)
+    if found != along:
+        raise DataError(
+            f"figure {figure} draws orbits along {along}, but these are along {found or 'nothing'}"
+        )
+    if name not in DRAWN_OVER:
+        raise DataError(
+            f"figure {figure} draws orbits over {' or '.join(DRAWN_OVER)}, but this diagram shows "
+            f"{name}: leave the orbits out, or compute it again with observable="
+        )
+    data.require_same_scene(figure, orbits, diagram, ("restitution", *SHARED_BY_BOUNDARIES))
+    stable = (orbits["stable"] == 1) & (orbits["admissible"] == 1)
+    x, y = orbits[along], orbits[name].where(stable)
+    if of_branches:
+        for branch in orbits["branch"]:
+            one = {"branch": int(branch)}
+            axes.plot(x.isel(one), y.isel(one), color="black", linewidth=1.0, zorder=3.0)
+    else:
+        impacts = y.transpose(along, ...).values.reshape(x.size, -1)
+        axes.plot(x, impacts, ".", color="black", markersize=2.0, zorder=3.0)
+    axes.plot([], [], color="black", linewidth=1.0, label="stable orbits")
 
 
 def _mark_coexistence(axes: Axes, diagram: xr.Dataset, at: Array) -> None:
@@ -642,4 +714,8 @@ def _exponents(axes: Axes, diagram: xr.Dataset, at: Array) -> None:
     axes.axhline(0.0, color=style.GREY, linewidth=0.7, zorder=0.5)
     axes.set_ylim(floor - 0.06 * (high - floor), max(high, 0.0) + 0.08 * (high - floor))
     if resting:
-        axes.text(0.005, 0.09, data.MINUS_INFINITY, transform=axes.transAxes, fontsize=7.5)
+        bins, apart = (1, 0.4) if style.is_narrow(axes) else (3, 0.2)
+        each = np.asarray(MaxNLocator(bins).tick_values(low, max(high, 0.0)))
+        ticks = each[(each > floor + apart * (high - floor)) & (each <= max(high, 0.0))]
+        names = (f"{tick:g}".replace("-", "\N{MINUS SIGN}") for tick in ticks)
+        axes.set_yticks([floor, *ticks], [r"$-\infty$", *names])

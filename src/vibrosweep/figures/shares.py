@@ -76,7 +76,9 @@ def share_curves(
         share, low, high = (one[part].values for part in PARTS)
         axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0.0)
         axes.plot(x, share, color=colour, marker="o", markersize=2.0, label=label)
-    axes.set(ylabel="share", ylim=(-0.02, 1.02))
+    shared = {str(one.attrs.get("of", "")).replace("_", " ") for one in found}
+    axes.set(ylabel=": ".join(["share", *shared]) if len(shared) == 1 else "share")
+    axes.set_ylim(-0.02, 1.02)
     ends = found[0][f"{name}_low"].assign_attrs(long_name=name.replace("_", " "))
     axes.set_xlabel(data.label(ends.to_dataset(name=name), name))
     style.head(axes, "")

@@ -254,7 +254,7 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
     'without a legend'
     """
     place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
-    _explain(axes, _in_lines(remark, _room(axes)[0]), place, columns)
+    _explain(axes, _in_lines(remark, room(axes)[0]), place, columns)
 
 
 def beside(axes: Axes, remark: str) -> None:
@@ -278,7 +278,7 @@ def _explain(axes: Axes, remark: str, place: dict[str, Any], columns: int = 1) -
     The legend has as many of the columns as fit into the width.
     """
     handles, labels = axes.get_legend_handles_labels()
-    width, height = _room(axes)
+    width, height = room(axes)
     if not has_room(axes):
         remark = _in_lines(remark, INSIDE * width)
         place, columns = {"loc": "best", "frameon": True, "borderpad": 0.4, "fontsize": 7.0}, 1
@@ -308,12 +308,12 @@ def _right(axes: Axes) -> float:
 
 def is_narrow(axes: Axes) -> bool:
     """Return whether the axes have too little width for a long legend."""
-    return _room(axes)[0] < NARROW
+    return room(axes)[0] < NARROW
 
 
 def letters(axes: Axes) -> int:
     """Return the number of letters of a title that fit above the axes."""
-    return max(8, round(LETTERS_OF_TITLES * _room(axes)[0]))
+    return max(8, round(LETTERS_OF_TITLES * room(axes)[0]))
 
 
 def bar(axes: Axes, mappable: ScalarMappable, label: str, **options: Any) -> Colorbar:
@@ -323,13 +323,13 @@ def bar(axes: Axes, mappable: ScalarMappable, label: str, **options: Any) -> Col
     if is_narrow(axes):
         drawn.ax.tick_params(labelsize=SMALL["fontsize"])
         drawn.ax.yaxis.label.set_fontsize(RC["xtick.labelsize"])
-    _break(drawn.ax.yaxis.label, _room(axes)[1] - 2.0 * UNDER)
+    _break(drawn.ax.yaxis.label, room(axes)[1] - 2.0 * UNDER)
     return drawn
 
 
 def _fit_labels(axes: Axes) -> None:
     """Break labels that are longer than their axis into lines."""
-    width, height = _room(axes)
+    width, height = room(axes)
     above = axes.get_legend()
     taken = 0.0 if above is None else above.get_window_extent().height / axes.figure.dpi
     if above is not None and taken > height / 2.0:  # beside the axes
@@ -353,7 +353,7 @@ def _break(label: Text, inches: float) -> None:
         label.set_text(broken.replace("\xa0", " "))
 
 
-def _room(axes: Axes) -> tuple[float, float]:
+def room(axes: Axes) -> tuple[float, float]:
     """Width and height in inches that the axes have in their figure, with all around them."""
     figure, spec = axes.get_figure(root=True), axes.get_subplotspec()
     size = figure.get_size_inches() if figure else (PAGE, PAGE)

@@ -38,9 +38,12 @@ OF_DIRECTIONS: Final = (style.OKABE_ITO[2], style.OKABE_ITO[5], style.OKABE_ITO[
 TINT: Final = 0.2  # opacity of the windows of locked orbits, which overlap
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
-# Where a lower and an upper end is named, as a share of its visible part: the lower ends meet at
-# e = 1, the upper ones at both sides
+# Where a lower and an upper end is named at best, as a share of its visible part: the lower ends
+# meet at e = 1, the upper ones at both sides
 NAMED_AT: Final = (0.45, 0.25)
+PLACES: Final = np.linspace(0.08, 0.92, 29)  # where else, as such shares
+# Inches between the middle of a name and the other names, and other curves, if possible
+FROM_NAMES, FROM_CURVES = 0.5, 0.15
 SHORTEST: Final = SAMPLES // 20  # visible part that has room for a name
 
 
@@ -317,11 +320,21 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
             zorder=3.0 if over else 0.9,
         )
     low, high = axes.get_ylim()
-    for curve in curves:
+    inches = [_in_inches(axes, curve) for curve in curves]
+    names = np.full((1, 2), np.inf)
+    for i, curve in enumerate(curves):
         seen = np.flatnonzero((curve.forcing > low) & (curve.forcing < high))
         if seen.size < SHORTEST:
             continue
-        at = int(np.clip(seen[int(NAMED_AT[curve.is_upper] * seen.size)], 1, SAMPLES - 2))
+        near = sorted(PLACES, key=lambda part: abs(part - NAMED_AT[curve.is_upper]))
+        places = np.clip(seen[(np.array(near) * seen.size).astype(int)], 1, SAMPLES - 2)
+        others = np.concatenate([*inches[:i], *inches[i + 1 :], np.full((1, 2), np.inf)])
+        free = sum(
+            np.minimum(np.hypot(*(inches[i][places, np.newaxis] - taken).T).min(axis=0), enough)
+            for taken, enough in ((names, FROM_NAMES), (others, FROM_CURVES))
+        )
+        at = int(places[np.argmax(free)])
+        names = np.concatenate([names, inches[i][[at]]])
         end = r"\mathrm{max}" if curve.is_upper else r"\mathrm{min}"
         axes.text(
             curve.restitution[at],
@@ -337,6 +350,13 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
             zorder=4.0,
             clip_on=True,
         )
+
+
+def _in_inches(axes: Axes, curve: Curve) -> Array:
+    """Points of a curve, shape (sample, 2), in inches from the corner of the axes."""
+    ends = np.array([axes.get_xlim(), axes.get_ylim()])
+    points = np.stack([curve.restitution, curve.forcing], axis=1)
+    return np.asarray((points - ends[:, 0]) / np.ptp(ends, axis=1) * style.room(axes))
 
 
 def _slope(curve: Curve, at: int) -> float:

@@ -308,14 +308,7 @@ NEVER_REPEATS: Final = (
 
 def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
     """Return the remarks on a sweep, by subject; empty if there are none."""
-    forcing = spec.scene.forcing(design.sampled)
-    fastest = {n: _ends(spec, design, n)[1] for n in ("launch_velocity", "frequency")}
-    found = {
-        "defaults": _defaults(spec, design),
-        "base": "" if "base" in spec.stated else still_base(forcing),
-        "forcing": _strong_forcing(spec, design),
-        "launch": long_launch(**fastest, gravity=_ends(spec, design, "gravity")[0]),
-    }
+    found = remarks(spec, design)
     if spec.scene.noise(design.sampled):
         found["noise"] = NEVER_REPEATS if spec.scene.measures.regimes else ""
     elif spec.scene.measures.regimes:
@@ -326,6 +319,21 @@ def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
     return {subject: text for subject, text in found.items() if text}
 
 
+def remarks(spec: Sweep, design: Realizations, *, launched: bool = True) -> dict[str, str]:
+    """Return remarks on the scene of a sweep or an analysis, by subject; those without are empty.
+
+    Not `launched` are the orbits of an analysis that starts no particle.
+    """
+    fastest = {n: _ends(spec, design, n)[1] for n in ("launch_velocity", "frequency")}
+    lowest = _ends(spec, design, "gravity")[0]
+    return {
+        "defaults": _defaults(spec, design, () if launched else ("launch_velocity",)),
+        "base": "" if "base" in spec.stated else still_base(spec.scene.forcing(design.sampled)),
+        "forcing": _strong_forcing(spec, design),
+        "launch": long_launch(**fastest, gravity=lowest) if launched else "",
+    }
+
+
 def silent_defaults(spec: Sweep, design: Realizations) -> dict[str, float]:
     """Return the parameters that a sweep leaves at their defaults while it states others."""
     stated = {*spec.scene.given, *design.sampled}
@@ -333,10 +341,11 @@ def silent_defaults(spec: Sweep, design: Realizations) -> dict[str, float]:
     return {name: INPUTS[name].default for name in silent}
 
 
-def _defaults(spec: Sweep, design: Realizations) -> str:
+def _defaults(spec: Sweep, design: Realizations, unused: Collection[str]) -> str:
     silent = [
         f"{name} {value:g} {INPUTS[name].units}".removesuffix(" 1")
         for name, value in silent_defaults(spec, design).items()
+        if name not in unused
     ]
     if {*spec.scene.given, *design.sampled} and "base" not in spec.stated:
         silent.insert(0, f"base {spec.scene.base}")

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.model.restitution_laws import Points, points_of
-from vibrosweep.scene.cells import cells_of, read_content
+from vibrosweep.scene.tables import cells_of, read_content
 from vibrosweep.scene.realizations import factor
 
 COLUMNS: Final = ("speed", "restitution")

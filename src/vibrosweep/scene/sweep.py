@@ -392,6 +392,8 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
     varied = {}
     if STREAM in remaining:
         varied[STREAM] = _streams(remaining.pop(STREAM), remaining, mistakes)
+    for name in [name for name, value in remaining.items() if isinstance(value, tuple)]:
+        mistakes.add_broken(name, _RANGE, remaining.pop(name), "give a list")
     for name in [name for name in INPUTS if name in remaining]:
         if _kind(remaining[name]) is None:
             continue
@@ -402,8 +404,6 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
     sizes = {name: values.size for name, values in varied.items()}
     if len({*sizes.values()} - {1}) > 1:
         mistakes.add("", f"arrays of realizations must have one length, or length 1: {sizes}")
-    for name in [name for name, value in remaining.items() if isinstance(value, tuple)]:
-        mistakes.add_broken(name, _RANGE, remaining.pop(name), "give a list")
     measure = {n: _plain(n, remaining.pop(n)) for n in (BUDGET, *measured) if n in remaining}
     data = {
         "title": "A scene",
