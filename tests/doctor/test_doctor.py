@@ -121,8 +121,8 @@ def test_a_limit_on_the_time_of_processors(tmp_path):
     (tmp_path / "cpu.max").write_text(f"{100_000 * available_threads()} 200000\n")
     half = available_threads() / 2
     assert (
-        f"the container limits CPU time to {half:g} processors: give --threads {max(1, round(half))}, "
-        in machine.processors(tmp_path).trouble
+        f"the container limits CPU time to {half:g} processors: "
+        f"give --threads {max(1, round(half))}, " in machine.processors(tmp_path).trouble
     )
 
 
