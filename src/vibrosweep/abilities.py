@@ -66,7 +66,7 @@ _RANDOM: Final[Mapping[str, Ability]] = {
 OF_CONSTANT: Final[Mapping[str, str]] = {
     "explore": "draws closed forms of a constant restitution",
 }
-# Keywords that an analysis cannot use, because it has points and measures of its own; a sweep file
+# Keywords that an analysis cannot use, because it sets its points and measures itself; a sweep file
 # may hold them for other commands
 _OF_SWEEPS: Final = (*MEASURES, "tolerance", "record", "windows")
 WITHOUT_MEANING: Final[Mapping[str, tuple[str, ...]]] = {

@@ -21,7 +21,7 @@ except ImportError:  # Windows
 ENDINGS: Final = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
-MOST_THREADS: Final = 4096  # more than any machine runs; each takes memory of its own
+MOST_THREADS: Final = 4096  # more than any machine runs; each takes memory
 POLL: Final = 0.05  # s between two attempts to lock a file on Windows
 # Windows lets nobody read a locked byte, so this one lies beyond the text of a lock file.
 LOCKED_BYTE: Final = 1 << 30

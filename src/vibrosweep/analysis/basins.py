@@ -83,7 +83,7 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     speeds = axes.pop("launch_velocity")
     if len(axes) > 1:
         other = [*axes][-1]
-        raise sweep.refusal(Mistake(f"sample.{other}", f"basins take one axis beside {PLANE[0]}"))
+        raise sweep.refusal(Mistake(f"sample.{other}", f"basins take one axis besides {PLANE[0]}"))
     scanned = axes.get("restitution")
     highest = sweep.scene.inputs["restitution"] if scanned is None else float(scanned[-1])
     scene = settling(sweep, highest)

@@ -153,7 +153,7 @@ def simulate(
         mistakes are listed.
     ParameterError
         The forcing or the masses make a parameter too large, the record is too large, or keywords
-        other than measures are given beside a result.
+        other than measures are given with a result.
     DataError
         The dataset is not a result of a sweep, or parts of it are missing.
 

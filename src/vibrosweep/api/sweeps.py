@@ -122,7 +122,7 @@ def sweep(
         transient, transient_periods
             Beginning of the window in which quantities are measured, in s or in forcing periods.
         separation, per_particle, regimes, lyapunov, trust, ordering, joint, impact_speed
-            Measures beside landings, heights and flight times: True or False.
+            Measures besides landings, heights and flight times: True or False.
         undecided
             True to count decisions over a base of finite mass that rounding may have changed.
         tolerance, impact_budget
@@ -266,7 +266,7 @@ def as_sweep(
 
     `analysis` is passed to `keyword_spec`, `kept` to `read_spec`.  `defaults` complete keywords, a
     mapping or a result, but not a file; so does `realizations` where keywords or a mapping hold
-    ranges.  Raises a SpecError that lists all mistakes, a ParameterError for keywords beside a file
+    ranges.  Raises a SpecError that lists all mistakes, a ParameterError for keywords with a file
     or a mapping and for a `spec` of another type, and a DataError for a dataset that does not hold
     the sweep from which it was computed.
     """

@@ -51,7 +51,7 @@ def directory(text: str) -> Path:
 
 
 def add_quiet(parser: argparse.ArgumentParser) -> None:
-    """Add the option that leaves out what is printed beside errors."""
+    """Add the option that leaves out what is printed besides errors."""
     parser.add_argument("-q", "--quiet", action="store_true", help="print errors only")
 
 

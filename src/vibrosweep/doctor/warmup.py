@@ -48,7 +48,7 @@ def warm_up() -> Compiled:
         raise OutputError("machine code cannot be stored: vibrosweep doctor says why")
     if _jit.cache_directory is None:
         raise OutputError(
-            "machine code cannot be stored beside the package nor in the home directory; set "
+            "machine code cannot be stored next to the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
     ways = [(base, law) for base, law in product(KIND_OF, LAWS) if not refusal(base, law=law)]

@@ -106,7 +106,7 @@ class Workers:
         # a multiple of the number of threads, so that all have as many ranges if these last as long
         piece = math.ceil(total / (self.threads * math.ceil(total / (self.threads * piece))))
         starts = range(0, total, piece)
-        # each thread has a first range of its own, so that no thread takes all
+        # each thread has its own first range, so that no thread takes all
         first, others = starts[: self.threads], iter(starts[self.threads :])
 
         def work(first: int, task: Callable[[int, int], object]) -> None:
@@ -119,7 +119,7 @@ class Workers:
         self._share(work, first, [begin() for _ in first])
 
     def in_order(self, compute: Callable[[Workers, T], R], items: Iterable[T]) -> Iterator[R]:
-        """Yield ``compute(worker, item)`` for each item, each on a thread of its own.
+        """Yield ``compute(worker, item)`` for each item, each on a separate thread.
 
         Results come in the order of the items, of which no more than the next few are taken and
         computed while the caller uses a result.

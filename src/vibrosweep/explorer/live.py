@@ -461,7 +461,7 @@ class Page:
         self._show(self._what)
 
     def _scaled(self, attribute: str, old: Any, new: Any) -> None:
-        """Colour the plane as the visitor wishes."""
+        """Colour the plane as the visitor chooses."""
         kind = self.scale.value if self.scale.value in SCALES else SCALES[0]
         low, high = (v if are_numbers(v) else None for v in (self.low.value, self.high.value))
         if Scale(kind, low, high) != self.plane.wish:
@@ -659,7 +659,7 @@ class Page:
         return picked
 
     def _unscale(self) -> None:
-        """Forget the wishes about the colours of another quantity."""
+        """Forget the chosen colours of another quantity."""
         self.plane.wish = AUTOMATIC
         self.scale.value, self.low.value, self.high.value = AUTOMATIC
         for one in self.scales:

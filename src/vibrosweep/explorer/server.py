@@ -67,7 +67,7 @@ def serve(
 
 
 def serve_beside(points: Points, port: int, framing: Sequence[str]) -> str:
-    """Serve the page in a thread of its own until Python ends; return its address.
+    """Serve the page in a separate thread until Python ends; return its address.
 
     Raises a RunError if the port is not free.
     """

@@ -121,7 +121,7 @@ UNKNOWN: Final = "rgba(0, 0, 0, 0)"
 
 
 class Scale(NamedTuple):
-    """The visitor's wishes about the colours of numbers."""
+    """The visitor's choice of the colours of numbers."""
 
     kind: str = "automatic"  # one of `SCALES`
     # Ends; None to follow the numbers

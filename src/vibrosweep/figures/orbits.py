@@ -498,7 +498,7 @@ def basin_shares(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     if "along" not in basins.attrs:
         raise DataError(
             "figure basin_shares draws basins along a parameter: compute them with a list of "
-            "amplitudes or restitutions beside launch_velocity"
+            "amplitudes or restitutions besides launch_velocity"
         )
     along = str(basins.attrs["along"])
     axes = style.axes_on(ax, style.PAGE, 3.6)

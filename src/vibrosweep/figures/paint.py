@@ -130,7 +130,7 @@ def _around_zero(known: Array) -> Normalize:
 
 
 def _ticks_around_zero(norm: Normalize) -> Array:
-    """Ticks of both halves, which have scales of their own."""
+    """Ticks of both halves, each of which has its own scale."""
     ends = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
     halves = [MaxNLocator(4).tick_values(*sorted((0.0, end))) for end in ends]
     ticks = np.unique(np.concatenate(halves))

@@ -218,7 +218,7 @@ def _stay_error(dt: float, realization: ExactRealization) -> float:
 def _lift_off_error(dt: float, realization: ExactRealization) -> float:
     """Error in s of a lift-off after a rest, if landings have the error dt.
 
-    With a random amplitude it is within dt, since each period lifts at a phase of its own.
+    With a random amplitude it is within dt, since each period lifts at another phase.
     """
     p = realization.parameters
     if p.get("drive_noise", 0.0) > 0.0:

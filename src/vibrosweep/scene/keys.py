@@ -215,7 +215,7 @@ def is_plain(text: str) -> bool:
 def _table(name: str, value: object) -> Mapping[str, Any]:
     if isinstance(value, Mapping):
         return value
-    raise ValueError("must be ", Word(f"a table: write [{name}] on a line of its own", "a mapping"))
+    raise ValueError("must be ", Word(f"a table: write [{name}] on a separate line", "a mapping"))
 
 
 def whole(low: int, high: int, value: object) -> int:

@@ -1,4 +1,4 @@
-"""Datasets as users hand them over, and the realizations of any result one after the other.
+"""Datasets as users pass them, and the realizations of any result one after the other.
 
 Operations of xarray keep the names of dimensions, but not their order; ``where`` turns integers and
 flags into floats with NaN, and spreads scalars over the mask; ``concat`` keeps the attributes of
@@ -240,7 +240,7 @@ def _accelerates(dataset: xr.Dataset) -> bool:
     needed = ACCELERATING
     if "waveform" not in dataset.attrs or not all(n in dataset.variables for n in needed):
         return True
-    if "point" in dataset.dims:  # curves, whose points have parameters of their own
+    if "point" in dataset.dims:  # curves, whose points have their own parameters
         return True
     e, amplitude, acceleration, frequency, gravity = (dataset[name] for name in needed)
     given = acceleration * gravity * (1.0 + e)

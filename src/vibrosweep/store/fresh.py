@@ -26,7 +26,7 @@ def opened(path: Path) -> xr.Dataset | None:
     """
     found = just_written(path)
     if found is None or any(dtype.hasobject for _, _, dtype, _ in found.arrays.values()):
-        return None  # h5netcdf has types of its own for texts, such as labels of a table
+        return None  # h5netcdf has special types for texts, such as labels of a table
     files = CachingFileManager(h5py.File, str(path), mode="r", lock=HDF5_LOCK)
     files.acquire()
     arrays = {
