@@ -86,8 +86,9 @@ def bifurcation(
     At the first point of each direction particles are launched as the scene says; at every further
     point they start from the state reached at the previous one.  They settle until they recur or
     the duration is over, and then `samples` further impacts are kept, `MORE` times as many of an
-    aperiodic orbit.  As many staggered particles as `launches` says are launched at every point.  Orbits that ``regime`` calls unsettled may still approach an attractor.  Raises a
-    SpecError unless the only axis of the design is a forcing.
+    aperiodic orbit.  As many staggered particles as `launches` says are launched at every point.
+    Orbits that ``regime`` calls unsettled may still approach an attractor.  Raises a SpecError
+    unless the only axis of the design is a forcing.
     """
     require_ability("bifurcation", sweep.scene, sweep.design.sampled)
     forcing = forcing_of(sweep.design.sampled)

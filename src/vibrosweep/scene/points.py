@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.model.restitution_laws import Points, points_of
-from vibrosweep.scene.tables import cells_of, read_content
 from vibrosweep.scene.realizations import factor
+from vibrosweep.scene.tables import cells_of, read_content
 
 COLUMNS: Final = ("speed", "restitution")
 
