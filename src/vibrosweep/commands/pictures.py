@@ -77,10 +77,7 @@ ANALYSES: Final[Mapping[str, Analysis]] = {
         "bifurcation",
         "a grid over the forcing",
         {
-            "samples": (
-                "impacts at each point; four times as many if aperiodic",
-                64,
-            ),
+            "samples": ("impacts at each point; four times as many if aperiodic", 64),
             "launches": ("new launches at each point", 8),
         },
         _bifurcation,
