@@ -544,11 +544,11 @@ def bifurcation_diagram(
 
     The axis is the forcing as given.  Impacts of orbits in which no repetition was found are
     counted in grey pixels, the darker the more of them at a value of the forcing; others are dots.
-    New launches at each point are drawn under orbits that are continued up and down, black marks at the
-    top show where attractors coexist, and a dotted line where the first exponent above zero lies,
-    if the diagram holds them.  An orbit with rests has the exponent minus infinity, drawn at the
-    lower edge.  The head of the figure states the share of unsettled orbits, whose impacts need not
-    belong to an attractor.
+    New launches at each point are drawn under orbits that are continued up and down, black marks
+    at the top show where attractors coexist, and a dotted line where the first exponent above zero
+    lies, if the diagram holds them.  An orbit with rests has the exponent minus infinity, drawn at
+    the lower edge.  The head of the figure states the share of unsettled orbits, whose impacts
+    need not belong to an attractor.
 
     Parameters
     ----------
