@@ -74,7 +74,7 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     """Launch a particle at every point of a plane and find its attractor: `vibrosweep.basins`.
 
     The launch times are those of the sweep's particles, the speeds those of its grid; the result
-    holds each value once, ascending.  All launches that end at permanent rest count as one
+    holds each value once, ascending.  All launches that end at rest for good count as one
     attractor, and so do all aperiodic ones; unsettled launches have none.  Raises a SpecError
     unless the axes of the design are the launch velocity and at most one of `ALONG`.
     """

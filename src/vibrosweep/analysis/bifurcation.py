@@ -235,7 +235,7 @@ def _impacts(
         level = -np.cos(2.0 * np.pi * left) if wave == SINE else TWO_PI * wave.height(left)
         height = rising**2 / (2.0 * gravity) + unit * velocity * level
         time = (out.landing_time[:, 1:] - left) / frequency
-    # a particle at permanent rest makes no impact
+    # a particle at rest for good makes no impact
     landed = np.where(np.isnan(left), np.nan, out.landing_time[:, :samples])
     phase = landed - np.rint(landed)
     return Impacts(*(values.reshape(shape) for values in (phase, speed, height, time)))

@@ -506,7 +506,7 @@ class Nodes:
 
 
 def vertical(low: Node, high: Node) -> bool:
-    """Return whether a step changes no parameter, so that no fold can be told on it.
+    """Return whether a step changes no parameter, so that no fold can be recognised on it.
 
     Where the equations of two landings are linear, as over a base of constant acceleration, all
     orbits that are born at a period doubling exist at one value of the parameter.

@@ -463,7 +463,7 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> ParticleFlights:
     else:
         unrecorded = start + 2.0 * velocity / float(one["gravity"])
     end = np.minimum(np.where(np.isnan(end), unrecorded, end), until)
-    # no flight: the particle rests permanently, or lands at once
+    # no flight: the particle rests for good, or lands at once
     flies = (start < until) & ((end > start) if moves(one) else (velocity > 0.0))
     if "status" in one.variables:  # nothing is known of a realization behind a mask
         flies = flies & (one["status"].values != Status.REFUSED)[:, np.newaxis]

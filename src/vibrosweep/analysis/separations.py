@@ -194,8 +194,8 @@ def compare_separations(
     --------
     >>> import vibrosweep as vs
     >>> from vibrosweep.analysis import compare_separations
-    >>> asked = {"amplitude": (0.2, 3.5), "realizations": 50, "separation": True}
-    >>> found = compare_separations([vs.sweep(**asked, particles=n) for n in (2, 5)])
+    >>> shared = {"amplitude": (0.2, 3.5), "realizations": 50, "separation": True}
+    >>> found = compare_separations([vs.sweep(**shared, particles=n) for n in (2, 5)])
     >>> found.particles.values.tolist()
     [2, 5]
     """

@@ -127,7 +127,7 @@ def sweep(
             True to count decisions over a base of finite mass that rounding may have changed.
         tolerance, impact_budget
             Largest error of a landing time, in s, that ``trust`` accepts; number of impacts after
-            which a particle is given up.
+            which a particle is abandoned.
         title
             Title of the sweep.
 

@@ -119,7 +119,7 @@ def hdf5_libraries(
     """Write a file and read it with every installed HDF5 library, in one process.
 
     The file is in `directory`, or in the system's temporary directory where that is None.  The
-    program `trial` is given up after `patience` seconds.
+    program `trial` is abandoned after `patience` seconds.
     """
     other = find_spec("netCDF4") is not None
     with tempfile.TemporaryDirectory(dir=directory, prefix=".vibrosweep-doctor-") as place:

@@ -125,7 +125,7 @@ def heights(record: xr.Dataset) -> Heights:
 
 def _stays(one: xr.Dataset, base: BaseMotion, end: float) -> Columns:
     landing = one["landing_time"].values
-    leaves = np.fmin(one["liftoff_time"].values, end)  # NaN at permanent rest: until the end
+    leaves = np.fmin(one["liftoff_time"].values, end)  # NaN at rest for good: until the end
     particle, impact = np.nonzero((one["rested"].values == 1) & (landing < end))
     start, length = landing[particle, impact], (leaves - landing)[particle, impact]
     pieces = np.ones(start.size, np.int64)

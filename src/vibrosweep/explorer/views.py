@@ -201,7 +201,7 @@ class Colouring:
 def colouring(column: Column, wish: Scale = AUTOMATIC) -> Colouring:
     """Colour a column: codes in a palette, numbers along a scale, zeros of separations in grey.
 
-    Ends of the wish that leave no scale between them are not followed.
+    Chosen ends that leave no scale between them are ignored.
     """
     if column.codes:
         return _of_codes(column)

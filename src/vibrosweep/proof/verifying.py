@@ -336,7 +336,7 @@ class Judge(NamedTuple):
 
     # Judges the variable of a given name where the realization is proved
     by_proof: Callable[[Case, str], Judgements]
-    # The same where it is not proved; None where nothing can be said
+    # The same where it is not proved; None where nothing is known
     otherwise: Callable[[Case, str], Judgements] | None = None
 
 

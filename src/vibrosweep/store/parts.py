@@ -160,7 +160,7 @@ class Parts:
 
 
 # Format of a part: a line of JSON that lists the arrays in order, then their bytes, each padded to
-# a multiple of `ALIGNMENT`.  numpy's .npz copies all data once more and adds more checksums,
+# a multiple of `ALIGNMENT`.  numpy's .npz copies all data again and adds more checksums,
 # which took a tenth of the time of a quick sweep.
 
 

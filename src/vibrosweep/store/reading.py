@@ -1,7 +1,7 @@
 """Result files are opened here, with clear errors, and have a kind: command, lines and figure.
 
 An attribute of the file names its kind.  `OWN` registers the kinds of this package, when a kind is
-asked for.  Another package names its kinds in entry points of the group `GROUP`, which are searched
+requested.  Another package names its kinds in entry points of the group `GROUP`, which are searched
 when a file of an unregistered kind is read.
 """
 
