@@ -1,5 +1,6 @@
 """The page while it is open."""
 
+import itertools
 import math
 import threading
 from array import array
@@ -18,7 +19,7 @@ import vibrosweep as vs
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.explorer import pictures, views
 from vibrosweep.explorer.live import Background, Page
-from vibrosweep.explorer.points import Choice, Column
+from vibrosweep.explorer.points import Choice, Column, points_of
 from vibrosweep.explorer.views import MOST_PIXELS, inner_pixels
 from vibrosweep.explorer.words import TABLE, table
 
@@ -44,6 +45,18 @@ def page(points):
     made = Page(points, Document(), Foreground())
     made.attach()
     return made
+
+
+def test_names_of_curves_do_not_lie_on_each_other():
+    grid = vs.sweep(
+        restitution=np.linspace(0.3, 0.98, 8), amplitude=np.linspace(0.2, 3.5, 8), duration=2.0
+    )
+    plane = Page(points_of(grid), Document(), Foreground()).plane
+    unit = [np.ptp([view.start, view.end]) for view in plane.views]
+    places = np.stack([plane.names.data["x"], plane.names.data["y"]], axis=1) / unit
+    assert len(places) >= 5
+    for one, other in itertools.combinations(places, 2):
+        assert np.hypot(*(one - other)) > 0.12
 
 
 def drawings(record):

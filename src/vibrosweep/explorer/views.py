@@ -118,6 +118,10 @@ def inner_pixels(plot: Any, guess: tuple[int, int]) -> tuple[int, int]:
 GREY: Final = "#b5b5b5"
 NAMED: Final = (*OKABE_ITO, GREY)
 UNKNOWN: Final = "rgba(0, 0, 0, 0)"
+# Where names of curves may be, as a share of the visible part, the best first; and by how much of
+# the plane they are apart, if possible
+NAMED_AT: Final = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9)
+APART: Final = 0.2
 
 
 class Scale(NamedTuple):
@@ -730,10 +734,7 @@ class PlaneView:
             "name": [one.name for one in borders],
             "dash": [one.dash for one in borders],
         }
-        places = [
-            _place(end, limits(self.values(self.x)), limits(self.values(self.y)), i)
-            for i, end in enumerate(ends)
-        ]
+        places = _places(ends, limits(self.values(self.x)), limits(self.values(self.y)))
         forcing = SYMBOLS.get(self.y, SYMBOLS.get(self.x, ""))
         self.names.data = {
             "x": [place[0] for place in places],
@@ -750,15 +751,21 @@ def limits(values: Array) -> tuple[float, float]:
     return max(low - margin, -LARGEST), min(high + margin, LARGEST)
 
 
-def _place(
-    end: WindowEnd, across: tuple[float, float], up: tuple[float, float], number: int
-) -> tuple[float, float]:
-    """Place for the name of a curve, on its visible part; successive names are staggered."""
-    visible = np.flatnonzero(
-        (end.x > across[0]) & (end.x < across[1]) & (end.y > up[0]) & (end.y < up[1])
-    )
-    at = visible[int((0.2 + 0.6 * (number % 3) / 2.0) * (visible.size - 1))]
-    return float(end.x[at]), float(end.y[at])
+def _places(
+    ends: Sequence[WindowEnd], across: tuple[float, float], up: tuple[float, float]
+) -> list[tuple[float, float]]:
+    """Places for the names of curves, on their visible parts and away from each other."""
+    unit = np.array([np.ptp(across), np.ptp(up)])
+    taken, places = np.full((1, 2), np.inf), []
+    for end in ends:
+        inside = (end.x > across[0]) & (end.x < across[1]) & (end.y > up[0]) & (end.y < up[1])
+        visible = np.stack([end.x, end.y], axis=1)[inside]
+        tried = visible[np.round(np.array(NAMED_AT) * (len(visible) - 1)).astype(int)]
+        distance = np.hypot(*((tried[:, np.newaxis] - taken) / unit).T).min(axis=0)
+        place = tried[np.argmax(np.minimum(distance, APART))]
+        taken = np.concatenate([taken, place[np.newaxis]])
+        places.append((float(place[0]), float(place[1])))
+    return places
 
 
 TEMPLATE: Final = (Path(__file__).parent / "page.html").read_text("utf-8")
