@@ -8,6 +8,7 @@ import pytest
 
 import vibrosweep as vs
 from docs.page_tables import choices
+from tests.scenes import KINDS_OF_NOISE
 from together import LAWFUL, combinations, together
 from vibrosweep.abilities import (
     ANALYSES,
@@ -20,8 +21,7 @@ from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.explorer.points import open_points
 from vibrosweep.kernels.restitution import REBOUND_OF
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import LAWS, LAWS_OF, RELATIVE_NOISE
-from vibrosweep.model.parameters import NOISE as ALL_NOISE
+from vibrosweep.model.parameters import LAWS, LAWS_OF
 from vibrosweep.model.restitution_laws import RESTITUTION_LAWS
 from vibrosweep.model.shapes import WAVEFORMS
 from vibrosweep.proof.verifying import verify
@@ -125,7 +125,7 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
         assert keyword_spec(over(base, **keys_of(asked))).scene.base == base
 
 
-NOISE = {name: 0.1 for name in ALL_NOISE if name != RELATIVE_NOISE}
+NOISE = dict.fromkeys(KINDS_OF_NOISE, 0.1)
 
 
 @pytest.mark.parametrize("analysis", ANALYSES)

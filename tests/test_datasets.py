@@ -8,11 +8,10 @@ import xarray as xr
 from matplotlib import pyplot
 
 import vibrosweep as vs
-from tests.scenes import TWO_TONES
+from tests.scenes import KINDS_OF_NOISE, TWO_TONES
 from vibrosweep import analysis, figures
 from vibrosweep.errors import DataError
 from vibrosweep.model.measures import UNDETERMINED
-from vibrosweep.model.parameters import NOISE
 from vibrosweep.store.arranged import arranged
 
 LAUNCHES = {"launch_time": [0.0, 0.125, 0.3]}
@@ -263,7 +262,7 @@ def test_sweeps_of_one_scene_are_combined():
         same(function(both), function(sweep))
 
 
-NOISY = dict.fromkeys(NOISE, 0.1)
+NOISY = dict.fromkeys(KINDS_OF_NOISE, 0.1)
 OTHERS = {
     "base": ({}, {"base": "moving"}),
     "seed": (NOISY, {**NOISY, "noise_seed": 4}),

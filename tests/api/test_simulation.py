@@ -10,7 +10,7 @@ import xarray as xr
 
 import vibrosweep
 import vibrosweep as vs
-from tests.scenes import STILL_MOVING
+from tests.scenes import KINDS_OF_NOISE, STILL_MOVING
 from vibrosweep import analysis, figures, simulate
 from vibrosweep.errors import (
     DataError,
@@ -22,7 +22,7 @@ from vibrosweep.errors import (
 from vibrosweep.mistakes import PYTHON
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import IMPACTS, RECORD
-from vibrosweep.model.parameters import NOISE, OF_MOUNT, PARAMETERS
+from vibrosweep.model.parameters import NOISE, OF_MOUNT, PARAMETERS, RELATIVE_NOISE
 
 # The contract of `simulate`: its results, and the messages with which it refuses.
 
@@ -403,6 +403,7 @@ RANGES = {
     "mount_frequency": (2.0, 3.0),
     "mount_damping": (0.01, 0.1),
     "restitution_noise": (0.0, 0.1),
+    RELATIVE_NOISE: (0.0, 0.1),
     "kick_noise": (0.0, 0.1),
     "drive_noise": (0.0, 0.3),
 }
@@ -416,7 +417,9 @@ def test_every_input_is_read_back(name):
     if name == "restitution_speed":
         scene = {"restitution_law": "plastic"}
     elif name in NOISE:
-        scene = {**dict.fromkeys(NOISE, 0.05), "noise_seed": 3}
+        scene = {**dict.fromkeys(KINDS_OF_NOISE, 0.05), "noise_seed": 3}
+        if name == RELATIVE_NOISE:
+            del scene["restitution_noise"]
     elif name in OF_MOUNT:
         scene = {"base": "sprung", "mount_frequency": 2.3}
         scene |= MASS if name in MASS else {"mass_ratio": 0.05}

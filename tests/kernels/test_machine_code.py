@@ -27,6 +27,7 @@ import vibrosweep as vs
 from numba_names import HOME, command_without, complaints, from_numba
 from numba_names import PACKAGE as PACKAGE_NUMBA
 from tests.general import as_the_engine_chooses
+from tests.scenes import KINDS_OF_NOISE
 from vibrosweep.engine import coupled
 from vibrosweep.engine import measure as measure_unwritten
 from vibrosweep.engine.measure import measure
@@ -43,7 +44,6 @@ from vibrosweep.kernels.separation import empty_separations
 from vibrosweep.kernels.settle import empty_orbits, empty_shortest
 from vibrosweep.kernels.statistics import KINDS, empty_statistics, empty_sums
 from vibrosweep.kernels.trust import empty_trust
-from vibrosweep.model.parameters import NOISE
 
 # The kernels as plain Python, and the machine code on disk.
 
@@ -93,7 +93,7 @@ found.write_bytes(pickle.dumps(results))
         ("high-bounce", "reflect", ()),
         ("moving", "rest", ()),
         pytest.param("sprung", "rest", (), marks=pytest.mark.weekly),
-        ("high-bounce", "rest", tuple(NOISE)),
+        ("high-bounce", "rest", KINDS_OF_NOISE),
     ],
 )
 def test_plain_python_gives_the_bits_of_the_machine_code(
