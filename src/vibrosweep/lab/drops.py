@@ -700,8 +700,8 @@ def restitution(
           ``law_deviance``;
         - along ``bounce``: ``bounce_restitution``, ``bounce_speed``, ``bounce_time``,
           ``bounce_error``, ``bounce_used``, ``bounce_drop``;
-        - along ``drop``: ``drop_restitution`` of each drop by itself with its error, and the apparent
-          ``drop_gravity`` of films;
+        - along ``drop``: ``drop_restitution`` of each drop by itself with its error, and
+          ``drop_gravity``, as films show it;
         - ``prediction_error``: error with which the mean restitution of another drop is known;
         - along ``group``: restitution, error and speed of the groups that files name;
         - along ``input``: ``input_value``, ``input_error`` and ``input_effect`` on the restitution;

@@ -106,9 +106,9 @@ def find_impacts(
 
         - ``landing_time``, ``liftoff_time`` and their errors (s);
         - ``next_covariance`` (s2) of a lift-off with the next landing;
-        - ``flight_time``, ``rebound_height`` and ``impact_speed`` (velocity at lift-off, over a level
-          base also the speed at landing) of the flight that follows, NaN if its landing was not seen
-          or one of its ends is doubtful;
+        - ``flight_time``, ``rebound_height`` and ``impact_speed`` (velocity at lift-off, over a
+          level base also the speed at landing) of the flight that follows, NaN if its landing was
+          not seen or one of its ends is doubtful;
         - ``quality``.
 
         Dim particle: numbers of frames, gaps and poor flights, and the level of the base (m).
