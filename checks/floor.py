@@ -1,18 +1,30 @@
-"""Restitution of a ball on a floor: do its errors hold, are laws found, are constants left alone.
+"""Restitution of a ball: do its errors hold, are laws found, are constants left alone.
 
-Virtual films and lists of clicks with everything on that real recordings show; run
-`python checks/floor.py --sets 200 --first 1000` with seeds that were not used before.  Exits with
-1 if a share lies outside of what is demanded.
+Virtual films and lists of clicks over a floor, and clicks over a shaken base, with everything on
+that real recordings show; run `python checks/floor.py --sets 200 --first 1000` with seeds that were
+not used before.  Exits with 1 if a share lies outside of what is demanded.
 """
 
 import argparse
 import sys
 
 import numpy as np
+from scipy.optimize import brentq
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab import FloorExperiment, film_drops, hear_drops, restitution
+from vibrosweep.lab import (
+    FloorExperiment,
+    Recording,
+    film_drops,
+    hear_drops,
+    restitution,
+    times_on_shaker,
+)
 
+TWO_PI, G = 2.0 * np.pi, 9.81
+MOTION = ("frequency", "restitution", "base_acceleration", "phase")
+TRANSIENT = 20  # impacts before a recording over a shaken base
+SHORTEST = 4e-3  # s: clicks that are closer are one
 # Shares of the 68 % and 95 % intervals that hold the truth, and rms of deviation over error
 DEMANDED = {"68 %": (0.60, 0.76), "95 %": (0.91, 0.985), "rms": (0.9, 1.15)}
 
@@ -59,6 +71,97 @@ def measured(kind, seed, slope=0.0):
         return setup, None
 
 
+def holds(name, scores, shares):
+    """Print shares and rms of one quantity; return whether they are as demanded."""
+    values = {"68 %": shares[0], "95 %": shares[1], "rms": np.sqrt(np.mean(scores**2))}
+    good = all(low <= values[key] <= high for key, (low, high) in DEMANDED.items())
+    words = ", ".join(f"{key} {value:.3f}" for key, value in values.items())
+    print(f"  {name}: {words}{'' if good else ', not as demanded'}")
+    return good
+
+
+def orbit(rng, truth, impacts):
+    """Return times of impacts on a sine, the first at 0, and when it was; None at rest."""
+    rate, contact = TWO_PI * truth["frequency"], truth["contact"]
+    peak = truth["base_acceleration"] * G / rate
+
+    def height(t):
+        return -peak / rate * np.cos(rate * t + truth["phase"])
+
+    def velocity(t):
+        return peak * np.sin(rate * t + truth["phase"])
+
+    up, leaves, times, step = -5.0 - rng.random(), 4.0 * peak, [], TWO_PI / rate / 200
+    grid = step * np.arange(1, 4000)
+    while len(times) < TRANSIENT + impacts:
+
+        def gap(since, up=up, leaves=leaves):
+            return height(up) + leaves * since - G / 2.0 * since**2 - height(up + since)
+
+        below = np.flatnonzero(gap(grid) < 0.0)
+        if not below.size or grid[below[0]] < SHORTEST:
+            return None
+        since = brentq(gap, grid[below[0]] - step, grid[below[0]])
+        arrives, lands = leaves - G * since, up + since
+        e = truth["restitution"] + truth["scatter"] * rng.standard_normal()
+        up = lands + contact
+        leaves = velocity(up) + e * (velocity(lands) - arrives)
+        times.append(lands)
+    times = np.array(times[TRANSIENT:])
+    return times - times[0], times[0]
+
+
+def heard_on_shaker(seed):
+    """Return the clicks of an irregular orbit, and the truth with the phase on their clock."""
+    rng, found = np.random.default_rng(seed), None
+    while found is None or np.std(np.diff(found[0])) < 0.1 * np.diff(found[0]).mean():
+        truth = {
+            "frequency": rng.uniform(10.0, 60.0),
+            "restitution": rng.uniform(0.5, 0.9),
+            "base_acceleration": rng.uniform(1.5, 6.0),
+            "phase": rng.uniform(-np.pi, np.pi),
+            "scatter": rng.uniform(0.0, 0.01),
+            "contact": rng.choice([0.0, 5e-4]),
+            "timing": rng.uniform(5e-5, 3e-4),
+        }
+        found = orbit(rng, truth, int(rng.integers(30, 90)))
+    time, origin = found
+    truth["phase"] += TWO_PI * truth["frequency"] * origin
+    time = time + truth["timing"] * rng.standard_normal(time.size)
+    share, rounding = rng.choice([0.0, 0.02]), rng.choice([0.0, 1e-4])
+    extra = rng.uniform(time[0], time[-1], rng.poisson(share * time.size))
+    time = np.sort(np.append(time[rng.random(time.size) >= share], extra))
+    time = np.round(time / rounding) * rounding if rounding else time
+    return Recording(f"seed {seed}", "", time, None, None, True, True, rounding, None), truth
+
+
+def shaken_campaign(sets, first):
+    """Print the shares for times over a shaken base; return whether all are as demanded."""
+    scores, refused, limits = {name: [] for name in MOTION}, 0, np.zeros(2, int)
+    for seed in range(first, first + sets):
+        recording, truth = heard_on_shaker(seed)
+        try:
+            found = times_on_shaker([recording], contact=truth["contact"] or None)
+        except TrackError as error:
+            print(error)
+            found = None
+        if found is None or not found["determined"]:
+            refused += 1
+            continue
+        limits += [float(found[f"{k}_limit"]) >= truth[k] for k in ("scatter", "timing")]
+        for name in MOTION:
+            off = float(found[name]) - truth[name]
+            off = (off + np.pi) % TWO_PI - np.pi if name == "phase" else off
+            scores[name].append(off / float(found[f"{name}_error"]))
+    print(f"shaken: {sets - refused} sets, {refused} not determined (at most {0.05 * sets:g})")
+    good = refused <= 0.05 * sets
+    for name, values in scores.items():
+        far = np.abs(values)
+        good &= holds(name, far, (np.mean(far < 1.0), np.mean(far < 1.96)))
+    print(f"  limits of scatter and clicks hold in {limits[0]} and {limits[1]}")
+    return good
+
+
 def campaign(kind, sets, first):
     """Print the shares of one kind of recording; return whether all are as demanded."""
     scores, covered, laws, failed, scatter = [], [], 0, 0, 0
@@ -82,13 +185,8 @@ def campaign(kind, sets, first):
         found = measured(kind, seed, -4.0 * error)[1]
         hit += found is not None and found.attrs["dependence"] == "falls"
     n = len(scores)
-    shares = np.mean(covered, axis=0)
-    values = {"68 %": shares[0], "95 %": shares[1], "rms": np.sqrt(np.mean(np.square(scores)))}
     print(f"{kind}: {n} sets, {failed} not measured")
-    good = failed == 0
-    for name, (low, high) in DEMANDED.items():
-        good &= low <= values[name] <= high
-        print(f"  {name}: {values[name]:.3f} (demanded {low} to {high})")
+    good = failed == 0 and holds("e", np.array(scores), np.mean(covered, axis=0))
     print(f"  mean deviation {np.mean(scores):.2f} errors; limit of the scatter holds in {scatter}")
     print(f"  a constant e called a law: {laws} (at most {0.05 * sets:g})")
     print(f"  a change of 4 standard errors found: {hit} of {n} (at least 90 %)")
@@ -99,7 +197,12 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sets", type=int, default=200)
     parser.add_argument("--first", type=int, default=1000)
-    parser.add_argument("--kinds", nargs="+", default=["times", "films"])
+    parser.add_argument("--kinds", nargs="+", default=["times", "films", "shaken"])
     given = parser.parse_args()
-    results = [campaign(kind, given.sets, given.first) for kind in given.kinds]
+    results = [
+        shaken_campaign(given.sets, given.first)
+        if kind == "shaken"
+        else campaign(kind, given.sets, given.first)
+        for kind in given.kinds
+    ]
     sys.exit(not all(results))

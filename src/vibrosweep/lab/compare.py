@@ -528,16 +528,24 @@ def compare_tracks(
     Returns
     -------
     xarray.Dataset
-        Dims (case, quantity, reading): ``error`` in per cent, ``|measured - predicted| /
-        measured``, its mean over the repeats, and the contributions of ``frames``, ``pixels``
-        and ``parameters`` (in per cent of the measured value), which add in quadrature.
-        Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).
-        ``distribution_distance``, the largest difference of the cumulative distributions of
-        measured and predicted flights, which counts where the motion is irregular.
-        Dim case: ``irregular``, the share of particles whose single flights cannot be predicted;
-        ``distribution_chance``, the distance that chance exceeds in 5 %;
-        ``particles``, ``repeats``, ``compared``, and the parameters used.  Attributes:
-        the base, the ``waveform`` and the ``restitution_law`` of the prediction.
+        Dims (case, quantity, reading), in per cent of the measured value:
+
+        - ``error``, ``|measured - predicted| / measured``, its mean over the repeats;
+        - contributions of ``frames``, ``pixels`` and ``parameters``, which add in quadrature.
+
+        Dims (case, quantity):
+
+        - ``measured``, ``measured_sd`` over the repeats, and ``predicted`` (m, s);
+        - ``distribution_distance``: largest difference of the cumulative distributions of measured
+          and predicted flights, which counts where the motion is irregular.
+
+        Dim case:
+
+        - ``irregular``: share of particles whose single flights cannot be predicted;
+        - ``distribution_chance``: distance that chance exceeds in 5 %;
+        - ``particles``, ``repeats``, ``compared``, and the parameters used.
+
+        Attributes: the base, the ``waveform`` and the ``restitution_law`` of the prediction.
 
     Raises
     ------

@@ -691,13 +691,21 @@ def restitution(
     Returns
     -------
     xarray.Dataset
-        ``restitution`` at the impact speed ``speed`` with ``restitution_error``, half of the 68 %
-        interval, and ``restitution_quantile``; its ``slope`` with the speed; ``scatter`` from
-        bounce to bounce and ``drop_scatter`` from drop to drop with quantiles (NaN: not
-        determined); the laws that fit, along ``law``; each bounce, along ``bounce``; each drop by
-        itself, along ``drop``, and the ``prediction_error`` with which the mean restitution of
-        another drop is known; the groups that files name, along ``group``; the effect of each
-        input, along ``input``; ``correlation``.
+        - ``restitution`` at the impact speed ``speed``, with ``restitution_quantile`` and
+          ``restitution_error``, half of the 68 % interval;
+        - ``slope`` with the speed and its ``slope_error``;
+        - ``scatter`` from bounce to bounce, ``drop_scatter`` from drop to drop and ``timing`` of
+          clicks (s), each with ``_quantile`` and the 95 % ``_limit``; NaN: not determined;
+        - along ``law``: the laws that fit, with ``law_restitution``, ``law_speed`` and
+          ``law_deviance``;
+        - along ``bounce``: ``bounce_restitution``, ``bounce_speed``, ``bounce_time``,
+          ``bounce_error``, ``bounce_used``, ``bounce_drop``;
+        - along ``drop``: ``drop_restitution`` of each drop by itself with its error, and
+          ``drop_gravity``, as films show it;
+        - ``prediction_error``: error with which the mean restitution of another drop is known;
+        - along ``group``: restitution, error and speed of the groups that files name;
+        - along ``input``: ``input_value``, ``input_error`` and ``input_effect`` on the restitution;
+        - ``correlation`` of the parameters.
 
     Raises
     ------

@@ -320,27 +320,27 @@ def estimate(
     Returns
     -------
     xarray.Dataset
-        Dims (parameter, other): ``estimate``, ``error`` and ``covariance`` of restitution,
-        amplitude (m s-1), phase (rad, at t = 0 on the clock of the tracks) and, if it was not
-        given, frequency (Hz).  ``determined`` is 0 if the orbit determines them poorly or not at
-        all, or if the restitution lies outside its range; the attribute ``warning`` gives the
-        reason.  If the signal is too weak all are NaN.  ``misfit`` is the chi-square per degree of
-        freedom.  If it exceeds 1, its square root multiplies the errors; if noise hardly explains
-        it, the scatter of the residuals is added and the warning says so.
+        - ``estimate``, ``error``, ``covariance``, dims (parameter, other): of restitution,
+          amplitude (m s-1), phase (rad, at t = 0 on the clock of the tracks) and, if it was not
+          given, frequency (Hz); all NaN if the signal is too weak;
+        - ``determined``: 0 if the orbit determines them poorly or not at all, or if the restitution
+          lies outside its range; the attribute ``warning`` gives the reason;
+        - ``misfit``: chi-square per degree of freedom.  If it exceeds 1, its square root multiplies
+          the errors; if noise hardly explains it, the scatter of the residuals is added and the
+          warning says so;
+        - ``law_restitution`` and ``law_speed`` (m s-1) with their errors, dim law: each law of
+          restitution fitted to the same bounces.  The attribute ``restitution_law`` names the laws
+          that the bounces do not rule out, the best first; it is empty if nothing is determined.
+          If a constant restitution is ruled out, all parameters are those of the best law, among
+          them ``restitution_speed`` (m s-1) for a plastic one;
+        - ``base_displacement`` (m) and ``base_acceleration`` (in units of gravity) with their
+          errors, over a moving base.
 
         Over a moving base the parameters are those of the base that `find_impacts` fitted to the
         landings, with the frequency that was given to it or that it found; the amplitude is
-        A = (1 + e) V0.  The result then also holds ``base_displacement`` (m) and
-        ``base_acceleration`` (in units of gravity) with their errors.  If a trace has several
-        harmonics, amplitude and phase are those of the strongest, and ``weight_h`` and ``phase_h``
-        (rad) those of harmonic h relative to it; the attribute ``waveform`` is the key of that name
-        in a sweep file.
-
-        Dim law: ``law_restitution`` and ``law_speed`` (m s-1) with their errors, for each law of
-        restitution fitted to the same bounces.  The attribute ``restitution_law`` names the laws
-        that the bounces do not rule out, the best first; it is empty if nothing is determined.  If
-        a constant restitution is ruled out, all parameters are those of the best law, among them
-        ``restitution_speed`` (m s-1) for a plastic one.
+        A = (1 + e) V0.  If a trace has several harmonics, amplitude and phase are those of the
+        strongest, and ``weight_h`` and ``phase_h`` (rad) those of harmonic h relative to it; the
+        attribute ``waveform`` is the key of that name in a sweep file.
 
     Raises
     ------

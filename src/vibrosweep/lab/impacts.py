@@ -102,14 +102,20 @@ def find_impacts(
     Returns
     -------
     xarray.Dataset
-        Dims (particle, impact), NaN past the last landing: ``landing_time``, ``liftoff_time`` and
-        their errors (s); ``next_covariance`` (s2) of a lift-off with the next landing;
-        ``flight_time``, ``rebound_height`` and ``impact_speed`` (velocity at lift-off, over a level
-        base also the speed at landing) of the flight that follows, NaN if its landing was not seen
-        or one of its ends is doubtful; ``quality``.  Dim particle: numbers of frames, gaps and poor
-        flights, and the level of the base below it (m).  Attributes: the noise of a position (m),
-        the height of the base (m), the acceleration with which the particles fall, and
-        ``favoured_base``, ``"moving"``, ``"level"`` or ``"undetermined"``.
+        Dims (particle, impact), NaN past the last landing:
+
+        - ``landing_time``, ``liftoff_time`` and their errors (s);
+        - ``next_covariance`` (s2) of a lift-off with the next landing;
+        - ``flight_time``, ``rebound_height`` and ``impact_speed`` (velocity at lift-off, over a
+          level base also the speed at landing) of the flight that follows, NaN if its landing was
+          not seen or one of its ends is doubtful;
+        - ``quality``.
+
+        Dim particle: numbers of frames, gaps and poor flights, and the level of the base (m).
+
+        Attributes: the noise of a position (m), the height of the base (m), the acceleration with
+        which the particles fall, and ``favoured_base``, ``"moving"``, ``"level"`` or
+        ``"undetermined"``.
 
         Over a moving base ``shaken`` and ``shaken_covariance`` hold restitution, S, C (m s-1) and,
         if it was found, the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi

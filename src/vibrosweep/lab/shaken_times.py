@@ -307,11 +307,14 @@ def times_on_shaker(
     Returns
     -------
     xarray.Dataset
-        As that of `restitution`; and ``frequency`` (Hz), ``base_acceleration`` (in units of
-        gravity), ``amplitude`` (m s-1, (1 + e) times the peak velocity of the base) and ``phase``
-        (rad, at t = 0 on the clock of the recordings), each with ``_error``.  ``determined`` is 0
-        if the orbit leaves them open, as a locked one does; the attribute ``warning`` says what it
-        does fix.
+        - ``restitution``, its scatter and its bounces, as in the result of `restitution`;
+        - ``frequency`` (Hz), ``base_acceleration`` (in units of gravity), ``amplitude`` (m s-1,
+          (1 + e) times the peak velocity of the base) and ``phase`` (rad, at t = 0 on the clock of
+          the recordings), each with ``_error``;
+        - ``correlation`` of restitution and acceleration;
+        - ``contact_effect``: what contacts that last 1 ms longer would change;
+        - ``determined``: 0 if the orbit leaves them open, as a locked one does; the attribute
+          ``warning`` says what it does fix.
 
     Raises
     ------

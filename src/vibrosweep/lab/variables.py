@@ -43,8 +43,7 @@ def require_range_of_frequencies(between: object) -> None:
         require_parameter("frequency_range", end, of="frequency")
     if len(ends) != 2 or not ends[0] < ends[1]:
         raise ParameterError(
-            f"frequency_range = {between!r}: must be two frequencies in Hz that rise, such as "
-            f"(1.0, 100.0)"
+            f"frequency_range = {between!r}: must rise, in Hz, as (1.0, 100.0) does"
         )
 
 
