@@ -1,6 +1,7 @@
 """Flights over the moving base, and bounds of their errors."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from first_roots import (
     first_root,
     judge,
     lift_offs,
+    shaped,
     touching,
     wide,
 )
@@ -170,7 +172,7 @@ def test_accelerations_beyond_all_shakers_get_a_status():
 # Landings on the moving base against a search that cannot miss one (checks/first_roots.py).
 
 
-@pytest.mark.parametrize("draw", [wide, lift_offs, touching])
+@pytest.mark.parametrize("draw", [wide, lift_offs, touching, partial(shaped, harmonics=3)])
 def test_no_first_landing_is_missed(draw):
     found = judge(draw(20_000, np.random.default_rng(7)), threads=1)
     assert not found.missed.any()
@@ -196,8 +198,8 @@ def test_a_search_that_could_go_round_in_a_circle_ends():
 
 def test_the_search_finds_the_first_change_of_sign_of_a_fine_scan():
     flights = wide(300, np.random.default_rng(8))
-    for alpha, x, y in zip(*flights, strict=True):
-        root, undecided = first_root(alpha, x, y, np.empty((MOST_GRAZES, 2)))
+    for alpha, x, y in zip(*flights[:3], strict=True):
+        root, undecided = first_root(flights.tones, alpha, x, y, np.empty((MOST_GRAZES, 2)))
         assert undecided == 0
         # from a tenth of the earliest possible root on, with steps in proportion to the root
         s = np.linspace(0.1 * y / (1.0 + math.pi * alpha), 1.0001 * root, 20_000)
@@ -214,10 +216,10 @@ def test_a_clearance_that_touches_zero_is_undecided():
     flights = touching(2_000, np.random.default_rng(9))
     grazes = np.empty((MOST_GRAZES, 2))
     seen = 0
-    for alpha, x, y in zip(*flights, strict=True):
-        _, undecided = first_root(alpha, x, y, grazes)
+    for alpha, x, y in zip(*flights[:3], strict=True):
+        _, undecided = first_root(flights.tones, alpha, x, y, grazes)
         for left, right in grazes[:undecided]:
-            value, noise, _, _ = clearance(alpha, x, y, 0.5 * (left + right))
+            value, noise, _, _ = clearance(flights.tones, alpha, x, y, 0.5 * (left + right))
             assert abs(value) <= 100.0 * noise
             seen += 1
     assert seen > 100
