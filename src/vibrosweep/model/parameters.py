@@ -161,9 +161,7 @@ RELATIVE_NOISE: Final = "restitution_noise_relative"
 # the nominal restitution
 NOISE: Final = by_name(
     Parameter("restitution_noise", "sigma_e", "1", "noise of the restitution", 0.0, 0.0, LARGEST),
-    Parameter(
-        RELATIVE_NOISE, "sigma_e/e", "1", "relative noise of the restitution", 0.0, 0.0, LARGEST
-    ),
+    Parameter(RELATIVE_NOISE, "sigma_e/e", "1", "relative restitution noise", 0.0, 0.0, LARGEST),
     Parameter("kick_noise", "sigma_V", "m s-1", "noise of the kick", 0.0, 0.0, LARGEST / 4),
     Parameter("drive_noise", "sigma_A", "1", "noise of the amplitude", 0.0, 0.0, 1e6),
 )

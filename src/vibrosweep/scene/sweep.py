@@ -279,8 +279,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     columns = keys.columns(sample, numbers, mistakes)
     keys.check_forcing(scene, sample, mistakes)
     varied = (*sampled, *(columns or ()))
-    defaults = {key: getattr(Scene, key) for key in SHARED}
-    settings = keys.settings("scene", scene, defaults, mistakes)
+    settings = keys.settings("scene", scene, {k: getattr(Scene, k) for k in SHARED}, mistakes)
     base = settings["base"]
     keys.check_given(base, settings["restitution_law"], scene, sample, mistakes)
     numbers |= implied(settings["restitution_law"])
