@@ -13,7 +13,7 @@ import urllib.request
 import pytest
 
 import vibrosweep as vs
-from tests.explore.browsing import VIEW, address_of, served
+from tests.explorer.browsing import VIEW, address_of, served
 from vibrosweep.explorer.pictures import heights
 
 SPEC = {

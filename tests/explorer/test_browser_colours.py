@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 import vibrosweep as vs
-from tests.explore.browsing import VIEW, address_of, served
+from tests.explorer.browsing import VIEW, address_of, served
 from vibrosweep.explorer.points import open_points
 from vibrosweep.explorer.static import write_page
 from vibrosweep.explorer.views import colouring, limits

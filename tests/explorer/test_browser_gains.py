@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from tests.explore.browsing import VIEW, address_of, served
+from tests.explorer.browsing import VIEW, address_of, served
 from vibrosweep.explorer.points import open_points
 from vibrosweep.explorer.static import write_page
 

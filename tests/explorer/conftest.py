@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import vibrosweep as vs
-from tests.explore.browsing import FLAGS, NAMES, READY
+from tests.explorer.browsing import FLAGS, NAMES, READY
 from vibrosweep.explorer.points import of_result
 
 SWEEPS = {
