@@ -215,4 +215,4 @@ def test_all_that_can_be_had_together_is_computed_and_proved(tmp_path):
     names = ("high-bounce", "rest", "constant", "sine")
     of = dict(zip(("base", "rebound", "restitution_law", "waveform"), names, strict=True))
     assert (of, False) in list(combinations())
-    assert together(tmp_path / "out.h5", of, noisy=False) == ([], True)
+    assert together(tmp_path / "out.h5", of, noisy=False) == []

@@ -634,4 +634,4 @@ def test_the_package_begins_at_once():
         "print(*sorted(set(sys.modules) - before))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["__future__", "vibrosweep", "vibrosweep._version"]
+    assert {*done.stdout.split()} <= {"__future__", "vibrosweep", "vibrosweep._version"}

@@ -206,7 +206,7 @@ def test_continuous_integration_tries_every_python_that_is_named():
 # Public functions refuse what is no dataset or no number, with an error of this package.
 
 ABSURD = (None, -1, 1.5, float("nan"), float("inf"), "x", "", b"x", [], ["x"], {}, {"a": 1})
-ABSURD += (object(), 10**400, 1j, [1j], np.datetime64("NaT"), np.zeros((2, 2)), xr.Dataset())
+ABSURD += (object(), 10**400, 1j, [1j], np.datetime64("NaT", "s"), np.zeros((2, 2)), xr.Dataset())
 PUBLIC = {
     f"{space.__name__}.{name}": getattr(space, name)
     for space in (vs.analysis, vs.figures, vs.theory, vs.theory.sprung)

@@ -400,7 +400,6 @@ def test_windows_hold_the_base_acceleration_and_how_times_were_given():
             "duration_periods": 50.0,
             "transient_periods": 10.0,
             "frequency": 2.0,
-            "base_velocity": 3.0,
         }
     ).scene
     found = find_windows(scene, [0.5, 0.9], [0.2, 1.0, 5.0], ["locked(1)"])
@@ -411,7 +410,6 @@ def test_windows_hold_the_base_acceleration_and_how_times_were_given():
     )
     assert found["duration"].item() == 25.0
     assert found["transient"].item() == 5.0
-    assert "base_velocity" not in found.variables  # the scan takes its place
     given = {"base": "high-bounce", "forcing": "amplitude"}
     given |= {"duration_periods": 50.0, "transient_periods": 10.0}
     assert given.items() <= found.attrs.items()

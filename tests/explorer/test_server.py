@@ -191,6 +191,8 @@ def test_only_what_the_page_asks_for_is_served(ask):
     assert [ask(path).status for path in PATHS[4:]] == [404] * 3
 
 
+# the client of Bokeh makes a loop as Python 3.12 before 3.12.4 no longer likes
+@pytest.mark.filterwarnings("ignore:There is no current event loop:DeprecationWarning")
 def test_a_value_that_comes_by_the_socket_is_clipped_to_the_range_of_its_widget(port):
     session = pull_session(url=f"http://localhost:{port}/")
     slider = session.document.get_model_by_name("particles")

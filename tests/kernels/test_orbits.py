@@ -508,9 +508,9 @@ def test_an_orbit_is_the_same_from_any_impact_and_period():
 def test_the_least_clearance_of_a_flight_is_found_however_short_its_rise_is(waveform):
     """Also where a flight first rises and falls again within a few hundredths of a period."""
     draw, early = np.random.default_rng(7), 0
-    given_ = problem(0.5, draw.uniform(1.0, 4.0, 400))
+    given_ = problem(0.5, draw.uniform(1.0, 4.0, 30))
     base = base_of("moving", "rest", waveform)
-    for i in range(400):
+    for i in range(30):
         fixed = constants(base, given_, i)
         x = after_rest(fixed)[0] - draw.uniform(0.0, 0.02)  # the base soon falls faster than g
         s, u = draw.uniform(0.05, 1.0), draw.uniform(0.0, 0.01)

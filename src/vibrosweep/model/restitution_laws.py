@@ -172,8 +172,10 @@ def is_law(law: str) -> bool:
     return True
 
 
-def require_law(key: str, law: str) -> None:
+def require_law(key: str, law: object) -> None:
     """Raise a ParameterError that names a key unless its value is a law, with its numbers."""
+    if not isinstance(law, str):
+        raise ParameterError(f"{key} = {law!r}: must be one of {', '.join(RESTITUTION_LAWS)}")
     require_one_of(key, name_of(law), RESTITUTION_LAWS)
     if name_of(law) in NUMBERS_OF:
         try:
