@@ -7,7 +7,7 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.cli import main
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab import Recording, times_on_shaker
+from vibrosweep.lab import Recording, restitution, times_on_shaker
 from vibrosweep.lab.lines import restitution_lines
 from vibrosweep.lab.shaken_times import Triples
 
@@ -40,6 +40,18 @@ def test_times_give_restitution_frequency_acceleration_and_phase(landed):
     assert max(map(abs, deviations(found))) < 3.5
     assert float(found["restitution_error"]) < 0.01
     assert any("Hz, acceleration" in line for line in restitution_lines(found))
+
+
+def test_the_restitution_of_a_floor_says_that_the_base_may_shake(landed):
+    locked = np.arange(40) * 0.05
+    for times, shakes in (
+        (landed[3:43], True),
+        (locked, True),
+        (1.0 - 0.9 ** np.arange(20), False),
+    ):
+        noise = 1e-4 * np.random.default_rng(1).standard_normal(times.size)
+        found = restitution([clicks(times + noise)])
+        assert ("a base that shakes" in found.attrs["remarks"]) == shakes
 
 
 def test_missed_and_false_clicks_are_left_out(landed):

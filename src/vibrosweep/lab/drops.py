@@ -294,6 +294,7 @@ def stack(blocks: list[tuple[Array, Array, Array, Array, Array]]) -> Rows:
 
 ODD: Final = 4.0  # standard deviations of a bounce that is left out
 MOST_ODD: Final = 0.1  # share of bounces that may be left out
+FEWEST_TESTED: Final = 3  # more bounces than these show whether e changes
 FALLS: Final = 0.01  # size of the one-sided test of an e that falls with speed
 RISES: Final = 0.001  # and of one that rises, which no law of this package does
 EQUAL: Final = 6.63  # deviances that differ by less fit equally (1 %, one parameter)
@@ -316,6 +317,16 @@ def _even(one: Input, deviate: Array) -> Array:
     logs = np.log(value)
     beyond = np.maximum(np.log(low) - logs, 0.0) + np.maximum(logs - np.log(high), 0.0)
     return np.asarray(-logs - 0.5 * (beyond / EDGE) ** 2 + 0.5 * deviate**2)
+
+
+def _moving(bounces: int, restitution: float, error: float) -> list[str]:
+    """Say that bounces which lose no energy are not those of a floor at rest."""
+    if bounces <= FEWEST_TESTED or restitution + error < 1.0:
+        return []
+    return [
+        "the bounces lose no energy on average, as over a base that shakes: for its motion and the "
+        "restitution use vibrosweep lab impacts, or vs.lab.times_on_shaker"
+    ]
 
 
 class Pool:
@@ -469,7 +480,7 @@ class Pool:
         constant = self.fit(self.rows, slope=False)
         mean, covariance = line.moments()
         bounces = int(self.rows.bounce.sum())
-        tested = bounces > 3
+        tested = bounces > FEWEST_TESTED
         below = line.share_below(1, 0.0) if tested else 0.5
         falls, rises = 1.0 - below < FALLS, below < RISES
         chosen = line if falls or rises else constant
@@ -519,7 +530,7 @@ class Pool:
             "dependence": words,
             "speed_known": int(all(drop.speed_known for drop in self.drops)),
             "filmed": int(filmed),
-            "remarks": "\n".join([*remarks, *self._remarks()]),
+            "remarks": "\n".join([*remarks, *self._remarks(), *_moving(bounces, e, error)]),
         }
         return xr.Dataset(variables, coords=coordinates, attrs=attributes)
 
