@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
 
 import vibrosweep as vs
 from tests.figures.drawn import (
@@ -31,6 +32,7 @@ from vibrosweep.analysis.branches import EVENTS
 from vibrosweep.analysis.orbits import cycle_name
 from vibrosweep.errors import DataError
 from vibrosweep.figures.orbits import KINDS, TIES
+from vibrosweep.model.measures import Regime
 
 PLAIN = {"phase": 0.0, "gravity": 9.81, "contact_time": 1e-4, "frequency": 1.0}
 BLACK, WHITE = to_rgba("black"), to_rgba("white")
@@ -200,6 +202,20 @@ def test_shares_are_as_thick_as_they_are_large(count, random):
             below += float(basins.fraction[k, i])
             assert top == pytest.approx(below, abs=1e-12)
             assert colour == legend(plot)[name_of(basins.isel(attractor=k))]
+
+
+def test_both_panels_of_a_bifurcation_diagram_show_the_same_forcings_on_any_axes(random):
+    at, dims = axis(random, 5), ("direction", "amplitude", "particle")
+    numbers = {
+        "lyapunov_largest": (dims, random.normal(size=(2, at.size, 1))),
+        "rebound_velocity": ((*dims, "sample"), random.uniform(1.0, 5.0, (2, at.size, 1, 4))),
+        "regime": (dims, np.full((2, at.size, 1), Regime.APERIODIC, np.int8)),
+    }
+    coords = {"amplitude": at, "direction": ["up", "down"], **scene(restitution=0.8)}
+    attrs = {"observable": "rebound_velocity", "forcing": "amplitude"}
+    own = Figure().subplots(2, 1)
+    upper, lower = figures.bifurcation_diagram(xr.Dataset(numbers, coords, attrs), ax=own)
+    assert lower.get_xlim() == upper.get_xlim()
 
 
 @pytest.mark.parametrize("launched", [True, False])

@@ -601,6 +601,7 @@ def bifurcation_diagram(
         _draw_stable(upper, orbits, diagram, name, along)
     _mark_coexistence(upper, diagram, at)
     _exponents(lower, diagram, at)
+    lower.set_xlim(upper.get_xlim())  # axes of a user need not share them
     upper.set_ylabel(data.label(diagram, name))
     lower.set_xlabel(data.label(diagram, along))
     if upper.get_position().x0 != lower.get_position().x0:  # a user has put them side by side
