@@ -132,12 +132,9 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"  # drawn by the browser: nothing is loaded from elsewhere
 html_show_sourcelink = False
-html_sidebars = {
-    page: [] for page in ("index", "start", "which", "gallery")
-}  # nothing is below them
+html_sidebars = {"**": ["pages.html"]}
 html_theme_options = {
-    "navbar_align": "left",
-    "header_links_before_dropdown": 8,
+    "navbar_center": [],  # all pages are in the sidebar
     "navbar_persistent": ["search-button"],  # with a search field the header takes two lines
     "icon_links": [
         {"name": "Repository", "url": url, "icon": "fa-solid fa-code-branch"}
@@ -164,9 +161,12 @@ def display(translator: HTML5Translator, node: Element) -> None:
 def _write(translator: HTML5Translator, node: Element, shown: str) -> None:
     from docutils.nodes import SkipNode
 
-    # equations beside each other, which stand below each other where there is no room
-    parts = unescape(node.astext()).split(r"\qquad")
-    formula = "".join(convert(part, display=shown) for part in parts)
+    # equations beside each other, and the parts of a long one, are below each other on a phone
+    equations = [
+        "".join(convert(part, display=shown) for part in each.split(r"\allowbreak"))
+        for each in unescape(node.astext()).split(r"\qquad")
+    ]
+    formula = "".join(f'<span class="equation">{each}</span>' for each in equations)
     # the spacing of TeX: around the names of functions, and none beside bars
     formula = FUNCTION.sub(_spaced, formula)
     formula = BAR.sub('<mo lspace="0" rspace="0" stretchy="false">|</mo>', formula)
