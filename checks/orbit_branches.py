@@ -24,7 +24,7 @@ import vibrosweep as vs
 
 UNIT = 9.81 / 2.0  # m/s, at 1 Hz
 DOUBLING, BORN = 1, 4
-KINKS = (5, 6)  # corner of the waveform, speed of yielding
+KINKS = (5, 6)  # of the waveform, and of the law of restitution
 LOST = 4
 SAME = 1e-6
 LAWS: tuple[dict[str, Any], ...] = (

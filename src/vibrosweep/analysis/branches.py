@@ -84,7 +84,7 @@ EVENTS: Final = (
     (REST, "rest"),
     (BORN, "born_at_doubling"),
     (CORNER, "corner"),
-    (YIELD, "yielding"),
+    (YIELD, "kink"),
     (LANDING, "grazing_at_landing"),
 )
 ENDS: Final = (
@@ -96,7 +96,7 @@ ENDS: Final = (
     (SPENT, "points_spent"),
     (BEGUN, "begins_at_doubling"),
     (AT_CORNER, "corner"),
-    (AT_YIELDING, "yielding"),
+    (AT_YIELDING, "kink"),
 )
 # Bifurcations that are continued as curves
 OF_CURVES: Final = tuple(event for event in EVENTS if event[0] != BORN)

@@ -280,7 +280,7 @@ ENDS: Final = {
     "not_enclosed": UNPROVED,
     "not_in_the_bracket": ELSEWHERE,
     "waveform_needs_amplitude_or_base_velocity": FORCING,
-    "corner_of_the_waveform_or_yielding": SWITCH,
+    "corner_of_the_waveform_or_kink_of_the_restitution": SWITCH,
 }
 INSIDE: Final = {
     "no_window": NO_WINDOW,
