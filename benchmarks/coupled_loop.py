@@ -1,4 +1,4 @@
-"""Base of finite mass as a scalar loop, which finds all next landings anew after each event.
+"""Base of finite mass as a scalar loop, which finds all next landings again after each event.
 
 It follows one realization after the other and one event after the other, with one running time and
 the library's sine and exponential.  The search for a landing starts at the present time, with steps

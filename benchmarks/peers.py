@@ -1,4 +1,4 @@
-"""This package and its peers side by side: time per landing beside the error of landing times.
+"""This package and its peers side by side: time per landing and error of landing times.
 
     python benchmarks/peers.py [--threads N]
 

@@ -11,7 +11,7 @@ A figure is what the fixture `race` measures: how many times as fast as a refere
 a subject is, here by processor time, which other programs on the machine disturb little.  A test
 that fails, or whose figure is worse, is run a second time, and the better figure counts.  The exit
 code is 1 if a figure is worse or missing, or if a test fails without one.  If a test gives a figure
-but misses a target of its own, in wall time, this is reported, and the figure is compared and
+but misses its target in wall time, this is reported, and the figure is compared and
 stored like any other; `pytest benchmarks` judges targets.  A test that fails without a figure keeps
 the stored one.
 """

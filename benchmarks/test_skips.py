@@ -86,7 +86,7 @@ def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
 
 
 def test_a_million_periods_against_a_thousand(race):
-    """Every orbit of these realizations recurs; a chaotic one would be followed to the end."""
+    """Every orbit of these realizations recurs; a chaotic one would be simulated to the end."""
     with Workers(THREADS) as workers:
         late, early = (
             measuring(drawn(200), workers, duration=periods, separation=True, regimes=True)

@@ -5,7 +5,7 @@
     python benchmarks/work_precision.py compare    # work-precision.md, its table and figure
 
 Each step reads only what the step before has stored.  All methods run on one thread; heyoka and
-diffrax are timed if they are installed, otherwise their stored rows are kept.
+diffrax are timed if they are installed, otherwise their stored rows stay.
 """
 
 from __future__ import annotations

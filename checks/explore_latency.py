@@ -157,7 +157,7 @@ def of_plane(page: Page, count: int) -> Iterator[str]:
             answered(page, lambda s=step: page.mouse.wheel(0, s), "wheel", GATHERED, ("plane",))
         )
         page.wait_for_timeout(400)
-    yield told("turn of the wheel to the plane gathered anew", zooms)
+    yield told("turn of the wheel to the plane regrouped", zooms)
     colours = []
     select = page.locator("select[name=colour]")
     options = [one.get_attribute("value") for one in select.locator("option").all()]

@@ -240,7 +240,7 @@ UNBOUNDED = (
     "$w$ at the exact $x'$, ulp of $w$",
 )
 STEP_HEAD = ("quantity and unit", "states", "number", "within 1", "within 2", "largest")
-LOCKED_HEAD = ("$k$", "$e$", "$a$", "phase, turns", "impacts", "error, turns", "started beside",
+LOCKED_HEAD = ("$k$", "$e$", "$a$", "phase, turns", "impacts", "error, turns", "started nearby",
                "forced", "excess", "naive form")  # fmt: skip
 SHORT = (0, 1, 2, 4, 5, 6, 7, 9)  # columns of the report
 

@@ -158,7 +158,7 @@ def separations(options):
         "gaps, first order",
         "gaps, exact orbit",
         "spectral radius",
-        "followed: off by",
+        "simulated: off by",
         "launches",
     )
     return table(head, short(rows, options, lambda row: row[1] != "0.0001"))

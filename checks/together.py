@@ -52,7 +52,7 @@ def combinations() -> Iterator[tuple[dict[str, str], bool]]:
 def together(path: Path, combination: dict[str, str], *, noisy: bool) -> list[str]:
     """Compute all measures of one combination into a file; return what is wrong with it.
 
-    Where the table of abilities says that there is no proof, none is asked for.
+    Where the table of abilities says that there is no proof, none is required.
     """
     base, law, kept, shape = combination.values()
     kinds = NOISE.keys() - {RELATIVE_NOISE}  # which is the same kind in another unit

@@ -1,7 +1,7 @@
 """``python -m study``: judge claims of the study by computation; write a page and a JSON file.
 
 Without options it takes quick samples.  The page grows as claims are decided, and the same command
-goes on where a stopped one ended.  The exit code is 0 for success, 2 for an error, whose message
+resumes a campaign that was stopped.  The exit code is 0 for success, 2 for an error, whose message
 gives the remedy, 130 after an interruption.
 """
 
@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         print(
-            "study: interrupted; the same command goes on with the claim that was interrupted",
+            "study: interrupted; the same command resumes at the claim that was interrupted",
             file=sys.stderr,
         )
         return 130

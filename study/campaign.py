@@ -1,4 +1,4 @@
-"""A campaign: claims are kept as they are decided, so that one that was stopped goes on."""
+"""A campaign: claims are saved as they are decided, so that a stopped campaign can be resumed."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ COMPILED: Final = 5  # minutes to compile all kernels
 
 
 def chosen(asked: Iterable[str]) -> list[str]:
-    """Keys of claims in order: all if none is asked for; 4 stands for 4a and 4b."""
+    """Keys of claims in order: all if none is selected; 4 stands for 4a and 4b."""
     asked = tuple(asked)
     if unknown := [one for one in asked if not _of(one)]:
         last = list(collect.TESTS)[-1]
@@ -68,7 +68,7 @@ def _counted(keys: Iterable[str]) -> str:
 
 @dataclass(frozen=True)
 class Campaign:
-    """Claims to be judged from the samples of a plan, kept in a directory until all are."""
+    """Claims to be judged from the samples of a plan, saved in a directory until all are."""
 
     plan: Plan
     keys: Sequence[str]
@@ -77,7 +77,7 @@ class Campaign:
 
     @property
     def room(self) -> Path:
-        """Where decided claims are kept."""
+        """Where decided claims are saved."""
         return self.directory / ".decided"
 
     @property
@@ -90,7 +90,7 @@ class Campaign:
         return found.digest()
 
     def kept(self) -> dict[str, Outcome]:
-        """Outcomes that a stopped campaign of the same mark has kept."""
+        """Outcomes that a stopped campaign of the same mark has saved."""
         mark = self.mark
         paths = {key: self.room / key for key in self.keys}
         read = {key: path.read_bytes() for key, path in paths.items() if path.is_file()}
@@ -102,7 +102,7 @@ class Campaign:
         }
 
     def judged(self) -> Iterator[Claim]:
-        """Yield the claims one after the other, each of them kept."""
+        """Yield the claims one after the other, each saved first."""
         kept, mark, words = self.kept(), self.mark, texts()["claims"]
         for key in self.keys:
             if key not in kept:
@@ -138,12 +138,12 @@ class Campaign:
             shown = _number(self.keys[:decided])
             lines.append(f"{shown} of {_counted(self.keys)} are decided so far.")
         if len(self.keys) < len(collect.TESTS):
-            lines.append(f"{_counted(self.keys)} of {_number(collect.TESTS)} were asked for.")
+            lines.append(f"{_counted(self.keys)} of {_number(collect.TESTS)} were selected.")
         if self.plan.seeds < FULL.seeds:
             lines.append(
                 f"Quick samples: {self.plan.seeds} seeds of {self.plan.realizations} realizations "
                 f"instead of {FULL.seeds} of {FULL.realizations}, so that more claims cannot be "
-                f"judged. python -m study --full takes all."
+                f"judged. python -m study --full takes the full samples."
             )
         return lines
 

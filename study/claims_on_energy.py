@@ -42,7 +42,7 @@ SETTLED: Final = 30.0
 ROUGHLY: Final = 0.1  # relative deviation that "about" in Eq. 26 allows
 # "A much smaller than 1", m s-1
 WEAK: Final = (0.01, 0.1)
-# Share of the realizations that is followed: enough, because a quarter of them never rest
+# Share of the realizations that is simulated: enough, because a quarter of them never rest
 PART: Final = 0.5
 FIRST_HEIGHT: Final = 5.0**2 / (2.0 * 9.81)
 

@@ -50,7 +50,7 @@ DISTANCES: Final = (250.0, 1000.0)
 def measured_and_predicted(plan: Plan) -> Outcome:
     """Measured and predicted heights and periods agree within 8 %, Table 4.
 
-    Each seed stands for an experiment with spheres, settings and noise of its own; on one thread.
+    Each seed stands for an experiment with other spheres, settings and noise; on one thread.
     """
     each = [
         study_imperfections(**SIZE, repeats=1, seed=plan.first_seed + i) for i in range(plan.seeds)

@@ -70,7 +70,7 @@ def _launched(
     part: float = PART,
     **keys: Any,
 ) -> Iterable[xr.Dataset]:
-    """Records of launches up to `NEAR` off an orbit; each has noise of its own."""
+    """Records of launches up to `NEAR` off an orbit, each with independent noise."""
     size = max(1, round(plan.realizations * part))
     off = np.concatenate([random.uniform(-NEAR, NEAR, size) for random in plan.random()])
     drawn = {"phase": 2.0 * np.pi * (there.phase + off), **_streams(plan, scene, off.size)}

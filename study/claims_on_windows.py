@@ -112,7 +112,7 @@ def _ends(base: str, k: Array, e: Array) -> tuple[Array, Array]:
 
 
 def _launched(plan: Plan, base: str, setting: Setting, where: str) -> NDArray[Any]:
-    """Regimes of launches at any phase, at amplitudes in the window of mode 1 or beside it."""
+    """Regimes of launches at any phase, at amplitudes in the window of mode 1 or outside it."""
     there = setting.over(amplitude=(0.0, 1.0), phase=ANY_PHASE)
     drawn = there.drawn(plan, scale=SMALLER[base])
     e, part = drawn["restitution"], drawn["amplitude"]

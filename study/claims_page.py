@@ -78,7 +78,7 @@ def in_order(claims: Sequence[Claim]) -> list[Claim]:
 
 
 def _counts(claims: Sequence[Claim]) -> Iterator[str]:
-    """How many of the claims about the dynamics come to each verdict, for every base."""
+    """How many of the claims about the dynamics get each verdict, for every base."""
     for base, name in BASES.items():
         found = Counter(
             one.verdict

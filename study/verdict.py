@@ -134,7 +134,7 @@ class Evidence:
     readings: Sequence[Reading]  # ways to read the claim as stated, at least one
     conditions: Sequence[Reading] = ()  # conditions under which it may hold, stated by their names
     numbers: Sequence[Number] = ()  # further computed numbers
-    setting: Setting = TABLE_1  # of all numbers without a setting of their own
+    setting: Setting = TABLE_1  # of all numbers that state no setting
     not_computed: Sequence[str] = ()  # the package's refusals on this base
 
     @property

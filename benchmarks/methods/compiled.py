@@ -50,7 +50,7 @@ def streaming(scene: Scene, workers: Workers) -> Callable[[], int]:
 
 
 def kernel(scene: Scene, sizes: list[int], threads: int) -> Iterator[Point]:
-    """The package: statistics, and every landing kept."""
+    """The package: statistics, and every landing recorded."""
     with Workers(threads) as workers:
         found = record_landings(arrays(scene), _watched(scene, scene.sample), workers)
         times, run = list(found["landing_time"][0]), streaming(scene, workers)

@@ -102,8 +102,8 @@ class BareMap:
     """The bare map of this package and pynamicalsys' ensemble call, on as many threads.
 
     Both advance 256 trajectories for each thread.  pynamicalsys' ways are: `default`, the map
-    written as its own models are and every state kept, as it does unless asked otherwise; and
-    `fastest`, with the cheaper reduction of this package's map and only the last states kept.
+    written as its own models are and every state stored, as it does by default; and
+    `fastest`, with the cheaper reduction of this package's map and only the last states stored.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ DECIMALS = 34  # significant digits
 
 Row = dict[str, str]
 
-# packages of a method beside Python and numpy; all other methods are compiled by numba
+# packages of a method besides Python and numpy; all other methods are compiled by numba
 PACKAGES = {
     "SciPy solve_ivp": ("scipy",),
     "heyoka.py": ("heyoka",),

@@ -193,7 +193,7 @@ def _statistics(rows: np.ndarray, duration: float, reflects: bool) -> Callable:
 
 
 def jax_map(scene: Scene | Sweep, sizes: list[int], threads: int) -> Iterator[Point]:
-    """The map in a loop under `vmap`, which goes on until the last lane of a block has ended."""
+    """The map in a loop under `vmap`, which runs until the last lane of a block has ended."""
     sample, reflects = table(scene.cases), bool(scene.reflect)
     impacts = int(count_landings(sample, scene.duration + MARGIN, scene.reflect).max())
     found = np.asarray(_landings(sample, _parabola, HighBounce(reflects), impacts)(sample))

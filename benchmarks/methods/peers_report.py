@@ -24,7 +24,7 @@ Row = dict[str, str]
 NAMES = {
     STATISTICS: ("**vibrosweep**, statistics", "#0072B2"),
     NOTHING_SKIPPED: ("**vibrosweep**, nothing skipped", "#0072B2"),
-    RECORD: ("**vibrosweep**, every landing kept", "#56B4E9"),
+    RECORD: ("**vibrosweep**, every landing recorded", "#56B4E9"),
     "naive map": ("scalar numba loop", "#E69F00"),
     "numpy": ("numpy over all trajectories", "#E69F00"),
     "pynamicalsys": ("pynamicalsys, ensemble call", "#000000"),
@@ -142,7 +142,7 @@ def bare_sentence(rows: list[Row]) -> str:
 
 
 def draw(rows: list[Row], path: Path) -> None:
-    """Draw the time of every method, with its error beside it, in one panel per scene."""
+    """Draw the time of every method, with its error next to it, in one panel per scene."""
     least = min(float(r["ns_per_impact"]) for s in SWEEPS for r in _of(rows, s.key).values())
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 3.6), layout="constrained")
@@ -170,4 +170,4 @@ def _panel(axis: Axes, found: dict[str, Row]) -> None:
     names = [name.replace("*", "").replace("`", "") for name, _ in NAMES.values()]
     axis.set_yticks(range(len(names)), names)
     axis.set_ylim(len(names) - 0.5, -0.5)
-    axis.set_xlabel("Time per landing (ns); beside it the largest error")
+    axis.set_xlabel("Time per landing (ns), and the largest error")

@@ -57,7 +57,7 @@ the other methods are given them.
 
 {finest}
 
-- Over a base at rest integrators step along parabolas exactly, whatever the tolerance: only
+- Over a base at rest integrators step along parabolas exactly at any tolerance: only
   rounding remains, most of it in the running time. Where the base moves, tolerances count. Errors
   of a large part of a period mean a lost orbit; "missed": fewer landings were found than there are.
 - RK4, like any integrator with fixed steps, sees contact late by up to one step: its observed order

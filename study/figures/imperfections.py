@@ -1,4 +1,4 @@
-"""Errors that imperfections of the laboratory make, beside those of the study's Table 4."""
+"""Errors that imperfections of the laboratory make, next to those of the study's Table 4."""
 
 from __future__ import annotations
 

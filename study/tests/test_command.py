@@ -1,4 +1,4 @@
-"""``python -m study``: what it writes and prints, how it goes on, and what it refuses."""
+"""``python -m study``: what it writes and prints, how it resumes, and what it refuses."""
 
 import json
 
@@ -72,13 +72,13 @@ def test_claims_are_chosen_by_their_numbers(claims, tmp_path):
     assert claims.judged == ["4a", "4b", "9"]
     numbers, state = shown(tmp_path)
     assert numbers == claims.judged
-    assert "2 claims of 4 were asked for" in state
+    assert "2 claims of 4 were selected" in state
 
 
 def test_the_page_grows_and_a_stopped_campaign_goes_on(claims, tmp_path, capsys):
     claims.stops = "4a"
     assert command.main(["-o", str(tmp_path)]) == 130
-    assert "the same command goes on" in capsys.readouterr().err
+    assert "the same command resumes" in capsys.readouterr().err
     numbers, state = shown(tmp_path)
     assert numbers == ["1", "2"]
     assert "2 of 4 claims are decided so far" in state
