@@ -91,7 +91,7 @@ def report(verdicts: Iterable[Verdict], family: str, stored: Iterable[str]) -> s
 
 
 class Collector:
-    """A pytest plugin that keeps the figures of the races, and the tests that failed."""
+    """A pytest plugin that records the figures of the races, and the tests that failed."""
 
     def __init__(self) -> None:
         self.figures: dict[str, float] = {}

@@ -103,7 +103,15 @@ def test_cost_of_noise(race, kinds, most):
 
 
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
-@pytest.mark.parametrize(("law", "most"), [("plastic", 1.8), ("viscoelastic", 3.5)])
+@pytest.mark.parametrize(
+    ("law", "most"),
+    [
+        ("plastic", 1.8),
+        ("power(0.2)", 3.2),
+        ("points([[0.5, 0.95], [5.0, 0.85]])", 1.8),
+        ("viscoelastic", 3.5),
+    ],
+)
 def test_cost_of_a_law_of_restitution(race, base, law, most):
     """An impact by a law takes at most so many times as long as one of constant restitution."""
     parameters = paper_parameters(8000)

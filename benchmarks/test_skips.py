@@ -1,6 +1,6 @@
 """Time saved by skipping work; run with ``pytest benchmarks/test_skips.py -s``.
 
-The subject skips, the reference follows everything.
+The subject skips, the reference simulates everything.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def measuring(parameters, workers, particles=20, **options):
 
 
 def skipping(race, parameters, **options):
-    """Race skipping against following everything."""
+    """Race skipping against simulating everything."""
     with Workers(THREADS) as workers:
         subject, reference = (
             measuring(parameters, workers, skip=skip, **options) for skip in (True, False)

@@ -2,7 +2,7 @@
 
     python checks/coupled_errors.py [--realizations 40] [--seed 1] [--write]
 
-Random realizations of 2, 4 and 10 particles are drawn; each is followed in ball arithmetic, and
+Random realizations of 2, 4 and 10 particles are drawn; each is computed in ball arithmetic, and
 again with changed parameters and launches (`vibrosweep.proof.claims`), which gives the estimate.
 """
 

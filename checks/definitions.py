@@ -43,7 +43,7 @@ Case = tuple[dict[str, np.ndarray], Scene]
 
 
 def scene(rng: np.random.Generator, base: str) -> Case:
-    """One realization, followed for 4 to 16 periods."""
+    """One realization, simulated for 4 to 16 periods."""
     f = float(rng.choice([1.0, 0.7, 20.0]))
     g, particles = 9.81, int(rng.integers(1, 5))
     gamma = rng.choice([rng.uniform(0.1, 1.0), rng.uniform(1.0, 4.0)])

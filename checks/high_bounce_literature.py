@@ -38,7 +38,7 @@ def last_that(holds, low, high, width=1e-12):
 
 
 def inelastic(workers):
-    """Ends of the steps of the completely inelastic ball, beside their closed forms.
+    """Ends of the steps of the completely inelastic ball, with their closed forms.
 
     The flight after a rest lasts n periods at sqrt(1 + (pi n)^2); from there on the ball lands
     where the base falls faster than g and leaves at once, on the orbit locked to n periods.

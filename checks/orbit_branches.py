@@ -7,7 +7,7 @@ Run with ``python checks/orbit_branches.py --rounds 20 --ranges 50 --seed 1``.  
 - events do not depend on the range: a wider range with more values has the same events inside,
   unless the search misses an orbit at a value of the axis, which is counted;
 - no branch is lost.
-Each waveform has kernels of its own, which take a minute to compile.
+Each waveform has its own kernels, which take a minute to compile.
 """
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ def exact_gaps(k, mass_ratio, rank):
 
 
 def separations(options):
-    """Gaps of two particles in one slot: first order, exact orbits, and orbits followed."""
+    """Gaps of two particles in one slot: first order, exact orbits, and simulated orbits."""
     rows, launches = [], np.geomspace(5e-4, 0.2, 24)
     for k in (1, 2):
         mass_ratios = np.array([1e-4, 1e-3, 1e-2])

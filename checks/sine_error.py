@@ -2,7 +2,7 @@
 
     python checks/sine_error.py [--phases 10000000] [--seed 1] [--write]
 
-The bound follows every rounding of the evaluation as a noise of its own (`rounded`), over a fine
+The bound counts every rounding of the evaluation as a separate noise (`rounded`), over a fine
 partition of the folded phase.
 """
 

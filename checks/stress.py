@@ -213,7 +213,7 @@ def short_and_long_contact(rng: np.random.Generator, law: str) -> Case:
 
 
 MOVING_FAMILIES: dict[str, Family] = {
-    "acceleration 1e-12, 1 and beside it, 1e3": accelerations,
+    "acceleration 1e-12, 1 and next to it, 1e3": accelerations,
     "launched at rest, slower, as fast as the base": as_the_base,
     "contact time 1e-30 ... 1e30 s": short_and_long_contact,
 }

@@ -268,8 +268,8 @@ EXACT: dict[str, Callable[[str, int, int, Workers], Outcome]] = {
     "launch 10^9 periods later: same bits": late_launch,
     "units scaled by powers of two: same bits": scaled,
     "units scaled freely: within both bounds": scaled_freely,
-    "phases 0, 1/4, 1/2 and one ulp beside": fold_points,
-    "landings on the window's edges and one ulp beside": window_edges,
+    "phases 0, 1/4, 1/2 and one ulp off": fold_points,
+    "landings on the window's edges and one ulp off": window_edges,
     "a bad realization in a batch of 40": bad_company,
     "10^5 particles": many_particles,
 }

@@ -1,4 +1,4 @@
-"""What claims ask of a record: the order of landings, meetings, crossings, the balance of kicks.
+"""Quantities of a record that claims need: order of landings, meetings, crossings, mean kicks.
 
 Each function takes a record of every landing, as `vibrosweep.simulate` returns it.
 """
