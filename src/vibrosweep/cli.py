@@ -24,7 +24,7 @@ from importlib import import_module
 from typing import Any, Final, NoReturn
 
 from vibrosweep._version import __version__
-from vibrosweep.commands import COMMANDS
+from vibrosweep.commands import COMMANDS, add_arguments
 from vibrosweep.errors import Interruption, ParameterError, VibrosweepError
 from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text, cut, nearest
 from vibrosweep.system import ENDINGS, POLL
@@ -218,8 +218,11 @@ def _parser(called: Collection[str]) -> argparse.ArgumentParser:
             name, help=command.words, description=command.words, epilog=example
         )
         if name in called:
-            module = import_module(f"vibrosweep.commands.{command.module}")
-            add_arguments, perform = module.COMMANDS[name]
-            add_arguments(added)
-            added.set_defaults(perform=perform)
+            file, _, function = command.function.partition(".")
+            module = import_module(f"vibrosweep.commands.{file}")
+            if command.arguments is None:
+                module.add_arguments(added)
+            else:
+                add_arguments(added, *command.arguments)
+            added.set_defaults(perform=getattr(module, function), command=name)
     return parser
