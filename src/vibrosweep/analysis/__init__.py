@@ -17,8 +17,8 @@ if TYPE_CHECKING:
         separation_against,
         separation_distribution,
         separations_against_chance,
+        share_against,
     )
-    from vibrosweep.analysis.shares import share_against
     from vibrosweep.store.arranged import flat
 
 __all__ = [
@@ -43,13 +43,12 @@ _HOMES: Final = {
         ("order_against_chance", "separations_against_chance"), "vibrosweep.analysis.separations"
     ),
     "Condition": "vibrosweep.analysis.conditions",
-    "share_against": "vibrosweep.analysis.shares",
     "flat": "vibrosweep.store.arranged",
     **dict.fromkeys(("landing_phases", "landing_separations"), "vibrosweep.analysis.records"),
     "require": "vibrosweep.analysis.datasets",
     "return_map": "vibrosweep.analysis.records",
     **dict.fromkeys(
-        ("compare_separations", "separation_against", "separation_distribution"),
+        ("compare_separations", "separation_against", "separation_distribution", "share_against"),
         "vibrosweep.analysis.separations",
     ),
 }

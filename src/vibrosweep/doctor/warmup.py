@@ -12,10 +12,9 @@ import numpy as np
 
 from vibrosweep.abilities import refusal
 from vibrosweep.analysis.basins import basins
-from vibrosweep.analysis.branches import Plane, branches_along
 from vibrosweep.analysis.conditions import Locked, locked
 from vibrosweep.analysis.continuation import FIX_E
-from vibrosweep.analysis.orbits import orbits
+from vibrosweep.analysis.orbits import Plane, branches_along, orbits
 from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.engine.measure import PERIODS_TO_RECUR, measure

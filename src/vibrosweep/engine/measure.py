@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,10 +63,6 @@ from vibrosweep.model.parameters import (
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from vibrosweep.engine.workers import Workers
-    from vibrosweep.scene.scene import Scene
 
 __all__ = ["measure", "measure_all"]
 
