@@ -29,7 +29,6 @@ if TYPE_CHECKING:
         sobol,
         windows,
     )
-    from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
     from vibrosweep.explorer import explore
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from vibrosweep.model.restitution_laws import Law, register_law
     from vibrosweep.proof import verify
     from vibrosweep.scene.design import register_design
-    from vibrosweep.store.reading import ResultKind, register_kind
+    from vibrosweep.store.reading import ResultKind, open_record, open_sweep, register_kind
     from vibrosweep.store.writing import save_result
 
 __all__ = [
@@ -90,7 +89,7 @@ _HOMES = {
     **dict.fromkeys(("PARAMETERS", "Parameter"), "vibrosweep.model.parameters"),
     **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.measures"),
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
-    **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
+    **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.store.reading"),
     **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.analyses"),
     "positions": "vibrosweep.analysis.records",
     "rectangle": "vibrosweep.analysis.records",
