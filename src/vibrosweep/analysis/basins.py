@@ -31,8 +31,7 @@ from vibrosweep.kernels.settle import Orbits, empty_shortest, shortest_flights
 from vibrosweep.mistakes import Mistake
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.measures import VARIABLES, Regime
-from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, taken
-from vibrosweep.model.turns import reduced_turns
+from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, reduced_turns, taken
 from vibrosweep.runs.result import attributes_of, short_observation
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep

@@ -6,7 +6,7 @@ the step of the scan may hide between two of its points: the scan is the resolut
 are the exception, since a scan also detects orbits that exist without being stable: every window of
 a locked orbit that is wider than the tolerance is found.  Under a waveform other than the sine a
 mode may have several windows, which may overlap: those of all branches are listed.  Their
-ends have closed forms (`vibrosweep.model.locked_theory`), except where the particle begins to land
+ends have closed forms (`vibrosweep.model.orbit_theory`), except where the particle begins to land
 earlier, or to rest; such ends are searched at `PHASES` phases of each window and bisected.
 
 A code is the state at a point: 0 or 1 for a condition, and more values where a coarse scan could
@@ -68,16 +68,16 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.memory import unwritten
 from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
-from vibrosweep.model.locked_theory import (
+from vibrosweep.model.measures import Variable
+from vibrosweep.model.orbit_theory import (
     FOLD,
     NONE,
     LockedWindow,
     OrbitConditions,
     mode_of,
+    moves,
     windows_of,
 )
-from vibrosweep.model.measures import Variable
-from vibrosweep.model.orbit_theory import moves
 from vibrosweep.model.parameters import NOISE, dimensionless
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE
