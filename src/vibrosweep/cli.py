@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain(DISCARDED)
         code = INTERRUPTED
     finally:
-        _ignore_signals()
+        _handle_signals(signal.SIG_IGN)  # all files are complete: nothing may disturb the exit
     if code == INTERRUPTED:
         _leave()
     return code
@@ -140,11 +140,6 @@ def _interrupt_again(came: list[float]) -> None:
     came.append(-math.inf)
     for number in ENDINGS:
         _thread.interrupt_main(number)
-
-
-def _ignore_signals() -> None:
-    """Let nothing disturb the exit: the command has ended, and all its files are complete."""
-    _handle_signals(signal.SIG_IGN)
 
 
 def _handle_signals(handler: Any) -> None:

@@ -139,10 +139,6 @@ GROUP: Final = "vibrosweep.results"
 OWN: Final = "vibrosweep.api.result_kinds"  # module that registers the kinds of this package
 
 
-def _no_lines(result: xr.Dataset) -> Iterable[str]:
-    return ()
-
-
 class ResultKind(NamedTuple):
     """A kind of result, for ``vibrosweep info``, ``figures`` and ``verify``.
 
@@ -177,7 +173,7 @@ class ResultKind(NamedTuple):
 
     name: str
     command: str
-    lines: Callable[[xr.Dataset], Iterable[str]] = _no_lines
+    lines: Callable[[xr.Dataset], Iterable[str]] = lambda result: ()
     draw: Callable[[xr.Dataset], Axes | NDArray[Any]] | None = None
     stem: str = ""
     undrawn: str = "results of this kind have no figure"
