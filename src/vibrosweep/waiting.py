@@ -1,4 +1,4 @@
-"""What a user who waits sees: a line that names a slow task, or the progress of a run.
+"""What a user waits for: modules loaded at first use, slow tasks, and the progress of a run.
 
 The line is shown on a terminal and in a notebook only; ``TQDM_DISABLE=1`` silences it, as it does
 the progress bars.
@@ -11,11 +11,12 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from typing import Any, Final, Protocol, Self, TextIO
 
-__all__ = ["Advance", "WaitingLine", "reporting", "silent"]
+__all__ = ["Advance", "WaitingLine", "lazily", "reporting", "silent"]
 
 SECONDS: Final = 1.0  # before the line appears, and between its updates
 
@@ -59,6 +60,26 @@ def is_watched() -> bool:
 def _write(text: str) -> None:
     with suppress(OSError, ValueError):  # a closed terminal must not end a computation
         print(text, end="", file=sys.stderr, flush=True)
+
+
+def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a package.
+
+    `homes` gives the module that defines each public name; a name that is the last part of its
+    module's name stands for the module itself.  No name may be that of another module of the
+    package: as soon as that module is imported, Python finds it first.
+    """
+
+    def find(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        home = sys.modules.get(homes[name])
+        if home is None:
+            with WaitingLine("loading"):
+                home = import_module(homes[name])
+        return home if homes[name].endswith(f".{name}") else getattr(home, name)
+
+    return find
 
 
 SECONDS_BETWEEN_LINES: Final = 10.0

@@ -306,7 +306,7 @@ def doctor(options: argparse.Namespace) -> int:
 
 
 def warmup(options: argparse.Namespace) -> None:
-    from vibrosweep.doctor.warmup import warm_up
+    from vibrosweep.doctor.machine import warm_up
 
     began = time.perf_counter()
     compiled = warm_up()
