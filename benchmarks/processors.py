@@ -51,8 +51,9 @@ class Job(NamedTuple):
 def jobs(workers):
     """All jobs by name, the sine first; their unit of work is an impact, or one sine."""
     from loops import LANES, bare_map, lanes, sine_only
+    from methods.sweeps import paper_parameters
     from test_kernels import scene
-    from vibrosweep.engine.measure import batch_of, follow, statistics
+    from vibrosweep.engine.measure import batch_of, measure, statistics
 
     sines, maps = lanes(), lanes()
     passes = REPETITIONS * LANES
@@ -67,13 +68,12 @@ def jobs(workers):
             return statistics(batch_of(problem, launch, observation), observation, workers)
 
         found[name] = Job(stream, float(stream().landings.sum()))
-    problem, launch, observation = scene(1000, 100, 12.0, separation=True)
-    tolerance = problem.kick * 0.0
+    parameters, (*_, observation) = paper_parameters(1000), scene(1000, 100, 12.0, separation=True)
 
     def separate():
-        return follow(batch_of(problem, launch, observation), tolerance, observation, workers)
+        return measure(parameters, observation, workers)
 
-    found["separations"] = Job(separate, float(separate().realizations.landings.sum()))
+    found["separations"] = Job(separate, float(separate()["impact_count"].sum()))
     return found
 
 

@@ -19,7 +19,7 @@ from vibrosweep.engine.measure import batch_of, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.runs.chunks import batch_size
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.design import open_design
 from vibrosweep.scene.sweep import read_spec
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"

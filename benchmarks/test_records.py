@@ -13,7 +13,7 @@ from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.engine.landings import Form, record_landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.memory import LANES
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.design import open_design
 
 SIZE = 200
 SWEEP = {

@@ -11,7 +11,7 @@ import vibrosweep as vs
 from loops import scalar_trajectories
 from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.model.parameters import dimensionless, launches
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.design import open_design
 
 THREADS = 2
 REALIZATIONS, PARTICLES = 100_000, 20

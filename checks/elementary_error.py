@@ -29,7 +29,7 @@ from rounded import (
 )
 from vibrosweep.kernels import arithmetic
 from vibrosweep.kernels._jit import _fma_exact
-from vibrosweep.model import turns
+from vibrosweep.model import parameters as turns
 
 BITS = 192
 TERMS = 12

@@ -23,7 +23,7 @@ import vibrosweep as vs
 from accuracy import options_of
 
 FLAGS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
-IMPORTS = "import vibrosweep.commands.explore, vibrosweep.explorer.server"
+IMPORTS = "import vibrosweep.commands.results, vibrosweep.explorer.server"
 MANY = 20_000  # more points than this are gathered in pixels
 MOTION = ("height first", "return map first", "phases first", "separations first")
 # pictures are there, whether kernels had to be compiled or not

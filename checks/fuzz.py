@@ -35,7 +35,7 @@ from accuracy import processor, table, write_section
 from vibrosweep.cli import main as vibrosweep
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.model.parameters import in_periods
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.design import open_design
 from vibrosweep.scene.sweep import Sweep, read_spec
 from vibrosweep.store.disk import append_seal
 

@@ -11,7 +11,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.model.measures import Regime
 from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.design import open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import read_spec
 

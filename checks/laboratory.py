@@ -38,7 +38,7 @@ from vibrosweep.lab.lines import flights_of, table_lines
 from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.trials import perform_trials
-from vibrosweep.model.locked_theory import amplitude_max
+from vibrosweep.model.orbit_theory import amplitude_max
 
 sys.path.append(str(Path(__file__).parents[1]))  # the directory of the study
 

@@ -1,13 +1,13 @@
 """Orbits of particles that share a slot of a locked orbit, on a base of finite mass.
 
-Units and symbols are those of `vibrosweep.model.coupled_theory`, whose text derives the patterns.
+Units and symbols are those of `vibrosweep.theory.sprung`, whose text derives the patterns.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.model.coupled_theory import (
+from vibrosweep.theory.sprung import (
     after,
     find_cycle,
     landing_phase,

@@ -30,7 +30,7 @@ from ordering_scenes import (
     scene,
 )
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.coupled_theory import CoupledBase, spectral_radius, staggered, steepness
+from vibrosweep.theory.sprung import CoupledBase, spectral_radius, staggered, steepness
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "study" / "ordering.md"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep import simulate
-from vibrosweep.model import coupled_theory
+from vibrosweep.theory import sprung as coupled_theory
 
 E, GAMMA, GRAVITY = 0.9, 0.6, 9.81
 STAGGERED, BUNCHED, OTHER, UNLOCKED, DEAD = range(5)

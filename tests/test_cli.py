@@ -577,8 +577,7 @@ PLACES = {
         )
     },
     "parse": "import argparse; argparse.ArgumentParser.parse_args = interrupted",
-    "command": "import vibrosweep.commands.results as c\n"
-    "c.COMMANDS['figures'] = (c.add_figures, interrupted)",
+    "command": "import vibrosweep.commands.results as c\nc.figures = interrupted",
     "draw": "import matplotlib.axes as m; m.Axes.draw = interrupted",
     "save": "import matplotlib.backends.backend_agg as m; m.FigureCanvasAgg.draw = interrupted",
     "compile": "import numba.core.typeinfer as n; n.TypeInferer.propagate = interrupted",
@@ -590,7 +589,7 @@ def perform(options):
     while True:
         time.sleep(0.01)
 import vibrosweep.commands.results as c
-c.COMMANDS["figures"] = (c.add_figures, perform)
+c.figures = perform
 """,
 }
 

@@ -17,95 +17,68 @@ from vibrosweep._version import __version__
 # `typing` takes ten times as long as this file, during which a command cannot handle signals yet
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from vibrosweep import analysis, errors, figures, lab, theory
-    from vibrosweep.analysis.records import positions, rectangle
-    from vibrosweep.api.analyses import (
-        basins,
-        bifurcation,
-        boundaries,
-        branches,
-        orbits,
-        separations,
-        sobol,
-        windows,
-    )
-    from vibrosweep.api.results import open_record, open_sweep
-    from vibrosweep.api.simulation import simulate
-    from vibrosweep.api.sweeps import run, sweep
-    from vibrosweep.explorer import explore
-    from vibrosweep.model.measures import LANDINGS_OF_AN_EXPONENT, Regime, Status
-    from vibrosweep.model.observables import Landing, Observable
-    from vibrosweep.model.parameters import PARAMETERS, Parameter
-    from vibrosweep.model.restitution_laws import Law, register_law
-    from vibrosweep.proof import verify
-    from vibrosweep.scene.design import register_design
-    from vibrosweep.store.reading import ResultKind, register_kind
-    from vibrosweep.store.writing import save_result
+    from vibrosweep import analysis as analysis
+    from vibrosweep import errors as errors
+    from vibrosweep import figures as figures
+    from vibrosweep import lab as lab
+    from vibrosweep import theory as theory
+    from vibrosweep.analysis.records import positions as positions
+    from vibrosweep.analysis.records import rectangle as rectangle
+    from vibrosweep.api.analyses import basins as basins
+    from vibrosweep.api.analyses import bifurcation as bifurcation
+    from vibrosweep.api.analyses import boundaries as boundaries
+    from vibrosweep.api.analyses import branches as branches
+    from vibrosweep.api.analyses import orbits as orbits
+    from vibrosweep.api.analyses import separations as separations
+    from vibrosweep.api.analyses import sobol as sobol
+    from vibrosweep.api.analyses import windows as windows
+    from vibrosweep.api.simulation import simulate as simulate
+    from vibrosweep.api.sweeps import run as run
+    from vibrosweep.api.sweeps import sweep as sweep
+    from vibrosweep.explorer import explore as explore
+    from vibrosweep.model.measures import LANDINGS_OF_AN_EXPONENT as LANDINGS_OF_AN_EXPONENT
+    from vibrosweep.model.measures import Regime as Regime
+    from vibrosweep.model.measures import Status as Status
+    from vibrosweep.model.observables import Landing as Landing
+    from vibrosweep.model.observables import Observable as Observable
+    from vibrosweep.model.parameters import PARAMETERS as PARAMETERS
+    from vibrosweep.model.parameters import Parameter as Parameter
+    from vibrosweep.model.restitution_laws import Law as Law
+    from vibrosweep.model.restitution_laws import register_law as register_law
+    from vibrosweep.proof import verify as verify
+    from vibrosweep.scene.design import register_design as register_design
+    from vibrosweep.store.reading import ResultKind as ResultKind
+    from vibrosweep.store.reading import open_record as open_record
+    from vibrosweep.store.reading import open_sweep as open_sweep
+    from vibrosweep.store.reading import register_kind as register_kind
+    from vibrosweep.store.writing import save_result as save_result
 
-__all__ = [
-    "LANDINGS_OF_AN_EXPONENT",
-    "PARAMETERS",
-    "Landing",
-    "Law",
-    "Observable",
-    "Parameter",
-    "Regime",
-    "ResultKind",
-    "Status",
-    "__version__",
-    "analysis",
-    "basins",
-    "bifurcation",
-    "boundaries",
-    "branches",
-    "errors",
-    "explore",
-    "figures",
-    "lab",
-    "open_record",
-    "open_sweep",
-    "orbits",
-    "positions",
-    "rectangle",
-    "register_design",
-    "register_kind",
-    "register_law",
-    "run",
-    "save_result",
-    "separations",
-    "simulate",
-    "sobol",
-    "sweep",
-    "theory",
-    "verify",
-    "windows",
-]
-
+# Modules that define the public names
 _HOMES = {
-    **{name: f"vibrosweep.{name}" for name in ("analysis", "errors", "figures", "lab", "theory")},
-    "explore": "vibrosweep.explorer",
-    "Landing": "vibrosweep.model.observables",
-    **dict.fromkeys(("Law", "register_law"), "vibrosweep.model.restitution_laws"),
-    "Observable": "vibrosweep.model.observables",
-    **dict.fromkeys(("PARAMETERS", "Parameter"), "vibrosweep.model.parameters"),
-    **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.measures"),
-    **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
-    **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
-    **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.analyses"),
-    "positions": "vibrosweep.analysis.records",
-    "rectangle": "vibrosweep.analysis.records",
-    **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.reading"),
-    "save_result": "vibrosweep.store.writing",
-    "register_design": "vibrosweep.scene.design",
-    "separations": "vibrosweep.api.analyses",
-    "simulate": "vibrosweep.api.simulation",
-    "verify": "vibrosweep.proof",
-    **dict.fromkeys(("basins", "bifurcation", "sobol", "windows"), "vibrosweep.api.analyses"),
+    name: f"vibrosweep.{home}"
+    for home, names in {
+        **{name: name for name in ("analysis", "errors", "figures", "lab", "theory")},
+        "analysis.records": "positions rectangle",
+        "api.analyses": "basins bifurcation boundaries branches orbits separations sobol windows",
+        "api.simulation": "simulate",
+        "api.sweeps": "run sweep",
+        "explorer": "explore",
+        "model.measures": "LANDINGS_OF_AN_EXPONENT Regime Status",
+        "model.observables": "Landing Observable",
+        "model.parameters": "PARAMETERS Parameter",
+        "model.restitution_laws": "Law register_law",
+        "proof": "verify",
+        "scene.design": "register_design",
+        "store.reading": "ResultKind open_record open_sweep register_kind",
+        "store.writing": "save_result",
+    }.items()
+    for name in names.split()
 }
+__all__ = ["__version__", *_HOMES]
 
 
 def __getattr__(name: str) -> object:
-    from vibrosweep.lazy import lazily
+    from vibrosweep.waiting import lazily
 
     return lazily(__name__, _HOMES)(name)
 

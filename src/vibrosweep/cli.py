@@ -24,7 +24,7 @@ from importlib import import_module
 from typing import Any, Final, NoReturn
 
 from vibrosweep._version import __version__
-from vibrosweep.commands import COMMANDS
+from vibrosweep.commands import COMMANDS, add_arguments
 from vibrosweep.errors import Interruption, ParameterError, VibrosweepError
 from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text, cut, nearest
 from vibrosweep.system import ENDINGS, POLL
@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain(DISCARDED)
         code = INTERRUPTED
     finally:
-        _ignore_signals()
+        _handle_signals(signal.SIG_IGN)  # all files are complete: nothing may disturb the exit
     if code == INTERRUPTED:
         _leave()
     return code
@@ -142,11 +142,6 @@ def _interrupt_again(came: list[float]) -> None:
         _thread.interrupt_main(number)
 
 
-def _ignore_signals() -> None:
-    """Let nothing disturb the exit: the command has ended, and all its files are complete."""
-    _handle_signals(signal.SIG_IGN)
-
-
 def _handle_signals(handler: Any) -> None:
     if threading.current_thread() is threading.main_thread():
         for number in ENDINGS:
@@ -218,8 +213,11 @@ def _parser(called: Collection[str]) -> argparse.ArgumentParser:
             name, help=command.words, description=command.words, epilog=example
         )
         if name in called:
-            module = import_module(f"vibrosweep.commands.{command.module}")
-            add_arguments, perform = module.COMMANDS[name]
-            add_arguments(added)
-            added.set_defaults(perform=perform)
+            file, _, function = command.function.partition(".")
+            module = import_module(f"vibrosweep.commands.{file}")
+            if command.arguments is None:
+                module.add_arguments(added)
+            else:
+                add_arguments(added, *command.arguments)
+            added.set_defaults(perform=getattr(module, function), command=name)
     return parser

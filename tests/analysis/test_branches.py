@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 import vibrosweep as vs
 from orbit_branches import judge
 from tests.scenes import TWO_TONES
-from vibrosweep.analysis.branches import summary
 from vibrosweep.analysis.continuation import LOST
+from vibrosweep.analysis.orbits import line_summary
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.figures import orbit_boundaries, orbit_branches, parameter_plane
 from vibrosweep.figures.style import for_file
@@ -258,19 +258,19 @@ def test_an_orbit_that_cannot_be_followed_is_listed(monkeypatch):
     found = vs.branches(restitution=0.5, amplitude=[3.3, 3.6])
     assert found.sizes["branch"] > 0
     assert (found.ends == LOST).all()
-    assert "lost" in "".join(summary(found))
+    assert "lost" in "".join(line_summary(found))
 
 
 def test_a_branch_that_spends_its_points_is_reported():
     found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], points=10)
     assert 5 in found.ends.values
-    assert "points spent" in "".join(summary(found))
+    assert "points spent" in "".join(line_summary(found))
 
 
 def test_no_orbit_gives_no_branch():
     found = vs.branches(restitution=0.5, amplitude=[0.01, 0.02])
     assert found.sizes["branch"] == 0
-    assert list(summary(found)) == ["no orbit was found"]
+    assert list(line_summary(found)) == ["no orbit was found"]
     assert for_file(orbit_branches, found).axes
 
 

@@ -12,7 +12,7 @@ from llvmlite import binding
 
 from vibrosweep import doctor as checks
 from vibrosweep.cli import main
-from vibrosweep.doctor import Finding, machine, warmup
+from vibrosweep.doctor import Finding, machine
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels._cache import Variants
@@ -207,6 +207,6 @@ def test_machine_code_that_this_numba_cannot_keep(monkeypatch):
     assert machine.kernel_cache(None) == Finding(
         "kernel cache", "none, as the compiler lacks a part"
     )
-    monkeypatch.setattr(warmup, "HAS_CACHE", False)
+    monkeypatch.setattr(machine, "HAS_CACHE", False)
     with pytest.raises(OutputError, match="vibrosweep doctor says why"):
-        warmup.warm_up()
+        machine.warm_up()

@@ -7,7 +7,7 @@ import pytest
 
 from vibrosweep import simulate
 from vibrosweep.cli import main
-from vibrosweep.doctor.warmup import kernels, warm_up
+from vibrosweep.doctor.machine import kernels, warm_up
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 

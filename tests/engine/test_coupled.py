@@ -32,14 +32,14 @@ from vibrosweep.kernels.coupled.joint_orbits import (
 from vibrosweep.kernels.ordering import Listed
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
-from vibrosweep.model import coupled_theory
-from vibrosweep.model.coupled_theory import CoupledBase, monodromy, spectral_radius, staggered
 from vibrosweep.model.forcing import completed, only_parameters
 from vibrosweep.model.measures import MEASURES, Regime
 from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS, Periods, dimensionless, launches, mounts
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import keyword_spec
+from vibrosweep.theory import sprung as coupled_theory
+from vibrosweep.theory.sprung import CoupledBase, monodromy, spectral_radius, staggered
 
 # Particles on a base of finite mass: massless particles, conserved momentum, and measures.
 

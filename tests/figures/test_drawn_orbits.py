@@ -28,8 +28,7 @@ from tests.figures.drawn import (
 )
 from vibrosweep import figures
 from vibrosweep.analysis.basins import name_of
-from vibrosweep.analysis.branches import EVENTS
-from vibrosweep.analysis.orbits import cycle_name
+from vibrosweep.analysis.orbits import EVENTS, cycle_name
 from vibrosweep.errors import DataError
 from vibrosweep.figures.orbits import KINDS, TIES
 from vibrosweep.model.measures import Regime

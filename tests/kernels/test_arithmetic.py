@@ -21,8 +21,7 @@ from vibrosweep.kernels.arithmetic import (
     sin_turns,
 )
 from vibrosweep.kernels.noise import DEVIATE_ERROR, deviate, deviates, key_of, philox
-from vibrosweep.model.parameters import STREAM_PARTICLES, STREAMS
-from vibrosweep.model.turns import arcsin_turns
+from vibrosweep.model.parameters import STREAM_PARTICLES, STREAMS, arcsin_turns
 
 # The sine of a reduced phase against proved balls.
 

@@ -31,11 +31,11 @@ from vibrosweep.kernels.bases.sprung import (
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine
-from vibrosweep.model.coupled_theory import mount_propagator
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, mounts
 from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.sprung import coupled
 from vibrosweep.scene.scene import waveform_of
+from vibrosweep.theory.sprung import mount_propagator
 
 # A base of finite mass: free motion against ball arithmetic, momentum and energy at impacts.
 

@@ -53,9 +53,9 @@ from vibrosweep.model.parameters import (
     mount_mistakes,
     mounts,
     precedes,
+    reduced_turns,
     representable,
 )
-from vibrosweep.model.turns import reduced_turns
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.sweep import parse_spec
 

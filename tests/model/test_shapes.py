@@ -11,7 +11,7 @@ import vibrosweep as vs
 from vibrosweep import theory
 from vibrosweep.errors import ParameterError, SpecError, TableError
 from vibrosweep.model.forcing import completed
-from vibrosweep.model.locked_theory import (
+from vibrosweep.model.orbit_theory import (
     DOUBLING,
     FOLD,
     OrbitConditions,

@@ -10,9 +10,9 @@ from flint import arb as arb_claims
 from flint import arb as arb_exponents
 
 import vibrosweep as vs
-from vibrosweep.analysis.branches import Plane, branches_along
 from vibrosweep.analysis.conditions import Condition
 from vibrosweep.analysis.continuation import FIX_E
+from vibrosweep.analysis.orbits import Plane, branches_along
 from vibrosweep.analysis.windows import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.api.result_kinds import ORBITS, WINDOWS
 from vibrosweep.engine.workers import Workers

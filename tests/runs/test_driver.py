@@ -14,7 +14,6 @@ import pytest
 import xarray as xr
 
 from vibrosweep import open_record, open_sweep, simulate, sweep
-from vibrosweep.api.results import has_record
 from vibrosweep.cli import main
 from vibrosweep.commands.describe import describe
 from vibrosweep.errors import ParameterError, RunError, TableError
@@ -30,9 +29,10 @@ from vibrosweep.runs import driver as module
 from vibrosweep.runs.chunks import differences, identity
 from vibrosweep.runs.driver import InMemory, retry_failed, run_sweep
 from vibrosweep.runs.plan import make_plan
-from vibrosweep.runs.progress import reporting, silent
 from vibrosweep.runs.result import Summary
 from vibrosweep.scene.sweep import parse_spec, read_spec
+from vibrosweep.store.reading import has_record
+from vibrosweep.waiting import reporting, silent
 
 # From a sweep file to its result: the same bits however it is divided, and nothing unfinished.
 

@@ -34,8 +34,7 @@ from vibrosweep.runs.plan import (
     require_disk,
     require_memory,
 )
-from vibrosweep.scene.design import Design
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.design import Design, open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, parse_spec, read_spec
 

@@ -13,8 +13,7 @@ import vibrosweep as vs
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
 from vibrosweep.mistakes import ABSENT, Cell
 from vibrosweep.runs.driver import retry_failed
-from vibrosweep.scene.design import MAX_LATIN_VALUES, GivenTable
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.design import MAX_LATIN_VALUES, GivenTable, open_design
 from vibrosweep.scene.sweep import keyword_spec, parse_spec
 
 # Designs: any chunking gives the same bits, values stay in range, strata are filled.

@@ -9,8 +9,8 @@ import vibrosweep as vs
 from vibrosweep.errors import SpecError
 from vibrosweep.model.restitution_laws import kinks_of, require_law, text_of
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.scene.points import points_in
 from vibrosweep.scene.sweep import keyword_spec, parse_spec, read_spec
+from vibrosweep.scene.traces import points_in
 
 PAIRS = [[0.1, 0.95], [0.7, 0.92], [2.0, 0.85]]
 POINTS = {"restitution_law": "points", "restitution_points": PAIRS}

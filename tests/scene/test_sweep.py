@@ -18,9 +18,8 @@ from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import MASSES, MOUNT, OF_MOUNT, PARAMETERS
 from vibrosweep.runs.chunks import identity
 from vibrosweep.runs.result import silent_defaults
-from vibrosweep.scene.design import GridAxis, Range
+from vibrosweep.scene.design import GridAxis, Range, open_design
 from vibrosweep.scene.keys import SECTIONS
-from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.sweep import keyword_spec, parse_spec, read_spec
 
 # Every kind of mistake is named by file, key, value and allowed values; sound files are read.

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.api.results import has_record
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.explorer.points import open_points
@@ -22,7 +21,7 @@ from vibrosweep.runs.driver import retry_failed
 from vibrosweep.scene.sweep import parse_spec
 from vibrosweep.store import reading
 from vibrosweep.store.disk import LENGTH, append_seal
-from vibrosweep.store.reading import load_dataset, read_kind, using
+from vibrosweep.store.reading import has_record, load_dataset, read_kind, using
 from vibrosweep.store.trial import open_for_writing
 from vibrosweep.system import ENDINGS
 

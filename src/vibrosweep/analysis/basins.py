@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -29,16 +29,13 @@ from vibrosweep.errors import DataError
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits, empty_shortest, shortest_flights
 from vibrosweep.mistakes import Mistake
-from vibrosweep.model.forcing import FORCINGS, INPUTS
+from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.measures import VARIABLES, Regime
-from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
-from vibrosweep.model.turns import reduced_turns
-from vibrosweep.runs.result import coordinate_attributes, short_observation
+from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, reduced_turns, taken
+from vibrosweep.runs.result import attributes_of, short_observation
 from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.arranged import arranged
-
-if TYPE_CHECKING:
-    from vibrosweep.scene.sweep import Sweep
 
 __all__ = ["UNSETTLED", "basins", "capacity", "name_of", "summary"]
 
@@ -92,7 +89,7 @@ def basins(sweep: Sweep, threads: int) -> xr.Dataset:
     steps = max((values.size for values in axes.values()), default=1)
     bytes_each = BYTES_PER_LAUNCH + steps * BYTES_KEPT
     require_memory("launches", speeds.size * times.size, bytes_each)
-    words = coordinate_attributes(PARAMETERS["launch_velocity"])
+    words = attributes_of("launch_velocity")
     coordinates = {
         "launch_time": ("launch_time", times, meaning("time of launch", "s")),
         "launch_velocity": ("launch_velocity", speeds, words),
@@ -164,7 +161,7 @@ def _along(planes: list[xr.Dataset], axes: Mapping[str, Array]) -> xr.Dataset:
         basin = plane["basin"].copy(data=ranks[plane["basin"].values])
         placed.append(plane.assign(basin=basin).assign_coords(attractor=ranks[:-1]))
     ((name, values),) = axes.items()
-    axis = xr.DataArray(values, dims=name, name=name, attrs=coordinate_attributes(INPUTS[name]))
+    axis = xr.DataArray(values, dims=name, name=name, attrs=attributes_of(name))
     joined = xr.concat(
         placed,
         axis,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -37,11 +37,9 @@ from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES, Regime
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS, STAGGERED
 from vibrosweep.model.shapes import SINE, TWO_PI
-from vibrosweep.runs.result import coordinate_attributes, short_observation
+from vibrosweep.runs.result import attributes_of, short_observation
 from vibrosweep.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from vibrosweep.scene.sweep import Sweep
+from vibrosweep.scene.sweep import Sweep
 
 __all__ = ["OBSERVABLES", "OfImpacts", "bifurcation", "summary"]
 
@@ -134,8 +132,7 @@ def bifurcation(
         data[f"{prefix}{name}"] = ((*axes, "sample"), kept, meaning(words, units))
     quantities = scene.quantities({forcing: a})
     coordinates: dict[str, Any] = {
-        n: (forcing, quantities[n], coordinate_attributes(FORCINGS[n]))
-        for n in (forcing, *ALWAYS_HELD)
+        n: (forcing, quantities[n], attributes_of(n)) for n in (forcing, *ALWAYS_HELD)
     }
     inputs = scene.inputs
     notes = short_observation(scene, inputs["restitution"], inputs["frequency"])

@@ -32,9 +32,8 @@ from vibrosweep.model.parameters import (
 )
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE
-from vibrosweep.runs.result import TIMES, attributes_of_scene, coordinate_attributes, remarks
-from vibrosweep.scene.design import GRID
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.runs.result import attributes_of, attributes_of_scene, remarks
+from vibrosweep.scene.design import GRID, open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.system import physical_memory
@@ -112,12 +111,12 @@ def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
     differ = {*differing(varied, scene.forcing(varied)), STREAM}
     differ |= FORCINGS.keys() - {*KEPT, scene.forcing(varied)}
     fixed: dict[str, Any] = {
-        name: ((), values[0], coordinate_attributes(INPUTS[name]))
+        name: ((), values[0], attributes_of(name))
         for name, values in found.items()
         if name not in differ
     }
     for name, time in scene.times.items():
-        fixed[name] = ((), in_seconds(time, found["frequency"])[0], TIMES[name])
+        fixed[name] = ((), in_seconds(time, found["frequency"])[0], attributes_of(name))
     return fixed
 
 

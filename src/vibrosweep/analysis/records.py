@@ -613,7 +613,7 @@ def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
 def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
     """Compute the trajectories of a record again, this time keeping the motion of the base."""
     # these load numba, which other bases do not need
-    from vibrosweep.engine.coupled import base_track, count_coupled
+    from vibrosweep.engine.coupled import base_track
     from vibrosweep.engine.workers import Workers
 
     names = (*PARAMETERS, *(name for name in OF_RESTITUTION if name in one.variables), *MOUNT)
@@ -632,9 +632,10 @@ def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
         waveform=stored(one.attrs),
     ).recorded(None if followed else max(int(landings.max()), 1))
     with Workers(1) as workers:
-        if not np.array_equal(count_coupled(parameters, scene, workers).landings, landings):
-            raise DataError(
-                f"{analysis}: the landings of the record cannot be repeated, which the motion of "
-                f"the base requires: use a record of all particles, computed by this version"
-            )
-        return base_track(parameters, scene, workers)
+        track = base_track(parameters, scene, workers)
+    if not np.array_equal(track.landings, landings):
+        raise DataError(
+            f"{analysis}: the landings of the record cannot be repeated, which the motion of "
+            f"the base requires: use a record of all particles, computed by this version"
+        )
+    return track

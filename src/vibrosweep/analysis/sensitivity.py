@@ -25,8 +25,7 @@ from vibrosweep.model.measures import (
     known,
 )
 from vibrosweep.runs.result import observation_of_orbits
-from vibrosweep.scene.design import Range
-from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.design import Range, open_design
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 

@@ -6,7 +6,7 @@ the step of the scan may hide between two of its points: the scan is the resolut
 are the exception, since a scan also detects orbits that exist without being stable: every window of
 a locked orbit that is wider than the tolerance is found.  Under a waveform other than the sine a
 mode may have several windows, which may overlap: those of all branches are listed.  Their
-ends have closed forms (`vibrosweep.model.locked_theory`), except where the particle begins to land
+ends have closed forms (`vibrosweep.model.orbit_theory`), except where the particle begins to land
 earlier, or to rest; such ends are searched at `PHASES` phases of each window and bisected.
 
 A code is the state at a point: 0 or 1 for a condition, and more values where a coarse scan could
@@ -16,7 +16,7 @@ step over an intermediate state.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -68,24 +68,22 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.memory import unwritten
 from vibrosweep.mistakes import Key, Mistake, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
-from vibrosweep.model.locked_theory import (
+from vibrosweep.model.measures import Variable
+from vibrosweep.model.orbit_theory import (
     FOLD,
     NONE,
     LockedWindow,
     OrbitConditions,
     mode_of,
+    moves,
     windows_of,
 )
-from vibrosweep.model.measures import Variable
-from vibrosweep.model.orbit_theory import moves
-from vibrosweep.model.parameters import NOISE, PARAMETERS, dimensionless
+from vibrosweep.model.parameters import NOISE, dimensionless
 from vibrosweep.model.restitution_laws import CONSTANT
 from vibrosweep.model.shapes import SINE
-from vibrosweep.runs.result import coordinate_attributes, short_observation
+from vibrosweep.runs.result import attributes_of, short_observation
 from vibrosweep.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from vibrosweep.scene.sweep import Sweep
+from vibrosweep.scene.sweep import Sweep
 
 __all__ = [
     "DIRECTIONS",
@@ -384,16 +382,16 @@ def _dataset(
     }
     varied = {"restitution": np.repeat(e, a.size), forcing: np.tile(a, e.size)}
     acceleration = scene.quantities(varied)["base_acceleration"].reshape(e.size, a.size)
-    words = {**coordinate_attributes(FORCINGS[forcing]), "comment": "points of the coarse scan"}
+    words = {**attributes_of(forcing), "comment": "points of the coarse scan"}
     coordinates = {
         "condition": [condition.name for condition in conditions],
         "direction": list(directions),
-        "restitution": ("restitution", e, coordinate_attributes(PARAMETERS["restitution"])),
+        "restitution": ("restitution", e, attributes_of("restitution")),
         "scan": ("scan", a, words),
         "base_acceleration": (
             ("restitution", "scan"),
             acceleration,
-            coordinate_attributes(FORCINGS["base_acceleration"]),
+            attributes_of("base_acceleration"),
         ),
     }
     return xr.Dataset(data | shared(scene, ["restitution", forcing]), coordinates)
@@ -407,7 +405,7 @@ def code_of_ends(window: FoundWindow) -> int:
 
 
 def summary(windows: xr.Dataset) -> Iterator[str]:
-    """Describe the windows in a line for each condition and direction."""
+    """Describe the windows in a line for each condition and direction, then their proofs."""
     if "grid" in windows.attrs:
         yield f"{'scan':24}{windows.attrs['grid']}"
     first, last = windows["scan"].values[[0, -1]]
@@ -428,9 +426,11 @@ def summary(windows: xr.Dataset) -> Iterator[str]:
                 f"{name:24}holds at {np.count_nonzero(count)} of {count.size} restitutions, in up "
                 f"to {count.max()} windows{reach}{unknown}"
             )
+    if "min_proof" in windows:
+        yield from _proof_lines(windows)
 
 
-def proof_lines(found: xr.Dataset) -> Iterator[str]:
+def _proof_lines(found: xr.Dataset) -> Iterator[str]:
     """Describe the share of proved windows, in a line for each condition."""
     for condition in found["condition"].values:
         one = found.sel(condition=condition)

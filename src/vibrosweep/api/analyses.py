@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import xarray as xr
 
 from vibrosweep.analysis.basins import basins as find_basins
 from vibrosweep.analysis.bifurcation import OfImpacts
 from vibrosweep.analysis.bifurcation import bifurcation as follow_orbits
-from vibrosweep.analysis.branches import boundaries as trace_boundaries
-from vibrosweep.analysis.branches import branches as follow_branches
+from vibrosweep.analysis.orbits import boundaries as trace_boundaries
+from vibrosweep.analysis.orbits import branches as follow_branches
 from vibrosweep.analysis.orbits import orbits as find_orbits
 from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.analysis.separations import QUANTILES, separation_against, separation_distribution
@@ -26,11 +26,6 @@ from vibrosweep.api.sweeps import Spec, as_sweep, sweep, warned
 from vibrosweep.errors import ParameterError
 from vibrosweep.runs.driver import count, thread_count
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from vibrosweep.scene.sweep import Sweep
-
 __all__ = [
     "basins",
     "bifurcation",
@@ -40,7 +35,6 @@ __all__ = [
     "separations",
     "sobol",
     "windows",
-    "windows_found",
 ]
 
 # Realizations in the base sample of Sobol' indices
@@ -146,7 +140,12 @@ def windows(
     True
     """
     checked = as_sweep(spec, keywords, "windows", 1, windows={})
-    return warned(windows_found(checked, thread_count(threads)))
+    found = find_windows(checked, thread_count(threads))
+    if (checked.windows or {}).get("prove"):
+        from vibrosweep.proof import prove_windows
+
+        found = prove_windows(found, checked.scene)
+    return warned(found)
 
 
 @completed(by=SweepKeywords)
@@ -684,12 +683,3 @@ def separations(
     if against is None:
         return separation_distribution(result, measure=measure, quantiles=quantiles)
     return separation_against(result, against, bins=bins, measure=measure, quantiles=quantiles)
-
-
-def windows_found(spec: Sweep, threads: int) -> xr.Dataset:
-    """Find the windows of a sweep, and prove them if the sweep requests it."""
-    if not (spec.windows or {}).get("prove"):
-        return find_windows(spec, threads)
-    from vibrosweep.proof import prove_windows
-
-    return prove_windows(find_windows(spec, threads), spec.scene)

@@ -6,7 +6,7 @@ for a kind; the functions they call are imported when called.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,12 +15,10 @@ from vibrosweep.store.reading import ResultKind, register_kind
 if TYPE_CHECKING:
     import xarray as xr
 
-_PROVES: Final = "the reference proves landings of single trajectories from their launch,"
-_OF_A_CAMERA: Final = "it holds measurements of a camera, which cannot be proved"
 
-
-def _late(module: str, name: str) -> Callable[..., Any]:
+def _late(path: str) -> Callable[..., Any]:
     """Return a function that imports a function of this package when called, and calls it."""
+    module, _, name = path.rpartition(".")
 
     def call(*arguments: Any, **options: Any) -> Any:
         return getattr(import_module(f"vibrosweep.{module}"), name)(*arguments, **options)
@@ -28,10 +26,22 @@ def _late(module: str, name: str) -> Callable[..., Any]:
     return call
 
 
-def _window_lines(windows: xr.Dataset) -> Iterable[str]:
-    from vibrosweep.analysis.windows import proof_lines, summary
+def _analysis(name: str, lines: str, figure: str, holds: str, **more: Any) -> ResultKind:
+    """Register the kind of an analysis, which ``verify`` does not prove, as a message says."""
+    unverified = (
+        f"the reference proves landings of single trajectories from their launch, while this "
+        f"result holds {holds}"
+    )
+    drawn = {"draw": _late(f"figures.{figure}"), "stem": figure, "unverified": unverified}
+    summary = _late(f"analysis.{lines}")
+    return register_kind(ResultKind(name, f"vibrosweep {name}", summary, **{**drawn, **more}))
 
-    return [*summary(windows), *(proof_lines(windows) if "min_proof" in windows else ())]
+
+def _of_laboratory(name: str, lines: str, *drawn: Any, **more: Any) -> ResultKind:
+    """Register a kind of the laboratory."""
+    command = f"vibrosweep lab {'compare' if name == 'comparison' else name}"
+    more = {"unverified": "it holds measurements of a camera, which cannot be proved"} | more
+    return register_kind(ResultKind(name, command, _late(f"lab.lines.{lines}"), *drawn, **more))
 
 
 def _basin_figure(basins: xr.Dataset) -> Any:
@@ -40,88 +50,51 @@ def _basin_figure(basins: xr.Dataset) -> Any:
     return (basin_shares if "along" in basins.attrs else basins_of_attraction)(basins)
 
 
-WINDOWS: Final = ResultKind(
-    "windows",
-    "vibrosweep windows",
-    _window_lines,
-    _late("figures", "stability_windows"),
-    "stability_windows",
-    unverified=f"{_PROVES} while this result holds ends of intervals of the forcing",
+WINDOWS: Final = _analysis(
+    "windows", "windows.summary", "stability_windows", "ends of intervals of the forcing"
 )
-BIFURCATION: Final = ResultKind(
+BIFURCATION: Final = _analysis(
     "bifurcation",
-    "vibrosweep bifurcation",
-    _late("analysis.bifurcation", "summary"),
-    _late("figures", "bifurcation_diagram"),
+    "bifurcation.summary",
     "bifurcation_diagram",
-    unverified=f"{_PROVES} while this result holds orbits continued from amplitude to amplitude",
+    "orbits continued from amplitude to amplitude",
 )
-BASINS: Final = ResultKind(
+BASINS: Final = _analysis(
     "basins",
-    "vibrosweep basins",
-    _late("analysis.basins", "summary"),
-    _basin_figure,
+    "basins.summary",
     "basins_of_attraction",
-    unverified=f"{_PROVES} while this result holds the attractors that launches lead to",
+    "the attractors that launches lead to",
+    draw=_basin_figure,
 )
-ORBITS: Final = ResultKind(
+ORBITS: Final = _analysis(
     "orbits",
-    "vibrosweep orbits",
-    _late("analysis.orbits", "summary"),
-    _late("figures", "periodic_orbits"),
+    "orbits.summary",
     "periodic_orbits",
+    "",
     unverified="",
-    verify=_late("proof", "verify_orbits"),
+    verify=_late("proof.verify_orbits"),
 )
-BRANCHES: Final = ResultKind(
+BRANCHES: Final = _analysis(
     "branches",
-    "vibrosweep branches",
-    _late("analysis.branches", "summary"),
-    _late("figures", "orbit_branches"),
+    "orbits.line_summary",
     "orbit_branches",
-    unverified=f"{_PROVES} while this result holds periodic orbits, whether they attract or not",
+    "periodic orbits, whether they attract or not",
 )
-BOUNDARIES: Final = ResultKind(
-    "boundaries",
-    "vibrosweep boundaries",
-    _late("analysis.branches", "summary"),
-    _late("figures", "orbit_boundaries"),
-    "orbit_boundaries",
-    unverified=f"{_PROVES} while this result holds bifurcations of periodic orbits",
+BOUNDARIES: Final = _analysis(
+    "boundaries", "orbits.line_summary", "orbit_boundaries", "bifurcations of periodic orbits"
 )
-IMPACTS: Final = ResultKind(
+IMPACTS: Final = _of_laboratory(
     "impacts",
-    "vibrosweep lab impacts",
-    _late("lab.lines", "impact_lines"),
+    "impact_lines",
     undrawn="the figure shows the tracks themselves: vibrosweep lab impacts TRACKS --figures DIR",
-    unverified=_OF_A_CAMERA,
 )
-COMPARISON: Final = ResultKind(
-    "comparison",
-    "vibrosweep lab compare",
-    _late("lab.lines", "table_lines"),
-    _late("figures.laboratory", "errors_by_case"),
-    "lab_table4",
-    unverified=_OF_A_CAMERA,
+COMPARISON: Final = _of_laboratory(
+    "comparison", "table_lines", _late("figures.laboratory.errors_by_case"), "lab_table4"
 )
-RESTITUTION: Final = ResultKind(
+RESTITUTION: Final = _of_laboratory(
     "restitution",
-    "vibrosweep lab restitution",
-    _late("lab.lines", "restitution_lines"),
-    _late("figures.laboratory", "restitution_by_speed"),
+    "restitution_lines",
+    _late("figures.laboratory.restitution_by_speed"),
     "lab_restitution",
     unverified="it holds measurements of a ball, which cannot be proved",
 )
-
-for _kind in (
-    WINDOWS,
-    BIFURCATION,
-    BASINS,
-    ORBITS,
-    BRANCHES,
-    BOUNDARIES,
-    IMPACTS,
-    COMPARISON,
-    RESTITUTION,
-):
-    register_kind(_kind)

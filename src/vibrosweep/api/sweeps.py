@@ -6,13 +6,12 @@ import os
 import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import xarray as xr
 
 from vibrosweep.analysis.common import OBSERVATION
 from vibrosweep.api.keyword_types import SweepKeywords, completed
-from vibrosweep.api.results import open_sweep
 from vibrosweep.errors import (
     DataError,
     ExistingOutputError,
@@ -34,13 +33,11 @@ from vibrosweep.runs.driver import (
     sweep_in_memory,
     thread_count,
 )
-from vibrosweep.runs.progress import showing
 from vibrosweep.scene.sweep import Sweep, keyword_spec, read_spec
 from vibrosweep.store.disk import check_output, path_of
 from vibrosweep.store.parts import replaces
-
-if TYPE_CHECKING:
-    import xarray as xr
+from vibrosweep.store.reading import open_sweep
+from vibrosweep.waiting import showing
 
 __all__ = ["Spec", "as_sweep", "run", "sweep", "warned"]
 
@@ -255,7 +252,7 @@ Spec = str | os.PathLike[str] | Mapping[str, Any]
 
 
 def as_sweep(
-    spec: Spec | None,
+    spec: Spec | Sweep | None,
     keywords: Mapping[str, Any],
     analysis: str = "",
     realizations: int | None = None,
@@ -264,12 +261,15 @@ def as_sweep(
 ) -> Sweep:
     """Return the sweep that a path, a mapping or a result describes, or keywords if `spec` is None.
 
+    A sweep, which the command line has checked, is returned as it is.
     `analysis` is passed to `keyword_spec`, `kept` to `read_spec`.  `defaults` complete keywords, a
     mapping or a result, but not a file; so does `realizations` where keywords or a mapping hold
     ranges.  Raises a SpecError that lists all mistakes, a ParameterError for keywords with a file
     or a mapping and for a `spec` of another type, and a DataError for a dataset that does not hold
     the sweep from which it was computed.
     """
+    if isinstance(spec, Sweep):
+        return spec
     if spec is not None and hasattr(spec, "attrs"):
         completed = {**defaults, **_sweep_of(spec.attrs), **keywords}
         return keyword_spec(completed, analysis, keywords)

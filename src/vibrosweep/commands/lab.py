@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.commands.arguments import (
-    add_json,
-    add_quiet,
+from vibrosweep.commands import (
+    JSON,
+    QUIET,
     directory,
     output_file,
     positive,
@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     def part(name: str, words: str, example: str) -> argparse.ArgumentParser:
         text = f"example: vibrosweep lab {name} {example}"
         added = parts.add_parser(name, help=words, description=words, epilog=text)
-        add_json(added)
-        add_quiet(added)
+        JSON.add_to(added)
+        QUIET.add_to(added)
         return added
 
     synthesize = part("synthesize", "film a virtual experiment", "experiment.toml -o tracks")
@@ -431,6 +431,3 @@ def _keep(
         with drawing(options.output):
             for path in save_formats(for_file(draw), options.figures, stem):
                 say(options, str(path))
-
-
-COMMANDS: Final = {"lab": (add_arguments, perform)}

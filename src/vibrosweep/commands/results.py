@@ -1,4 +1,4 @@
-"""Result files: what they hold, their figures, and their proof."""
+"""Result files: what they hold, their figures, their page in a browser, and their proof."""
 
 from __future__ import annotations
 
@@ -6,18 +6,13 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from vibrosweep.commands.arguments import add_json, add_quiet, directory, positive, say, tell, whole
+from vibrosweep.commands import say, tell
 from vibrosweep.errors import DataError
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-def add_info(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("result", metavar="OUT.h5", type=Path, help="the result")
-    add_json(parser)
 
 
 def info(options: argparse.Namespace) -> None:
@@ -29,19 +24,6 @@ def info(options: argparse.Namespace) -> None:
         print("\n".join(describe(options.result)))
 
 
-def add_figures(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("result", metavar="OUT.h5", type=Path, help="the result")
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="DIR",
-        type=directory,
-        default=Path("figures"),
-        help="folder for the figures; default: figures",
-    )
-    add_quiet(parser)
-
-
 def figures(options: argparse.Namespace) -> None:
     from vibrosweep.store.reading import using
 
@@ -51,10 +33,16 @@ def figures(options: argparse.Namespace) -> None:
 
 def _draw(options: argparse.Namespace, path: Path, directory: Path) -> None:
     from vibrosweep.analysis.records import as_rectangle
-    from vibrosweep.api.results import has_record, open_record, open_sweep
     from vibrosweep.figures.registry import FIGURES, left_out, save_all, save_formats
     from vibrosweep.figures.style import for_file
-    from vibrosweep.store.reading import SWEEP, load_dataset, read_kind
+    from vibrosweep.store.reading import (
+        SWEEP,
+        has_record,
+        load_dataset,
+        open_record,
+        open_sweep,
+        read_kind,
+    )
 
     kind = read_kind(path)
     if kind is not SWEEP:
@@ -87,30 +75,41 @@ def _loaded(
             raise DataError(f"{path}: is damaged; compute it again") from error
 
 
-def add_verify(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("result", metavar="OUT.h5", type=Path, help="the result")
-    parser.add_argument(
-        "--sample", metavar="K", type=positive, default=20, help="realizations drawn; default: 20"
-    )
-    parser.add_argument(
-        "--seed", metavar="S", type=whole, default=0, help="seed of the draw; default: 0"
-    )
-    parser.add_argument(
-        "--max-landings",
-        metavar="N",
-        type=positive,
-        help="leave out realizations with more landings; default: 250000, which take some ten "
-        "seconds, or 1000 over a sprung base",
-    )
-    add_json(parser)
-    add_quiet(parser)
+def explore(options: argparse.Namespace) -> None:
+    from vibrosweep.explorer import require_bokeh
+    from vibrosweep.store.reading import using
+
+    require_bokeh()
+    with using(options.result):
+        _explore(options)
+
+
+def _explore(options: argparse.Namespace) -> None:
+    from vibrosweep.explorer.points import open_points
+
+    points = open_points(options.result)
+    if options.boundaries is not None:
+        from vibrosweep.explorer.points import with_borders
+
+        points = with_borders(points, options.boundaries)
+    if options.output is not None:
+        from vibrosweep.explorer.static import write_page
+
+        print(write_page(points, options.output, force=options.force))
+        return
+    from vibrosweep.explorer.server import serve
+
+    def started(address: str) -> None:
+        print(f"{points.title}: {address} (Ctrl-C ends it)", flush=True)
+
+    serve(points, options.port, started, options.frame_in)
 
 
 def verify(options: argparse.Namespace) -> int:
     """Perform the command; return 1 if a number contradicts its claim."""
     from vibrosweep import proof
-    from vibrosweep.runs.progress import reporting
     from vibrosweep.store.reading import using
+    from vibrosweep.waiting import reporting
 
     with using(options.result), reporting(sys.stderr, quiet=options.quiet) as advance:
         report = proof.verify(
@@ -123,10 +122,3 @@ def verify(options: argparse.Namespace) -> int:
     say(options, *report.lines())
     tell(options, report.facts())
     return 0 if report.passed else 1
-
-
-COMMANDS: Final = {
-    "info": (add_info, info),
-    "figures": (add_figures, figures),
-    "verify": (add_verify, verify),
-}

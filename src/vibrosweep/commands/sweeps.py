@@ -1,4 +1,4 @@
-"""Sweep files: examples of them, what one will take, and its run."""
+"""Sweep files: examples of them, what one will take, its run; and the machine that runs it."""
 
 from __future__ import annotations
 
@@ -12,17 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from vibrosweep.commands.arguments import (
-    add_json,
-    add_quiet,
-    directory,
-    output_file,
-    positive,
-    say,
-    some,
-    tell,
-    threads,
-)
+from vibrosweep.commands import say, some, tell
 
 if TYPE_CHECKING:
     from vibrosweep.runs.plan import Needs, Plan
@@ -33,20 +23,6 @@ if TYPE_CHECKING:
 PLACES: Final = (Path(__file__).parents[1] / "sweeps", Path(__file__).parents[3] / "sweeps")
 SCHEMA: Final = "sweep.schema.json"  # of sweep files, beside the examples
 SECONDS: Final = 2.0  # for which a plan refines its estimate
-
-
-def add_examples(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("names", metavar="NAME", nargs="*", help="example to copy, as listed")
-    parser.add_argument("--all", action="store_true", help="copy all")
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="DIR",
-        type=directory,
-        default=Path(),
-        help="folder for the copies; default: here",
-    )
-    parser.add_argument("--force", action="store_true", help="replace existing files")
 
 
 def examples(options: argparse.Namespace) -> None:
@@ -126,29 +102,10 @@ def _copy(files: dict[str, Path], directory: Path, *, force: bool) -> None:
         print(copy)
 
 
-def _add_sweep(parser: argparse.ArgumentParser) -> None:
-    """Add the sweep file and the result that is computed from it."""
-    parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="OUT.h5",
-        type=output_file,
-        help="result file; default: the name of the sweep file",
-    )
-
-
 def _output_of(options: argparse.Namespace) -> Path:
-    """Return the result that the options of `_add_sweep` name."""
+    """Return the result that the options name, by default after the sweep file."""
     output: Path = options.output or Path(f"{options.spec.stem}.h5")
     return output
-
-
-def add_plan(parser: argparse.ArgumentParser) -> None:
-    _add_sweep(parser)
-    parser.add_argument("--threads", metavar="N", type=threads, help="threads; default: all")
-    parser.add_argument("--chunk", metavar="N", type=positive, help="realizations in a chunk")
-    add_json(parser)
 
 
 def plan(options: argparse.Namespace) -> None:
@@ -210,43 +167,6 @@ def _plan_lines(
     yield f"{'estimated from':16}{some(cost.columns['status'].size, 'realization')}{share}"
 
 
-def add_run(parser: argparse.ArgumentParser) -> None:
-    _add_sweep(parser)
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--threads", metavar="N", type=threads, help="threads; default: all")
-    where.add_argument(
-        "--workers",
-        metavar="N",
-        type=threads,
-        help="compute in N processes of a thread each (Dask)",
-    )
-    where.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="compute on the Dask cluster of this scheduler, as tcp://host:8786",
-    )
-    parser.add_argument(
-        "--chunk",
-        metavar="N",
-        type=positive,
-        help="realizations in a chunk; each finished chunk is saved",
-    )
-    parser.add_argument("--force", action="store_true", help="replace an output or unfinished run")
-    parser.add_argument(
-        "--retry-failed",
-        action="store_true",
-        help="recompute the realizations of a result that did not complete",
-    )
-    parser.add_argument(
-        "--impact-budget",
-        metavar="N",
-        type=positive,
-        help="with --retry-failed: impacts after which a particle is abandoned",
-    )
-    add_json(parser)
-    add_quiet(parser)
-
-
 def run(options: argparse.Namespace) -> None:
     from vibrosweep.scene.sweep import read_spec
 
@@ -268,7 +188,7 @@ def run(options: argparse.Namespace) -> None:
         return
     from vibrosweep.engine.workers import seconds_of_compiling
     from vibrosweep.runs.driver import run_sweep
-    from vibrosweep.runs.progress import reporting
+    from vibrosweep.waiting import reporting
 
     say(options, spec.title)
     began, before = time.perf_counter(), seconds_of_compiling()
@@ -371,8 +291,27 @@ def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:
     return True
 
 
-COMMANDS: Final = {
-    "examples": (add_examples, examples),
-    "plan": (add_plan, plan),
-    "run": (add_run, run),
-}
+def doctor(options: argparse.Namespace) -> int:
+    """Perform the command; return 1 if anything is wrong."""
+    from vibrosweep.doctor import findings
+
+    found = []
+    for finding in findings(Path.cwd()):
+        say(options, *finding.lines())
+        found.append(finding)
+    wrong = sum(bool(finding.trouble) for finding in found)
+    say(options, f"{some(wrong, 'problem')}, marked WRONG above" if wrong else "all is well")
+    tell(options, {"problems": wrong, "findings": [finding._asdict() for finding in found]})
+    return 1 if wrong else 0
+
+
+def warmup(options: argparse.Namespace) -> None:
+    from vibrosweep.doctor.machine import warm_up
+
+    began = time.perf_counter()
+    compiled = warm_up()
+    say(
+        options,
+        f"{some(compiled.made, 'variant')} compiled, {compiled.kept} found on disk, in "
+        f"{time.perf_counter() - began:.3g} s; stored in {compiled.directory}",
+    )

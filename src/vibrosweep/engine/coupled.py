@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import (
@@ -36,9 +37,9 @@ from vibrosweep.kernels.coupled.follow import (
 )
 from vibrosweep.kernels.coupled.joint_orbits import BLOCKS, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.noise import noise_of
-from vibrosweep.kernels.record import Record, Scale, empty_record
+from vibrosweep.kernels.record import Scale, empty_record
 from vibrosweep.kernels.restitution import restitution_of
-from vibrosweep.kernels.statistics import KINDS_COUPLED, Observer, Statistics
+from vibrosweep.kernels.statistics import KINDS_COUPLED, Observer
 from vibrosweep.kernels.waveforms import shape_of
 from vibrosweep.model.measures import LANDINGS_OF_AN_EXPONENT, Regime
 from vibrosweep.model.parameters import dimensionless, launches, mounts
@@ -56,7 +57,7 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     Parameters, which include those of the mount, and result are those of
     `vibrosweep.engine.measure.measure`.
     """
-    statistics, listed, _ = _followed(parameters, scene, workers, 0)
+    statistics, listed, _ = followed(parameters, scene, workers, 0)
     sums, each, frequency = statistics.realizations, statistics.particles, parameters["frequency"]
     heights = statistics.launch_height.reshape(-1, scene.particles)
     heights = heights * height_unit(parameters)[:, np.newaxis]
@@ -65,7 +66,7 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
         parameters,
         scene,
         each,
-        lambda observer: _followed(parameters, scene, workers, 0, observer)[0].particles,
+        lambda observer: followed(parameters, scene, workers, 0, observer)[0].particles,
     )
     found |= separations_in_units(listed.separations, frequency)
     found |= order_in_units(listed.order, frequency) | {"undecided_count": listed.undecided}
@@ -74,7 +75,7 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     return found
 
 
-def _followed(
+def followed(
     parameters: Mapping[str, Array],
     scene: Scene,
     workers: Workers,
@@ -190,6 +191,7 @@ class BaseTrack:
     parameters: dict[str, Array]  # in physical units, of shape (1,)
     batch: Coupled  # the same in dimensionless form
     track: Track  # state after every launch, landing and lift-off
+    landings: NDArray[np.int64]  # of each particle
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return the height (m) and velocity (m s-1) of the base at increasing times (s).
@@ -208,21 +210,8 @@ class BaseTrack:
         return out[0] * velocity / frequency, out[1] * velocity
 
 
-def count_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Statistics:
-    """Return the statistics of every particle; arguments are those of `measure_coupled`."""
-    return _followed(parameters, scene, workers, 0)[0].particles
-
-
-def record_coupled(
-    parameters: Mapping[str, Array], scene: Scene, workers: Workers, capacity: int
-) -> tuple[Record, Statistics]:
-    """Record landings until the end, at most `capacity` of each particle, with its statistics."""
-    statistics, _, motion = _followed(parameters, scene, workers, capacity)
-    return motion.record, statistics.particles
-
-
 def base_track(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> BaseTrack:
     """Return the motion of the base of one realization; arguments as for `measure_coupled`."""
-    capacity = int(count_coupled(parameters, scene, workers).landings.max())
-    record = _followed(parameters, scene, workers, max(capacity, 1))[2]
-    return BaseTrack(dict(parameters), _batch(parameters, scene), record.track)
+    landings = followed(parameters, scene, workers, 0)[0].particles.landings
+    record = followed(parameters, scene, workers, max(int(landings.max()), 1))[2]
+    return BaseTrack(dict(parameters), _batch(parameters, scene), record.track, landings)

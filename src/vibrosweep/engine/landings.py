@@ -119,9 +119,10 @@ def _recorded(
     Over a sprung base every trajectory has room for as many landings as the one with the most.
     """
     if scene.base == SPRUNG:
-        from vibrosweep.engine.coupled import record_coupled  # slow to import
+        from vibrosweep.engine.coupled import followed  # slow to import
 
-        return record_coupled(parameters, scene, workers, int(capacities.max()))
+        statistics, _, motion = followed(parameters, scene, workers, int(capacities.max()))
+        return motion.record, statistics.particles
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     return recorded(problem, launch, scene, workers, units_of(parameters), capacities)

@@ -8,9 +8,9 @@ threads nor on how a sweep is cut into batches.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ from vibrosweep.kernels.statistics import (
     scratch,
     statistic_of,
 )
-from vibrosweep.kernels.trust import Trust, empty_trust, trust
+from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.kernels.waveforms import motion
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED, Regime, Status
 from vibrosweep.model.observables import Observable
@@ -63,10 +63,6 @@ from vibrosweep.model.parameters import (
 from vibrosweep.model.restitution_laws import SPEED, fastest_in_range
 from vibrosweep.model.shapes import Waveform
 from vibrosweep.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from vibrosweep.engine.workers import Workers
-    from vibrosweep.scene.scene import Scene
 
 __all__ = ["measure", "measure_all"]
 
@@ -97,30 +93,39 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
 
 def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
     """Measure realizations whose particles do not act on each other."""
-    measures = scene.measures
+    measures, particles, frequency = scene.measures, scene.particles, parameters["frequency"]
     problem = dimensionless(parameters, scene.duration, measures.transient)
-    frequency = parameters["frequency"]
-    launch = launches(scene.launch, scene.particles, frequency)
-    batch = batch_of(problem, launch, scene)
-    found = follow(batch, measures.tolerance * frequency, scene, workers)
+    launch = launches(scene.launch, particles, frequency)
+    batch, cycles = batch_of(problem, launch, scene), None
+    wanted = measures.regimes or (scene.skip and _longest(batch) > PERIODS_TO_RECUR)
+    if wanted and problem.noise is None:  # random motion never recurs
+        cycles = workers.cycles(frequency.size * particles)
+    # in memory that the workers reuse for the next batch
+    trajectories = statistics(batch, scene, workers, cycles)
+    realizations = empty_sums(frequency.size, trajectories.kinds)
+    workers.run(
+        lambda first, last: combine(first, last, particles, trajectories, realizations),
+        frequency.size,
+        max(1, 2 * TRAJECTORIES_PER_TASK // particles),
+        realizations,
+    )
     ground = lowest(batch.base, problem)
     waveform = None if ground is None else scene.waveform
     heights = _launch_heights(parameters, problem, launch, waveform)
-    sums, each = found.realizations, found.trajectories
     of_base = lifts(batch.base, problem), ground
-    measured = statistics_in_units(scene, parameters, sums, each, heights, *of_base)
-    if found.orbits is not None:
-        measured |= orbit_variables(found.orbits, frequency)
-    if found.separations is not None:
-        measured |= separations_in_units(found.separations, frequency)
-    if found.order is not None:
-        measured |= order_in_units(found.order, frequency)
-    if found.bounds is not None:
-        measured |= _error_bounds(found.bounds, scene, parameters)
+    measured = statistics_in_units(scene, parameters, realizations, trajectories, heights, *of_base)
+    if measures.regimes:
+        none = np.zeros((len(CYCLE), trajectories.status.size))
+        found = none if cycles is None else cycles
+        orbits = settled(batch, trajectories, found, scene, workers)
+        measured |= orbit_variables(orbits, frequency)
+    measured |= _in_time(batch, scene, realizations, cycles, parameters, workers)
+    if measures.trust:
+        measured |= _error_bounds(batch, scene, parameters, workers)
     return measured | observable_values(
         parameters,
         scene,
-        each,
+        trajectories,
         lambda observer: statistics(batch, scene, workers, observer=observer),
     )
 
@@ -176,18 +181,6 @@ def _launch_heights(
         return np.where(flies, thrown[:, np.newaxis] + base, base)
 
 
-def _error_bounds(bounds: Trust, scene: Scene, parameters: Mapping[str, Array]) -> Measured:
-    frequency, particles = parameters["frequency"], scene.particles
-    until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
-    end = in_seconds(scene.duration, frequency)
-    velocity = units_of(parameters).velocity
-    return {
-        "trusted_until": np.where(until == np.inf, end[:, np.newaxis], until),
-        "landing_time_error": bounds.landing_error.reshape(-1, particles).max(axis=1) / frequency,
-        "rebound_velocity_error": bounds.flight_error.reshape(-1, particles).max(axis=1) * velocity,
-    }
-
-
 # Shorter orbits hardly ever repeat early enough for the detection of cycles to save time
 PERIODS_TO_RECUR = 32.0
 
@@ -196,52 +189,6 @@ def batch_of(problem: Dimensionless, launch: Launches, scene: Scene) -> Batch:
     """Return realizations over the base of a scene, with their noise, as kernels take them."""
     noise = noise_of(problem.noise, scene.noise_seed)
     return Batch(base_of(*scene.mechanics, noise), problem, launch)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """Results of a batch in forcing periods; None for what was not requested."""
-
-    # Statistics of trajectories, ordered by realization, in memory that the workers reuse for the
-    # next batch; only for measures per particle and observables
-    trajectories: Statistics | None
-    realizations: Statistics
-    orbits: Orbits | None  # orbits on which the trajectories settle
-    # separations, order: of realizations
-    separations: Separations | None
-    order: Orders | None
-    bounds: Trust | None  # of trajectories
-
-
-def follow(batch: Batch, tolerance: Array, scene: Scene, workers: Workers) -> Followed:
-    """Simulate all trajectories of a batch.
-
-    `tolerance` is the largest error of a trusted landing time in forcing periods, shape
-    (realization,).
-    """
-    size, particles = tolerance.size, scene.particles
-    measures, cycles = scene.measures, None
-    wanted = measures.regimes or (scene.skip and _longest(batch) > PERIODS_TO_RECUR)
-    if wanted and batch.problem.noise is None:  # random motion never recurs
-        cycles = workers.cycles(size * particles)
-    trajectories = statistics(batch, scene, workers, cycles)
-    realizations = empty_sums(size, trajectories.kinds)
-    workers.run(
-        lambda first, last: combine(first, last, particles, trajectories, realizations),
-        size,
-        max(1, 2 * TRAJECTORIES_PER_TASK // particles),
-        realizations,
-    )
-    orbits = bounds = None
-    if measures.regimes:
-        none = np.zeros((len(CYCLE), size * particles))
-        found = none if cycles is None else cycles
-        orbits = settled(batch, trajectories, found, scene, workers)
-    in_time = _in_time(batch, scene, realizations, cycles, workers)
-    if measures.trust:
-        bounds = _bounded(batch, tolerance, scene, workers)
-    kept = trajectories if measures.per_particle or measures.observables else None
-    return Followed(kept, realizations, orbits, *in_time, bounds)
 
 
 def statistics(
@@ -313,9 +260,11 @@ def _in_time(
     scene: Scene,
     realizations: Statistics,
     cycles: Cycles | None,
+    parameters: Mapping[str, Array],
     workers: Workers,
-) -> tuple[Separations | None, Orders | None]:
+) -> Measured:
     """Measure separations and order, which need the landings of all particles in order of time."""
+    measured: Measured = {}
     size, particles = realizations.status.size, scene.particles
     complete = realizations.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
@@ -331,7 +280,6 @@ def _in_time(
 
         workers.run(task, size, max(1, TRAJECTORIES_PER_TASK // (32 * particles)), found)
 
-    separations = order = None
     if scene.measures.separation:
         separations = empty_separations(size)
         if particles > 1:
@@ -339,20 +287,36 @@ def _in_time(
         else:  # a single particle has no separations
             separations.gap[:] = separations.same[:] = np.nan
             separations.shared[:] = np.where(complete, 0, UNDETERMINED)
+        measured |= separations_in_units(separations, parameters["frequency"])
     if scene.measures.ordering:
         order = empty_orders(size)
         run(find_order, lambda: (workspace(particles), empty_turns(particles)), order)
-    return separations, order
+        measured |= order_in_units(order, parameters["frequency"])
+    return measured
 
 
-def _bounded(batch: Batch, tolerance: Array, scene: Scene, workers: Workers) -> Trust:
-    bounds = empty_trust(tolerance.size * scene.particles)
+def _error_bounds(
+    batch: Batch, scene: Scene, parameters: Mapping[str, Array], workers: Workers
+) -> Measured:
+    """Return bounds on the errors of landings, and the times up to which they are trusted."""
+    frequency, particles = parameters["frequency"], scene.particles
+    bounds, tolerance = (
+        empty_trust(frequency.size * particles),
+        scene.measures.tolerance * frequency,
+    )
 
     def task(first: int, last: int) -> None:
         trust(first, last, batch, tolerance, scene.budget, bounds)
 
     workers.run(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64, bounds)
-    return bounds
+    until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
+    end = in_seconds(scene.duration, frequency)
+    velocity = units_of(parameters).velocity
+    return {
+        "trusted_until": np.where(until == np.inf, end[:, np.newaxis], until),
+        "landing_time_error": bounds.landing_error.reshape(-1, particles).max(axis=1) / frequency,
+        "rebound_velocity_error": bounds.flight_error.reshape(-1, particles).max(axis=1) * velocity,
+    }
 
 
 Codes = NDArray[np.int64]

@@ -26,7 +26,7 @@ from vibrosweep.explorer.points import Points
 from vibrosweep.figures.paint import Cells, commonest, grid_cells
 from vibrosweep.figures.windows import per_amplitude
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.locked_theory import lower_end
+from vibrosweep.model.orbit_theory import lower_end
 from vibrosweep.model.shapes import SINE
 from vibrosweep.theory import FIXED
 

@@ -11,7 +11,7 @@ import os
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.errors import VibrosweepError
-from vibrosweep.lazy import lazily
+from vibrosweep.waiting import lazily
 
 if "MPLBACKEND" in os.environ:
     try:

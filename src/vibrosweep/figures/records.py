@@ -30,7 +30,7 @@ from vibrosweep.analysis.records import (
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.figures import data, style
-from vibrosweep.model.locked_theory import lower_end
+from vibrosweep.model.orbit_theory import lower_end
 
 if TYPE_CHECKING:
     import xarray as xr

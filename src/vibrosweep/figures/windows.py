@@ -19,8 +19,8 @@ from vibrosweep.figures import data, style
 from vibrosweep.figures.paint import between
 from vibrosweep.figures.style import Panels
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.locked_theory import lower_end
 from vibrosweep.model.measures import UNDETERMINED
+from vibrosweep.model.orbit_theory import lower_end
 
 if TYPE_CHECKING:
     import xarray as xr

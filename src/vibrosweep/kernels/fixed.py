@@ -95,7 +95,7 @@ def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
 def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Floats) -> None:
     """Write the conditions of the orbit of k periods of a single problem.
 
-    These are the fields of `vibrosweep.model.locked_theory.OrbitConditions`: a w at the landing,
+    These are the fields of `vibrosweep.model.orbit_theory.OrbitConditions`: a w at the landing,
     the least -a w' at which the orbit does not attract, and bounds on their errors; first in the
     high-bounce limit, then over the moving base.  `sign` is that of `find_fixed`.
     """

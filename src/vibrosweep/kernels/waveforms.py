@@ -26,6 +26,7 @@ from vibrosweep.kernels.arithmetic import (
     waves,
 )
 from vibrosweep.kernels.memory import ROW, STRIDE
+from vibrosweep.model.parameters import ARCSINE_ERROR, arcsin_turns, turns_of_radians
 from vibrosweep.model.shapes import (
     HARMONICS_NAME,
     PARABOLIC_NAME,
@@ -34,7 +35,6 @@ from vibrosweep.model.shapes import (
     Waveform,
     zeros,
 )
-from vibrosweep.model.turns import ARCSINE_ERROR, arcsin_turns, turns_of_radians
 
 _arcsin_turns = jit(arcsin_turns)
 Shape = Any

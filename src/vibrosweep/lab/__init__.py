@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.lazy import lazily
+from vibrosweep.waiting import lazily
 
 if TYPE_CHECKING:
     from vibrosweep.lab.compare import (

@@ -243,9 +243,9 @@ def answer_to(word: str, known: Collection[str]) -> str:
     return ANSWERS.get(word.lower().replace("-", "_"), question)
 
 
-def another_name(word: str, base: str = HIGH_BOUNCE) -> str | None:
+def another_name(word: str) -> str | None:
     """Return the parameter that a word abbreviates: by its symbol, or by a part of its name."""
-    short, known = word.lower(), _known(base)
+    short, known = word.lower(), _known(HIGH_BOUNCE)
     if meant := _of_symbol(word, known):
         return meant
     for name in known:
@@ -271,9 +271,9 @@ def misspelled(word: str, base: str = HIGH_BOUNCE) -> str | None:
     return _of_symbol(word, known) or next(begun, None) or nearest(word, known, ALMOST)
 
 
-def likely_parameter(word: str, base: str = HIGH_BOUNCE) -> str | None:
-    """Return the parameter of a base that an unknown word probably means."""
-    return another_name(word, base) or nearest(word, _known(base))
+def likely_parameter(word: str) -> str | None:
+    """Return the parameter that an unknown word probably means."""
+    return another_name(word) or nearest(word, _known(HIGH_BOUNCE))
 
 
 def _known(base: str) -> dict[str, Parameter]:

@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import toml
-from vibrosweep.model.parameters import physical
-from vibrosweep.model.turns import turns_of_radians
+from vibrosweep.model.parameters import physical, turns_of_radians
 
 PARABOLIC_NAME: Final = "parabolic"
 SINE_NAME: Final = "sine"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.lazy import lazily
+from vibrosweep.waiting import lazily
 
 if TYPE_CHECKING:
     from vibrosweep.proof.orbits import prove_windows, verify_orbits

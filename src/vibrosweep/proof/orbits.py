@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.branches import Plane
 from vibrosweep.analysis.conditions import Locked, named
 from vibrosweep.analysis.continuation import AT_CORNER, AT_YIELDING, FIX_E, Line
+from vibrosweep.analysis.orbits import Plane
 from vibrosweep.analysis.windows import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
@@ -54,9 +54,9 @@ from vibrosweep.proof.reference.laws import Laws, wave_of
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.report import Judgement, Outcome, ProofState, Report, judge
 from vibrosweep.runs.driver import count
-from vibrosweep.runs.progress import Advance
 from vibrosweep.scene.scene import Scene, stored
 from vibrosweep.store.reading import load_dataset
+from vibrosweep.waiting import Advance
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -70,7 +70,7 @@ from vibrosweep.proof.reference.trajectories import REFERENCE_OF, Reference
 from vibrosweep.proof.report import Judgement
 from vibrosweep.runs.driver import count
 from vibrosweep.runs.result import identity_in
-from vibrosweep.scene.realizations import Realizations, chosen, open_design
+from vibrosweep.scene.design import Realizations, chosen, open_design
 from vibrosweep.scene.scene import Scene, stored
 from vibrosweep.scene.sweep import Sweep, parse_spec
 from vibrosweep.store.arranged import read_rows, row_count, row_dims

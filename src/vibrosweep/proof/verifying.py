@@ -62,9 +62,9 @@ from vibrosweep.proof.reference.sprung import TooManyLandingsError
 from vibrosweep.proof.reference.trajectories import trajectory
 from vibrosweep.proof.report import Judgement, Outcome, ProofState, Report, judge
 from vibrosweep.proof.sampling import ExactRealization, Expected, Sample, read_sample
-from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.store.disk import path_of
 from vibrosweep.store.reading import read_kind
+from vibrosweep.waiting import Advance, silent
 
 # Variables of the bounds, in the order of the fields of `ErrorBounds`
 BOUNDS: Final = tuple(f"{field}_error" for field in ErrorBounds._fields)

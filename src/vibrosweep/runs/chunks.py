@@ -28,8 +28,15 @@ from vibrosweep.model.observables import Measures, Observable
 from vibrosweep.model.parameters import Periods, in_periods, unit_of
 from vibrosweep.model.restitution_laws import OUTSIDE
 from vibrosweep.model.shapes import Waveform
-from vibrosweep.scene.design import Design, GivenTable, GridAxis, Range
-from vibrosweep.scene.realizations import Realizations, chosen, open_design
+from vibrosweep.scene.design import (
+    Design,
+    GivenTable,
+    GridAxis,
+    Range,
+    Realizations,
+    chosen,
+    open_design,
+)
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, short_axis
 from vibrosweep.store.parts import Columns, Parts

@@ -53,7 +53,6 @@ from vibrosweep.runs.plan import (
     record_bytes,
     require_disk,
 )
-from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import (
     SETTLING,
     Summary,
@@ -64,8 +63,7 @@ from vibrosweep.runs.result import (
     write_result,
     write_rows,
 )
-from vibrosweep.scene.design import begins_alike
-from vibrosweep.scene.realizations import Realizations, open_design
+from vibrosweep.scene.design import Realizations, begins_alike, open_design
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.arranged import read_rows
 from vibrosweep.store.disk import check_output, reporting
@@ -84,6 +82,7 @@ from vibrosweep.store.parts import (
 from vibrosweep.store.reading import SWEEP, kind_of, result_file
 from vibrosweep.store.writing import Attributes, Writer
 from vibrosweep.system import MOST_THREADS, physical_memory
+from vibrosweep.waiting import Advance, silent
 
 if TYPE_CHECKING:
     import xarray as xr

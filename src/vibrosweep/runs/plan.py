@@ -30,8 +30,7 @@ from vibrosweep.model.measures import IN_FILE
 from vibrosweep.model.parameters import fraction_of
 from vibrosweep.runs.chunks import batch_size, bytes_per_realization, periods_of, rows_at_once
 from vibrosweep.runs.result import declare, write_record, write_rows
-from vibrosweep.scene.design import DESIGNS, GridAxis
-from vibrosweep.scene.realizations import Realizations, chosen, open_design
+from vibrosweep.scene.design import DESIGNS, GridAxis, Realizations, chosen, open_design
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import naming, target_of
 from vibrosweep.store.parts import Columns, kinds

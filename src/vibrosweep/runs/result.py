@@ -41,10 +41,10 @@ from vibrosweep.model.measures import (
     wasted,
 )
 from vibrosweep.model.orbit_theory import FIXED, recognition_periods
-from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, STREAM, Parameter, Periods, in_periods
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, STREAM, Periods, in_periods
 from vibrosweep.model.restitution_laws import CONSTANT, range_of
 from vibrosweep.runs.chunks import Stream, batch_size, identity, no_rows
-from vibrosweep.scene.realizations import Realizations
+from vibrosweep.scene.design import Realizations
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.arranged import REALIZATION, read_rows, row_count, slices
@@ -63,15 +63,6 @@ TIMES: Final[Mapping[str, Mapping[str, str]]] = {
     "duration": {"units": "s", "long_name": "end of the observation"},
     "transient": {"units": OPTIONS["transient"].units, "long_name": OPTIONS["transient"].meaning},
 }
-
-
-def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
-    """Return the CF attributes of a physical parameter."""
-    return {
-        "units": parameter.units,
-        "long_name": parameter.long_name,
-        "symbol": parameter.symbol,
-    }
 
 
 def write_rows(
@@ -219,8 +210,12 @@ def attributes_of_scene(scene: Scene, varied: Collection[str] = ()) -> dict[str,
 
 def attributes_of(name: str) -> Mapping[str, str]:
     """Return the CF attributes of a physical parameter, a time of the observation, or streams."""
-    others = {**TIMES, STREAM: {"units": "1", "long_name": "stream of random numbers"}}
-    return others[name] if name in others else coordinate_attributes(INPUTS[name])
+    if name in TIMES:
+        return TIMES[name]
+    if name == STREAM:
+        return {"units": "1", "long_name": "stream of random numbers"}
+    one = INPUTS[name]
+    return {"units": one.units, "long_name": one.long_name, "symbol": one.symbol}
 
 
 def _along(
@@ -280,7 +275,7 @@ def write_record(
         elif name in INPUTS:
             file.fixed(name, attributes_of(name), quantities[name][0])
     _declare_launches(file, record.launch, record.particles, record.inputs["frequency"])
-    file.fixed("duration", TIMES["duration"], quantities["duration"][0])
+    file.fixed("duration", attributes_of("duration"), quantities["duration"][0])
     for name, (dims, values, attributes) in variables.items():
         if form.ragged:
             file.array(name, dims, attributes, values)

@@ -202,14 +202,10 @@ def _one_time(home: str, key: str, values: dict[str, Any], mistakes: Mistakes) -
 
 
 def _title(value: object) -> str:
-    if isinstance(value, str) and value.strip() and is_plain(value):
+    # free of control characters, which a terminal might obey
+    if isinstance(value, str) and value.strip() and "Cc" not in map(unicodedata.category, value):
         return value
     raise ValueError("must be one line of text, not empty, that says what the sweep shows")
-
-
-def is_plain(text: str) -> bool:
-    """Return whether a text is free of control characters, which a terminal might obey."""
-    return not any(unicodedata.category(character) == "Cc" for character in text)
 
 
 def _table(name: str, value: object) -> Mapping[str, Any]:

@@ -232,7 +232,7 @@ def _tabulated(tables: Tables, folder: Path, mistakes: Mistakes) -> dict[str, di
         path = tables.get(home, {}).get(key)
         if not isinstance(path, str):
             continue
-        from vibrosweep.scene.points import points_in  # few sweeps have such a table
+        from vibrosweep.scene.traces import points_in  # few sweeps have such a table
 
         try:
             points = points_in(folder / path)

@@ -20,7 +20,7 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import escaped
-from vibrosweep.scene.realizations import factor
+from vibrosweep.scene.design import factor
 
 __all__ = [
     "MISSING",

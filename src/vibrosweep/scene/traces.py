@@ -1,4 +1,6 @@
-"""Waveforms from a measured motion of the base: harmonics fitted by least squares.
+"""What is measured of a base or a ball: the waveform of a trace, points of a restitution.
+
+Harmonics are fitted to the trace of a base by least squares.
 
 The model of the trace is a mean, a trend and harmonics of one frequency f,
 
@@ -22,7 +24,9 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import escaped
+from vibrosweep.model.restitution_laws import Points, points_of
 from vibrosweep.model.shapes import HARMONICS_NAME, TWO_PI, FittedTrace, Waveform, zeros
+from vibrosweep.scene.design import factor
 from vibrosweep.scene.scene import Traced
 from vibrosweep.scene.tables import (
     MISSING,
@@ -31,6 +35,7 @@ from vibrosweep.scene.tables import (
     even_times,
     length_factor,
     origin_of,
+    read_content,
     rounding_of,
     strongest_rate,
     time_factor,
@@ -38,6 +43,7 @@ from vibrosweep.scene.tables import (
 
 __all__ = ["series_of", "waves"]
 
+OF_POINTS: Final = ("speed", "restitution")  # columns of a table of points
 AT_REST: Final = 0.02  # deviation from 1 of a mean that is taken for 1 g
 FEWEST_PERIODS: Final = 2.0
 LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain
@@ -227,3 +233,32 @@ def _least_squares(time: Array, values: Array, f: float, harmonics: int) -> tupl
     solution = np.linalg.lstsq(design, values, rcond=None)[0]
     residual = values - design @ solution
     return float(np.sum(residual * residual)), np.asarray(solution, np.float64)
+
+
+def points_in(path: Path) -> Points:
+    """Read the columns of speed, in m/s unless the heading has a unit, and of restitution.
+
+    A ValueError says why the table cannot be used.
+    """
+    for table in cells_of(read_content(path), str(path)):
+        places = [
+            [k for k, heading in enumerate(table.headings) if heading.means(column)]
+            for column in OF_POINTS
+        ]
+        if all(len(place) == 1 for place in places):
+            break
+    else:
+        raise ValueError(
+            f"{path}: must have one column speed (m/s) and one column restitution (columns found: "
+            f"{table.names})"
+        )
+    (speed,), (restitution,) = places
+    unit = table.headings[speed].unit
+    scale = factor(unit, "m s-1") if unit else (1.0, 1.0)
+    if scale is None:
+        raise ValueError(f"{path}: the unit {unit!r} of the speed is not known; give it in m/s")
+    speeds = table.numbers(speed) * scale[0] / scale[1]
+    try:
+        return points_of(np.column_stack([speeds, table.numbers(restitution)]).tolist())
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

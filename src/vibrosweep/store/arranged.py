@@ -89,7 +89,7 @@ def arranged(dataset: xr.Dataset) -> xr.Dataset:
     """
     require_dataset(dataset)
     found = _with_realizations(dataset)
-    if _holds_scene(found):
+    if _holds_rows(found) or "base" in found.attrs:
         _refuse_gaps(found)
         found = _unmasked(found)
         _refuse_contradictions(found)
@@ -105,10 +105,6 @@ def arranged(dataset: xr.Dataset) -> xr.Dataset:
 def _holds_rows(dataset: xr.Dataset) -> bool:
     """Return whether this is the result of a sweep, or a record."""
     return "status" in dataset.variables or "landing_time" in dataset.variables
-
-
-def _holds_scene(dataset: xr.Dataset) -> bool:
-    return _holds_rows(dataset) or "base" in dataset.attrs
 
 
 def _declared(name: object, dataset: xr.Dataset) -> Variable | None:

@@ -1,18 +1,19 @@
 """Open the file that this process has just written without reading its structure again.
 
-h5netcdf looks up every object of a file several times, which takes half of the processor time of a
-small run.
+h5netcdf looks up every object of a file several times, which takes a quarter of the processor time
+of a small run.
 """
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import xarray as xr
-from xarray.backends import BackendArray, CachingFileManager
+from xarray.backends import BackendArray, BackendEntrypoint, CachingFileManager
 from xarray.backends.locks import HDF5_LOCK
 from xarray.core import indexing
 
@@ -27,24 +28,28 @@ def opened(path: Path) -> xr.Dataset | None:
     found = just_written(path)
     if found is None or any(dtype.hasobject for _, _, dtype, _ in found.arrays.values()):
         return None  # h5netcdf has special types for texts, such as labels of a table
-    files = CachingFileManager(h5py.File, str(path), mode="r", lock=HDF5_LOCK)
-    files.acquire()
-    arrays = {
-        name: xr.Variable(dims, _lazily(_Stored(files, name, shape, dtype)), attributes)
-        for name, (dims, shape, dtype, attributes) in found.arrays.items()
-    }
-    coordinates = {name: arrays.pop(name) for name in found.coordinates}
-    dataset = xr.Dataset(arrays, coordinates, found.attributes)
-    dataset.encoding["source"] = str(path)
-    dataset.set_close(files.close)
-    return dataset
+    return xr.open_dataset(path, engine=_JustWritten)
 
 
-def _lazily(stored: _Stored) -> Any:
-    """Wrap an array as `xarray.open_dataset` does: read once when needed, copied when changed."""
-    lazy = indexing.LazilyIndexedArray(stored)
-    kept: Any = indexing.MemoryCachedArray(lazy)  # type: ignore[no-untyped-call]
-    return indexing.CopyOnWriteArray(kept)
+class _JustWritten(BackendEntrypoint):
+    """Opens the file that this process wrote last."""
+
+    open_dataset_parameters = ("filename_or_obj", "drop_variables")
+
+    def open_dataset(self, filename_or_obj: Any, *, drop_variables: Any = None) -> xr.Dataset:
+        path = os.fspath(filename_or_obj)
+        found = just_written(Path(path))
+        assert found is not None
+        files = CachingFileManager(h5py.File, path, mode="r", lock=HDF5_LOCK)
+        files.acquire()
+        arrays = {}
+        for name, (dims, shape, dtype, attributes) in found.arrays.items():
+            stored = indexing.LazilyIndexedArray(_Stored(files, name, shape, dtype))
+            arrays[name] = xr.Variable(dims, stored, attributes)
+        coordinates = {name: arrays.pop(name) for name in found.coordinates}
+        dataset = xr.Dataset(arrays, coordinates, found.attributes)
+        dataset.set_close(files.close)
+        return dataset
 
 
 class _Stored(BackendArray):

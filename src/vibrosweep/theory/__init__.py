@@ -5,22 +5,20 @@ The forms in `sprung` hold over a base of finite mass, the others over a base of
 
 from __future__ import annotations
 
-from vibrosweep.model.locked_theory import (
+from vibrosweep.model.orbit_theory import (
+    FIXED,
     amplitude_max,
     amplitude_min,
+    exponent_sum,
+    flight_time_bound,
+    liftoff_flight,
+    liftoff_speed_bound,
     locked_apex,
     locked_height,
     locked_phase,
     locked_velocity,
     locked_windows,
     multipliers,
-)
-from vibrosweep.model.orbit_theory import (
-    FIXED,
-    exponent_sum,
-    flight_time_bound,
-    liftoff_flight,
-    liftoff_speed_bound,
     recognition_periods,
     unforced_rest_impact,
     unforced_rest_time,

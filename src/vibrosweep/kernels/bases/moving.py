@@ -33,9 +33,8 @@ from vibrosweep.kernels.memory import ROW, STRIDE
 from vibrosweep.kernels.noise import SILENT, STILL, Draw, Noise, Source, drawn_in
 from vibrosweep.kernels.restitution import Constant, Law, Restitution, ratio, scale_of, slope
 from vibrosweep.kernels.waveforms import Harmonics, Parabolic, Sine, steepness, velocity
-from vibrosweep.model.parameters import Dimensionless
+from vibrosweep.model.parameters import Dimensionless, arcsin_turns
 from vibrosweep.model.shapes import TWO_PI
-from vibrosweep.model.turns import arcsin_turns
 
 _arcsin_turns = jit(arcsin_turns)
 TRIES = 20000.0  # passes after which the search for a landing is abandoned

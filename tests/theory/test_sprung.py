@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 from one_slot import is_clear, pattern, pattern_orbit
 from vibrosweep import theory
 from vibrosweep.errors import ParameterError
-from vibrosweep.model import coupled_theory
-from vibrosweep.model.coupled_theory import (
+from vibrosweep.theory import sprung as coupled_theory
+from vibrosweep.theory.sprung import (
     CoupledBase,
     find_cycle,
     monodromy,
