@@ -19,17 +19,17 @@ from vibrosweep.engine.measure import (
     units_of,
 )
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.coupled.follow import (
+from vibrosweep.kernels.coupled.advance import (
     Coupled,
     CoupledStatistics,
     MotionRecord,
     PerRealization,
     Track,
+    advance_coupled,
+    advance_coupled_uncached,
     empty_coupled,
     empty_per_realization,
     empty_track,
-    follow,
-    follow_uncached,
     more_numbers,
     trace,
     work_for,
@@ -90,7 +90,7 @@ def _followed(
     kinds = (*KINDS_COUPLED, *kinds_of(scene))
     statistics = empty_coupled(size, particles, kinds, observer)
     listed = empty_per_realization(size)
-    kernel = follow if observer is None else follow_uncached
+    kernel = advance_coupled if observer is None else advance_coupled_uncached
     idle = [work_for(particles) for _ in range(min(size, workers.threads))]
     # each particle is launched once, and each landing is followed by at most one lift-off
     events = particles * (1 + 2 * capacity) + _corners(batch, scene) if capacity > 0 else 0

@@ -210,8 +210,9 @@ _implementations: dict[Any, dict[type, Any]] = {}
 def generic(declared: F) -> F:
     """Turn a declaration without code into a function chosen by the type of its first argument.
 
-    `implements` gives the code for a kind of named tuple; compiled callers choose when they are
-    compiled, others when they call.
+    If that argument has a field `base`, the type of the base is decisive.  `implements` gives the
+    code for a kind of named tuple; compiled callers choose when they are compiled, others when they
+    call.
     """
 
     def implementation(kind: type) -> Any:
@@ -223,9 +224,11 @@ def generic(declared: F) -> F:
             ) from None
 
     def call(first: Any, *others: Any) -> Any:
-        return implementation(type(first))(first, *others)
+        return implementation(type(getattr(first, "base", first)))(first, *others)
 
     def code(first: Any, *others: Any) -> Any:
+        if "base" in getattr(first, "fields", ()):
+            first = first[first.fields.index("base")]
         return inspect.unwrap(implementation(getattr(first, "instance_class", type(first))))
 
     piece: F = overloaded(declared, call, code)

@@ -11,27 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import bases, restitution
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, uncounted
 from vibrosweep.kernels.arithmetic import HALF_ULP
-from vibrosweep.kernels.bases import (
-    Base,
-    Constants,
-    constants,
-    fixed_attracts,
-    fixed_holds,
-    fixed_residual,
-)
+from vibrosweep.kernels.bases import Base, Constants
 from vibrosweep.kernels.memory import empty
-from vibrosweep.kernels.restitution import (
-    REBOUND_OF,
-    arrival_to_repeat,
-    lost_speed,
-    ratio,
-    ratio_error,
-    rise_to_repeat,
-    slope_change,
-    speed_after,
-)
 from vibrosweep.model.parameters import Dimensionless
 
 ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
@@ -61,7 +45,7 @@ def empty_fixed(problems: int) -> FixedOrbits:
 
 def may_push_back(rebound: str) -> bool:
     """Return whether a law of rebound turns back a particle that is pushed into the base."""
-    return speed_after(REBOUND_OF[rebound], 0.0, 0.0, -1.0) > 0.0
+    return restitution.speed_after(restitution.REBOUND_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
 @jit
@@ -73,8 +57,8 @@ def _end_error(fixed: Constants, v: float) -> float:
     is that of a quotient of terms such as 1 + q, whose errors are bounded below.
     """
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
-    rounding = ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
-    change = slope_change(law, e, scale, v, rounding * v)[1]
+    rounding = restitution.ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
+    change = restitution.slope_change(law, e, scale, v, rounding * v)[1]
     return 2.0 * rounding * v + 3.0 * change + 6.0 * rounding
 
 
@@ -86,8 +70,8 @@ def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
     high-bounce base and over one that moves.
     """
     for t in range(out.size):
-        fixed = constants(base, problem, t)
-        c = arrival_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, float(k))
+        fixed = bases.constants(base, problem, t)
+        c = restitution.arrival_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, float(k))
         out[t] = max(_end_error(fixed, float(k)), _end_error(fixed, c))
 
 
@@ -99,17 +83,23 @@ def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Flo
     the least -a w' at which the orbit does not attract, and bounds on their errors; first in the
     high-bounce limit, then over the moving base.  `sign` is that of `find_fixed`.
     """
-    fixed = constants(base, problem, 0)
+    fixed = bases.constants(base, problem, 0)
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
     for moves in range(2):
-        v = arrival_to_repeat(law, e, scale, float(k)) if moves else float(k)
-        share, rounding = ratio(law, e, scale, v), ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
-        q, change = slope_change(law, e, scale, v, rounding * v)
-        need, limit = rise_to_repeat(law, e, scale, float(k)), 0.0
+        v = restitution.arrival_to_repeat(law, e, scale, float(k)) if moves else float(k)
+        share, rounding = (
+            restitution.ratio(law, e, scale, v),
+            restitution.ratio_error(law, e, scale, v) + 8.0 * HALF_ULP,
+        )
+        q, change = restitution.slope_change(law, e, scale, v, rounding * v)
+        need, limit = restitution.rise_to_repeat(law, e, scale, float(k)), 0.0
         if moves:
             limit = 4.0 * (1.0 + e) * (1.0 + q * share) / ((1.0 + q) * (1.0 + share))
         else:
-            need, limit = sign * lost_speed(law, e, scale, v, sign), 2.0 * (1.0 + sign * q)
+            need, limit = (
+                sign * restitution.lost_speed(law, e, scale, v, sign),
+                2.0 * (1.0 + sign * q),
+            )
         out[4 * moves], out[4 * moves + 1] = need, limit
         # no derivative of the limit by q or the share exceeds 8
         out[4 * moves + 2] = 2.0 * rounding * v
@@ -120,7 +110,7 @@ def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Flo
 def _solve(fixed: Constants, x: float, k: float, sign: float) -> tuple[bool, float]:
     """Newton's method from phase x; return whether it converges, and the phase."""
     for _ in range(STEPS):
-        off, slope, size = fixed_residual(fixed, x, k, sign)
+        off, slope, size = bases.fixed_residual(fixed, x, k, sign)
         if abs(off) <= RESIDUAL * size:
             return True, x
         if slope == 0.0:
@@ -150,12 +140,12 @@ def find_fixed(
     """
     for t in range(first, last):
         out.state[t], out.phase[t] = ABSENT, np.nan
-        fixed = constants(base, problem, t)
+        fixed = bases.constants(base, problem, t)
         for seed in range(SEEDS):
             found, x = _solve(fixed, (seed + 0.5) / SEEDS - 0.5, k[t], sign)
-            if found and fixed_holds(fixed, x, k[t]):
+            if found and bases.fixed_holds(fixed, x, k[t]):
                 out.state[t], out.phase[t] = REPELS, x
-                if fixed_attracts(fixed, x, k[t]):
+                if bases.fixed_attracts(fixed, x, k[t]):
                     out.state[t] = ATTRACTS
                     break
 
@@ -176,5 +166,5 @@ def orbits_hold(
     or lands earlier.
     """
     for t in range(first, last):
-        holds = fixed_holds(constants(base, problem, t), x[t], float(k[t]))
+        holds = bases.fixed_holds(bases.constants(base, problem, t), x[t], float(k[t]))
         out.state[t], out.phase[t] = ATTRACTS if holds else ABSENT, x[t]

@@ -119,7 +119,7 @@ def ratio_error(law: Restitution, e: float, scale: float, v: float) -> float:
 
 
 @generic
-def straight(law: Restitution) -> bool:
+def is_constant(law: Restitution) -> bool:
     """Return whether the coefficient of restitution does not depend on the speed."""
 
 
@@ -170,7 +170,7 @@ implements(ratio, Constant)(lambda law, e, scale, v: e)
 implements(slope, Constant)(lambda law, e, scale, v: e)
 implements(slope_range, Constant)(lambda law, e, scale, low, high: (e, e))
 implements(ratio_error, Constant)(lambda law, e, scale, v: 0.0)
-implements(straight, Constant)(lambda law: True)
+implements(is_constant, Constant)(lambda law: True)
 implements(slack, Constant)(lambda law: 1.0)
 # not as the difference of the speeds: rounding would lose digits of 1 - e near e = 1
 implements(lost_speed, Constant)(lambda law, e, scale, v, sign: (sign - e) * v)
@@ -492,7 +492,7 @@ def _rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) 
 
 def _implement_falling(*kinds: type) -> None:
     """Implement the functions shared by all laws whose coefficient falls with the speed."""
-    implements(straight, *kinds)(lambda law: False)
+    implements(is_constant, *kinds)(lambda law: False)
     implements(lost_speed, *kinds)(_lost_speed_falling)
     implements(leaving_to_repeat, *kinds)(_leaving_to_repeat_falling)
     implements(rise_to_repeat, *kinds)(_rise_to_repeat_falling)

@@ -198,12 +198,12 @@ Writer = Callable[[Sequence[Statistic]], Iterator[str]]
 
 LINE = 8  # numbers in a cache line
 OF_LANDINGS, OF_RESTS = (ROWS + LANDINGS) * STRIDE, (ROWS + RESTS) * STRIDE
-PERIODS, CYCLE_LANDINGS, CYCLE_RESTS = 0, 1 + LANDINGS, 1 + RESTS  # places in a `Cycle`
+CYCLE_LANDINGS, CYCLE_RESTS = 1 + LANDINGS, 1 + RESTS  # places in a `Cycle`
 
 
-def scratch(kinds: Kinds = KINDS, more: int = 0) -> Floats:
-    """Scratch memory of one caller of `vibrosweep.kernels.advance.advance`, with `more` rows."""
-    return aligned((ROWS + 3 * len(kinds) + 1 + more) * STRIDE)
+def scratch(kinds: Kinds = KINDS) -> Floats:
+    """Scratch memory of one caller of `vibrosweep.kernels.advance.advance`."""
+    return aligned((ROWS + 3 * len(kinds) + 1) * STRIDE)
 
 
 def _composed(parameters: str) -> Callable[[Writer], Any]:
@@ -316,31 +316,19 @@ def added(statistics: Sequence[Statistic]) -> Iterator[str]:
     yield f"return (periods, {', '.join(sums)})"
 
 
-@_composed("s, j, found")
-def set_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Keep the totals of the cycle that lane j has entered."""
-    for k in range(1 + len(statistics)):
-        yield f"s[{(ROWS + 2 * len(statistics) + k) * STRIDE} + j] = found[{k}]"
+@jit
+def set_cycle(kinds: Kinds, s: Floats, j: int, found: Any) -> None:
+    """Store the totals of the cycle that lane j has entered: a `Cycle`, or an array."""
+    row = (ROWS + 2 * len(kinds)) * STRIDE + j
+    for k in range(1 + len(kinds)):
+        s[row + k * STRIDE] = found[k]
 
 
-@_composed("s, j")
-def cycle_of(statistics: Sequence[Statistic]) -> Iterator[str]:
+@jit
+def cycle_of(kinds: Kinds, s: Floats, j: int) -> tuple[float, float, float]:
     """Return periods, landings and rests of the cycle of lane j; no landings if none is known."""
-    rows = [ROWS + 2 * len(statistics) + k for k in (PERIODS, CYCLE_LANDINGS, CYCLE_RESTS)]
-    yield f"return {', '.join(f's[{row * STRIDE} + j]' for row in rows)}"
-
-
-@_composed("rests, line, found")
-def keep_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Keep the totals of a cycle in a line of `rests`."""
-    for k in range(1 + len(statistics)):
-        yield f"rests[line, {1 + k}] = found[{k}]"
-
-
-@_composed("rests, line")
-def kept_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Return the totals of a cycle that were kept in a line of `rests`."""
-    yield f"return ({', '.join(f'rests[line, {1 + k}]' for k in range(1 + len(statistics)))})"
+    row = (ROWS + 2 * len(kinds)) * STRIDE + j
+    return s[row], s[row + CYCLE_LANDINGS * STRIDE], s[row + CYCLE_RESTS * STRIDE]
 
 
 @_composed("s, j, times")
@@ -397,20 +385,12 @@ def forget(statistics: Sequence[Statistic]) -> Iterator[str]:
         yield f"totals[{k}, t] = {START[statistic.combine]}"
 
 
-@_composed("totals, t, landing")
-def add_landing(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Add a landing to the totals in place t."""
+@_composed("totals, t, landing, flight, seen, ends")
+def add_event(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Add a landing to the totals in place t where it is seen, and a flight where it ends."""
     for k, statistic, number in _numbers(statistics):
-        if not statistic.of_flights:
-            yield f"totals[{k}, t] = {statistic.joined(f'totals[{k}, t]', number)}"
-
-
-@_composed("totals, t, flight")
-def add_flight(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Add a flight to the totals in place t."""
-    for k, statistic, number in _numbers(statistics):
-        if statistic.of_flights:
-            yield f"totals[{k}, t] = {statistic.joined(f'totals[{k}, t]', number)}"
+        total, counts = f"totals[{k}, t]", "ends" if statistic.of_flights else "seen"
+        yield f"{total} = {statistic.joined(total, number)} if {counts} else {total}"
 
 
 @_composed("totals, t")
@@ -455,13 +435,17 @@ def combine(
 
 # --- Observers ------------------------------------------------------------------------------------
 # An observer, such as a user's function, is called for every landing.  The loop over the lanes
-# stores the last landing of each lane in additional rows, without a branch; a second loop then
-# calls the observer for lanes that have landed in the window.
+# stores the last landing of each lane, without a branch; a second loop then calls the observer for
+# lanes that have landed in the window.
 
 
-@generic
-def note(observer: Any, s: Floats, j: int, landing: Landing, n: float, seen: bool) -> None:
-    """Note a landing of lane j, after n whole periods, and whether it is in the window."""
+@jit
+def note(s: Floats, j: int, landing: Landing, n: float, seen: bool) -> None:
+    """Store a landing of lane j, after n whole periods, and whether it is in the window."""
+    s[ROW.LAST_X + j], s[ROW.LAST_TIME + j] = landing.phase, landing.flight_time
+    s[ROW.LAST_SPEED + j], s[ROW.LAST_REBOUND + j] = landing.impact_speed, landing.rebound
+    s[ROW.LAST_RESTS + j] = 1.0 if landing.rests else 0.0
+    s[ROW.LAST_N + j], s[ROW.LAST_SEEN + j] = n, 1.0 if seen else 0.0
 
 
 @generic
@@ -477,48 +461,16 @@ class Observer(NamedTuple):
     initial: float  # value with which totals begin
 
 
-class ObservedRows(NamedTuple):
-    """First indices of the rows of the last landing of each lane, behind all other rows."""
-
-    PHASE: int
-    TIME: int
-    SPEED: int
-    REBOUND: int
-    RESTS: int
-    SEEN: int
-
-
-BEHIND: Final = ROWS + 3 * len(KINDS) + 1  # an observer takes no other statistics
-OBSERVED: Final = ObservedRows(
-    *((BEHIND + row) * STRIDE for row in range(len(ObservedRows._fields)))
-)
-
-
-def observer_scratch() -> Floats:
-    """Scratch memory of `scratch`, with the rows of a landing."""
-    return scratch(KINDS, len(ObservedRows._fields))
-
-
-@implements(note, Observer)
-def note_for_function(
-    observer: Observer, s: Floats, j: int, landing: Landing, n: float, seen: bool
-) -> None:
-    s[OBSERVED.PHASE + j], s[OBSERVED.TIME + j] = landing.phase, landing.flight_time
-    s[OBSERVED.SPEED + j], s[OBSERVED.REBOUND + j] = landing.impact_speed, landing.rebound
-    s[OBSERVED.RESTS + j] = 1.0 if landing.rests else 0.0
-    s[OBSERVED.SEEN + j] = 1.0 if seen else 0.0
-
-
 @implements(observe, Observer)
 def call_function(observer: Observer, s: Floats, lanes: int, base: Base) -> None:
     for j in range(lanes):
-        if s[OBSERVED.SEEN + j] > 0.0:
+        if s[ROW.LAST_SEEN + j] > 0.0:
             landing = Landing(
-                s[OBSERVED.PHASE + j],
-                s[OBSERVED.TIME + j],
-                s[OBSERVED.SPEED + j],
-                s[OBSERVED.REBOUND + j],
-                s[OBSERVED.RESTS + j] > 0.0,
+                s[ROW.LAST_X + j],
+                s[ROW.LAST_TIME + j],
+                s[ROW.LAST_SPEED + j],
+                s[ROW.LAST_REBOUND + j],
+                s[ROW.LAST_RESTS + j] > 0.0,
             )
             observer.function(observer.totals[int(s[ROW.LANE + j])], landing)
 

@@ -130,7 +130,7 @@ def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
 
 
 @generic
-def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+def end_pass(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
     """Keep the numbers that the next pass of lane j needs; return whether to count a flight now.
 
     `seen` is whether the landing, if there is one, is in the window.
@@ -138,7 +138,7 @@ def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: b
 
 
 @generic
-def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
+def abandons(base: Base, s: Floats, j: int, passes: int) -> bool:
     """Return whether the search of lane j is abandoned; called once every so many passes."""
 
 
@@ -204,7 +204,7 @@ def random(fixed: Constants, particle: float, number: float, n: float, x: float)
 
 
 @generic
-def wake(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
+def later_lift_off(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
     """Return when a particle at rest since (n, x) lifts off, if `lift_off` does not say.
 
     Whole periods count from `origin`; they are NaN if no lift-off is found.
@@ -282,6 +282,42 @@ def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
     """Return whether a flight from phase x lands after k periods, not earlier, and bounces."""
 
 
+# --- Flights between two given instants, for `vibrosweep.kernels.closed` and `bifurcations` -------
+
+
+class Slopes(NamedTuple):
+    """Jacobian of an impact and its determinant, times a scale that makes all of them finite.
+
+    Over a base that moves the Jacobian is infinite where the speed of arrival is 0.
+    """
+
+    scale: float  # 1, or the speed of arrival
+    # xx, xu, ux, uu: of phase and speed after the impact, by those before its flight
+    xx: float
+    xu: float
+    ux: float
+    uu: float
+    determinant: float
+
+
+@generic
+def chord(fixed: Constants, x: float, s: float) -> tuple[float, float]:
+    """Speeds relative to the base of a flight of s periods, s > 0, at its phase x and at its end.
+
+    The particle may meet the base on the way.
+    """
+
+
+@generic
+def slopes(fixed: Constants, arc: Flight) -> Slopes:
+    """Jacobian of the impact that ends a flight, also where the speed of arrival is 0."""
+
+
+@generic
+def clearing(fixed: Constants, arc: Flight) -> float:
+    """Least local minimum of the height above the base in a flight; infinite if there is none."""
+
+
 # --- Errors, for the bounds of `vibrosweep.kernels.trust` -----------------------------------------
 
 
@@ -355,11 +391,18 @@ def liftoff_error(fixed: Constants) -> StateError:
 
 
 @generic
-def random_liftoff_error(
+def liftoff_error_after(
     fixed: Constants, n: float, x: float, error: float, later: Instant
 ) -> StateError:
-    """Bounds like those of `liftoff_error`, under noise.
+    """Bounds like those of `liftoff_error`, of a lift-off after a given rest.
 
     The rest begins at (n, x), counted from time 0, with an error of the phase; by `lift_off` it
     ends at `later`.  The bound of the phase is also infinite where the end is in doubt.
     """
+
+
+@jit
+def unless_doubtful(found: StateError, x: float, error: float, later: Instant) -> StateError:
+    """Bounds of the errors of a lift-off; infinite if it may precede the rest, at phase x."""
+    doubtful = later.whole < np.inf and abs(x - later.phase) <= error + found.phase
+    return StateError(np.inf, np.inf) if doubtful else found
