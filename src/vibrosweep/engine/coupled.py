@@ -22,9 +22,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.advance import (
     Coupled,
     CoupledStatistics,
+    EventStates,
     MotionRecord,
     PerRealization,
-    Track,
     advance_coupled,
     advance_coupled_uncached,
     empty_coupled,
@@ -189,7 +189,7 @@ class BaseTrack:
 
     parameters: dict[str, Array]  # in physical units, of shape (1,)
     batch: Coupled  # the same in dimensionless form
-    track: Track  # state after every launch, landing and lift-off
+    track: EventStates  # state after every launch, landing and lift-off
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return the height (m) and velocity (m s-1) of the base at increasing times (s).

@@ -148,7 +148,7 @@ def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
 
 @jit
 def note_rest(noise: Noise | None, s: Floats, j: int, rests: bool) -> None:
-    """Note whether lane j has come to rest; it abandoned until a forcing period lifts it."""
+    """Note whether lane j has come to rest, until a forcing period lifts it."""
     if noise is not None and noise.drive is not None:
         waits = s[ROW.RESTING + j]
         s[ROW.RESTING + j] = 1.0 if rests else waits if waits > 0.0 else 0.0
@@ -372,8 +372,8 @@ def advance(
 
     `window` is 1 if the window may begin after a launch, and None otherwise; `memory` is from
     `memory_around` and, like `rests`, not shared between threads.  With `cycles` and `rests`, a
-    trajectory is followed until its state recurs bit for bit, and further landings are counted from
-    one cycle.  Sums then differ from those of a full simulation by rounding only.
+    trajectory is simulated until its state recurs bit for bit; the remaining cycles are added
+    exactly, not simulated.  Sums then differ from those of a full simulation by rounding only.
     """
     base, problem, launches = batch
     s, places = memory
@@ -405,7 +405,7 @@ def advance(
         lanes = close_gaps(s, lanes, places, fresh, done)
         if lanes < LANES and first < last:
             return lanes
-        # whole vectors only: lanes behind the last one hold stale, harmless numbers
+        # whole vectors only: lanes behind the last one contain stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for since in range(LOOK_AFTER):
             _step(s, padded, chosen, budget, window, options.observer, lanes, since)
@@ -433,5 +433,5 @@ def advance(
     return 0
 
 
-# Machine code for a function that only this process has is not kept on disk
+# Machine code for a function that only this process has is not saved on disk
 advance_uncached = uncached(advance)

@@ -36,8 +36,8 @@ SMALL_STEP = 1e-11  # of Newton's method, after which rounding is all that is le
 FARTHEST = 0.2  # largest correction of a point
 
 
-class Cycle(NamedTuple):
-    """Which orbits are meant, and what their conditions depend on."""
+class OrbitType(NamedTuple):
+    """Impacts and periods of orbits, and what their conditions depend on."""
 
     p: int
     q: int
@@ -56,7 +56,7 @@ class Scaled(NamedTuple):
 
 
 class Added(NamedTuple):
-    """Conditions beside the equations of an orbit, each a bifurcation or a linear one.
+    """Conditions in addition to the equations of an orbit, each a bifurcation or a linear one.
 
     A linear condition is that the product of a row with the distance from a point is 0.
     """
@@ -66,7 +66,7 @@ class Added(NamedTuple):
     points: Floats  # (condition, p + 2)
 
 
-class Equations(NamedTuple):
+class Residuals(NamedTuple):
     """Memory for the p equations and their derivatives."""
 
     off: Floats
@@ -74,7 +74,7 @@ class Equations(NamedTuple):
 
 
 @part
-def _place(base: Base, problem: Dimensionless, cycle: Cycle, z: Floats) -> Constants:
+def _place(base: Base, problem: Dimensionless, cycle: OrbitType, z: Floats) -> Constants:
     """Constants at the parameters of a point, as realization 0 of the problem."""
     # of the problem's other numbers, an orbit without rests needs only the threshold of rest
     p = cycle.p
@@ -84,7 +84,7 @@ def _place(base: Base, problem: Dimensionless, cycle: Cycle, z: Floats) -> Const
 
 
 @part
-def _linearize(fixed: Constants, times: Floats, cycle: Cycle, work: Equations) -> Scaled:
+def _linearize(fixed: Constants, times: Floats, cycle: OrbitType, work: Residuals) -> Scaled:
     """Write the residuals of the speeds after the p impacts, and their derivatives by the times."""
     p, off, matrix = cycle.p, work.off, work.matrix
     off[:p] = 0.0
@@ -108,7 +108,7 @@ def _linearize(fixed: Constants, times: Floats, cycle: Cycle, work: Equations) -
 
 @part
 def _put_values(
-    base: Base, problem: Dimensionless, cycle: Cycle, z: Floats, work: Equations, values: Floats
+    base: Base, problem: Dimensionless, cycle: OrbitType, z: Floats, work: Residuals, values: Floats
 ) -> None:
     """Write the values of all conditions but the last."""
     p, q = cycle.p, cycle.q
@@ -134,11 +134,11 @@ def _put_values(
 
 @part
 def _put_condition(
-    base: Base, problem: Dimensionless, cycle: Cycle, z: Floats, kind: int, row: Floats
+    base: Base, problem: Dimensionless, cycle: OrbitType, z: Floats, kind: int, row: Floats
 ) -> float:
     """Write the derivatives of a condition, shape (p + 2,), and return its value."""
     p = cycle.p
-    work, values = Equations(np.empty(p), np.empty((p, p))), np.empty((2, CONDITIONS))
+    work, values = Residuals(np.empty(p), np.empty((p, p))), np.empty((2, CONDITIONS))
     for c in range(p + 2):
         kept = z[c]
         for side in range(2):
@@ -154,7 +154,7 @@ def _put_condition(
 def _put_system(
     base: Base,
     problem: Dimensionless,
-    cycle: Cycle,
+    cycle: OrbitType,
     z: Floats,
     added: Added,
     off: Floats,
@@ -162,7 +162,7 @@ def _put_system(
 ) -> None:
     """Write residuals and derivatives of the equations of an orbit and of the conditions added."""
     p = cycle.p
-    work = Equations(np.empty(p), np.empty((p, p)))
+    work = Residuals(np.empty(p), np.empty((p, p)))
     for c in range(p, p + 2):  # derivatives by both parameters
         kept = z[c]
         for side in range(2):
@@ -174,7 +174,7 @@ def _put_system(
                     work.off[i] if side == 0 else (before - work.off[i]) / (2.0 * DIFFERENCE)
                 )
         z[c] = kept
-    _linearize(_place(base, problem, cycle, z), z, cycle, Equations(off, matrix))
+    _linearize(_place(base, problem, cycle, z), z, cycle, Residuals(off, matrix))
     for k in range(added.kinds.size):
         row = matrix[p + k]
         if added.kinds[k] >= 0:
@@ -190,7 +190,7 @@ def _put_system(
 def correct(
     base: Base,
     problem: Dimensionless,
-    cycle: Cycle,
+    cycle: OrbitType,
     z: Floats,
     added: Added,
     steps: int,
@@ -224,7 +224,7 @@ def correct(
 def put_values(
     base: Base,
     problem: Dimensionless,
-    cycle: Cycle,
+    cycle: OrbitType,
     z: Floats,
     direction: Floats,
     values: Floats,
@@ -232,7 +232,7 @@ def put_values(
 ) -> None:
     """Write the values of all conditions, and their derivatives in a direction."""
     p = cycle.p
-    work, moved = Equations(np.empty(p), np.empty((p, p))), np.empty(p + 2)
+    work, moved = Residuals(np.empty(p), np.empty((p, p))), np.empty(p + 2)
     found = np.empty((3, CONDITIONS))
     for k in range(3):
         for c in range(p + 2):
@@ -247,7 +247,7 @@ def put_values(
 
 @kernel
 def describe(
-    base: Base, problem: Dimensionless, cycle: Cycle, z: Floats, speeds: Floats
+    base: Base, problem: Dimensionless, cycle: OrbitType, z: Floats, speeds: Floats
 ) -> tuple[float, float, int]:
     """Trace and determinant of the Jacobian of an orbit, and whether a particle can follow it.
 
@@ -255,7 +255,7 @@ def describe(
     """
     p, q = cycle.p, cycle.q
     fixed = _place(base, problem, cycle, z)
-    whole = _linearize(fixed, z, cycle, Equations(np.empty(p), np.empty((p, p))))
+    whole = _linearize(fixed, z, cycle, Residuals(np.empty(p), np.empty((p, p))))
     determinant = 1.0
     for i in range(p):
         arc = flight(fixed, z, p, q, i)

@@ -220,7 +220,7 @@ def power_trace(tangent: Tangent, d: int) -> Tangent:
 # --- The list of orbits ---------------------------------------------------------------------------
 
 
-NO_ORBIT = -2  # beside the codes of `admits`
+NO_ORBIT = -2  # in addition to the codes of `admits`
 
 
 class Closed(NamedTuple):
@@ -248,7 +248,7 @@ class Closed(NamedTuple):
 
 @jit
 def _place(i: int, times: Floats, p: int, q: int, out: Closed) -> int:
-    """Index of an orbit among those that are kept, or their number if it is not among them."""
+    """Index of an orbit among those that are stored, or their number if it is not among them."""
     for k in range(out.orbits[i]):
         alike = out.impacts[i, k] == p and out.periods[i, k] == q
         if alike and same(out.times[i, k], times, p, q):
@@ -258,7 +258,7 @@ def _place(i: int, times: Floats, p: int, q: int, out: Closed) -> int:
 
 @part
 def add(fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, out: Closed) -> int:
-    """Keep the orbit of p impacts that times close, or a shorter one of which they consist.
+    """Store the orbit of p impacts with these times, or the shorter one that they repeat.
 
     Returns its index, which is the former number of orbits if it is new, and the capacity if there
     is no room for it.
@@ -275,7 +275,7 @@ def add(fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, ou
 def _store(
     fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, out: Closed
 ) -> None:
-    """Keep a new orbit, with the properties that follow from its times."""
+    """Store a new orbit, with the properties that follow from its times."""
     k = out.orbits[i]
     out.orbits[i] += 1
     blank(i, k, out)
@@ -308,7 +308,7 @@ def blank(i: int, k: int, out: Closed) -> None:
 #
 # Launches cover phase and speed evenly, more densely at low speeds.  Their number grows with the
 # square of the number of falls of the waveform, on which the attractors are, and to twice the
-# number of the launch that led to the last new attractor, unless `LAUNCH_PATIENCE` ends it.
+# number of the launch that led to the last new attractor, unless `LAUNCH_PATIENCE` limits it.
 
 
 # Number of launches, relative to the least of a sine, beyond which it does not grow
@@ -340,7 +340,7 @@ def _return(
 
 @part
 def _simulate(fixed: Constants, i: int, number: int, out: Closed) -> int:
-    """Follow a trajectory, and find the orbits to which it nearly returns.
+    """Simulate a trajectory, and find the orbits to which it nearly returns.
 
     Returns the number of new ones that attract, -1 where orbits exceed the capacity.
     """
@@ -403,7 +403,7 @@ def search_from_launches(fixed: Constants, i: int, launches: int, out: Closed) -
 # shrink with the falls of the velocity of the base, by whose number, squared for two impacts or
 # more, the least number of seeds is multiplied.  The search ends at twice the number of the seed
 # that led to the last new orbit and, for the map, not before the orbits balance, unless `PATIENCE`
-# ends it.
+# limits it.
 #
 # Orbits of one impact are found by the changes of sign of their equation, and trajectories lead to
 # more orbits.

@@ -1,4 +1,4 @@
-"""Cycle detection: the rest of a periodic trajectory is counted from one cycle.
+"""Cycle detection: the remaining cycles of a periodic trajectory are added, not simulated.
 
 A contracting orbit eventually returns, in floating point, to exactly the same state (x, u); from
 then on it repeats for all time.  This recurrence is found by Brent's algorithm (1980): each lane
@@ -25,7 +25,7 @@ from vibrosweep.model.observables import Landing
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
 # A cycle saves work if the remaining time exceeds the time since the anchor by this factor
 WORTH = 4.0
-# Distance kept from the ends of the window, where rounding might decide what is inside
+# Distance from the ends of the window, where rounding might decide what is inside
 MARGIN = 2.0**-20  # periods
 # Quotients of two integers up to this number are equal in double precision only if exactly equal
 LONGEST_JOINT = 2**25
@@ -187,7 +187,7 @@ def close_cycle(
 ) -> None:
     """Determine the cycle of lane j, which recurs, and skip its repetitions if that saves work.
 
-    `jump` is 1 to skip them.  The cycle is written to `cycles`, unless they hold one already.
+    `jump` is 1 to skip them.  The cycle is written to `cycles`, unless they already contain one.
     """
     kinds = chosen.kinds
     age, n, x, u = s[ROW.AGE + j], s[ROW.N + j], s[ROW.X + j], s[ROW.U + j]
@@ -264,7 +264,7 @@ def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
 def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget: int) -> bool:
     """Return whether all landings until whole period n_end of trajectories first, ... fit a budget.
 
-    Trajectories without a cycle were followed to the end within the budget.
+    Trajectories without a cycle were simulated to the end within the budget.
     """
     for t in range(first, first + particles):
         if cycles.size > 0 and cycles[CYCLE.IMPACTS, t] > 0.0:

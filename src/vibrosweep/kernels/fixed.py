@@ -44,7 +44,7 @@ def empty_fixed(problems: int) -> FixedOrbits:
 
 
 def may_push_back(rebound: str) -> bool:
-    """Return whether a law of rebound turns back a particle that is pushed into the base."""
+    """Return whether a law of rebound reflects a particle whose rebound points into the base."""
     return restitution.speed_after(restitution.REBOUND_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
@@ -66,7 +66,7 @@ def _end_error(fixed: Constants, v: float) -> float:
 def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
     """Bounds on the errors, as kicks, that a law of restitution adds to the ends of windows.
 
-    The windows are those of the orbit of k periods of each problem; the bounds hold over the
+    The windows are those of the orbit of k periods of each problem; the bounds are valid over the
     high-bounce base and over one that moves.
     """
     for t in range(out.size):
@@ -160,10 +160,10 @@ def orbits_hold(
     x: Floats,
     out: FixedOrbits,
 ) -> None:
-    """Check whether particles of problems first ... last - 1 follow orbits of k periods.
+    """Check whether particles of problems first ... last - 1 can follow orbits of k periods.
 
-    The orbits land at the phases x and attract.  A particle does not follow its orbit if it rests
-    or lands earlier.
+    The orbits land at the phases x and attract.  A particle cannot follow its orbit if it rests or
+    lands earlier.
     """
     for t in range(first, last):
         holds = bases.fixed_holds(bases.constants(base, problem, t), x[t], float(k[t]))

@@ -52,7 +52,7 @@ class Batch(NamedTuple):
 
 
 class Start(NamedTuple):
-    """A trajectory that is to be followed."""
+    """A trajectory to be simulated."""
 
     lane: int  # its index in the batch
     particle: int

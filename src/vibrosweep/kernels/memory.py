@@ -64,7 +64,7 @@ class LaneRows(NamedTuple):
     KICK_DRAWN: int
     KICK_NEXT: int
     DRIVE_DRAWN: int
-    RESTING: int  # in a rest, number from 1 of the forcing period to try; -1 once one lifts; else 0
+    RESTING: int  # in a rest: number (from 1) of the period to try; -1 once one lifts; else 0
     TRIES: int  # of a search for the landing: passes so far, and the age at the last check
     AGE_SEEN: int
     COUNTS: int  # 1 if the flight is counted when it ends

@@ -16,7 +16,7 @@ __all__ = ["LARGEST", "OF_DRIVE", "OF_KICK", "OF_RESTITUTION", "Word", "draw", "
 
 # --- Normal deviates ------------------------------------------------------------------------------
 # The generator is Philox 4x32-10 (Salmon, Moraes, Dror & Shaw, SC'11): ten rounds that turn a
-# counter of four 32-bit words, with the seed as its key, into four others.  No state is kept, so
+# counter of four 32-bit words, with the seed as its key, into four others.  No state is stored, so
 # that no deviate depends on threads, chunks, the order of computation, or what was computed before.
 #
 #     word 0, 1    low and high 32 bits of floor(number / 2); the number is that of the impact of

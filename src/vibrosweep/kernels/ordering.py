@@ -51,7 +51,7 @@ def in_window(landing: Listed, begin: Instant) -> Listed:
     """Return a landing as it counts in a window: unchanged if it is inside.
 
     A particle that lands before the window and is still on the base when the window begins counts
-    as an occupant, not as a landing.  It is listed with a negative name, one period before the
+    as an occupant, not as a landing.  It is listed with a negative number, one period before the
     beginning, where it separates no two landings, and with a stay that ends at its lift-off.  A
     particle that leaves before the window is dropped.
     """
@@ -135,7 +135,7 @@ def empty_orders(realizations: int) -> Orders:
 
 @jit
 def no_order(memory: Turns) -> Order:
-    """Forget all landings."""
+    """Discard all landings."""
     for j in range(memory.after.size):
         memory.after[j] = memory.before[j] = j
     return Order(0, 0)

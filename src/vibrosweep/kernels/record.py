@@ -58,6 +58,12 @@ class Scale(NamedTuple):
 
 
 @jit
+def scale_of(problem: Dimensionless, units: Units, i: int) -> Scale:
+    """Units and origin of time of realization i."""
+    return Scale(units.frequency[i], units.velocity[i], problem.end_count[i], problem.phase[i])
+
+
+@jit
 def seconds(scale: Scale, n: float, x: float) -> float:
     """Return the time in s of an instant, given in whole periods and phase."""
     return (n + scale.origin + (x - scale.phase)) / scale.frequency
@@ -76,7 +82,7 @@ def no_landings(out: Record, first: int, last: int) -> None:
 def write_landing(
     out: Record, t: int, k: int, scale: Scale, n: float, x: float, rests: bool
 ) -> None:
-    """Write the instant of landing k of trajectory t; what exceeds the record is cut off."""
+    """Write the instant of landing k of trajectory t; the record is truncated to its shape."""
     if k < out.rested.shape[1]:
         out.landing_time[t, k] = seconds(scale, n, x)
         out.rested[t, k] = 1 if rests else 0
@@ -102,7 +108,7 @@ class Recorder(NamedTuple):
     """An observer that writes every landing of a batch."""
 
     record: Record  # arrays of shape (landing,), one trajectory after the other
-    first: Integers  # where trajectories begin and the last one ends; what exceeds it is cut off
+    first: Integers  # where trajectories begin and the last one ends; longer ones are truncated
     units: Units
     problem: Dimensionless
     particles: int
@@ -122,8 +128,7 @@ def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> Non
         if not 0 <= k < first[t + 1]:
             continue
         i = t // observer.particles
-        frequency, velocity = observer.units.frequency[i], observer.units.velocity[i]
-        scale = Scale(frequency, velocity, problem.end_count[i], problem.phase[i])
+        scale = scale_of(problem, observer.units, i)
         out.landing_time[k] = seconds(scale, s[ROW.LAST_N + j], s[ROW.LAST_X + j])
         out.rested[k] = 1 if s[ROW.LAST_RESTS + j] > 0.0 else 0
         n, x = s[ROW.N + j], s[ROW.X + j]
@@ -132,7 +137,7 @@ def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> Non
             n, x = later_lift_off(constants(base, problem, i), n, x, problem.end_count[i])
         leaves = n + x < np.inf  # NaN after a rest for good
         out.liftoff_time[k] = seconds(scale, n, x) if leaves else np.nan
-        out.rebound_velocity[k] = s[ROW.LAST_LEFT + j] * velocity if leaves else np.nan
+        out.rebound_velocity[k] = s[ROW.LAST_LEFT + j] * scale.velocity if leaves else np.nan
 
 
 @uncounted

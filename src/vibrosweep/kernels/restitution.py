@@ -1,8 +1,8 @@
-"""Laws of rebound and of restitution: what an impact does with the speed of arrival.
+"""Laws of rebound and of restitution: the speed after an impact as a function of that before it.
 
-A law is a named tuple, whose type numba knows when it compiles.  It is empty, or holds numbers that
-all realizations share.  Speeds are the durations of
-the flights that they begin, in forcing periods.
+A law is a named tuple, whose type numba knows when it compiles.  It is empty, or has numbers that
+all realizations share.  Speeds are the durations of the flights that they begin, in forcing
+periods.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from vibrosweep.model.restitution_laws import (
 from vibrosweep.model.restitution_laws import Law as OutsideLaw
 
 # --- Laws of rebound ------------------------------------------------------------------------------
-# The speed after an impact, from the share of the arrival speed and the kick.  A new law needs a
-# class with its implementations here, and its name here and in
+# The speed after an impact, from the retained share of the arrival speed, and the kick.  A new law
+# needs a class with its implementations here, and its name here and in
 # `vibrosweep.model.parameters.LAWS_OF`.
 
 
@@ -52,7 +52,7 @@ Law = Any
 
 @generic
 def speed_after(law: Law, share: float, v: float, kick: float) -> float:
-    """Speed after an impact at speed v, of which it keeps a share.
+    """Speed after an impact at speed v, of which a share is retained.
 
     A particle rests if this speed does not exceed the threshold.
     """
@@ -130,7 +130,7 @@ def slack(law: Restitution) -> float:
 
 @generic
 def lost_speed(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
-    """Return sign v - E(v), the change of speed that makes up for an impact at speed v."""
+    """Return sign v - E(v), the kick that compensates for an impact at speed v."""
 
 
 @generic
@@ -399,7 +399,7 @@ class Viscoelastic(NamedTuple):
 def root_at(e: float) -> float:
     """Return y_0 where P is e, by (1 - e)(1 + n_1 y) = e y^2 (d_2 + d_3 y + d_4 y^2).
 
-    The iteration converges for e in [0.4, 1], where y is at most 1.2, and keeps relative accuracy
+    The iteration converges for e in [0.4, 1], where y is at most 1.2, and retains relative accuracy
     where e is near 1.
     """
     y = 0.0
@@ -508,7 +508,7 @@ RESTITUTION_OF: Final[Mapping[str, Restitution]] = {
 
 
 def restitution_of(law: str) -> Restitution:
-    """Return a law by its text; one from outside the package with the code that it has now."""
+    """Return a law by its text; one from outside the package with its present code."""
     if law in OUTSIDE:
         return _from_outside(OUTSIDE[law].code, OUTSIDE[law])
     return RESTITUTION_OF[law] if law in RESTITUTION_OF else _with_numbers(law)

@@ -27,7 +27,7 @@ Places = NDArray[np.int32]
 
 
 class StateRows(NamedTuple):
-    """First indices of the rows of a block of lanes: the state, then the landing in question."""
+    """First indices of the rows of a block of lanes: the state, then the next landing."""
 
     X: int  # after the last landing taken: phase, whole periods, speed, and which particle
     N: int
@@ -101,7 +101,7 @@ def workspace(particles: int) -> Workspace:
 
 @jit
 def _is_after(listed: Floats, q: int, n: float, x: float, name: float) -> bool:
-    """Return whether ordered landing q comes after another one, which has this name."""
+    """Return whether ordered landing q comes after another one, of this particle."""
     later = (listed[ORDERED + LIST.WHOLE, q] - n) + (listed[ORDERED + LIST.PHASE, q] - x)
     return bool(later > 0.0 or (later == 0.0 and listed[ORDERED + LIST.WHO, q] > name))
 
@@ -110,7 +110,7 @@ def _is_after(listed: Floats, q: int, n: float, x: float, name: float) -> bool:
 def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
     """Put the ordered landings start ... stop - 1 exactly in the order of time.
 
-    Simultaneous ones are ordered by their names.  The method is Shell's, with shrinking gaps; a
+    Simultaneous ones are ordered by particle.  The method is Shell's, with shrinking gaps; a
     first gap of 1 makes it an insertion sort.
     """
     whole, phase = ORDERED + LIST.WHOLE, ORDERED + LIST.PHASE
@@ -170,11 +170,11 @@ def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span
 def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
     """Smallest gap between k landings of different particles, where it is below `gap`; else `gap`.
 
-    Negative names, of landings outside the window, are ignored.  The landings are not sorted: time
-    is divided into cells of four gaps, and a landing is compared with those in its own cell and in
-    the nearer neighbouring cell; cells that are a multiple of the table's length apart share an
-    entry.  Returns NaN if the gap is infinite or below `NARROWEST`, or if landings lie beyond
-    `FARTHEST`.
+    Landings before the window, whose particle is negative, are ignored.  The landings are not
+    sorted: time is divided into cells of four gaps, and a landing is compared with those in its own
+    cell and in the nearer neighbouring cell; cells that are a multiple of the table's length apart
+    share an entry.  Returns NaN if the gap is infinite or below `NARROWEST`, or if landings lie
+    beyond `FARTHEST`.
     """
     if not NARROWEST <= gap < np.inf:
         return np.nan
@@ -252,7 +252,7 @@ def start(work: Workspace, batch: Batch, i: int) -> Window:
 
 @part
 def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> None:
-    """Find the next landing of each lane; take those up to the stop and leave the others be."""
+    """Find the next landing of each lane; take those up to the stop, leave the others unchanged."""
     n_stop, x_stop = stop
     wide_vectors()
     shortest, origin = bases.contact_time(fixed), fixed.source.end
@@ -493,13 +493,13 @@ def order_all(
 # --- Landings with equal impact numbers -----------------------------------------------------------
 
 
-# Whole periods after which, and up to which, lift-offs are followed by counted landings
+# Whole periods after which, and up to which, the landings after lift-offs are in the window
 LiftOffs = tuple[float, float]
 
 
 @jit
 def _mark_early(listed: Floats, first: int, k: int, begin: Instant) -> int:
-    """Give the landings before the window negative names; return how many there are."""
+    """Mark the landings before the window by negative numbers; return how many there are."""
     early = 0
     for q in range(first, k):
         who = listed[LIST.WHO, q]
@@ -717,8 +717,8 @@ def separate(
     threads.
 
     `cycles` is from `vibrosweep.kernels.cycles.empty_cycles`, or of size 0 if cycles are unknown.
-    If all particles of a realization have entered a cycle, only the joint cycle of all is followed;
-    the result is the same, bit for bit.
+    If all particles of a realization have entered a cycle, only the joint cycle of all is
+    simulated; the result is the same, bit for bit.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]
@@ -752,8 +752,8 @@ def find_order(
 ) -> None:
     """Find the order of realizations first ... last - 1; write only their slots.
 
-    Arguments are those of `separate`; `work` holds turns beside the lists.  All landings are
-    followed, those of a cycle too, because changes of the order are counted.  Where a particle
+    Arguments are those of `separate`; `work` holds turns and the lists.  All landings are
+    simulated, those of a cycle too, because changes of the order are counted.  Where a particle
     lands more than `budget` times, the order is unknown.
     """
     base, problem, launches = batch

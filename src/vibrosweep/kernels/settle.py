@@ -62,8 +62,8 @@ def logarithm(grown: float) -> float:
 
 
 @jit
-def forget_growth(g: Floats) -> None:
-    """Forget all growth; `g` has `GROWTH_SIZE` numbers."""
+def reset_growth(g: Floats) -> None:
+    """Discard all growth; `g` has `GROWTH_SIZE` numbers."""
     g[:] = 0.0
     g[GROWTH.LENGTH] = 1.0
 
@@ -104,7 +104,7 @@ def growth_error(g: Floats) -> float:
     if filled < 2:
         return np.nan
     middle, squares = 0.0, 0.0
-    for b in range(filled):  # numpy.sum would choose an order of its own
+    for b in range(filled):  # numpy.sum would choose another order
         middle += g[b] / filled
     for b in range(filled):
         squares += (g[b] - middle) * (g[b] - middle)
@@ -293,7 +293,7 @@ class Search(NamedTuple):
     """Limits of the search for orbits."""
 
     budget: int  # largest number of impacts of a trajectory
-    # 1 for exponents of every orbit; 0 to follow only orbits that may prove to rest again and
+    # 1 for exponents of every orbit; 0 to simulate only orbits that may prove to rest again and
     # again, or to be aperiodic
     exponents: int
 
@@ -364,7 +364,7 @@ def _simulate(
     """Simulate a trajectory to its end, or until two rests have closed its cycle.
 
     Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), so that the cycle is
-    found whatever rests came before it.  Returns the state reached, the rests, and, over the
+    found whatever rests precede it.  Returns the state reached, the rests, and, over the
     impacts in the window, the sum of the logarithms of areas with the bound on its rounding error.
     """
     n, x, u = launched
@@ -372,7 +372,7 @@ def _simulate(
     lifted, seen, first, since, impacts, periods = 0, 0, np.nan, 0, 0, 0
     anchor, x_first, u_first, closed = 0, np.nan, np.nan, 0
     area, slack = 0.0, 0.0
-    forget_growth(g)
+    reset_growth(g)
     for age in range(budget):
         hit = impact(fixed, n, x, u, particle, age)
         if not hit.n - end.whole <= end.phase - hit.x:

@@ -35,7 +35,7 @@ from vibrosweep.model.observables import Landing, Observable
 # --- Kinds of statistics --------------------------------------------------------------------------
 # A statistic is a number for each landing, or for each flight, and a way to combine the numbers.
 # It is declared once, below.  The choice is a tuple of empty named tuples, whose types decide what
-# is compiled, so that the machine code of each choice can be kept on disk.
+# is compiled, so that the machine code of each choice can be saved on disk.
 
 
 # How the numbers of landings combine.  A count counts landings whose number, a flag, is true; the
@@ -43,7 +43,7 @@ from vibrosweep.model.observables import Landing, Observable
 COUNT, SUM, PRODUCTS, MAX, MIN = "count", "sum", "sum of products", "max", "min"
 START: Final = {COUNT: 0.0, SUM: 0.0, PRODUCTS: 0.0, MAX: -np.inf, MIN: np.inf}
 
-Kinds = tuple[Any, ...]  # empty named tuples, whose types say which statistics are asked for
+Kinds = tuple[Any, ...]  # empty named tuples, whose types say which statistics are requested
 
 
 class Statistic(NamedTuple):
@@ -72,13 +72,13 @@ _DECLARED: Final[dict[type, Statistic]] = {}
 def declare(
     name: str, number: Callable[[Any], Any], combine: str, *, of_flights: bool = False
 ) -> Any:
-    """Declare a statistic; return its marker, an empty named tuple of a type of its own.
+    """Declare a statistic; return its marker, an empty named tuple of a unique type.
 
     A COUNT of flights is right only over a coupled base: elsewhere it includes rests that no flight
     follows, as flights of no time and height.
 
     The name of a statistic from outside the package must contain a digest of its code, because
-    machine code is kept by the names of types.
+    saved machine code is identified by the names of types.
     """
     marker = kind_named(name)
     _DECLARED.setdefault(marker, Statistic(name, number, combine, of_flights))
@@ -125,7 +125,7 @@ def _impact_speed(landing: Landing) -> float:
     return landing.impact_speed
 
 
-# The first two are always kept: cycles and orbits need them.
+# The first two are always present: cycles and orbits need them.
 KINDS: Final[Kinds] = (
     declare("landings", _every, COUNT),
     declare("rests", _rest, COUNT),
@@ -238,7 +238,7 @@ def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, 
     """Yield each statistic's place, the statistic, and the text of its number.
 
     In a sum of products, the number of one landing is its rounded product.  A flight of no time,
-    which stands for a rest that no flight follows, is left out of a minimum.
+    which stands for a rest that no flight follows, is excluded from a minimum.
     """
     for k, statistic in enumerate(statistics):
         number = f"number_{k}({'flight' if statistic.of_flights else 'landing'})"
@@ -379,7 +379,7 @@ def expect(statistics: Sequence[Statistic]) -> Iterator[str]:
 
 
 @_composed("totals, t")
-def forget(statistics: Sequence[Statistic]) -> Iterator[str]:
+def reset(statistics: Sequence[Statistic]) -> Iterator[str]:
     """Reset the totals in place t to those of no landings."""
     for k, statistic in enumerate(statistics):
         yield f"totals[{k}, t] = {START[statistic.combine]}"
@@ -497,7 +497,7 @@ def compiled(observable: Observable) -> Any:
 
 def _made(observable: Observable) -> Any:
     if observable.landings:
-        # numba keeps machine code by the names of types: this one changes with the function
+        # machine code is identified by the names of types: this one changes with the function
         name = f"{observable.name}_{observable.landings}_{observable.code}"
         return declare(name, compiled_anew(observable.function, jit), observable.landings)
     if numba.config.DISABLE_JIT:

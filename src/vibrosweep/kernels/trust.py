@@ -38,7 +38,7 @@ class Trust(NamedTuple):
     until: Floats
     # Largest error of any landing, and with noise also of any lift-off from rest, in forcing
     # periods; infinite where a decision is uncertain, NaN where the impact budget ended before all
-    # landings were followed
+    # landings were simulated
     landing_error: Floats
     # Largest error of the absolute speed after any landing, as the duration in forcing periods of a
     # flight from a base at rest; infinite or NaN where that of the landings is
@@ -171,7 +171,7 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
 
     (x, u) is a state of the cycle; if it has rests, the lift-off from one.  `modulus` is that of
     the leading multiplier, by which the error of one cycle is passed on to the next; it is 0 for a
-    cycle with rests, after which the error begins anew.
+    cycle with rests, after which the error starts again.
     """
     if not modulus < 1.0:
         return False

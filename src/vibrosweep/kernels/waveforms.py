@@ -123,7 +123,7 @@ def rise_of(shape: Shape, ratio: float) -> float:
 
 @generic
 def lifts_once(shape: Shape) -> bool:
-    """Return whether a rest ends at one phase only, whatever a and r."""
+    """Return whether a rest ends at one phase only, for any a and r."""
 
 
 @generic

@@ -1,8 +1,8 @@
 """Generic functions that every base implements.
 
-A kernel is compiled for one base and one law, which the type of the constants selects.  Constants
-are a named tuple of the numbers that determine the impacts of one realization.  Each base has its
-constants and implementations in files here; other kernels do not name any base.
+A kernel is compiled for one base and one law, selected by the type of the base.  Constants are a
+named tuple of the base and the numbers that determine the impacts of one realization.  Each base
+has its constants and implementations in files here; other kernels do not name any base.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
 duration of the flight that they begin on a base at rest.  Speeds are relative to the base unless
@@ -10,10 +10,10 @@ stated otherwise.
 
 Functions of whole batches (`fitted`, `lowest`, `lifts`) are called from Python only.
 
-A base answers for the surface that a particle meets: `fly` finds the first instant at which its
+A base implements the surface that a particle meets: `fly` finds the first instant at which its
 clearance leaves the interval from 0 upwards, `speed` and `leave` state the velocity of the surface
-there, `jacobian` the derivatives of both.  All else (statistics, cycles, separations, exponents,
-orbits, bounds) follows from landings, whatever the surface.
+there, `jacobian` the derivatives of both.  Everything else (statistics, cycles, separations,
+exponents, orbits, bounds) follows from landings, whatever the surface.
 
 The search for a landing may take several passes.  A kernel that advances many lanes calls
 `approach` for one pass of each lane; other kernels call `fly` for a whole flight.
@@ -112,7 +112,7 @@ def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
 
 @generic
 def prepare(base: Base, s: Floats, lanes: int) -> None:
-    """Compute, for the first lanes, the numbers that `approach` needs beyond those of `keep`."""
+    """Compute, for the first lanes, what `approach` needs beyond the numbers of `end_pass`."""
 
 
 @generic
@@ -120,7 +120,7 @@ def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     """Make one pass of the search for the landing of lane j.
 
     Returns time of flight, speed of arrival and whether the landing was found; if not, the time is
-    the one to be tried next.
+    the one to try next.
     """
 
 
@@ -131,7 +131,7 @@ def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
 
 @generic
 def end_pass(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
-    """Keep the numbers that the next pass of lane j needs; return whether to count a flight now.
+    """Store the numbers that the next pass of lane j needs; return whether to count a flight now.
 
     `seen` is whether the landing, if there is one, is in the window.
     """
@@ -149,7 +149,7 @@ def pending(base: Base, s: Floats, j: int) -> bool:
 
 @generic
 def common_age(base: Base) -> float:
-    """Impacts of every lane in a pass; 0 where `keep` counts them lane by lane."""
+    """Impacts of every lane in a pass; 0 where `end_pass` counts them lane by lane."""
 
 
 @generic
@@ -205,7 +205,7 @@ def random(fixed: Constants, particle: float, number: float, n: float, x: float)
 
 @generic
 def later_lift_off(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
-    """Return when a particle at rest since (n, x) lifts off, if `lift_off` does not say.
+    """Return when a particle at rest since (n, x) lifts off, if `lift_off` does not determine it.
 
     Whole periods count from `origin`; they are NaN if no lift-off is found.
     """
@@ -345,7 +345,7 @@ def landing_added(fixed: Constants, flight: Flight, spread: StateError) -> State
     """Bounds on the errors that a flight adds to the phase of its landing and the speed of arrival.
 
     They come from rounding, and from terms of second order in `spread`, which the Jacobian leaves
-    out.  They are infinite where a state within `spread` may land at quite another time.
+    out.  They are infinite where a state within `spread` may land at a very different time.
     """
 
 

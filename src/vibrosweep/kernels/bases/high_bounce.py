@@ -633,6 +633,6 @@ def _liftoff_error_after(
         off += waveforms.kick_rounding(shape, a, of_base) + REST_ERROR * r
         if not abs(a * of_base - r) > 2.0 * off:
             return StateError(np.inf, np.inf)
-        if a * of_base > r:  # the noise has pushed it down
+        if a * of_base > r:  # pushed down by the noise
             return StateError(error, REST_ERROR * r)
     return bases.unless_doubtful(bases.liftoff_error(fixed), x, error, later)

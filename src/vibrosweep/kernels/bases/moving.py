@@ -5,9 +5,9 @@ restitution.  It comes to rest if E(z) is at most r and the base presses it, 1 +
 acceleration G = alpha w'(x) / 2 of the base in units of gravity.  It lifts off, with speed 0, when
 the base begins to fall faster than gravity, where 1 + G falls through 0.
 
-Base and constants are named tuples of their own for each kind of waveform.  This file has what does
-not depend on the waveform, or holds for both waveforms with a single lift-off in a period, and the
-flights over the sine; those over harmonics are in `harmonics`, those over parabolas in `parabolic`.
+Each kind of waveform has a named tuple for the base.  This file contains what does not depend on
+the waveform, or is valid for both waveforms with a single lift-off in a period, and the flights
+over the sine; those over harmonics are in `harmonics`, those over parabolas in `parabolic`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Moving(NamedTuple):
 
     law: Law  # `Rest`, the only law of rebound with a meaning here
     restitution: Restitution = Constant()
-    # None if Gamma <= 1 in all realizations, so that no resting particle ever lifts off
+    # None if Gamma <= 1 in all realizations: the base never falls faster than gravity
     beyond_gravity: int | None = 1
     noise: Noise | None = None
     waveform: Sine = Sine()
@@ -224,7 +224,7 @@ def density_moving(fixed: MovingConstants, u: float) -> float:
 #     F(s) = s (y - s) / 2 + alpha / (4 pi) (sin(2 pi x) D - cos(2 pi x) C),
 #     D = 2 pi s - sin(2 pi s),  C = 1 - cos(2 pi s),
 #
-# in which no term is a difference of nearly equal numbers: a chattering particle is followed as
+# in which no term is a difference of nearly equal numbers: a chattering particle is simulated as
 # accurately as a fast one.  It lands at the first s > 0 with F = 0, with the relative speed -2
 # F'(s).
 #

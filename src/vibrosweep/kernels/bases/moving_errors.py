@@ -54,7 +54,7 @@ AT_LIFT_OFF = 2.0**-48  # turns; this near to the phase of lift-off the base cou
 UPWARDS = 1.0 + 2.0**-30  # factor for the rounding of extremes of a shape
 
 
-class Limits(NamedTuple):
+class MotionLimits(NamedTuple):
     """Bounds of the acceleration G of a base, in units of gravity, and of its velocity."""
 
     # steep, fall: of |G|, and of -G
@@ -68,7 +68,7 @@ class Limits(NamedTuple):
 
 
 @generic
-def limits(fixed: MovingConstants, slack: float) -> Limits:
+def limits(fixed: MovingConstants, slack: float) -> MotionLimits:
     """Bound the motion of the base for alpha times the factor `slack`."""
 
 
@@ -108,16 +108,16 @@ def first_stretch(fixed: MovingConstants, x: float) -> tuple[bool, float]:
 
 
 @implements(limits, Moving)
-def limits_moving(fixed: MovingConstants, slack: float) -> Limits:
+def limits_moving(fixed: MovingConstants, slack: float) -> MotionLimits:
     gamma = math.pi * (fixed.alpha * slack)
-    return Limits(gamma, gamma, gamma, TWO_PI, 0.0, 0.0)
+    return MotionLimits(gamma, gamma, gamma, TWO_PI, 0.0, 0.0)
 
 
 @implements(limits, MovingHarmonics)
-def limits_harmonics(fixed: MovingConstants, slack: float) -> Limits:
+def limits_harmonics(fixed: MovingConstants, slack: float) -> MotionLimits:
     shape, alpha = fixed.base.waveform, fixed.alpha * slack * UPWARDS
     half = 0.5 * alpha
-    return Limits(
+    return MotionLimits(
         half * shape.steepest,
         half * shape.fall,
         math.pi * alpha * shape.fastest,
@@ -491,7 +491,7 @@ def _change(
     s_y = s / z
     z_x = pull * s_x + 2.0 * abs(at.lost)
     z_y = pull * s_y + 1.0
-    few = 2.0**-20  # for derivatives that are zero by chance
+    few = 2.0**-20  # for derivatives that happen to be zero
     ds = 2.0 * ((s_x + few) * dx + (s_y + few) * dy)
     dz = 2.0 * ((z_x + few) * dx + (z_y + few) * dy)
     off, z_off = ds + landed.time, dz + landed.v

@@ -23,7 +23,7 @@ from vibrosweep.kernels._jit import Floats, fma, implements, jit, wide_vectors
 from vibrosweep.kernels.arithmetic import HALF_ULP
 from vibrosweep.kernels.bases import Counted, Flight, StateError, moving, moving_errors
 from vibrosweep.kernels.bases.moving import MovingConstants, MovingParabolic
-from vibrosweep.kernels.bases.moving_errors import Along, Bends, Limits
+from vibrosweep.kernels.bases.moving_errors import Along, Bends, MotionLimits
 from vibrosweep.kernels.memory import ROW, STRIDE
 from vibrosweep.kernels.waveforms import Parabolic, velocity
 from vibrosweep.model.parameters import Dimensionless
@@ -215,9 +215,9 @@ def height_parabolic(fixed: MovingConstants, x: float, y: float, s: float) -> tu
 
 
 @implements(moving_errors.limits, MovingParabolic)
-def limits_parabolic(fixed: MovingConstants, slack: float) -> Limits:
+def limits_parabolic(fixed: MovingConstants, slack: float) -> MotionLimits:
     alpha = fixed.alpha * slack
-    return Limits(2.0 * alpha, 2.0 * alpha, math.pi * alpha, np.inf, 0.0, 0.0)
+    return MotionLimits(2.0 * alpha, 2.0 * alpha, math.pi * alpha, np.inf, 0.0, 0.0)
 
 
 @implements(moving_errors.below_top, MovingParabolic)

@@ -640,5 +640,5 @@ def recoil_from(noise: Noise | None, fixed: Mount, riders: int, c: float, w: flo
 
 @jit
 def recoil_share(fixed: Mount, riders: int, share: float, sticks: bool) -> float:
-    """Speed that the base loses per unit of approach speed, of which a bounce keeps `share`."""
+    """Speed that the base loses per unit of approach speed, of which a bounce retains `share`."""
     return _pushed(fixed, riders) * (1.0 if sticks else 1.0 + share)

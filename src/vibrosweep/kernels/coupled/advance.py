@@ -1,4 +1,4 @@
-"""Follow realizations with a base of finite mass; keep statistics, or every landing as well."""
+"""Advance realizations with a base of finite mass: statistics, and every landing if requested."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from vibrosweep.kernels.statistics import (
     empty_statistics,
     empty_sums,
     flight_sums,
-    forget,
+    reset,
 )
 from vibrosweep.model.measures import Status
 from vibrosweep.model.observables import Landing
@@ -84,7 +84,7 @@ def landings(particles: int, indices: int = INDICES) -> Landings:
 
 @jit
 def clear(memory: Landings) -> Noted:
-    """Forget all landings."""
+    """Discard all landings."""
     for j in range(memory.total.size):
         memory.total[j] = 0
     for place in range(memory.number.size):
@@ -119,7 +119,7 @@ def _numbered(memory: Landings, landing: Listed, mine: int, gap: float) -> float
     """Compare landing number `mine` of a particle with the previous landing of that number.
 
     Returns the smallest separation so far; NaN, from then on, if a landing is no longer remembered.
-    Independent particles are followed number by number (`vibrosweep.kernels.separation`), which
+    Independent particles are simulated number by number (`vibrosweep.kernels.separation`), which
     needs no memory of other numbers.  Coupled particles land in the order of time, so that a number
     is remembered until all particles have reached it.
     """
@@ -156,7 +156,7 @@ def _occupants(memory: Landings, begin: Instant) -> tuple[Listed, int]:
 
 @jit
 def close(memory: Landings, noted: Noted, begin: Instant) -> Noted:
-    """Note the end of the window; if nobody has landed in it, the base may still be shared."""
+    """Note the end of the window; without a landing in it, the base may still be shared."""
     gap, same, shared, seen, order = noted
     if not seen:
         _, shared = _occupants(memory, begin)
@@ -254,7 +254,7 @@ def begin_statistics(
     for j in range(work.counts.size):
         t = first + j
         work.counts[j] = work.flies[j] = work.rides[j] = 0
-        forget(by_particle.kinds, by_particle.totals, t)
+        reset(by_particle.kinds, by_particle.totals, t)
         by_particle.at_rest[t] = 0
         launch_height[t] = -np.inf
         if observer is not None:
@@ -319,7 +319,7 @@ def judge(first: int, particles: int, status: int, by_particle: Statistics) -> N
 # --- The motion of the base -----------------------------------------------------------------------
 
 
-class Track(NamedTuple):
+class EventStates(NamedTuple):
     """Motion of the base after every event, each array of shape (realization, event)."""
 
     time: Floats  # s; NaN past the last event
@@ -335,18 +335,20 @@ class MotionRecord(NamedTuple):
     """Record of every landing and of the motion of the base, as far as its arrays reach."""
 
     record: Record
-    track: Track
+    track: EventStates
     units: Units
 
 
-def empty_track(realizations: int, events: int) -> Track:
+def empty_track(realizations: int, events: int) -> EventStates:
     """Allocate the motion up to so many events of each realization."""
     time, deviation, beyond, side = (np.full((realizations, events), np.nan) for _ in range(4))
-    return Track(time, deviation, beyond, unwritten((realizations, events), np.int64), side)
+    return EventStates(time, deviation, beyond, unwritten((realizations, events), np.int64), side)
 
 
 @part
-def write_base(state: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
+def write_base(
+    state: System, load: Load, scale: Scale, i: int, event: int, out: EventStates
+) -> None:
     """Write the motion of the base after an event of realization i."""
     if event < out.time.shape[1]:
         out.time[i, event] = record.seconds(scale, state.now[NOW.N], state.now[NOW.X])
@@ -360,7 +362,7 @@ def trace(
     mounts: Mounts,
     scale: Scale,
     i: int,
-    track: Track,
+    track: EventStates,
     times: Floats,
     out: Floats,
 ) -> None:
@@ -387,8 +389,8 @@ def trace(
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 AFTER_THE_END = 100_000  # events after the end within which counted flights must land
-# Periods after the end within which the lift-off of resting particles is awaited: if the base lifts
-# them without further impacts, it does so within one period
+# Periods after the end within which resting particles are simulated until they lift off: if the
+# base lifts them without further impacts, it does so within one period
 PATIENCE = 1.0
 SAME_INSTANT = 2.0**-50  # periods; two sums of the same time and phase differ by less
 
@@ -503,12 +505,6 @@ def _horizon(work: Work, until: float, past: bool) -> float:
     return until + PATIENCE if until >= -PATIENCE and _any(work.rides) else -np.inf
 
 
-@jit
-def _scale(problem: Dimensionless, units: Units, i: int) -> Scale:
-    """Units and origin of time of realization i."""
-    return Scale(units.frequency[i], units.velocity[i], problem.end_count[i], problem.phase[i])
-
-
 @part
 def _resting(
     work: Work, load: Load, weighs: bool, first: int, left: float, found: Statistics
@@ -539,9 +535,9 @@ def advance_coupled(
     per_realization: PerRealization,
     written: MotionRecord,
 ) -> int:
-    """Follow realizations first ... last - 1 to the end of their windows.
+    """Simulate realizations first ... last - 1 to the end of their windows.
 
-    They are followed further until counted flights have ended, and until particles at rest at the
+    They are continued until counted flights have ended, and until particles at rest at the
     end have left the base or have rested for another `PATIENCE`.  A particle may land `budget`
     times; `work` is not shared between threads, and only the slots of these realizations are
     written.  Returns `last`, or the realization that must be repeated with a larger `work`.
@@ -556,7 +552,7 @@ def advance_coupled(
         record.no_landings(written.record, place, place + particles)
         noted = clear(memory)
         opening = Instant(problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
-        scale, speed = _scale(problem, written.units, i), problem.launch_flight[i]
+        scale, speed = record.scale_of(problem, written.units, i), problem.launch_flight[i]
         past, events, late = False, 0, 0
         status = COMPLETED if np.isfinite(fixed.alpha) else NON_FINITE
         while status == COMPLETED:
@@ -608,5 +604,5 @@ def advance_coupled(
     return last
 
 
-# Machine code for an observer that only this process has is not kept on disk
+# Machine code for an observer that only this process has is not saved on disk
 advance_coupled_uncached = uncached(advance_coupled)

@@ -89,7 +89,7 @@ class Event(NamedTuple):
     """The next event."""
 
     kind: int  # one of `EVENT`
-    who: int  # the particle; -1 for all riders, or where nobody takes part
+    who: int  # the particle; -1 for all riders, or where no particle takes part
     time: float  # since the previous event, in forcing periods
     speed: float  # approach speed of a landing
     dropped: bool  # True if its recoil made the riders leave
@@ -173,7 +173,7 @@ def acceleration(state: System, load: Load) -> tuple[float, float]:
 
 @part
 def let_pass(state: System, load: Load, t: float) -> Motion:
-    """Let the time t pass without an event; return the motion of the base."""
+    """Advance by the time t without an event; return the motion of the base."""
     particle, now, mode = state
     motion = motion_after(state, load, t)
     now[NOW.X], passed = land(now[NOW.X], t)
@@ -181,7 +181,7 @@ def let_pass(state: System, load: Load, t: float) -> Motion:
     now[NOW.D], now[NOW.B] = motion.d, motion.b
     now[NOW.LIFT] -= t
     locate(state, load)
-    for j in range(mode.size):  # also if not flying: height and speed are set anew at the lift-off
+    for j in range(mode.size):  # also if not flying: height and speed are set again at the lift-off
         w = particle[PARTICLE.SPEED, j]
         particle[PARTICLE.HEIGHT, j] = fma(t, w - t, particle[PARTICLE.HEIGHT, j]) - motion.rise
         particle[PARTICLE.SPEED, j] = w - 2.0 * t - motion.gain
@@ -213,16 +213,16 @@ def under(state: System, fixed: Mount, count: int, side: float) -> Load:
 
 # --- Search for the next landing ------------------------------------------------------------------
 # Every impact moves the base and so changes all later landings.  For each particle a lower bound of
-# the time of its landing is kept, and only the particle with the earliest bound is examined.  Three
-# facts give these bounds:
+# the time of its landing is stored, and only the particle with the earliest bound is examined.
+# Three facts give these bounds:
 #
 # - The step (F' + sqrt(F'^2 + 2 K F)) / K from a clearance F passes no root, because F'' >= -K with
 #   a bound K from the energy of the free oscillation, which does not grow between impacts.
 # - An impact pushes the base down.  For half a free oscillation the base is nowhere higher than it
 #   would have been, so that a bound found before the impact remains valid.
 # - The base stays below a height that follows from its energy.  The time at which a particle falls
-#   to that height remains a bound, whatever other particles do, until the energy exceeds the one
-#   assumed.
+#   to that height remains a bound, whatever the other particles do, until the energy exceeds the
+#   one assumed.
 #
 # If F' < 0 and 4 K F <= F'^2, the next root is unique within the step, and Newton's iteration with
 # the next two derivatives finds it, or with only the next one while a recoil that decays at once
@@ -438,7 +438,7 @@ def next_event(
 
 @part
 def _turn(state: System, fixed: Mount, load: Load, t: float) -> tuple[Event, Load]:
-    """Let the drive pass the corner after the time t, and renew the bounds of all flights."""
+    """Advance to the corner of the drive after the time t, and renew the bounds of all flights."""
     side = sprung.side_of(load.drive)
     let_pass(state, load, t)
     state.now[NOW.X] = math.copysign(0.25, side)  # the corner, without rounding
@@ -500,7 +500,7 @@ def _expect(state: System, load: Load, kick: float, same: bool) -> None:
 
 @jit
 def _push(state: System, kick: float) -> None:
-    """Take the speed `kick` from the base."""
+    """Reduce the speed of the base by `kick`."""
     state.now[NOW.B] -= kick
     state.now[NOW.SPEED] -= kick
 

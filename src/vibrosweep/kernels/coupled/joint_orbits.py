@@ -48,7 +48,7 @@ from vibrosweep.kernels.restitution import ratio, slope
 
 @part
 def _ride(mode: Integers, deviations: Floats) -> None:
-    """Give the riders the deviation of the base."""
+    """Set the deviations of the riders to that of the base."""
     particles = mode.size
     for j in range(particles):
         if mode[j] == MODE.RIDING:
@@ -59,7 +59,7 @@ def _ride(mode: Integers, deviations: Floats) -> None:
 
 @part
 def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
-    """Let deviations follow the flow for the time t, during which particles have this `mode`."""
+    """Propagate deviations for the time t, during which particles have this `mode`."""
     particles = mode.size
     rise, gain, _, _ = sprung.free_motion(load, 1.0, load.slow, t)
     rise_v, gain_v, _, _ = sprung.free_motion(load, 0.0, 1.0, t)
@@ -169,7 +169,7 @@ WAVES: Final = len(SINES) + len(COSINES)
 
 
 class JointOrbit(NamedTuple):
-    """Orbits of joint states; each array of shape (realization,) unless said otherwise."""
+    """Orbits of joint states; each array of shape (realization,) unless stated otherwise."""
 
     # impacts, periods, rests: landings of all particles, forcing periods and landings that stick in
     # a cycle; 0 where no recurrence was found
@@ -196,7 +196,7 @@ def empty_joint(realizations: int) -> JointOrbit:
 
 @jit
 def _write_nothing(i: int, out: JointOrbit) -> None:
-    """Write that nothing is known of realization i."""
+    """Write realization i as undetermined."""
     out.impacts[i] = out.periods[i] = out.rests[i] = out.landings[i] = out.at_rest[i] = 0
     out.since[i] = np.nan
     for block in range(BLOCKS):
@@ -333,7 +333,7 @@ def _add_waves(growth: float, x: float, waves: Floats) -> None:
 def _settle(
     fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: JointOrbit
 ) -> None:
-    """Follow realization i to the end of its window."""
+    """Simulate realization i to the end of its window."""
     state, stored, rode, deviation = work
     problem = batch.problem
     load = begin(state, fixed, problem, batch.launches, i)
