@@ -172,6 +172,7 @@ def ask_all(base, problem, i, x, u, s):
         bases.rest_is_doubtful(fixed, x, w, StateError(0.1, 0.1)),
         bases.liftoff_error(fixed),
         bases.liftoff_error_after(random, 7.0, x, 1e-9, bases.Instant(8.0, 0.1)),
+        bases.unless_doubtful(error, x, 1e-9, bases.Instant(8.0, 0.1)),
     )
 
 rng = np.random.default_rng(5)

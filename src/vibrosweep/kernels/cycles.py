@@ -19,7 +19,7 @@ from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.bases import Base, Constants, after_rest, counted, lifts_alike, take
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.memory import ROW, unwritten
-from vibrosweep.kernels.statistics import Cycle, Kinds
+from vibrosweep.kernels.statistics import CYCLE_LANDINGS, CYCLE_RESTS, OF_RESTS, Cycle, Kinds
 from vibrosweep.model.observables import Landing
 
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
@@ -87,7 +87,7 @@ def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -
     """
     n, x, u = 0.0, x_start, u_start
     found: Cycle = statistics.no_impacts(kinds)
-    while found[statistics.CYCLE_LANDINGS] == 0.0 or x != x_start or u != u_start:
+    while found[CYCLE_LANDINGS] == 0.0 or x != x_start or u != u_start:
         hit = impact(fixed, n, x, u)
         n, x, u = hit.n_off, hit.x_off, hit.u
         landing = Landing(hit.x, hit.flight.time, hit.v, hit.u, not hit.leaves)
@@ -105,13 +105,9 @@ def _count_cycle(
     """Note the totals of the cycle that lane j has entered."""
     found = statistics.no_impacts(kinds)
     alike = lifts_alike(fixed.base)
-    if (
-        s[statistics.OF_RESTS + j] == s[ROW.RESTS_ANCHOR + j] or not alike
-    ):  # no rest is known on the way
+    if s[OF_RESTS + j] == s[ROW.RESTS_ANCHOR + j] or not alike:  # no rest is known on the way
         found = once_round(kinds, fixed, s[ROW.X + j], s[ROW.U + j])
-    if found[statistics.CYCLE_LANDINGS] > 0.0 and (
-        found[statistics.CYCLE_RESTS] == 0.0 or not alike
-    ):
+    if found[CYCLE_LANDINGS] > 0.0 and (found[CYCLE_RESTS] == 0.0 or not alike):
         statistics.set_cycle(kinds, s, j, found)
         return
     line = realization % RESTS_STORED
@@ -192,7 +188,7 @@ def close_cycle(
     kinds = chosen.kinds
     age, n, x, u = s[ROW.AGE + j], s[ROW.N + j], s[ROW.X + j], s[ROW.U + j]
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
-    rested = s[statistics.OF_RESTS + j] - s[ROW.RESTS_ANCHOR + j]
+    rested = s[OF_RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
     if lifts_alike(chosen.base) and window is None and rested > 0.0 and not jumps:
         # the orbit from rest to rest is unique, and was passed `rested` times since the anchor

@@ -11,11 +11,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels import bases, restitution
+from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, uncounted
 from vibrosweep.kernels.arithmetic import HALF_ULP
 from vibrosweep.kernels.bases import Base, Constants
 from vibrosweep.kernels.memory import empty
+from vibrosweep.kernels.restitution import (
+    REBOUND_OF,
+    arrival_to_repeat,
+    lost_speed,
+    ratio,
+    ratio_error,
+    rise_to_repeat,
+    slope_change,
+    speed_after,
+)
 from vibrosweep.model.parameters import Dimensionless
 
 ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
@@ -45,7 +55,7 @@ def empty_fixed(problems: int) -> FixedOrbits:
 
 def may_push_back(rebound: str) -> bool:
     """Return whether a law of rebound reflects a particle whose rebound points into the base."""
-    return restitution.speed_after(restitution.REBOUND_OF[rebound], 0.0, 0.0, -1.0) > 0.0
+    return speed_after(REBOUND_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
 @jit
@@ -57,8 +67,8 @@ def _end_error(fixed: Constants, v: float) -> float:
     is that of a quotient of terms such as 1 + q, whose errors are bounded below.
     """
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
-    rounding = restitution.ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
-    change = restitution.slope_change(law, e, scale, v, rounding * v)[1]
+    rounding = ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
+    change = slope_change(law, e, scale, v, rounding * v)[1]
     return 2.0 * rounding * v + 3.0 * change + 6.0 * rounding
 
 
@@ -71,7 +81,7 @@ def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
     """
     for t in range(out.size):
         fixed = bases.constants(base, problem, t)
-        c = restitution.arrival_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, float(k))
+        c = arrival_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, float(k))
         out[t] = max(_end_error(fixed, float(k)), _end_error(fixed, c))
 
 
@@ -86,20 +96,14 @@ def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Flo
     fixed = bases.constants(base, problem, 0)
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
     for moves in range(2):
-        v = restitution.arrival_to_repeat(law, e, scale, float(k)) if moves else float(k)
-        share, rounding = (
-            restitution.ratio(law, e, scale, v),
-            restitution.ratio_error(law, e, scale, v) + 8.0 * HALF_ULP,
-        )
-        q, change = restitution.slope_change(law, e, scale, v, rounding * v)
-        need, limit = restitution.rise_to_repeat(law, e, scale, float(k)), 0.0
+        v = arrival_to_repeat(law, e, scale, float(k)) if moves else float(k)
+        share, rounding = ratio(law, e, scale, v), ratio_error(law, e, scale, v) + 8.0 * HALF_ULP
+        q, change = slope_change(law, e, scale, v, rounding * v)
+        need, limit = rise_to_repeat(law, e, scale, float(k)), 0.0
         if moves:
             limit = 4.0 * (1.0 + e) * (1.0 + q * share) / ((1.0 + q) * (1.0 + share))
         else:
-            need, limit = (
-                sign * restitution.lost_speed(law, e, scale, v, sign),
-                2.0 * (1.0 + sign * q),
-            )
+            need, limit = sign * lost_speed(law, e, scale, v, sign), 2.0 * (1.0 + sign * q)
         out[4 * moves], out[4 * moves + 1] = need, limit
         # no derivative of the limit by q or the share exceeds 8
         out[4 * moves + 2] = 2.0 * rounding * v

@@ -213,11 +213,8 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # product over exp(scale): its largest row sum is 1
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
     scale, turned = 0.0, 1.0
-    alike, shrunk, exponent = (
-        0,
-        bases.contraction(fixed, u),
-        0.0,
-    )  # impacts that contract by `shrunk`
+    # impacts that contract by `shrunk`, and the logarithm of the contraction by others before
+    alike, shrunk, exponent = 0, bases.contraction(fixed, u), 0.0
     # boxes of the errors of the state and of both columns
     box = trust.upright(_state_error(fixed, state, impacts))
     box_0, box_1 = trust.upright(EXACT), trust.upright(EXACT)

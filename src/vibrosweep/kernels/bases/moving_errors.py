@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels import bases, noise, restitution
+from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import fma, generic, implements, jit
 from vibrosweep.kernels.arithmetic import (
     COSINE_ERROR,
@@ -43,6 +43,17 @@ from vibrosweep.kernels.bases.moving import (
     begin_at,
 )
 from vibrosweep.kernels.noise import noisy_rebound_slope
+from vibrosweep.kernels.restitution import (
+    arrival_to_repeat,
+    is_constant,
+    leaving_to_repeat,
+    ratio,
+    ratio_error,
+    rise_to_repeat,
+    slack,
+    slope,
+    slope_change,
+)
 from vibrosweep.kernels.waveforms import kick_curvature, kick_slope, next_phase, velocity
 from vibrosweep.model.shapes import TWO_PI
 
@@ -288,13 +299,10 @@ def along_harmonics(fixed: MovingConstants, x: float, y: float, t: float) -> Alo
 @implements(bases.jacobian, *ANY)
 def jacobian_moving(fixed: MovingConstants, flight: Flight) -> Jacobian:
     law, s, z = fixed.base.restitution, flight.time, flight.v
-    share, q = (
-        restitution.ratio(law, fixed.e, fixed.scale, z),
-        restitution.slope(law, fixed.e, fixed.scale, z),
-    )
+    share, q = ratio(law, fixed.e, fixed.scale, z), slope(law, fixed.e, fixed.scale, z)
     q = noisy_rebound_slope(fixed.base.noise, share, q, fixed.draw, z)
     if s == 0.0:  # it lands at once
-        return Jacobian(1.0, 0.0, 0.0, -q, 1.0 + restitution.slack(law) * abs(q))
+        return Jacobian(1.0, 0.0, 0.0, -q, 1.0 + slack(law) * abs(q))
     at = along(fixed, flight.x, flight.u, s)
     by_x, by_y = at.by_x / z, s / z
     pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
@@ -303,9 +311,7 @@ def jacobian_moving(fixed: MovingConstants, flight: Flight) -> Jacobian:
     size = 1.0 + parts * (at.of_x + s) / z
     largest = abs(pull) + 2.0 * limits(fixed, 1.0).steep + 2.0
     size += (
-        restitution.slack(law)
-        * (abs(q) + abs(fixed.draw.restitution))
-        * (largest * size + 4.0 * at.of_lost)
+        slack(law) * (abs(q) + abs(fixed.draw.restitution)) * (largest * size + 4.0 * at.of_lost)
     )
     return Jacobian(1.0 + by_x, by_y, q * (pull * by_x - lost), q * (pull * by_y - 1.0), size)
 
@@ -315,7 +321,7 @@ def fixed_residual_moving(
     fixed: MovingConstants, x: float, k: float, sign: float
 ) -> tuple[float, float, float]:
     a, shape = fixed.alpha * (1.0 + fixed.e), fixed.base.waveform
-    need = restitution.rise_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
+    need = rise_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
     return a * velocity(shape, x) - need, kick_slope(shape, a, x), a
 
 
@@ -323,18 +329,15 @@ def fixed_residual_moving(
 def fixed_attracts_moving(fixed: MovingConstants, x: float, k: float) -> bool:
     # both multipliers are inside the unit circle
     law = fixed.base.restitution
-    c = restitution.arrival_to_repeat(law, fixed.e, fixed.scale, k)
-    q, e = (
-        restitution.slope(law, fixed.e, fixed.scale, c),
-        restitution.ratio(law, fixed.e, fixed.scale, c),
-    )
+    c = arrival_to_repeat(law, fixed.e, fixed.scale, k)
+    q, e = slope(law, fixed.e, fixed.scale, c), ratio(law, fixed.e, fixed.scale, c)
     s = -kick_slope(fixed.base.waveform, 0.5 * fixed.alpha, x)
     return q * e < 1.0 and 0.0 < s < 2.0 * (1.0 + q * e) / ((1.0 + q) * (1.0 + e))
 
 
 @implements(bases.fixed_holds, *ANY)
 def fixed_holds_moving(fixed: MovingConstants, x: float, k: float) -> bool:
-    y = restitution.leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
+    y = leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
     time, _ = bases.fly(fixed, x, y)
     return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y).leaves
 
@@ -374,10 +377,7 @@ def chord_moving(fixed: MovingConstants, x: float, s: float) -> tuple[float, flo
 def slopes_moving(fixed: MovingConstants, arc: Flight) -> Slopes:
     # as in `jacobian_moving`, without its divisions by the speed of arrival
     s, z = arc.time, arc.v
-    q, at = (
-        restitution.slope(fixed.base.restitution, fixed.e, fixed.scale, z),
-        along(fixed, arc.x, arc.u, s),
-    )
+    q, at = slope(fixed.base.restitution, fixed.e, fixed.scale, z), along(fixed, arc.x, arc.u, s)
     pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
     ux, uu = q * (pull * at.by_x - lost * z), q * (pull * s - z)
     return Slopes(z, z + at.by_x, s, ux, uu, q * arc.u)
@@ -624,19 +624,19 @@ def rebound_error_moving(
     fixed: MovingConstants, flight: Flight, added: StateError, error: float, spread: StateError
 ) -> float:
     law, e, scale, z = fixed.base.restitution, fixed.e, fixed.scale, flight.v
-    share, (random, draw) = restitution.ratio(law, e, scale, z), (fixed.base.noise, fixed.draw)
+    share, (random, draw) = ratio(law, e, scale, z), (fixed.base.noise, fixed.draw)
     left, of_noise = (
         noise.noisy_restitution(random, share, draw.restitution),
         noise.rounding(random, share, z, draw),
     )
-    if restitution.is_constant(law) or share == 0.0:
+    if is_constant(law) or share == 0.0:
         error = left * (added.speed + HALF_ULP * abs(z)) + SMALLEST + of_noise
         return _unless_turned(random, fixed, flight, spread, error)
-    q = noise.noisy_slope(random, share, restitution.slope(law, e, scale, z), draw.restitution)
+    q = noise.noisy_slope(random, share, slope(law, e, scale, z), draw.restitution)
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
     linear = SURE * (abs(by_x) * spread.phase + abs(by_y) * spread.speed) / abs(q)
-    _, change = restitution.slope_change(law, e, scale, z, linear + added.speed)
-    rounding = (HALF_ULP + restitution.ratio_error(law, e, scale, z)) * share * abs(z)
+    _, change = slope_change(law, e, scale, z, linear + added.speed)
+    rounding = (HALF_ULP + ratio_error(law, e, scale, z)) * share * abs(z)
     error = (abs(q) + change) * added.speed + change * linear + rounding + SMALLEST + of_noise
     if noise.clip_is_doubtful(random, share, draw.restitution, (linear + added.speed) / abs(z)):
         return np.inf
@@ -656,7 +656,7 @@ def _unless_turned(
         return error
     _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
     every = error + SURE * (abs(by_x) * spread.phase + abs(by_y) * spread.speed)
-    share = restitution.ratio(fixed.base.restitution, fixed.e, fixed.scale, flight.v)
+    share = ratio(fixed.base.restitution, fixed.e, fixed.scale, flight.v)
     w = noise.noisy_restitution(random, share, fixed.draw.restitution) * flight.v + fixed.draw.kick
     return error if abs(w) > 2.0 * every else np.inf
 
@@ -670,7 +670,7 @@ def jacobian_error_moving(
     landed = _landed(fixed, flight, along(fixed, flight.x, flight.u, flight.time))
     derivatives, _, least = _change(fixed, flight, landed, spread)
     law = fixed.base.restitution
-    q, change = restitution.slope_change(law, fixed.e, fixed.scale, flight.v, flight.v - least)
+    q, change = slope_change(law, fixed.e, fixed.scale, flight.v, flight.v - least)
     u_x, u_y = q * derivatives.z_x, q * derivatives.z_y
     if change > 0.0:
         _, _, by_x, by_y, _ = bases.jacobian(fixed, flight)
