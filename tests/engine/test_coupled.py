@@ -17,14 +17,14 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels._jit import uncounted
 from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.bases.sprung import bounds, loaded, mount, side_at, velocity
+from vibrosweep.kernels.coupled.advance import Coupled, clear, landings, note, work_for
 from vibrosweep.kernels.coupled.events import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
-from vibrosweep.kernels.coupled.follow import Coupled, clear, landings, note, work_for
 from vibrosweep.kernels.coupled.joint_orbits import (
     BLOCKS,
     WAVES,
     _add_waves,
+    advance_event,
     empty_joint,
-    follow_event,
     notes,
     propagate,
     settle_jointly,
@@ -534,7 +534,7 @@ def carry(state, problem, mounts, i, periods, rode, deviations):
     begun, landings = now[NOW.X], 0
     while True:
         left = periods - now[NOW.N] - (now[NOW.X] - begun)
-        event, load = follow_event(state, fixed, load, 0.0, left, rode, deviations)
+        event, load = advance_event(state, fixed, load, 0.0, left, rode, deviations)
         if event.kind == EVENT.LOST:
             return -1
         if event.kind <= EVENT.LOST:

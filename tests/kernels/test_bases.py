@@ -119,7 +119,7 @@ import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 
-from vibrosweep.kernels.bases import StateError, chords
+from vibrosweep.kernels.bases import StateError
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.memory import ROW
 from vibrosweep.kernels.noise import noise_of
@@ -143,23 +143,23 @@ def ask_all(base, problem, i, x, u, s):
     error = StateError(1e-9, 1e-9)
     return (
         bases.approach(fixed, s, i),
-        (bases.keep(fixed, s, i, time, landed, True), bases.pending(base, s, i)),
+        (bases.end_pass(fixed, s, i, time, landed, True), bases.pending(base, s, i)),
         (bases.leave(fixed, x, u), bases.speed(fixed, x, u), bases.common_age(base)),
         bases.counted(fixed, there, w),
         bases.counted_now(fixed, s, i, flight, w),
-        (bases.gives_up(base, s, i, 6), bases.may_land(fixed, s, i, 100.0)),
+        (bases.abandons(base, s, i, 6), bases.may_land(fixed, s, i, 100.0)),
         (flight, v, w, bases.reverses(fixed, x, v)),
         (bases.contraction(fixed, v), bases.density(fixed, u), bases.lifts_alike(base)),
         bases.lift_off(fixed, 7.0, x, w),
         bases.lift_off(taken, 7.0, x, w),
         bases.lift_off(fixed, 7.0, x, -1.0),
         bases.lift_off(random, 7.0, x, bases.rebound(random, x, v)),
-        bases.wake(fixed, 7.0, x, 2.0),
+        bases.later_lift_off(fixed, 7.0, x, 2.0),
         bases.after_rest(fixed),
         bases.jacobian(fixed, there),
         bases.contact_time(fixed),
-        (*chords.chord(fixed, x, 2.0), chords.clearing(fixed, there)),
-        chords.slopes(fixed, there),
+        (*bases.chord(fixed, x, 2.0), bases.clearing(fixed, there)),
+        bases.slopes(fixed, there),
         bases.fixed_residual(fixed, x, 2.0, 1.0),
         bases.fixed_attracts(fixed, x, 2.0),
         bases.fixed_holds(fixed, x, 2.0),
@@ -171,7 +171,8 @@ def ask_all(base, problem, i, x, u, s):
         bases.absolute_error(fixed, x, u, error),
         bases.rest_is_doubtful(fixed, x, w, StateError(0.1, 0.1)),
         bases.liftoff_error(fixed),
-        bases.random_liftoff_error(random, 7.0, x, 1e-9, bases.Instant(8.0, 0.1)),
+        bases.liftoff_error_after(random, 7.0, x, 1e-9, bases.Instant(8.0, 0.1)),
+        bases.unless_doubtful(error, x, 1e-9, bases.Instant(8.0, 0.1)),
     )
 
 rng = np.random.default_rng(5)

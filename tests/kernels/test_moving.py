@@ -130,7 +130,7 @@ def test_without_arcs_the_bits_are_the_same():
     scene, launch = problem(200, 1.0, 40.0)
     base = base_of("moving", "rest")
     less = fitted(base, scene)
-    assert less.arcs is None
+    assert less.beyond_gravity is None
     assert same(streamed(base, scene, launch), streamed(less, scene, launch))
     lifting, _ = problem(200, 2.0, 40.0)
     assert fitted(base, lifting) == base

@@ -13,8 +13,17 @@ from hypothesis import strategies as st
 
 from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import find_orbits
-from vibrosweep.kernels.bases import Flight, after_rest, constants, fly, jacobian, rebound
-from vibrosweep.kernels.bases.chords import chord, clearing, height
+from vibrosweep.kernels.bases import (
+    Flight,
+    after_rest,
+    chord,
+    clearing,
+    constants,
+    fly,
+    jacobian,
+    rebound,
+)
+from vibrosweep.kernels.bases.moving_errors import height
 from vibrosweep.kernels.closed import (
     ADMISSIBLE,
     Wanted,

@@ -16,16 +16,16 @@ from first_roots import drawn
 from tests.scenes import TWO_TONES
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.arithmetic import HALF_ULP
-from vibrosweep.kernels.bases.chained import first_guess, try_stretch
-from vibrosweep.kernels.bases.moving import ChainedConstants
+from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.bases.moving_errors import along
+from vibrosweep.kernels.bases.parabolic import first_guess, try_stretch
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.noise import SILENT, STILL
 from vibrosweep.kernels.waveforms import (
     Parabolic,
     Sine,
+    kick_remainder,
     kick_slope,
-    left_out,
     lift_offs,
     rise_of,
     shape_of,
@@ -177,7 +177,7 @@ def test_the_triangle_keeps_its_bounds_at_its_corners():
         for off in (1e-7, -1e-7, 3e-8):
             change = velocity(shape, x + off) - velocity(shape, x)
             missed = abs(change - kick_slope(shape, 1.0, x) * off)
-            assert missed <= left_out(shape, 1.0, x, abs(off)) + 1e-15
+            assert missed <= kick_remainder(shape, 1.0, x, abs(off)) + 1e-15
 
 
 def test_a_mode_has_two_windows_one_of_which_ends_in_a_fold():
@@ -362,7 +362,7 @@ SHAPE = Waveform("parabolic")
 def fixed_of(alpha):
     x_lift = 0.25 if alpha > 0.5 else np.nan
     base = base_of("moving", "rest", SHAPE)
-    return ChainedConstants(base, 0.8, alpha, 1e-4, 0.0, x_lift, SILENT, STILL)
+    return MovingConstants(base, 0.8, alpha, 1e-4, 0.0, x_lift, SILENT, STILL)
 
 
 def exact_clearance(alpha, x, y, s):

@@ -33,7 +33,7 @@ from vibrosweep.kernels.bifurcations import (
     SADDLE_NODE,
     YIELD,
     Added,
-    Cycle,
+    OrbitType,
     correct,
     describe,
     put_values,
@@ -546,7 +546,7 @@ class Equations:
     """
 
     def __init__(
-        self, base: Any, problem: Dimensionless, cycle: Cycle, condition: int, z: Array
+        self, base: Any, problem: Dimensionless, cycle: OrbitType, condition: int, z: Array
     ) -> None:
         self.cycle, self.condition = cycle, condition
         self._known = base, problem, cycle
@@ -582,7 +582,7 @@ class Equations:
                 added.kinds[k] = one
         return added
 
-    def _matrix(self, z: Array, cycle: Cycle, *conditions: int | Held) -> Array:
+    def _matrix(self, z: Array, cycle: OrbitType, *conditions: int | Held) -> Array:
         """Return the derivatives of the equations of orbits and of some conditions."""
         base, problem, _ = self._known
         matrix = np.empty((cycle.p + len(conditions), cycle.p + 2))

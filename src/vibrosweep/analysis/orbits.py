@@ -57,7 +57,7 @@ from vibrosweep.kernels.bifurcations import (
     REST,
     SADDLE_NODE,
     YIELD,
-    Cycle,
+    OrbitType,
 )
 from vibrosweep.kernels.closed import (
     ADMISSIBLE,
@@ -627,7 +627,7 @@ class Plane:
 
     def _nodes(self, z: Array, p: int, q: int, condition: int) -> Nodes:
         """Return the nodes of lines through `z` along which `condition` holds."""
-        cycle = Cycle(p, q, self.relative, self.corner, self.kinks)
+        cycle = OrbitType(p, q, self.relative, self.corner, self.kinks)
         equations = Equations(self.base, self.problem, cycle, condition, z)
         free = self.drives if condition == FIX_E else self.restitution
         column = p + (condition == FIX_E)

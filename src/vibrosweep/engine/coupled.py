@@ -20,17 +20,17 @@ from vibrosweep.engine.measure import (
     units_of,
 )
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.coupled.follow import (
+from vibrosweep.kernels.coupled.advance import (
     Coupled,
     CoupledStatistics,
+    EventStates,
     MotionRecord,
     PerRealization,
-    Track,
+    advance_coupled,
+    advance_coupled_uncached,
     empty_coupled,
     empty_per_realization,
     empty_track,
-    follow,
-    follow_uncached,
     more_numbers,
     trace,
     work_for,
@@ -91,7 +91,7 @@ def followed(
     kinds = (*KINDS_COUPLED, *kinds_of(scene))
     statistics = empty_coupled(size, particles, kinds, observer)
     listed = empty_per_realization(size)
-    kernel = follow if observer is None else follow_uncached
+    kernel = advance_coupled if observer is None else advance_coupled_uncached
     idle = [work_for(particles) for _ in range(min(size, workers.threads))]
     # each particle is launched once, and each landing is followed by at most one lift-off
     events = particles * (1 + 2 * capacity) + _corners(batch, scene) if capacity > 0 else 0
@@ -190,7 +190,7 @@ class BaseTrack:
 
     parameters: dict[str, Array]  # in physical units, of shape (1,)
     batch: Coupled  # the same in dimensionless form
-    track: Track  # state after every launch, landing and lift-off
+    track: EventStates  # state after every launch, landing and lift-off
     landings: NDArray[np.int64]  # of each particle
 
     def at(self, times: Array) -> tuple[Array, Array]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -18,16 +17,21 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.errors import ParameterError, RunError
-from vibrosweep.kernels._jit import Floats
 from vibrosweep.kernels.advance import Options, Share, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import fitted, lifts, lowest
 from vibrosweep.kernels.cycles import CYCLE, Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.memory import require_written
 from vibrosweep.kernels.noise import noise_of
-from vibrosweep.kernels.ordering import Orders, empty_orders, empty_turns, workspace
-from vibrosweep.kernels.record import KINDS_RECORDED, Recorder, Units, recorder_scratch
-from vibrosweep.kernels.separation import Separations, empty_separations, find_order, separate
+from vibrosweep.kernels.ordering import Orders, empty_orders, empty_turns
+from vibrosweep.kernels.record import KINDS_RECORDED, Recorder, Units
+from vibrosweep.kernels.separation import (
+    Separations,
+    empty_separations,
+    find_order,
+    separate,
+    workspace,
+)
 from vibrosweep.kernels.settle import GROWTH_SIZE, SAME_ORBIT, Orbits, Search, empty_orbits, settle
 from vibrosweep.kernels.statistics import (
     IMPACT_SPEED,
@@ -39,7 +43,6 @@ from vibrosweep.kernels.statistics import (
     combine,
     compiled,
     empty_sums,
-    observer_scratch,
     scratch,
     statistic_of,
 )
@@ -207,11 +210,10 @@ def statistics(
     """
     total = batch.problem.kick.size * scene.particles
     kernel, kinds = advance, (*KINDS, *kinds_of(scene), *more)
-    block: Callable[[], Floats] = partial(scratch, kinds)
     if isinstance(observer, Recorder):
-        kinds, block = KINDS_RECORDED, recorder_scratch
+        kinds = KINDS_RECORDED
     elif observer is not None:
-        kernel, kinds, block = advance_uncached, KINDS, observer_scratch
+        kernel, kinds = advance_uncached, KINDS
     found = workers.statistics(total, kinds)
     window = 1 if scene.windowed else None  # None selects machine code without a window
     batch = batch._replace(base=fitted(batch.base, batch.problem))
@@ -219,7 +221,7 @@ def statistics(
     options = Options(scene.budget, PERIODS_TO_RECUR, all_cycles, jump, observer)
 
     def begin() -> Callable[[int, int], None]:
-        memory = memory_around(block())
+        memory = memory_around(scratch(kinds))
         rests = None if cycles is None else empty_rests(found.kinds)
         lanes = 0
 

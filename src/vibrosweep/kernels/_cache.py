@@ -64,9 +64,9 @@ def _machine_code(directory: Path, entry: Entry) -> bytes | None:
 
 
 def find_caches(digest: str) -> tuple[Path | None, tuple[Path, ...]]:
-    """Return where machine code of some sources is kept, or None, and where it is only read.
+    """Return where machine code of some sources is saved, or None, and where it is only read.
 
-    An administrator may have compiled kernels beside a package that its users cannot change.
+    An administrator may have compiled kernels in a package that its users cannot change.
     """
     beside = Path(__file__).parent / "__pycache__"
     bases = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else [beside]
@@ -181,7 +181,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
-        """Wait for the lock of the cache, and hold it."""
+        """Lock the cache against other processes."""
         with (Path(self.cache_path) / ".lock").open("a") as lock:
             locked(lock.fileno(), wait=True)
             yield
@@ -198,7 +198,7 @@ class Variants(NamedTuple):
 def variants(directory: Path) -> Variants:
     """Count the compiled variants in a directory of machine code, and compare every checksum.
 
-    Variants are told apart by (signature, (system, processor, its features), digest, width of
+    Variants are distinguished by (signature, (system, processor, its features), digest, width of
     vectors).
     """
     here = target()

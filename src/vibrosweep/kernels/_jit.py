@@ -4,12 +4,12 @@ Which decorator a function takes:
 
     jit          a piece that compiled callers inline: nearly every function
     part         a large piece with several callers, which the compiler may call instead
-    kernel       an entry point that Python calls; its machine code is kept on disk
+    kernel       an entry point that Python calls; its machine code is saved on disk
     uncounted    a kernel that neither allocates memory nor returns arrays, with cheaper tuples
     uncached     another entry point for a kernel, for functions that only this process has
-    generic      a question without code, which types answer: a base, a law, a shape
-    implements   the answer of one type, or of several
-    uncompiled   a question asked from Python so rarely that nothing is compiled for it
+    generic      a declaration without code, implemented for types: of a base, a law, a shape
+    implements   the implementation for one type, or for several
+    uncompiled   a generic function that Python calls too rarely to be worth compiling
     intrinsic    numba's own, for single instructions of the processor: the last functions here
 
 Every rounding of the kernels is written down: no fast-math flag is set, and products are fused
@@ -99,9 +99,9 @@ def _caching_in(directory: Path) -> Iterator[None]:
 
 
 def jit(function: F) -> F:
-    """Compile a piece that kernels inline; it needs no cache of its own.
+    """Compile a piece that kernels inline; it needs no cache.
 
-    If Python calls it directly, it is compiled by itself, anew in each process.
+    If Python calls it directly, each process compiles it again.
     """
     return _piece(function, OF_A_PIECE)
 
@@ -142,7 +142,7 @@ def overloaded(
     code: Callable[..., Any],
     options: dict[str, Any] = OF_A_PIECE,
 ) -> Any:
-    """Return a function that Python calls as `call`, and whose code compiled callers take over.
+    """Return a function that Python calls as `call`, and whose code compiled callers include.
 
     `code` returns that code for given types of arguments.
     """
@@ -164,7 +164,7 @@ def _piece(function: F, options: dict[str, Any]) -> F:
 
 
 def kernel(function: F, directory: Path | None = None) -> F:
-    """Compile an entry point; its machine code is kept on disk, one set for each set of sources.
+    """Compile an entry point; its machine code is saved on disk, one set for each set of sources.
 
     Another `directory` can be given for it.
     """
@@ -198,7 +198,7 @@ def _cached(function: F, options: dict[str, Any], directory: Path | None = None)
 
 
 def uncached(function: F) -> F:
-    """Return an entry point without disk cache, for arguments such as functions of this process."""
+    """Return an entry point without disk cache, for functions that only this process has."""
     if numba.config.DISABLE_JIT:
         return function
     return Deferred(function.py_func, njit(**OPTIONS))  # type: ignore[attr-defined,return-value]
@@ -210,8 +210,9 @@ _implementations: dict[Any, dict[type, Any]] = {}
 def generic(declared: F) -> F:
     """Turn a declaration without code into a function chosen by the type of its first argument.
 
-    `implements` gives the code for a kind of named tuple; compiled callers choose when they are
-    compiled, others when they call.
+    If that argument has a field `base`, the type of that field decides.  `implements` gives the
+    code for a kind of named tuple; compiled callers choose when they are compiled, others when they
+    call.
     """
 
     def implementation(kind: type) -> Any:
@@ -223,9 +224,11 @@ def generic(declared: F) -> F:
             ) from None
 
     def call(first: Any, *others: Any) -> Any:
-        return implementation(type(first))(first, *others)
+        return implementation(type(getattr(first, "base", first)))(first, *others)
 
     def code(first: Any, *others: Any) -> Any:
+        if "base" in getattr(first, "fields", ()):
+            first = first[first.fields.index("base")]
         return inspect.unwrap(implementation(getattr(first, "instance_class", type(first))))
 
     piece: F = overloaded(declared, call, code)
@@ -307,7 +310,7 @@ prefetch: Callable[[NDArray[Any], int], None] = (
 
 @intrinsic
 def _wide_vector_registers(typingctx: Any) -> Any:
-    """Ask for vectors of `vector_bits` in the loops of the function that this is called in.
+    """Request vectors of `vector_bits` in the loops of the function that this is called in.
 
     Call it in the function that holds the loop: LLVM vectorises a loop before it inlines the
     function.
@@ -405,8 +408,8 @@ def require_compilable(
 
 
 # --- Kinds ----------------------------------------------------------------------------------------
-# Machine code is kept on disk by the names of types.  The type of code from outside the package has
-# a digest of that code in its name, so that machine code of an earlier version never runs.
+# Saved machine code is identified by the names of types.  The type of code from outside the package
+# has a digest of that code in its name, so that machine code of an earlier version never runs.
 
 
 def kind_named(name: str) -> type:

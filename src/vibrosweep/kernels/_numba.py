@@ -1,7 +1,7 @@
-"""The names of numba that no version promises to keep, and the width of vector registers.
+"""Private names of numba, which any version may change, and the width of vector registers.
 
 The names are imported here, and nowhere else.  Where numba lacks one that only saves time, the
-package does without it, and `vibrosweep doctor` says what that costs.
+package works without it, and `vibrosweep doctor` reports the cost.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 OLDEST, NEWEST = "0.62.0", "0.68.1"  # with which the package was tried
-lost: Final[dict[str, str]] = {}  # names that this numba lacks, and what it costs to do without
+lost: Final[dict[str, str]] = {}  # names that this numba lacks, and what their absence costs
 
 
 def remedy() -> str:
@@ -76,7 +76,7 @@ try:
         UserProvidedCacheLocator,
     )
 except ImportError as error:
-    _do_without(error, "machine code is not kept, every process compiles its kernels again")
+    _do_without(error, "machine code is not saved, every process compiles its kernels again")
     HAS_CACHE = False
 else:
     HAS_CACHE = True
@@ -84,7 +84,7 @@ else:
 try:
     from numba.core.runtime import rtsys
 except ImportError as error:
-    _do_without(error, "kept machine code takes longer to load")
+    _do_without(error, "saved machine code takes longer to load")
 
     def start_runtime(context: Any) -> None:
         """Load all that numba can compile, and with it what counts references."""
@@ -95,7 +95,7 @@ else:
 try:
     from numba.core.event import Listener, register
 except ImportError as error:
-    _do_without(error, "no line says that a kernel is being compiled, and that takes longer")
+    _do_without(error, "no message says that a kernel is being compiled, which takes longer")
 
     Listener = object
 
@@ -125,7 +125,7 @@ def target() -> tuple[str, str, str]:
 
 VARIABLE: Final = "VIBROSWEEP_VECTOR_BITS"
 WIDTHS: Final = ("128", "256", "512")
-# LLVM's names of Skylake servers and of what followed with the same core
+# LLVM's names of Skylake servers and of later processors with the same core
 SLOWER_WITH_512: Final = frozenset({"skylake-avx512", "cascadelake", "cooperlake", "cannonlake"})
 
 

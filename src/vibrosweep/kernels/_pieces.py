@@ -1,9 +1,9 @@
-"""Compile a piece of a kernel to intermediate code only, which its kernel takes over.
+"""Compile a piece of a kernel to intermediate code only, which its kernel includes.
 
 By default numba optimises each function together with all that it calls, down to machine code.  For
-nested pieces it would do this again at every level, and use none of it: a kernel holds a copy of
-all its pieces and is optimised as a whole.  Leaving it out saves a quarter of the time to compile.
-Passes that change nothing in the kernels are left out too, which saves a tenth of what is left.
+nested pieces it would repeat this at every level in vain: a kernel contains a copy of all its
+pieces and is optimised as a whole.  Omitting it saves a quarter of the time to compile.
+Passes that change nothing in the kernels are omitted too, which saves a tenth of what is left.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class DeclarePiece(LoweringPass):  # type: ignore[misc]
         LoweringPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        """Declare the piece by a function object without code, which nobody calls."""
+        """Declare the piece by a function object without code, which is never called."""
         lowered, nowhere = state["cr"], 0
         module, name = lowered.fndesc.lookup_module(), lowered.fndesc.qualname
         key = make_function(module, name, "", nowhere, lowered.env, ())

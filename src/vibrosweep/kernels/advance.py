@@ -11,30 +11,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import bases, statistics
 from vibrosweep.kernels._jit import Floats, Integers, jit, uncached, uncounted, wide_vectors
-from vibrosweep.kernels.bases import (
-    Base,
-    Constants,
-    Counted,
-    Flight,
-    Instant,
-    approach,
-    common_age,
-    constants,
-    counted,
-    counted_now,
-    fly,
-    gives_up,
-    keep,
-    leave,
-    lift_off,
-    may_land,
-    pending,
-    prepare,
-    put,
-    rebound,
-    take,
-)
+from vibrosweep.kernels.bases import Base, Constants, Counted, Flight, Instant
 from vibrosweep.kernels.cycles import (
     CYCLE,
     FIRST_ANCHOR,
@@ -71,21 +50,7 @@ from vibrosweep.kernels.noise import (
     period_of,
 )
 from vibrosweep.kernels.record import Recorder
-from vibrosweep.kernels.statistics import (
-    OF_RESTS,
-    RESTS,
-    Kinds,
-    Observer,
-    Statistics,
-    clear,
-    count,
-    expect,
-    note,
-    observe,
-    sum_up,
-    totals_of,
-    with_flight,
-)
+from vibrosweep.kernels.statistics import Kinds, Observer, Statistics
 from vibrosweep.model.measures import Status
 from vibrosweep.model.observables import Landing
 from vibrosweep.model.parameters import Dimensionless
@@ -115,7 +80,7 @@ def load_noise(
     """Put the noise of a realization into lane j, for a particle whose counts begin at n_end."""
     if noise is not None:
         s[ROW.STREAM + j], s[ROW.PARTICLE + j] = source.stream, particle
-        s[ROW.ORIGIN + j], s[ROW.ASLEEP + j] = n_end + source.turns, 0.0
+        s[ROW.ORIGIN + j], s[ROW.RESTING + j] = n_end + source.turns, 0.0
         s[ROW.RESTITUTION_SIZE + j], s[ROW.KICK_SIZE + j] = source.restitution, source.kick
         s[ROW.DRIVE_SIZE + j] = source.drive
 
@@ -174,7 +139,7 @@ def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
     if on is not None:
         wide_vectors()
         for j in range(lanes):
-            flown = s[ROW.U + j] if s[ROW.ASLEEP + j] == 0.0 else 0.0
+            flown = s[ROW.U + j] if s[ROW.RESTING + j] == 0.0 else 0.0
             x, passed = land(s[ROW.X + j], flown)
             period = period_of(s[ROW.N + j] + passed + s[ROW.ORIGIN + j], x)
             drawn = deviate(key, s[ROW.STREAM + j], 0.0, period, OF_DRIVE)
@@ -182,11 +147,11 @@ def _draw_drives(on: int | None, key: Key, s: Floats, lanes: int) -> None:
 
 
 @jit
-def note_sleep(noise: Noise | None, s: Floats, j: int, rests: bool) -> None:
-    """Note whether lane j has come to rest; it sleeps until a forcing period lifts it."""
+def note_rest(noise: Noise | None, s: Floats, j: int, rests: bool) -> None:
+    """Note whether lane j has come to rest, until a forcing period lifts it."""
     if noise is not None and noise.drive is not None:
-        waits = s[ROW.ASLEEP + j]
-        s[ROW.ASLEEP + j] = 1.0 if rests else waits if waits > 0.0 else 0.0
+        waits = s[ROW.RESTING + j]
+        s[ROW.RESTING + j] = 1.0 if rests else waits if waits > 0.0 else 0.0
 
 
 COMPLETED = int(Status.COMPLETED)
@@ -255,36 +220,36 @@ def _step(
     calls it for the first `live` lanes.
     """
     wide_vectors()
-    draw_all(chosen.base.noise, s, lanes, since, common_age(chosen.base))
-    prepare(chosen.base, s, lanes)
+    draw_all(chosen.base.noise, s, lanes, since, bases.common_age(chosen.base))
+    bases.prepare(chosen.base, s, lanes)
     for j in range(lanes):
-        fixed = take(chosen.base, s, j)
+        fixed = bases.take(chosen.base, s, j)
         n_from, x_from, u_from = s[ROW.N + j], s[ROW.X + j], s[ROW.U + j]
-        time, v, landed = approach(fixed, s, j)
+        time, v, landed = bases.approach(fixed, s, j)
         x, passed = land(x_from, time)
         n = n_from + passed
         inside = n <= s[ROW.X_END + j] - x
         # the budget does not apply to the first landing after the end, which ends a counted flight
-        landed = landed & (may_land(fixed, s, j, budget) | (not inside))
+        landed = landed & (bases.may_land(fixed, s, j, budget) | (not inside))
         seen = landed & inside
         # a particle at rest for good has the phase NaN, which is never before the end
-        n_off, x_off, u, leaves = lift_off(fixed, n, x, rebound(fixed, x, v))
+        n_off, x_off, u, leaves = bases.lift_off(fixed, n, x, bases.rebound(fixed, x, v))
         if window is not None:
             # a rest that begins after the end must leave no NaN; the phase 1/2 is after the end
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
         landing = Landing(x, time, v, u, not leaves)
         if observer is not None:
-            note(observer, s, j, landing, n, seen)
-        note_sleep(chosen.base.noise, s, j, landed & (not leaves) & (x_off == x_off))
-        flight = counted_now(fixed, s, j, time, u)
-        ends = keep(fixed, s, j, time, landed, seen)
-        count(chosen.kinds, s, j, landing, flight, seen, ends)
+            statistics.note(s, j, landing, n, seen)
+        note_rest(chosen.base.noise, s, j, landed & (not leaves) & (x_off == x_off))
+        flight = bases.counted_now(fixed, s, j, time, u)
+        ends = bases.end_pass(fixed, s, j, time, landed, seen)
+        statistics.count(chosen.kinds, s, j, landing, flight, seen, ends)
         s[ROW.N + j] = n_off if landed else n_from
         s[ROW.X + j] = x_off if landed else x_from
         s[ROW.U + j] = u if landed else u_from
     if observer is not None:
-        observe(observer, s, live, chosen.base)
+        statistics.observe(observer, s, live, chosen.base)
 
 
 @jit
@@ -292,7 +257,7 @@ def _mark(s: Floats, lanes: int, chosen: Chosen, budget: int, cycles: Cycles | N
     """Mark lanes that have ended, recur, or have spent their budget; save anchors that are due."""
     wide_vectors()
     for j in range(lanes):
-        s[ROW.AGE + j] += LOOK_AFTER * common_age(chosen.base)
+        s[ROW.AGE + j] += LOOK_AFTER * bases.common_age(chosen.base)
         why = SPENT if s[ROW.AGE + j] >= budget else GOES_ON
         if cycles is not None:
             # the same state, bit for bit: from here on the orbit repeats, shifted by whole periods
@@ -302,18 +267,18 @@ def _mark(s: Floats, lanes: int, chosen: Chosen, budget: int, cycles: Cycles | N
                 s[ROW.X_ANCHOR + j] = s[ROW.X + j]
                 s[ROW.N_ANCHOR + j] = s[ROW.N + j]
                 s[ROW.U_ANCHOR + j] = s[ROW.U + j]
-                s[ROW.RESTS_ANCHOR + j] = s[OF_RESTS + j]
+                s[ROW.RESTS_ANCHOR + j] = s[statistics.OF_RESTS + j]
                 s[ROW.NEXT_ANCHOR + j] = 2.0 * s[ROW.AGE + j]
         goes_on = s[ROW.N + j] <= s[ROW.X_END + j] - s[ROW.X + j]
-        lost = gives_up(chosen.base, s, j, LOOK_AFTER)
-        sum_up(chosen.kinds, s, j, lost)
+        lost = bases.abandons(chosen.base, s, j, LOOK_AFTER)
+        statistics.sum_up(chosen.kinds, s, j, lost)
         s[ROW.DONE + j] = why if goes_on & (not lost) else ENDED
 
 
 @jit
 def _realization(base: Base, problem: Dimensionless, i: int) -> Realization:
     return Realization(
-        constants(base, problem, i),
+        bases.constants(base, problem, i),
         problem.launch_flight[i],
         Instant(problem.end_count[i], problem.end_phase[i]),
         Instant(problem.begin_count[i], problem.begin_phase[i]),
@@ -336,8 +301,8 @@ def _load(
     n_end, x_end = realization.end
     s[ROW.X + j] = x
     s[ROW.N + j] = n - n_end
-    s[ROW.U + j] = leave(realization.fixed, x, realization.speed)
-    put(realization.fixed, s, j)
+    s[ROW.U + j] = bases.leave(realization.fixed, x, realization.speed)
+    bases.put(realization.fixed, s, j)
     load_noise(realization.fixed.base.noise, realization.fixed.source, s, j, start.particle, n_end)
     s[ROW.X_END + j] = x_end
     if window is not None:
@@ -346,7 +311,7 @@ def _load(
         s[ROW.X_BEGIN + j] = x_begin
     s[ROW.AGE + j] = 0.0
     s[ROW.LANE + j] = start.lane
-    clear(kinds, s, j)
+    statistics.clear(kinds, s, j)
     if cycles is not None:
         s[ROW.X_ANCHOR + j] = np.nan
         s[ROW.NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
@@ -363,26 +328,26 @@ def _write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -
     if lane < 0:
         return
     over = False
-    fixed = take(base, s, j)
+    fixed = bases.take(base, s, j)
     # the last counted flight has not ended yet, such as one that follows a rest across the end
-    waits = pending(base, s, j)
+    waits = bases.pending(base, s, j)
     last = Counted(0.0, 0.0, 0.0)
     if waits or s[ROW.DONE + j] == SPENT:
         x_off, u = s[ROW.X + j], s[ROW.U + j]
-        time, v = fly(fixed, x_off, u)
+        time, v = bases.fly(fixed, x_off, u)
         x, passed = land(x_off, time)
         over = s[ROW.DONE + j] == SPENT and s[ROW.N + j] + passed <= s[ROW.X_END + j] - x
         if waits:
-            last = counted(fixed, Flight(x_off, u, time, x, v), 0.0)
-    totals, sums = with_flight(out.kinds, totals_of(out.kinds, s, j), last)
+            last = bases.counted(fixed, Flight(x_off, u, time, x, v), 0.0)
+    totals, sums = statistics.with_flight(out.kinds, statistics.totals_of(out.kinds, s, j), last)
     for k in range(len(totals)):
         out.totals[k, lane] = totals[k]
-    sleeps = s[ROW.AGE + j] == np.inf  # the search for the end of a rest was abandoned
-    for_good = np.isnan(s[ROW.X + j]) and not sleeps
+    abandoned = s[ROW.AGE + j] == np.inf  # the search for the end of a rest was abandoned
+    for_good = np.isnan(s[ROW.X + j]) and not abandoned
     if window is None:  # a rest that was not counted began after the end
-        for_good = for_good and totals[RESTS] > 0.0
+        for_good = for_good and totals[statistics.RESTS] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
-    out.status[lane] = BUDGET_EXCEEDED if over or sleeps else COMPLETED
+    out.status[lane] = BUDGET_EXCEEDED if over or abandoned else COMPLETED
     if not np.isfinite(sums):
         out.status[lane] = NON_FINITE
 
@@ -407,8 +372,8 @@ def advance(
 
     `window` is 1 if the window may begin after a launch, and None otherwise; `memory` is from
     `memory_around` and, like `rests`, not shared between threads.  With `cycles` and `rests`, a
-    trajectory is followed until its state recurs bit for bit, and further landings are counted from
-    one cycle.  Sums then differ from those of a full simulation by rounding only.
+    trajectory is simulated until its state recurs bit for bit; the remaining cycles are added
+    exactly, not simulated.  Sums then differ from those of a full simulation by rounding only.
     """
     base, problem, launches = batch
     s, places = memory
@@ -431,7 +396,7 @@ def advance(
                 return 0
             start = Start(lane, p, launch(launches, i, p, problem.phase[i]))
             _load(s, places[q], start, realization, out.kinds, window, cycles, patience)
-            expect(out.kinds, out, lane)
+            statistics.expect(out.kinds, out, lane)
             p += 1
             if p == particles:
                 i, p = i + 1, 0
@@ -440,7 +405,7 @@ def advance(
         lanes = close_gaps(s, lanes, places, fresh, done)
         if lanes < LANES and first < last:
             return lanes
-        # whole vectors only: lanes behind the last one hold stale, harmless numbers
+        # whole vectors only: lanes behind the last one contain stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for since in range(LOOK_AFTER):
             _step(s, padded, chosen, budget, window, options.observer, lanes, since)
@@ -468,5 +433,5 @@ def advance(
     return 0
 
 
-# Machine code for a function that only this process has is not kept on disk
+# Machine code for a function that only this process has is not saved on disk
 advance_uncached = uncached(advance)

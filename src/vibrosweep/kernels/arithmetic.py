@@ -41,7 +41,7 @@ LAG_ERROR = 9.0 * HALF_ULP
 
 
 # sin(2 pi y) / y on 0 <= y <= 1/4 as a polynomial in y^2, minimax in the relative error of the sine
-# (2.6e-19), by the Remez exchange with 60 digits.  The first coefficient is kept as a sum of two
+# (2.6e-19), by the Remez exchange with 60 digits.  The first coefficient is stored as a sum of two
 # doubles: a single one would cost half an ulp.
 C0_HIGH = 6.283185307179586
 C0_LOW = 2.4331317997472714e-16

@@ -17,18 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, Integers, kernel, part
-from vibrosweep.kernels.bases import (
-    Base,
-    Constants,
-    constants,
-    contraction,
-    lift_off,
-    rebound,
-    reverses,
-    speed,
-)
-from vibrosweep.kernels.bases.chords import clearing, slopes
+from vibrosweep.kernels.bases import Base, Constants
 from vibrosweep.kernels.closed import ADMISSIBLE, admits, ascends, flight, solve
 from vibrosweep.model.parameters import Dimensionless
 
@@ -45,8 +36,8 @@ SMALL_STEP = 1e-11  # of Newton's method, after which rounding is all that is le
 FARTHEST = 0.2  # largest correction of a point
 
 
-class Cycle(NamedTuple):
-    """Which orbits are meant, and what their conditions depend on."""
+class OrbitType(NamedTuple):
+    """Impacts and periods of orbits, and what their conditions depend on."""
 
     p: int
     q: int
@@ -65,7 +56,7 @@ class Scaled(NamedTuple):
 
 
 class Added(NamedTuple):
-    """Conditions beside the equations of an orbit, each a bifurcation or a linear one.
+    """Conditions in addition to the equations of an orbit, each a bifurcation or a linear one.
 
     A linear condition is that the product of a row with the distance from a point is 0.
     """
@@ -75,7 +66,7 @@ class Added(NamedTuple):
     points: Floats  # (condition, p + 2)
 
 
-class Equations(NamedTuple):
+class Residuals(NamedTuple):
     """Memory for the p equations and their derivatives."""
 
     off: Floats
@@ -83,17 +74,17 @@ class Equations(NamedTuple):
 
 
 @part
-def _place(base: Base, problem: Dimensionless, cycle: Cycle, z: Floats) -> Constants:
+def _place(base: Base, problem: Dimensionless, cycle: OrbitType, z: Floats) -> Constants:
     """Constants at the parameters of a point, as realization 0 of the problem."""
     # of the problem's other numbers, an orbit without rests needs only the threshold of rest
     p = cycle.p
     problem.restitution[0] = z[p]
     problem.kick[0] = z[p + 1] * (1.0 + z[p]) if cycle.relative else z[p + 1]
-    return constants(base, problem, 0)
+    return bases.constants(base, problem, 0)
 
 
 @part
-def _linearize(fixed: Constants, times: Floats, cycle: Cycle, work: Equations) -> Scaled:
+def _linearize(fixed: Constants, times: Floats, cycle: OrbitType, work: Residuals) -> Scaled:
     """Write the residuals of the speeds after the p impacts, and their derivatives by the times."""
     p, off, matrix = cycle.p, work.off, work.matrix
     off[:p] = 0.0
@@ -102,9 +93,9 @@ def _linearize(fixed: Constants, times: Floats, cycle: Cycle, work: Equations) -
     for i in range(p):
         j = i + 1 if i < p - 1 else 0
         arc = flight(fixed, times, p, cycle.q, i)
-        by = slopes(fixed, arc)
+        by = bases.slopes(fixed, arc)
         off[i] += arc.u
-        off[j] -= rebound(fixed, arc.landing, arc.v)
+        off[j] -= bases.rebound(fixed, arc.landing, arc.v)
         matrix[i, i] -= by.xx / by.xu
         matrix[i, j] += by.scale / by.xu
         matrix[j, i] += by.determinant / by.xu
@@ -117,7 +108,7 @@ def _linearize(fixed: Constants, times: Floats, cycle: Cycle, work: Equations) -
 
 @part
 def _put_values(
-    base: Base, problem: Dimensionless, cycle: Cycle, z: Floats, work: Equations, values: Floats
+    base: Base, problem: Dimensionless, cycle: OrbitType, z: Floats, work: Residuals, values: Floats
 ) -> None:
     """Write the values of all conditions but the last."""
     p, q = cycle.p, cycle.q
@@ -130,9 +121,9 @@ def _put_values(
     values[CORNER] = values[YIELD] = values[LANDING] = 1.0
     for i in range(p):
         arc = flight(fixed, z, p, q, i)
-        w = rebound(fixed, arc.landing, arc.v)
-        values[GRAZE] = min(values[GRAZE], clearing(fixed, arc))
-        if w > fixed.r or not lift_off(fixed, 0.0, arc.landing, w).leaves:
+        w = bases.rebound(fixed, arc.landing, arc.v)
+        values[GRAZE] = min(values[GRAZE], bases.clearing(fixed, arc))
+        if w > fixed.r or not bases.lift_off(fixed, 0.0, arc.landing, w).leaves:
             values[REST] = min(values[REST], w - fixed.r)
         if cycle.corner < math.inf:
             values[CORNER] *= abs(arc.x) - cycle.corner
@@ -143,30 +134,27 @@ def _put_values(
 
 @part
 def _put_condition(
-    base: Base, problem: Dimensionless, cycle: Cycle, z: Floats, kind: int, row: Floats
+    base: Base, problem: Dimensionless, cycle: OrbitType, z: Floats, kind: int, row: Floats
 ) -> float:
     """Write the derivatives of a condition, shape (p + 2,), and return its value."""
     p = cycle.p
-    work, values = Equations(np.empty(p), np.empty((p, p))), np.empty(CONDITIONS)
-    for k in range(2 * p + 5):  # the last turn is at the point itself
-        c = k // 2 if k < 2 * p + 4 else 0
+    work, values = Residuals(np.empty(p), np.empty((p, p))), np.empty((2, CONDITIONS))
+    for c in range(p + 2):
         kept = z[c]
-        if k < 2 * p + 4:
-            z[c] = kept + (DIFFERENCE if k % 2 == 0 else -DIFFERENCE)
-        _put_values(base, problem, cycle, z, work, values)
+        for side in range(2):
+            z[c] = kept + (DIFFERENCE if side == 0 else -DIFFERENCE)
+            _put_values(base, problem, cycle, z, work, values[side])
         z[c] = kept
-        if k % 2 == 0 and k < 2 * p + 4:
-            row[c] = values[kind]
-        elif k < 2 * p + 4:
-            row[c] = (row[c] - values[kind]) / (2.0 * DIFFERENCE)
-    return values[kind]  # type: ignore[no-any-return]
+        row[c] = (values[0, kind] - values[1, kind]) / (2.0 * DIFFERENCE)
+    _put_values(base, problem, cycle, z, work, values[0])
+    return values[0, kind]  # type: ignore[no-any-return]
 
 
 @part
 def _put_system(
     base: Base,
     problem: Dimensionless,
-    cycle: Cycle,
+    cycle: OrbitType,
     z: Floats,
     added: Added,
     off: Floats,
@@ -174,23 +162,19 @@ def _put_system(
 ) -> None:
     """Write residuals and derivatives of the equations of an orbit and of the conditions added."""
     p = cycle.p
-    work = Equations(np.empty(p), np.empty((p, p)))
-    for k in range(5):  # derivatives by both parameters; the last turn is at the point itself
-        c = p + k // 2 if k < 4 else p
+    work = Residuals(np.empty(p), np.empty((p, p)))
+    for c in range(p, p + 2):  # derivatives by both parameters
         kept = z[c]
-        if k < 4:
-            z[c] = kept + (DIFFERENCE if k % 2 == 0 else -DIFFERENCE)
-        _linearize(_place(base, problem, cycle, z), z, cycle, work)
+        for side in range(2):
+            z[c] = kept + (DIFFERENCE if side == 0 else -DIFFERENCE)
+            _linearize(_place(base, problem, cycle, z), z, cycle, work)
+            for i in range(p):
+                before = matrix[i, c]
+                matrix[i, c] = (
+                    work.off[i] if side == 0 else (before - work.off[i]) / (2.0 * DIFFERENCE)
+                )
         z[c] = kept
-        for i in range(p):
-            if k == 4:
-                off[i] = work.off[i]
-                for j in range(p):
-                    matrix[i, j] = work.matrix[i, j]
-            elif k % 2 == 0:
-                matrix[i, c] = work.off[i]
-            else:
-                matrix[i, c] = (matrix[i, c] - work.off[i]) / (2.0 * DIFFERENCE)
+    _linearize(_place(base, problem, cycle, z), z, cycle, Residuals(off, matrix))
     for k in range(added.kinds.size):
         row = matrix[p + k]
         if added.kinds[k] >= 0:
@@ -206,7 +190,7 @@ def _put_system(
 def correct(
     base: Base,
     problem: Dimensionless,
-    cycle: Cycle,
+    cycle: OrbitType,
     z: Floats,
     added: Added,
     steps: int,
@@ -222,9 +206,7 @@ def correct(
         _put_system(base, problem, cycle, z, added, off, matrix)
     for _ in range(steps):
         _put_system(base, problem, cycle, z, added, off, matrix)
-        for i in range(n):
-            for j in range(n):
-                left[i, j] = matrix[i, j]
+        left[:] = matrix
         if not solve(left, off, n):
             return False
         longest = 0.0
@@ -242,7 +224,7 @@ def correct(
 def put_values(
     base: Base,
     problem: Dimensionless,
-    cycle: Cycle,
+    cycle: OrbitType,
     z: Floats,
     direction: Floats,
     values: Floats,
@@ -250,7 +232,7 @@ def put_values(
 ) -> None:
     """Write the values of all conditions, and their derivatives in a direction."""
     p = cycle.p
-    work, moved = Equations(np.empty(p), np.empty((p, p))), np.empty(p + 2)
+    work, moved = Residuals(np.empty(p), np.empty((p, p))), np.empty(p + 2)
     found = np.empty((3, CONDITIONS))
     for k in range(3):
         for c in range(p + 2):
@@ -265,7 +247,7 @@ def put_values(
 
 @kernel
 def describe(
-    base: Base, problem: Dimensionless, cycle: Cycle, z: Floats, speeds: Floats
+    base: Base, problem: Dimensionless, cycle: OrbitType, z: Floats, speeds: Floats
 ) -> tuple[float, float, int]:
     """Trace and determinant of the Jacobian of an orbit, and whether a particle can follow it.
 
@@ -273,10 +255,10 @@ def describe(
     """
     p, q = cycle.p, cycle.q
     fixed = _place(base, problem, cycle, z)
-    whole = _linearize(fixed, z, cycle, Equations(np.empty(p), np.empty((p, p))))
+    whole = _linearize(fixed, z, cycle, Residuals(np.empty(p), np.empty((p, p))))
     determinant = 1.0
     for i in range(p):
         arc = flight(fixed, z, p, q, i)
-        speeds[i] = speed(fixed, arc.x, arc.u)
-        determinant *= contraction(fixed, arc.v) * reverses(fixed, arc.landing, arc.v)
+        speeds[i] = bases.speed(fixed, arc.x, arc.u)
+        determinant *= bases.contraction(fixed, arc.v) * bases.reverses(fixed, arc.landing, arc.v)
     return whole.trace / whole.scale, determinant, admits(fixed, z, p, q)

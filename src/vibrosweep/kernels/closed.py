@@ -15,19 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel, part
-from vibrosweep.kernels.bases import (
-    Base,
-    Constants,
-    Flight,
-    constants,
-    fly,
-    jacobian,
-    lift_off,
-    rebound,
-    speed,
-)
-from vibrosweep.kernels.bases.chords import chord
+from vibrosweep.kernels.bases import Base, Constants, Flight
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.memory import unwritten
 from vibrosweep.kernels.waveforms import depth_of, falls_of, peak_of, turning
@@ -62,7 +52,7 @@ def flight(fixed: Constants, times: Floats, p: int, q: int, i: int) -> Flight:
     last = i == p - 1
     end = times[0] + q if last else times[i + 1]
     s, x = end - times[i], reduced(times[i])
-    u, v = chord(fixed, x, s)
+    u, v = bases.chord(fixed, x, s)
     return Flight(x, u, s, reduced(end), v)
 
 
@@ -81,9 +71,9 @@ def linearize(
     for i in range(p):
         j = i + 1 if i < p - 1 else 0
         arc = flight(fixed, times, p, q, i)
-        xx, xu, ux, uu, _ = jacobian(fixed, arc)
+        xx, xu, ux, uu, _ = bases.jacobian(fixed, arc)
         off[i] += arc.u
-        off[j] -= rebound(fixed, arc.landing, arc.v)
+        off[j] -= bases.rebound(fixed, arc.landing, arc.v)
         by_end, by_start = 1.0 / xu, -xx / xu  # of the speed at lift-off
         matrix[i, i] += by_start
         matrix[i, j] += by_end
@@ -207,12 +197,12 @@ def admits(fixed: Constants, times: Floats, p: int, q: int) -> int:
     """Return whether a particle can follow the orbit: `ADMISSIBLE`, `MEETS_BASE` or `RESTS`."""
     for i in range(p):
         arc = flight(fixed, times, p, q, i)
-        w = rebound(fixed, arc.landing, arc.v)
-        if not lift_off(fixed, 0.0, arc.landing, w).leaves:
+        w = bases.rebound(fixed, arc.landing, arc.v)
+        if not bases.lift_off(fixed, 0.0, arc.landing, w).leaves:
             return RESTS
     for i in range(p):
         arc = flight(fixed, times, p, q, i)
-        time, _ = fly(fixed, arc.x, arc.u)
+        time, _ = bases.fly(fixed, arc.x, arc.u)
         if not (arc.v > 0.0 and abs(time - arc.time) <= AT_LANDING * max(1.0, arc.time)):
             return MEETS_BASE
     return ADMISSIBLE
@@ -230,7 +220,7 @@ def power_trace(tangent: Tangent, d: int) -> Tangent:
 # --- The list of orbits ---------------------------------------------------------------------------
 
 
-NO_ORBIT = -2  # beside the codes of `admits`
+NO_ORBIT = -2  # in addition to the codes of `admits`
 
 
 class Closed(NamedTuple):
@@ -258,7 +248,7 @@ class Closed(NamedTuple):
 
 @jit
 def _place(i: int, times: Floats, p: int, q: int, out: Closed) -> int:
-    """Index of an orbit among those that are kept, or their number if it is not among them."""
+    """Index of an orbit among those that are stored, or their number if it is not among them."""
     for k in range(out.orbits[i]):
         alike = out.impacts[i, k] == p and out.periods[i, k] == q
         if alike and same(out.times[i, k], times, p, q):
@@ -268,7 +258,7 @@ def _place(i: int, times: Floats, p: int, q: int, out: Closed) -> int:
 
 @part
 def add(fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, out: Closed) -> int:
-    """Keep the orbit of p impacts that times close, or a shorter one of which they consist.
+    """Store the orbit of p impacts with these times, or the shorter one that they repeat.
 
     Returns its index, which is the former number of orbits if it is new, and the capacity if there
     is no room for it.
@@ -277,15 +267,15 @@ def add(fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, ou
     begin_shortest(times, d, q * d // p, np.empty(p))
     k = _place(i, times, d, q * d // p, out)
     if k == out.orbits[i] and k < out.impacts.shape[1]:
-        _keep(fixed, i, times, d, q * d // p, number, out)
+        _store(fixed, i, times, d, q * d // p, number, out)
     return k
 
 
 @part
-def _keep(
+def _store(
     fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, out: Closed
 ) -> None:
-    """Keep a new orbit, with the properties that follow from its times."""
+    """Store a new orbit, with the properties that follow from its times."""
     k = out.orbits[i]
     out.orbits[i] += 1
     blank(i, k, out)
@@ -296,7 +286,7 @@ def _keep(
     out.admissible[i, k] = admits(fixed, times, p, q)
     for j in range(p):
         arc = flight(fixed, times, p, q, j)
-        out.speed[i, k, j] = speed(fixed, arc.x, arc.u)
+        out.speed[i, k, j] = bases.speed(fixed, arc.x, arc.u)
         out.arrival[i, k, j] = arc.v
 
 
@@ -318,7 +308,7 @@ def blank(i: int, k: int, out: Closed) -> None:
 #
 # Launches cover phase and speed evenly, more densely at low speeds.  Their number grows with the
 # square of the number of falls of the waveform, on which the attractors are, and to twice the
-# number of the launch that led to the last new attractor, unless `LAUNCH_PATIENCE` ends it.
+# number of the launch that led to the last new attractor, unless `LAUNCH_PATIENCE` limits it.
 
 
 # Number of launches, relative to the least of a sine, beyond which it does not grow
@@ -349,8 +339,8 @@ def _return(
 
 
 @part
-def _follow(fixed: Constants, i: int, number: int, out: Closed) -> int:
-    """Follow a trajectory, and find the orbits to which it nearly returns.
+def _simulate(fixed: Constants, i: int, number: int, out: Closed) -> int:
+    """Simulate a trajectory, and find the orbits to which it nearly returns.
 
     Returns the number of new ones that attract, -1 where orbits exceed the capacity.
     """
@@ -389,7 +379,7 @@ def _follow(fixed: Constants, i: int, number: int, out: Closed) -> int:
 
 
 @part
-def follow_launches(fixed: Constants, i: int, launches: int, out: Closed) -> bool:
+def search_from_launches(fixed: Constants, i: int, launches: int, out: Closed) -> bool:
     """Find the orbits near which trajectories return; False where they exceed the capacity.
 
     `launches` is their least number under a sine.
@@ -398,7 +388,7 @@ def follow_launches(fixed: Constants, i: int, launches: int, out: Closed) -> boo
     number, until = 0, min(launches * falls_of(fixed.base.waveform) ** 2, most)
     while number < until:
         number += 1
-        found = _follow(fixed, i, number, out)
+        found = _simulate(fixed, i, number, out)
         if found < 0:
             return False
         if found > 0:
@@ -413,7 +403,7 @@ def follow_launches(fixed: Constants, i: int, launches: int, out: Closed) -> boo
 # shrink with the falls of the velocity of the base, by whose number, squared for two impacts or
 # more, the least number of seeds is multiplied.  The search ends at twice the number of the seed
 # that led to the last new orbit and, for the map, not before the orbits balance, unless `PATIENCE`
-# ends it.
+# limits it.
 #
 # Orbits of one impact are found by the changes of sign of their equation, and trajectories lead to
 # more orbits.
@@ -553,7 +543,7 @@ def _search_single(fixed: Constants, i: int, q: int, out: Closed) -> bool:
     its signs at the ends differ.  Under the law `reflect` it may have two where they do not.
     """
     times, off, matrix = np.empty(1), np.empty(1), np.empty((1, 1))
-    roomy, turns = True, turning(fixed.base.waveform)
+    fits, turns = True, turning(fixed.base.waveform)
     for k in range(len(turns)):
         low, high = (turns[k - 1] if k else turns[len(turns) - 1] - 1.0), turns[k]
         times[0] = low
@@ -568,18 +558,18 @@ def _search_single(fixed: Constants, i: int, q: int, out: Closed) -> bool:
             linearize(fixed, times, 1, q, off, matrix)
             low, high = (times[0], high) if sign * off[0] > 0.0 else (low, times[0])
         if close(fixed, times, 1, q, off, matrix):
-            roomy = roomy and add(fixed, i, times, 1, q, 0, out) < out.impacts.shape[1]
-    return roomy
+            fits = fits and add(fixed, i, times, 1, q, 0, out) < out.impacts.shape[1]
+    return fits
 
 
 @part
 def _search_all(fixed: Constants, i: int, wanted: Wanted, worth: float, out: Closed) -> bool:
     """Search for the orbits of all (p, q) from seeds; False where they exceed the capacity."""
-    roomy = True
+    fits = True
     for p in range(1, wanted.impacts + 1):
         for q in range(1, wanted.periods + 1):
-            roomy = roomy and _search(fixed, i, p, q, wanted, worth, out)
-    return roomy
+            fits = fits and _search(fixed, i, p, q, wanted, worth, out)
+    return fits
 
 
 @kernel
@@ -592,20 +582,20 @@ def find_closed(
     """
     for i in range(first, last):
         out.orbits[i] = 0
-        fixed = constants(base, problem, i)
+        fixed = bases.constants(base, problem, i)
         shape = fixed.base.waveform
         worth = WORTH * problem.kick[i] * max(peak_of(shape), depth_of(shape))
         out.seeds[i] = 0
-        roomy = _search_all(fixed, i, wanted, worth, out)
+        fits = _search_all(fixed, i, wanted, worth, out)
         for q in range(1, wanted.periods + 1):
-            roomy = roomy and _search_single(fixed, i, q, out)
-        roomy = roomy and follow_launches(fixed, i, LAUNCHES * wanted.seeds, out)
+            fits = fits and _search_single(fixed, i, q, out)
+        fits = fits and search_from_launches(fixed, i, LAUNCHES * wanted.seeds, out)
         if wanted.balances:  # what trajectories found may have no partner yet
-            roomy = roomy and _search_all(fixed, i, wanted, worth, out)
+            fits = fits and _search_all(fixed, i, wanted, worth, out)
         for p in range(1, wanted.impacts + 1):
             for q in range(1, wanted.periods + 1):
                 _balance(out, i, p, q)
         for k in range(out.orbits[i], out.impacts.shape[1]):
             blank(i, k, out)
-        if not roomy:
+        if not fits:
             out.orbits[i] = -1

@@ -1,4 +1,4 @@
-"""Cycle detection: the rest of a periodic trajectory is counted from one cycle.
+"""Cycle detection: the remaining cycles of a periodic trajectory are added, not simulated.
 
 A contracting orbit eventually returns, in floating point, to exactly the same state (x, u); from
 then on it repeats for all time.  This recurrence is found by Brent's algorithm (1980): each lane
@@ -14,30 +14,18 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import statistics
 from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.bases import Base, Constants, after_rest, counted, lifts_alike, take
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.memory import ROW, unwritten
-from vibrosweep.kernels.statistics import (
-    CYCLE_LANDINGS,
-    CYCLE_RESTS,
-    OF_RESTS,
-    Cycle,
-    Kinds,
-    added,
-    cycle_of,
-    keep_cycle,
-    kept_cycle,
-    no_impacts,
-    repeat,
-    set_cycle,
-)
+from vibrosweep.kernels.statistics import CYCLE_LANDINGS, CYCLE_RESTS, OF_RESTS, Cycle, Kinds
 from vibrosweep.model.observables import Landing
 
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
 # A cycle saves work if the remaining time exceeds the time since the anchor by this factor
 WORTH = 4.0
-# Distance kept from the ends of the window, where rounding might decide what is inside
+# Distance from the ends of the window, where rounding might decide what is inside
 MARGIN = 2.0**-20  # periods
 # Quotients of two integers up to this number are equal in double precision only if exactly equal
 LONGEST_JOINT = 2**25
@@ -81,13 +69,13 @@ def empty_cycles(trajectories: int) -> Cycles:
 # have rested: its totals, and the realization they belong to.  Another realization may overwrite
 # its line of the cache; the orbit is then computed again.
 Rests = Floats
-RESTS_KEPT = 1024
-WHOSE = 0  # column of the realization, before the totals
+RESTS_STORED = 1024
+WHOSE = -1  # column of the realization, behind the totals
 
 
 def empty_rests(kinds: Kinds) -> Rests:
     """Allocate the cache of orbits from rest to rest, all empty."""
-    return np.full((RESTS_KEPT, len(kinds) + 2), -1.0)
+    return np.full((RESTS_STORED, len(kinds) + 2), -1.0)
 
 
 @jit
@@ -98,14 +86,14 @@ def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -
     a cycle is counted from rest to rest.
     """
     n, x, u = 0.0, x_start, u_start
-    found: Cycle = no_impacts(kinds)
+    found: Cycle = statistics.no_impacts(kinds)
     while found[CYCLE_LANDINGS] == 0.0 or x != x_start or u != u_start:
         hit = impact(fixed, n, x, u)
         n, x, u = hit.n_off, hit.x_off, hit.u
         landing = Landing(hit.x, hit.flight.time, hit.v, hit.u, not hit.leaves)
-        found = added(kinds, found, n, landing, counted(fixed, hit.flight, hit.u))
+        found = statistics.added(kinds, found, n, landing, counted(fixed, hit.flight, hit.u))
         if not hit.leaves and lifts_alike(fixed.base) and (x != x_start or u != u_start):
-            found = no_impacts(kinds)
+            found = statistics.no_impacts(kinds)
             break
     return found
 
@@ -115,20 +103,21 @@ def _count_cycle(
     kinds: Kinds, s: Floats, j: int, realization: int, fixed: Constants, rests: Rests
 ) -> None:
     """Note the totals of the cycle that lane j has entered."""
-    found = no_impacts(kinds)
+    found = statistics.no_impacts(kinds)
     alike = lifts_alike(fixed.base)
     if s[OF_RESTS + j] == s[ROW.RESTS_ANCHOR + j] or not alike:  # no rest is known on the way
         found = once_round(kinds, fixed, s[ROW.X + j], s[ROW.U + j])
     if found[CYCLE_LANDINGS] > 0.0 and (found[CYCLE_RESTS] == 0.0 or not alike):
-        set_cycle(kinds, s, j, found)
+        statistics.set_cycle(kinds, s, j, found)
         return
-    line = realization % RESTS_KEPT
+    line = realization % RESTS_STORED
     if rests[line, WHOSE] != realization:
         x_lift, u_lift = after_rest(fixed)
         found = once_round(kinds, fixed, x_lift, u_lift)
-        keep_cycle(kinds, rests, line, found)
+        for k in range(len(found)):
+            rests[line, k] = found[k]
         rests[line, WHOSE] = realization
-    set_cycle(kinds, s, j, kept_cycle(kinds, rests, line))
+    statistics.set_cycle(kinds, s, j, rests[line])
 
 
 @jit
@@ -156,7 +145,7 @@ def _jump(kinds: Kinds, s: Floats, j: int, periods: float, window: int | None) -
             return False
     times = _whole_cycles(-n, s[ROW.X_END + j] - x, periods)
     s[ROW.N + j] = n + times * periods
-    repeat(kinds, s, j, times)
+    statistics.repeat(kinds, s, j, times)
     return True
 
 
@@ -194,7 +183,7 @@ def close_cycle(
 ) -> None:
     """Determine the cycle of lane j, which recurs, and skip its repetitions if that saves work.
 
-    `jump` is 1 to skip them.  The cycle is written to `cycles`, unless they hold one already.
+    `jump` is 1 to skip them.  The cycle is written to `cycles`, unless they already contain one.
     """
     kinds = chosen.kinds
     age, n, x, u = s[ROW.AGE + j], s[ROW.N + j], s[ROW.X + j], s[ROW.U + j]
@@ -206,10 +195,10 @@ def close_cycle(
         periods, impacts = since / rested, (age - 0.5 * s[ROW.NEXT_ANCHOR + j]) / rested
         rests_of_cycle = 1.0
     else:
-        periods, impacts, rests_of_cycle = cycle_of(kinds, s, j)
+        periods, impacts, rests_of_cycle = statistics.cycle_of(kinds, s, j)
         if impacts == 0.0:
             _count_cycle(kinds, s, j, realization, take(chosen.base, s, j), rests)
-            periods, impacts, rests_of_cycle = cycle_of(kinds, s, j)
+            periods, impacts, rests_of_cycle = statistics.cycle_of(kinds, s, j)
         if jumps:
             last = _jump(kinds, s, j, periods, window)
             if last:
@@ -271,7 +260,7 @@ def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
 def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget: int) -> bool:
     """Return whether all landings until whole period n_end of trajectories first, ... fit a budget.
 
-    Trajectories without a cycle were followed to the end within the budget.
+    Trajectories without a cycle were simulated to the end within the budget.
     """
     for t in range(first, first + particles):
         if cycles.size > 0 and cycles[CYCLE.IMPACTS, t] > 0.0:

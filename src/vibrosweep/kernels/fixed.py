@@ -11,16 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, uncounted
 from vibrosweep.kernels.arithmetic import HALF_ULP
-from vibrosweep.kernels.bases import (
-    Base,
-    Constants,
-    constants,
-    fixed_attracts,
-    fixed_holds,
-    fixed_residual,
-)
+from vibrosweep.kernels.bases import Base, Constants
 from vibrosweep.kernels.memory import empty
 from vibrosweep.kernels.restitution import (
     REBOUND_OF,
@@ -60,7 +54,7 @@ def empty_fixed(problems: int) -> FixedOrbits:
 
 
 def may_push_back(rebound: str) -> bool:
-    """Return whether a law of rebound turns back a particle that is pushed into the base."""
+    """Return whether a law of rebound reflects a particle whose rebound points into the base."""
     return speed_after(REBOUND_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
@@ -82,11 +76,11 @@ def _end_error(fixed: Constants, v: float) -> float:
 def end_errors(base: Base, problem: Dimensionless, k: int, out: Floats) -> None:
     """Bounds on the errors, as kicks, that a law of restitution adds to the ends of windows.
 
-    The windows are those of the orbit of k periods of each problem; the bounds hold over the
+    The windows are those of the orbit of k periods of each problem; the bounds are valid over the
     high-bounce base and over one that moves.
     """
     for t in range(out.size):
-        fixed = constants(base, problem, t)
+        fixed = bases.constants(base, problem, t)
         c = arrival_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, float(k))
         out[t] = max(_end_error(fixed, float(k)), _end_error(fixed, c))
 
@@ -99,7 +93,7 @@ def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Flo
     the least -a w' at which the orbit does not attract, and bounds on their errors; first in the
     high-bounce limit, then over the moving base.  `sign` is that of `find_fixed`.
     """
-    fixed = constants(base, problem, 0)
+    fixed = bases.constants(base, problem, 0)
     law, e, scale = fixed.base.restitution, fixed.e, fixed.scale
     for moves in range(2):
         v = arrival_to_repeat(law, e, scale, float(k)) if moves else float(k)
@@ -120,7 +114,7 @@ def conditions(base: Base, problem: Dimensionless, k: int, sign: float, out: Flo
 def _solve(fixed: Constants, x: float, k: float, sign: float) -> tuple[bool, float]:
     """Newton's method from phase x; return whether it converges, and the phase."""
     for _ in range(STEPS):
-        off, slope, size = fixed_residual(fixed, x, k, sign)
+        off, slope, size = bases.fixed_residual(fixed, x, k, sign)
         if abs(off) <= RESIDUAL * size:
             return True, x
         if slope == 0.0:
@@ -150,12 +144,12 @@ def find_fixed(
     """
     for t in range(first, last):
         out.state[t], out.phase[t] = ABSENT, np.nan
-        fixed = constants(base, problem, t)
+        fixed = bases.constants(base, problem, t)
         for seed in range(SEEDS):
             found, x = _solve(fixed, (seed + 0.5) / SEEDS - 0.5, k[t], sign)
-            if found and fixed_holds(fixed, x, k[t]):
+            if found and bases.fixed_holds(fixed, x, k[t]):
                 out.state[t], out.phase[t] = REPELS, x
-                if fixed_attracts(fixed, x, k[t]):
+                if bases.fixed_attracts(fixed, x, k[t]):
                     out.state[t] = ATTRACTS
                     break
 
@@ -170,11 +164,11 @@ def orbits_hold(
     x: Floats,
     out: FixedOrbits,
 ) -> None:
-    """Check whether particles of problems first ... last - 1 follow orbits of k periods.
+    """Check whether particles of problems first ... last - 1 can follow orbits of k periods.
 
-    The orbits land at the phases x and attract.  A particle does not follow its orbit if it rests
-    or lands earlier.
+    The orbits land at the phases x and attract.  A particle cannot follow its orbit if it rests or
+    lands earlier.
     """
     for t in range(first, last):
-        holds = fixed_holds(constants(base, problem, t), x[t], float(k[t]))
+        holds = bases.fixed_holds(bases.constants(base, problem, t), x[t], float(k[t]))
         out.state[t], out.phase[t] = ATTRACTS if holds else ABSENT, x[t]

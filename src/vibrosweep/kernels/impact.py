@@ -11,21 +11,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.arithmetic import ROUNDING
-from vibrosweep.kernels.bases import (
-    Base,
-    Constants,
-    Flight,
-    Instant,
-    Jacobian,
-    fly,
-    leave,
-    lift_off,
-    random,
-    rebound,
-    wake,
-)
+from vibrosweep.kernels.bases import Base, Constants, Flight, Instant, Jacobian
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.noise import Noise
 from vibrosweep.kernels.restitution import REBOUND_OF, restitution_of
@@ -43,11 +32,11 @@ def _high_bounce(waveform: Waveform) -> type:
 
 def _moving(waveform: Waveform) -> type:
     # slow to import: many declarations, those of all waveforms
-    from vibrosweep.kernels.bases import chained, moving  # noqa: F401
+    from vibrosweep.kernels.bases import harmonics, moving, parabolic  # noqa: F401
 
     if waveform == SINE:
         return moving.Moving
-    return moving.Chained if waveform.name == PARABOLIC_NAME else moving.Shaped
+    return moving.MovingParabolic if waveform.name == PARABOLIC_NAME else moving.MovingHarmonics
 
 
 # Named tuple of each base, for a waveform
@@ -63,7 +52,7 @@ class Batch(NamedTuple):
 
 
 class Start(NamedTuple):
-    """A trajectory that is to be followed."""
+    """A trajectory to be simulated."""
 
     lane: int  # its index in the batch
     particle: int
@@ -117,7 +106,7 @@ def launch(launches: Launches, i: int, p: int, phase: float) -> Instant:
 @jit
 def launch_speed(fixed: Constants, problem: Dimensionless, i: int, x: float) -> float:
     """Speed relative to the base with which particles of realization i are launched at phase x."""
-    return leave(fixed, x, problem.launch_flight[i])
+    return bases.leave(fixed, x, problem.launch_flight[i])
 
 
 @jit
@@ -144,14 +133,14 @@ def impact(
     Its random numbers depend on the particle, the number of its impacts until then, and the whole
     periods from which n counts.
     """
-    time, v = fly(fixed, x, u)
+    time, v = bases.fly(fixed, x, u)
     x_land, passed = land(x, time)
     n += passed
     flight = Flight(x, u, time, x_land, v)
-    drawn = random(fixed, particle, number, n + origin, x_land)
-    n_off, x_off, u, leaves = lift_off(drawn, n, x_land, rebound(drawn, x_land, v))
+    drawn = bases.random(fixed, particle, number, n + origin, x_land)
+    n_off, x_off, u, leaves = bases.lift_off(drawn, n, x_land, bases.rebound(drawn, x_land, v))
     if not leaves:
-        n_off, x_off = wake(fixed, n_off, x_off, origin)
+        n_off, x_off = bases.later_lift_off(fixed, n_off, x_off, origin)
     return Impact(n, x_land, v, flight, n_off, x_off, u, leaves, drawn)
 
 

@@ -35,6 +35,14 @@ class LaneRows(NamedTuple):
     """
 
     PHASES: int  # at which a base of several lift-offs begins to lift, and to press again
+    LAST_SEEN: int  # of the last landing, for an observer: 1 if it is in the window, whole periods
+    LAST_N: int  # and phase, time of the flight, speeds of arrival and rebound, 1 if it rests, and
+    LAST_X: int  # absolute speed at lift-off
+    LAST_TIME: int
+    LAST_SPEED: int
+    LAST_REBOUND: int
+    LAST_RESTS: int
+    LAST_LEFT: int
     X_ANCHOR: int  # the saved state, and the number of rests before it
     N_ANCHOR: int
     U_ANCHOR: int
@@ -56,7 +64,7 @@ class LaneRows(NamedTuple):
     KICK_DRAWN: int
     KICK_NEXT: int
     DRIVE_DRAWN: int
-    ASLEEP: int  # in a rest, number from 1 of the forcing period to try; -1 once one lifts; else 0
+    RESTING: int  # in a rest: number (from 1) of the period to try; -1 once one lifts; else 0
     TRIES: int  # of a search for the landing: passes so far, and the age at the last check
     AGE_SEEN: int
     COUNTS: int  # 1 if the flight is counted when it ends

@@ -7,18 +7,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import arithmetic
 from vibrosweep.kernels._jit import Floats, fma, jit, kernel
-from vibrosweep.kernels.arithmetic import (
-    ERRORS,
-    HALF_ULP,
-    SHIFT,
-    SHIFT_BITS,
-    SINE_ERROR,
-    cos_turns,
-    log_near_one,
-    mantissa_and_exponent,
-    sin_turns,
-)
 from vibrosweep.kernels.memory import ROW
 from vibrosweep.model.parameters import Strengths
 
@@ -26,7 +16,7 @@ __all__ = ["LARGEST", "OF_DRIVE", "OF_KICK", "OF_RESTITUTION", "Word", "draw", "
 
 # --- Normal deviates ------------------------------------------------------------------------------
 # The generator is Philox 4x32-10 (Salmon, Moraes, Dror & Shaw, SC'11): ten rounds that turn a
-# counter of four 32-bit words, with the seed as its key, into four others.  No state is kept, so
+# counter of four 32-bit words, with the seed as its key, into four others.  No state is stored, so
 # that no deviate depends on threads, chunks, the order of computation, or what was computed before.
 #
 #     word 0, 1    low and high 32 bits of floor(number / 2); the number is that of the impact of
@@ -42,7 +32,9 @@ __all__ = ["LARGEST", "OF_DRIVE", "OF_KICK", "OF_RESTITUTION", "Word", "draw", "
 LARGEST: Final = 8.4908  # sqrt(2 * 52 ln 2), rounded up: the largest modulus of a deviate
 # Relative error of a deviate against Box and Muller's formula for its two fractions: half of that
 # of the logarithm, the root, the sine (the phase of the cosine is exact here) and the product.
-DEVIATE_ERROR: Final = 0.5 * ERRORS["log"] + SINE_ERROR + 2.1 * HALF_ULP
+DEVIATE_ERROR: Final = (
+    0.5 * arithmetic.ERRORS["log"] + arithmetic.SINE_ERROR + 2.1 * arithmetic.HALF_ULP
+)
 
 # Purposes
 OF_RESTITUTION = np.uint64(0)
@@ -92,16 +84,16 @@ def _near_one(low: Word, high: Word) -> float:
 @jit
 def two_deviates(words: Words) -> tuple[float, float]:
     """Two normal deviates, independent of each other, from four words."""
-    f, k = mantissa_and_exponent(2.0 - _near_one(words[0], words[1]))
-    radius = math.sqrt(-2.0 * log_near_one(f, k))
+    f, k = arithmetic.mantissa_and_exponent(2.0 - _near_one(words[0], words[1]))
+    radius = math.sqrt(-2.0 * arithmetic.log_near_one(f, k))
     turns = _near_one(words[2], words[3]) - 1.5
-    return radius * cos_turns(turns), radius * sin_turns(turns)
+    return radius * arithmetic.cos_turns(turns), radius * arithmetic.sin_turns(turns)
 
 
 @jit
 def _integer(value: float) -> int:
     """Convert a float below 2^51 that is an integer, by instructions that all vectors have."""
-    return np.float64(value + SHIFT).view(np.int64) - SHIFT_BITS  # type: ignore[return-value]
+    return np.float64(value + arithmetic.SHIFT).view(np.int64) - arithmetic.SHIFT_BITS  # type: ignore[return-value]
 
 
 @jit
@@ -244,7 +236,7 @@ def lands_now(noise: Noise | None, s: Floats, j: int) -> bool:
     """Return whether lane j lands in this pass; with noise of the drive it may be at rest."""
     if noise is None:
         return True
-    return bool(noise.drive is None or s[ROW.ASLEEP + j] == 0.0)
+    return bool(noise.drive is None or s[ROW.RESTING + j] == 0.0)
 
 
 @jit
@@ -343,7 +335,7 @@ def rounding(noise: Noise | None, share: float, v: float, draw: Draw, kick: floa
     if noise is None:
         return 0.0
     of_share = 3.0 * abs(draw.restitution) + 2.0 * share
-    return HALF_ULP * (of_share * abs(v) + 8.0 * abs(draw.kick) + abs(kick))
+    return arithmetic.HALF_ULP * (of_share * abs(v) + 8.0 * abs(draw.kick) + abs(kick))
 
 
 @jit

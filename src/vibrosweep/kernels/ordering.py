@@ -1,222 +1,21 @@
-"""Landings of one realization in the order of time: lists, neighbours, and whose turn it is."""
+"""Landings of one realization in the order of time: neighbours, and the order of particles."""
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, part, wide_vectors
+from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.arithmetic import cos_turns, sin_turns
-from vibrosweep.kernels.bases import Constants, Instant, constants, contact_time
-from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
-from vibrosweep.kernels.memory import LANES, STRIDE, aligned, unwritten
+from vibrosweep.kernels.bases import Instant
+from vibrosweep.kernels.memory import unwritten
 from vibrosweep.model.measures import UNDETERMINED
-
-# --- Lists ----------------------------------------------------------------------------------------
-
-
-FEW = 24  # a cell with more landings is sorted by itself
-PERIODS_REMEMBERED = 64
-NARROWEST = 2.0**-40  # gap, in periods; rounding could lose it over more than FARTHEST periods
-FARTHEST = 2.0**10
-
-Places = NDArray[np.int32]
-
-
-class StateRows(NamedTuple):
-    """First indices of the rows of a block of lanes: the state, then the landing in question."""
-
-    X: int  # after the last landing taken: phase, whole periods, speed, and which particle
-    N: int
-    U: int
-    NUMBER: int  # of landings taken
-    WHO: int
-    X_LAND: int
-    N_LAND: int
-    STAY: int
-    DUE: int
-    N_REST: int  # whole periods of the lift-off from a rest, else infinite
-
-
-STATE: Final = StateRows(*(row * STRIDE for row in range(len(StateRows._fields))))
-OF_STATE: Final = STATE.WHO + STRIDE  # numbers of a block that are state
-BLOCK: Final = len(STATE) * STRIDE
-
-
-class ListRows(NamedTuple):
-    """Rows of a list of landings; those in the order of time follow from row ORDERED on."""
-
-    WHOLE: int = 0
-    PHASE: int = 1
-    STAY: int = 2  # periods on the base
-    WHO: int = 3  # particle, or `before_window` of one that landed before the window
-
-
-LIST: Final = ListRows()
-ORDERED: Final = len(LIST)
-
-
-class CellRows(NamedTuple):
-    """Rows of the table of cells of time."""
-
-    OF_LANDING: int = 0  # cell of each landing, or the next landing in its cell
-    ENDS: int = 1  # end, or head, of each cell
-
-
-CELL: Final = CellRows()
-
-
-class Workspace(NamedTuple):
-    """Memory of one caller of `separate`.
-
-    Few arrays: numba counts references to each that a function takes, with atomic instructions.
-    """
-
-    state: Floats
-    saved: Floats
-    lanes: Integers
-    listed: Floats
-    cells: Places
-    rests: Floats
-    pace: Floats
-
-
-def workspace(particles: int) -> Workspace:
-    """Memory for realizations of that many particles, independent of the length of the run."""
-    blocks = -(-particles // LANES)
-    capacity = max(4096, 4 * particles)
-    return Workspace(
-        state=aligned(blocks * BLOCK).reshape(blocks, BLOCK),
-        saved=np.zeros((blocks, BLOCK)),
-        lanes=np.zeros(blocks, np.int64),
-        listed=np.zeros((2 * ORDERED, capacity)),
-        cells=np.zeros((len(CELL), capacity + 1), np.int32),
-        rests=np.zeros(PERIODS_REMEMBERED),
-        pace=np.zeros(particles),
-    )
-
-
-@jit
-def _is_after(listed: Floats, q: int, n: float, x: float, name: float) -> bool:
-    """Return whether ordered landing q comes after another one, which has this name."""
-    later = (listed[ORDERED + LIST.WHOLE, q] - n) + (listed[ORDERED + LIST.PHASE, q] - x)
-    return bool(later > 0.0 or (later == 0.0 and listed[ORDERED + LIST.WHO, q] > name))
-
-
-@part
-def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
-    """Put the ordered landings start ... stop - 1 exactly in the order of time.
-
-    Simultaneous ones are ordered by their names.  The method is Shell's, with shrinking gaps; a
-    first gap of 1 makes it an insertion sort.
-    """
-    whole, phase = ORDERED + LIST.WHOLE, ORDERED + LIST.PHASE
-    lasts, who = ORDERED + LIST.STAY, ORDERED + LIST.WHO
-    while gap > 0:
-        for q in range(start + gap, stop):
-            n, x, name, place = listed[whole, q], listed[phase, q], listed[who, q], q
-            if not _is_after(listed, q - gap, n, x, name):
-                continue
-            stay = listed[lasts, q]
-            while place >= start + gap:
-                before = place - gap
-                if not _is_after(listed, before, n, x, name):
-                    break
-                for row in range(ORDERED, 2 * ORDERED):
-                    listed[row, place] = listed[row, before]
-                place = before
-            listed[whole, place], listed[phase, place] = n, x
-            listed[lasts, place], listed[who, place] = stay, name
-        gap = 1 if gap == 2 else gap * 5 // 11
-
-
-@part
-def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span: float) -> None:
-    """Sort the k landings that were found by time.
-
-    A counting sort puts them into k cells of time, which begin at (n, x) and cover `span` periods;
-    landings outside are put into the first or the last cell.  Exact comparisons complete the order,
-    so that only the speed depends on the cells.
-    """
-    scale = k / span if span > 1e-290 else 0.0
-    last = k - 1.0
-    for q in range(k):
-        place = ((listed[LIST.WHOLE, q] - n) + (listed[LIST.PHASE, q] - x)) * scale
-        place = place if place > 0.0 else 0.0
-        cells[CELL.OF_LANDING, q] = np.int32(place if place < last else last)
-    cells[CELL.ENDS, : k + 1] = 0
-    for q in range(k):
-        cells[CELL.ENDS, cells[CELL.OF_LANDING, q] + 1] += 1
-    for c in range(k):
-        cells[CELL.ENDS, c + 1] += cells[CELL.ENDS, c]
-    for q in range(k):
-        to = cells[CELL.ENDS, cells[CELL.OF_LANDING, q]]
-        cells[CELL.ENDS, cells[CELL.OF_LANDING, q]] = to + 1
-        for row in range(ORDERED):
-            listed[ORDERED + row, to] = listed[row, q]
-    start = 0
-    for c in range(k):  # entry c is by now the end of cell c
-        end = cells[CELL.ENDS, c]
-        if end - start > FEW:
-            _sort(listed, start, end, (end - start) // 2)
-        start = end
-    _sort(listed, 0, k, 1)
-
-
-@part
-def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
-    """Smallest gap between k landings of different particles, where it is below `gap`; else `gap`.
-
-    Negative names, of landings outside the window, are ignored.  The landings are not sorted: time
-    is divided into cells of four gaps, and a landing is compared with those in its own cell and in
-    the nearer neighbouring cell; cells that are a multiple of the table's length apart share an
-    entry.  Returns NaN if the gap is infinite or below `NARROWEST`, or if landings lie beyond
-    `FARTHEST`.
-    """
-    if not NARROWEST <= gap < np.inf:
-        return np.nan
-    entries = 64
-    while entries < 8 * k and 2 * entries < cells.shape[1]:
-        entries *= 2
-    cells[CELL.ENDS, :entries] = -1
-    n, x, scale = listed[LIST.WHOLE, 0], listed[LIST.PHASE, 0], 0.5 / gap
-    for q in range(k):
-        who = listed[LIST.WHO, q]
-        if who < 0.0:
-            continue
-        whole, phase = listed[LIST.WHOLE, q], listed[LIST.PHASE, q]
-        after = (whole - n) + (phase - x)
-        if abs(after) > FARTHEST:
-            return np.nan
-        half = int(np.floor(after * scale))
-        cell = half >> 1
-        for near in (cell, cell + 1 if half & 1 else cell - 1):
-            other = cells[CELL.ENDS, near & (entries - 1)]
-            while other >= 0:
-                apart = abs(
-                    (whole - listed[LIST.WHOLE, other]) + (phase - listed[LIST.PHASE, other])
-                )
-                gap = apart if who != listed[LIST.WHO, other] and apart < gap else gap
-                other = cells[CELL.OF_LANDING, other]
-        cells[CELL.OF_LANDING, q] = cells[CELL.ENDS, cell & (entries - 1)]
-        cells[CELL.ENDS, cell & (entries - 1)] = np.int32(q)
-    return gap
-
 
 # --- Neighbours -----------------------------------------------------------------------------------
 # The closest pair of landings of different particles consists of neighbours: any landing between
 # them would be closer to one of the two.  Similarly, a landing on an occupied base directly follows
 # the landing of its occupant, or another landing during that stay.
-
-
-class Window(NamedTuple):
-    """The window in which landings count, or a part of it that gives the same results."""
-
-    late: bool  # True if a particle is launched before it begins
-    begin: Instant
-    end: Instant
 
 
 class Listed(NamedTuple):
@@ -227,17 +26,6 @@ class Listed(NamedTuple):
     phase: float
     stay: float  # periods on the base, at least the contact time
     who: float  # particle, or `before_window` of one that landed before the window
-
-
-@jit
-def listed_at(listed: Floats, first: int, q: int) -> Listed:
-    """Landing q of a list whose rows begin with `first`: 0 as found, `ORDERED` in order."""
-    return Listed(
-        listed[first + LIST.WHOLE, q],
-        listed[first + LIST.PHASE, q],
-        listed[first + LIST.STAY, q],
-        listed[first + LIST.WHO, q],
-    )
 
 
 @jit
@@ -253,7 +41,7 @@ def particle_of(who: float) -> float:
 
 
 @jit
-def nobody() -> Listed:
+def no_landing() -> Listed:
     """No landing."""
     return Listed(np.inf, 0.0, 0.0, 0.0)
 
@@ -263,7 +51,7 @@ def in_window(landing: Listed, begin: Instant) -> Listed:
     """Return a landing as it counts in a window: unchanged if it is inside.
 
     A particle that lands before the window and is still on the base when the window begins counts
-    as an occupant, not as a landing.  It is listed with a negative name, one period before the
+    as an occupant, not as a landing.  It is listed with a negative number, one period before the
     beginning, where it separates no two landings, and with a stay that ends at its lift-off.  A
     particle that leaves before the window is dropped.
     """
@@ -271,7 +59,7 @@ def in_window(landing: Listed, begin: Instant) -> Listed:
     if not early > 0.0:
         return landing
     if landing.stay < early:
-        return nobody()
+        return no_landing()
     return Listed(
         begin.whole - 1.0, begin.phase, (landing.stay - early) + 1.0, before_window(landing.who)
     )
@@ -292,94 +80,6 @@ def neighbours(latest: Listed, landing: Listed, gap: float, shared: int) -> tupl
         if who >= 0 and other >= 0 and apart < gap:
             gap = apart
     return gap, shared
-
-
-@jit
-def start(work: Workspace, batch: Batch, i: int) -> Window:
-    """Put all particles of realization i at their launch; return its window.
-
-    Whole periods are counted from the end of the window.
-    """
-    problem, launches = batch.problem, batch.launches
-    fixed = constants(batch.base, problem, i)
-    begin = Instant(problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
-    late = False
-    particles = launches.whole.shape[1]
-    for p in range(particles):
-        s, j = work.state[p // LANES], p % LANES
-        n, x = launch(launches, i, p, problem.phase[i])
-        s[STATE.X + j] = x
-        s[STATE.N + j] = n - problem.end_count[i]
-        s[STATE.U + j] = launch_speed(fixed, problem, i, x)
-        s[STATE.NUMBER + j] = 0.0
-        s[STATE.WHO + j] = p
-        late |= (begin.whole - s[STATE.N + j]) + (begin.phase - x) > 0.0
-    for block in range(work.lanes.size):
-        work.lanes[block] = min(LANES, particles - block * LANES)
-    return Window(late, begin, Instant(0.0, problem.end_phase[i]))
-
-
-@part
-def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> None:
-    """Find the next landing of each lane; take those up to the stop and leave the others be."""
-    n_stop, x_stop = stop
-    wide_vectors()
-    shortest, origin = contact_time(fixed), fixed.source.end
-    for j in range(lanes):
-        n, x, u = s[STATE.N + j], s[STATE.X + j], s[STATE.U + j]
-        hit = impact(fixed, n, x, u, s[STATE.WHO + j], s[STATE.NUMBER + j], origin)
-        due = hit.n - n_stop <= x_stop - hit.x
-        rest = 0.0 if hit.leaves else (hit.n_off - hit.n) + (hit.x_off - hit.x)
-        rest = np.inf if hit.n_off == np.inf else rest  # the phase of a rest for good is NaN
-        s[STATE.X_LAND + j] = hit.x
-        s[STATE.N_LAND + j] = hit.n
-        s[STATE.STAY + j] = rest if rest > shortest else shortest
-        s[STATE.N_REST + j] = np.inf if hit.leaves else hit.n_off
-        s[STATE.DUE + j] = 1.0 if due else 0.0
-        s[STATE.X + j] = hit.x_off if due else s[STATE.X + j]
-        s[STATE.N + j] = hit.n_off if due else s[STATE.N + j]
-        s[STATE.U + j] = hit.u if due else s[STATE.U + j]
-        s[STATE.NUMBER + j] += 1.0 if due else 0.0
-
-
-@part
-def append_due(s: Floats, lanes: int, listed: Floats, k: int) -> int:
-    """Append the landings that were due to a list of k; return its length."""
-    for j in range(lanes):  # each lane is written, and overwritten unless it was due
-        listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = s[STATE.N_LAND + j], s[STATE.X_LAND + j]
-        listed[LIST.STAY, k], listed[LIST.WHO, k] = s[STATE.STAY + j], s[STATE.WHO + j]
-        k += int(s[STATE.DUE + j])
-    return k
-
-
-@part
-def due_first(s: Floats, lanes: int) -> int:
-    """Move the lanes that were due to the front of their block; return how many there are."""
-    front = 0
-    for j in range(lanes):
-        if s[STATE.DUE + j] != 0.0:
-            if j > front:
-                for row in (STATE.X, STATE.N, STATE.U, STATE.NUMBER, STATE.WHO):
-                    kept = s[row + front]
-                    s[row + front] = s[row + j]
-                    s[row + j] = kept
-            front += 1
-    return front
-
-
-@part
-def compare(
-    listed: Floats, k: int, latest: Listed, gap: float, shared: int
-) -> tuple[Listed, float, int]:
-    """Compare k ordered landings with their neighbours; `latest` is the last one before them.
-
-    Returns the new `latest`, the smallest gap and whether the base was shared.
-    """
-    for i in range(k):
-        landing = listed_at(listed, ORDERED, i)
-        gap, shared = neighbours(latest, landing, gap, shared)
-        latest = landing
-    return latest, gap, shared
 
 
 # --- Turns ----------------------------------------------------------------------------------------
@@ -435,7 +135,7 @@ def empty_orders(realizations: int) -> Orders:
 
 @jit
 def no_order(memory: Turns) -> Order:
-    """Forget all landings."""
+    """Discard all landings."""
     for j in range(memory.after.size):
         memory.after[j] = memory.before[j] = j
     return Order(0, 0)

@@ -15,10 +15,9 @@ from vibrosweep.kernels._jit import (
     uncounted,
     wide_vectors,
 )
-from vibrosweep.kernels.bases import Base, constants, speed, take, wake
-from vibrosweep.kernels.memory import ROW, ROWS, STRIDE, VECTOR, empty
-from vibrosweep.kernels.statistics import KINDS, OF_LANDINGS, Kinds, note, observe, scratch
-from vibrosweep.model.observables import Landing
+from vibrosweep.kernels.bases import Base, constants, later_lift_off, speed, take
+from vibrosweep.kernels.memory import ROW, VECTOR, empty
+from vibrosweep.kernels.statistics import KINDS, OF_LANDINGS, Kinds, observe
 from vibrosweep.model.parameters import Dimensionless
 
 __all__ = ["Record", "Scale", "empty_record", "no_landings", "write_landing", "write_lift_off"]
@@ -59,6 +58,12 @@ class Scale(NamedTuple):
 
 
 @jit
+def scale_of(problem: Dimensionless, units: Units, i: int) -> Scale:
+    """Units and origin of time of realization i."""
+    return Scale(units.frequency[i], units.velocity[i], problem.end_count[i], problem.phase[i])
+
+
+@jit
 def seconds(scale: Scale, n: float, x: float) -> float:
     """Return the time in s of an instant, given in whole periods and phase."""
     return (n + scale.origin + (x - scale.phase)) / scale.frequency
@@ -77,7 +82,7 @@ def no_landings(out: Record, first: int, last: int) -> None:
 def write_landing(
     out: Record, t: int, k: int, scale: Scale, n: float, x: float, rests: bool
 ) -> None:
-    """Write the instant of landing k of trajectory t; what exceeds the record is cut off."""
+    """Write the instant of landing k of trajectory t; the record is truncated to its shape."""
     if k < out.rested.shape[1]:
         out.landing_time[t, k] = seconds(scale, n, x)
         out.rested[t, k] = 1 if rests else 0
@@ -103,40 +108,10 @@ class Recorder(NamedTuple):
     """An observer that writes every landing of a batch."""
 
     record: Record  # arrays of shape (landing,), one trajectory after the other
-    first: Integers  # where trajectories begin and the last one ends; what exceeds it is cut off
+    first: Integers  # where trajectories begin and the last one ends; longer ones are truncated
     units: Units
     problem: Dimensionless
     particles: int
-
-
-class RecordedRows(NamedTuple):
-    """First indices of the rows of the last landing of each lane, behind `KINDS_RECORDED`."""
-
-    SEEN: int
-    RESTS: int
-    PHASE: int
-    PERIODS: int
-    SPEED: int
-
-
-BEHIND: Final = ROWS + 3 * len(KINDS_RECORDED) + 1
-RECORDED: Final = RecordedRows(
-    *((BEHIND + row) * STRIDE for row in range(len(RecordedRows._fields)))
-)
-
-
-def recorder_scratch() -> Floats:
-    """Scratch memory of `vibrosweep.kernels.statistics.scratch`, with the rows of a landing."""
-    return scratch(KINDS_RECORDED, len(RecordedRows._fields))
-
-
-@implements(note, Recorder)
-def note_for_record(
-    observer: Recorder, s: Floats, j: int, landing: Landing, n: float, seen: bool
-) -> None:
-    s[RECORDED.SEEN + j] = 1.0 if seen else 0.0
-    s[RECORDED.RESTS + j] = 1.0 if landing.rests else 0.0
-    s[RECORDED.PHASE + j], s[RECORDED.PERIODS + j] = landing.phase, n
 
 
 @implements(observe, Recorder)
@@ -144,26 +119,25 @@ def write_landings(observer: Recorder, s: Floats, lanes: int, base: Base) -> Non
     wide_vectors()
     out, first, problem = observer.record, observer.first, observer.problem
     for j in range((lanes + VECTOR - 1) // VECTOR * VECTOR):
-        s[RECORDED.SPEED + j] = speed(take(base, s, j), s[ROW.X + j], s[ROW.U + j])
+        s[ROW.LAST_LEFT + j] = speed(take(base, s, j), s[ROW.X + j], s[ROW.U + j])
     for j in range(lanes):
-        if s[RECORDED.SEEN + j] == 0.0:
+        if s[ROW.LAST_SEEN + j] == 0.0:
             continue
         t = int(s[ROW.LANE + j])
         k = first[t] + int(s[OF_LANDINGS + j]) - 1
         if not 0 <= k < first[t + 1]:
             continue
         i = t // observer.particles
-        frequency, velocity = observer.units.frequency[i], observer.units.velocity[i]
-        scale = Scale(frequency, velocity, problem.end_count[i], problem.phase[i])
-        out.landing_time[k] = seconds(scale, s[RECORDED.PERIODS + j], s[RECORDED.PHASE + j])
-        out.rested[k] = 1 if s[RECORDED.RESTS + j] > 0.0 else 0
+        scale = scale_of(problem, observer.units, i)
+        out.landing_time[k] = seconds(scale, s[ROW.LAST_N + j], s[ROW.LAST_X + j])
+        out.rested[k] = 1 if s[ROW.LAST_RESTS + j] > 0.0 else 0
         n, x = s[ROW.N + j], s[ROW.X + j]
         # under noise of the drive, a resting particle is lifted later
-        if base.noise is not None and s[RECORDED.RESTS + j] > 0.0 and n + x < np.inf:
-            n, x = wake(constants(base, problem, i), n, x, problem.end_count[i])
+        if base.noise is not None and s[ROW.LAST_RESTS + j] > 0.0 and n + x < np.inf:
+            n, x = later_lift_off(constants(base, problem, i), n, x, problem.end_count[i])
         leaves = n + x < np.inf  # NaN after a rest for good
         out.liftoff_time[k] = seconds(scale, n, x) if leaves else np.nan
-        out.rebound_velocity[k] = s[RECORDED.SPEED + j] * velocity if leaves else np.nan
+        out.rebound_velocity[k] = s[ROW.LAST_LEFT + j] * scale.velocity if leaves else np.nan
 
 
 @uncounted

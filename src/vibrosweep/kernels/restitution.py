@@ -1,8 +1,8 @@
-"""Laws of rebound and of restitution: what an impact does with the speed of arrival.
+"""Laws of rebound and of restitution: the speed after an impact as a function of that before it.
 
-A law is a named tuple, whose type numba knows when it compiles.  It is empty, or holds numbers that
-all realizations share.  Speeds are the durations of
-the flights that they begin, in forcing periods.
+A law is a named tuple, whose type numba knows when it compiles.  It is empty, or has numbers that
+all realizations share.  Speeds are the durations of the flights that they begin, in forcing
+periods.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from vibrosweep.model.restitution_laws import (
 from vibrosweep.model.restitution_laws import Law as OutsideLaw
 
 # --- Laws of rebound ------------------------------------------------------------------------------
-# The speed after an impact, from the share of the arrival speed and the kick.  A new law needs a
-# class with its implementations here, and its name here and in
+# The speed after an impact, from the retained share of the arrival speed, and the kick.  A new law
+# needs a class with its implementations here, and its name here and in
 # `vibrosweep.model.parameters.LAWS_OF`.
 
 
@@ -52,7 +52,7 @@ Law = Any
 
 @generic
 def speed_after(law: Law, share: float, v: float, kick: float) -> float:
-    """Speed after an impact at speed v, of which it keeps a share.
+    """Speed after an impact at speed v, of which a share is retained.
 
     A particle rests if this speed does not exceed the threshold.
     """
@@ -119,7 +119,7 @@ def ratio_error(law: Restitution, e: float, scale: float, v: float) -> float:
 
 
 @generic
-def straight(law: Restitution) -> bool:
+def is_constant(law: Restitution) -> bool:
     """Return whether the coefficient of restitution does not depend on the speed."""
 
 
@@ -130,7 +130,7 @@ def slack(law: Restitution) -> float:
 
 @generic
 def lost_speed(law: Restitution, e: float, scale: float, v: float, sign: float) -> float:
-    """Return sign v - E(v), the change of speed that makes up for an impact at speed v."""
+    """Return sign v - E(v), the kick that compensates for an impact at speed v."""
 
 
 @generic
@@ -170,7 +170,7 @@ implements(ratio, Constant)(lambda law, e, scale, v: e)
 implements(slope, Constant)(lambda law, e, scale, v: e)
 implements(slope_range, Constant)(lambda law, e, scale, low, high: (e, e))
 implements(ratio_error, Constant)(lambda law, e, scale, v: 0.0)
-implements(straight, Constant)(lambda law: True)
+implements(is_constant, Constant)(lambda law: True)
 implements(slack, Constant)(lambda law: 1.0)
 # not as the difference of the speeds: rounding would lose digits of 1 - e near e = 1
 implements(lost_speed, Constant)(lambda law, e, scale, v, sign: (sign - e) * v)
@@ -399,7 +399,7 @@ class Viscoelastic(NamedTuple):
 def root_at(e: float) -> float:
     """Return y_0 where P is e, by (1 - e)(1 + n_1 y) = e y^2 (d_2 + d_3 y + d_4 y^2).
 
-    The iteration converges for e in [0.4, 1], where y is at most 1.2, and keeps relative accuracy
+    The iteration converges for e in [0.4, 1], where y is at most 1.2, and retains relative accuracy
     where e is near 1.
     """
     y = 0.0
@@ -492,7 +492,7 @@ def _rise_to_repeat_falling(law: Restitution, e: float, scale: float, k: float) 
 
 def _implement_falling(*kinds: type) -> None:
     """Implement the functions shared by all laws whose coefficient falls with the speed."""
-    implements(straight, *kinds)(lambda law: False)
+    implements(is_constant, *kinds)(lambda law: False)
     implements(lost_speed, *kinds)(_lost_speed_falling)
     implements(leaving_to_repeat, *kinds)(_leaving_to_repeat_falling)
     implements(rise_to_repeat, *kinds)(_rise_to_repeat_falling)
@@ -508,7 +508,7 @@ RESTITUTION_OF: Final[Mapping[str, Restitution]] = {
 
 
 def restitution_of(law: str) -> Restitution:
-    """Return a law by its text; one from outside the package with the code that it has now."""
+    """Return a law by its text; one from outside the package with its present code."""
     if law in OUTSIDE:
         return _from_outside(OUTSIDE[law].code, OUTSIDE[law])
     return RESTITUTION_OF[law] if law in RESTITUTION_OF else _with_numbers(law)

@@ -14,37 +14,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels import arithmetic
+from vibrosweep.kernels import arithmetic, bases, trust
 from vibrosweep.kernels._jit import Complexes, Flags, Floats, Integers, jit, uncounted
 from vibrosweep.kernels.arithmetic import HALF_ULP, ROUNDING
-from vibrosweep.kernels.bases import (
-    Base,
-    Constants,
-    Instant,
-    StateError,
-    constants,
-    contraction,
-    density,
-    jacobian,
-    jacobian_error,
-    landing_added,
-    rebound_error,
-    reverses,
-)
+from vibrosweep.kernels.bases import Base, Constants, Instant, StateError
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.impact import Batch, carry, impact, launch, launch_speed, stretch
 from vibrosweep.kernels.memory import empty
 from vibrosweep.kernels.restitution import slack as slack_of
 from vibrosweep.kernels.statistics import LANDINGS, RESTS, Statistics
-from vibrosweep.kernels.trust import (
-    Enclosure,
-    extent,
-    is_certain,
-    landing_error,
-    spread_of,
-    turn_box,
-    upright,
-)
+from vibrosweep.kernels.trust import Enclosure
 from vibrosweep.model.measures import Regime
 from vibrosweep.model.parameters import Dimensionless
 
@@ -83,8 +62,8 @@ def logarithm(grown: float) -> float:
 
 
 @jit
-def forget_growth(g: Floats) -> None:
-    """Forget all growth; `g` has `GROWTH_SIZE` numbers."""
+def reset_growth(g: Floats) -> None:
+    """Discard all growth; `g` has `GROWTH_SIZE` numbers."""
     g[:] = 0.0
     g[GROWTH.LENGTH] = 1.0
 
@@ -125,7 +104,7 @@ def growth_error(g: Floats) -> float:
     if filled < 2:
         return np.nan
     middle, squares = 0.0, 0.0
-    for b in range(filled):  # numpy.sum would choose an order of its own
+    for b in range(filled):  # numpy.sum would choose another order
         middle += g[b] / filled
     for b in range(filled):
         squares += (g[b] - middle) * (g[b] - middle)
@@ -203,18 +182,18 @@ def _state_error(fixed: Constants, state: State, impacts: int) -> StateError:
     M d + b.  The distance that repeats is d = (1 - M)^-1 b.
     """
     n, x, u = state
-    box = upright(EXACT)
+    box = trust.upright(EXACT)
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
-        derivative = jacobian(fixed, hit.flight)
+        derivative = bases.jacobian(fixed, hit.flight)
         m00, m10 = carry(m00, m10, derivative)
         m01, m11 = carry(m01, m11, derivative)
-        added = landing_added(fixed, hit.flight, EXACT)
-        rounding = added.phase + rebound_error(fixed, hit.flight, added, added.phase, EXACT)
-        box = _widened(turn_box(box, derivative), rounding)
+        added = bases.landing_added(fixed, hit.flight, EXACT)
+        rounding = added.phase + bases.rebound_error(fixed, hit.flight, added, added.phase, EXACT)
+        box = _widened(trust.turn_box(box, derivative), rounding)
         n, x, u = hit.n_off, hit.x_off, hit.u
-    dx, du = extent(box)
+    dx, du = trust.extent(box)
     determinant = abs((1.0 - m00) * (1.0 - m11) - m01 * m10)
     # entries are rounded themselves
     slack = impacts * ROUNDING * (1.0 + abs(m00) + abs(m11) + abs(m01 * m10))
@@ -234,25 +213,26 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # product over exp(scale): its largest row sum is 1
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
     scale, turned = 0.0, 1.0
-    alike, shrunk, exponent = 0, contraction(fixed, u), 0.0  # impacts that contract by `shrunk`
+    # impacts that contract by `shrunk`, and the logarithm of the contraction by others before
+    alike, shrunk, exponent = 0, bases.contraction(fixed, u), 0.0
     # boxes of the errors of the state and of both columns
-    box = upright(_state_error(fixed, state, impacts))
-    box_0, box_1 = upright(EXACT), upright(EXACT)
+    box = trust.upright(_state_error(fixed, state, impacts))
+    box_0, box_1 = trust.upright(EXACT), trust.upright(EXACT)
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
-        derivative = jacobian(fixed, hit.flight)
-        factor = contraction(fixed, hit.v)
+        derivative = bases.jacobian(fixed, hit.flight)
+        factor = bases.contraction(fixed, hit.v)
         if factor != shrunk:
             exponent += alike * logarithm(shrunk)
             alike, shrunk = 0, factor
         alike += 1
-        turned *= reverses(fixed, hit.x, hit.v)
+        turned *= bases.reverses(fixed, hit.x, hit.v)
         n, x, u = hit.n_off, hit.x_off, hit.u
-        off = landing_error(box, derivative)
-        changed = jacobian_error(fixed, hit.flight, off, spread_of(box))
+        off = trust.landing_error(box, derivative)
+        changed = bases.jacobian_error(fixed, hit.flight, off, trust.spread_of(box))
         by_phase, by_speed, by_landing = changed
-        box = turn_box(box, derivative)
-        box_0, box_1 = turn_box(box_0, derivative), turn_box(box_1, derivative)
+        box = trust.turn_box(box, derivative)
+        box_0, box_1 = trust.turn_box(box_0, derivative), trust.turn_box(box_1, derivative)
         rounding = ROUNDING * derivative.size
         added_0, added_1 = rounding * (abs(m00) + abs(m10)), rounding * (abs(m01) + abs(m11))
         added_0, added_1 = added_0 + by_phase * abs(m00), added_1 + by_phase * abs(m01)
@@ -271,7 +251,7 @@ def cycle_exponents(fixed: Constants, state: State, impacts: int) -> CycleExpone
     determinant = turned * arithmetic.exp(exponent)
     value = leading_eigenvalue(m00 + m11, determinant)
     modulus = abs(value)
-    trace_error = extent(box_0).phase + extent(box_1).speed
+    trace_error = trust.extent(box_0).phase + trust.extent(box_1).speed
     determinant_error = 0.0
     if determinant != 0.0:
         determinant_error = (impacts * ROUNDING + 4.0 * HALF_ULP * abs(exponent)) * abs(determinant)
@@ -310,7 +290,7 @@ class Search(NamedTuple):
     """Limits of the search for orbits."""
 
     budget: int  # largest number of impacts of a trajectory
-    # 1 for exponents of every orbit; 0 to follow only orbits that may prove to rest again and
+    # 1 for exponents of every orbit; 0 to simulate only orbits that may prove to rest again and
     # again, or to be aperiodic
     exponents: int
 
@@ -369,7 +349,7 @@ class RestCycle(NamedTuple):
 
 
 @jit
-def _follow(
+def _simulate(
     fixed: Constants,
     launched: State,
     particle: int,
@@ -381,7 +361,7 @@ def _follow(
     """Simulate a trajectory to its end, or until two rests have closed its cycle.
 
     Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), so that the cycle is
-    found whatever rests came before it.  Returns the state reached, the rests, and, over the
+    found whatever rests precede it.  Returns the state reached, the rests, and, over the
     impacts in the window, the sum of the logarithms of areas with the bound on its rounding error.
     """
     n, x, u = launched
@@ -389,20 +369,20 @@ def _follow(
     lifted, seen, first, since, impacts, periods = 0, 0, np.nan, 0, 0, 0
     anchor, x_first, u_first, closed = 0, np.nan, np.nan, 0
     area, slack = 0.0, 0.0
-    forget_growth(g)
+    reset_growth(g)
     for age in range(budget):
         hit = impact(fixed, n, x, u, particle, age)
         if not hit.n - end.whole <= end.phase - hit.x:
             break
         if begin.whole - hit.n <= hit.x - begin.phase:
             seen += 0 if hit.leaves else 1
-            c, d, along, across, error = stretch(c, d, jacobian(hit.fixed, hit.flight))
+            c, d, along, across, error = stretch(c, d, bases.jacobian(hit.fixed, hit.flight))
             add_growth(g, logarithm(along))
-            before = density(fixed, abs(u))
+            before = bases.density(fixed, abs(u))
             if before > 0.0:
-                area += logarithm(along * across * (density(fixed, hit.u) / before))
+                area += logarithm(along * across * (bases.density(fixed, hit.u) / before))
             else:  # in these coordinates the area was 0
-                area += logarithm(contraction(hit.fixed, hit.v))
+                area += logarithm(bases.contraction(hit.fixed, hit.v))
                 error = ROUNDING * (1.0 + 2.0 * slack_of(fixed.base.restitution))
             slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
         if hit.n_off == np.inf:
@@ -480,7 +460,7 @@ def _write_exponents(
     out.largest[t], out.largest_error[t] = largest
     out.total[t], out.total_error[t] = total
     # every impact removes one dimension; without an impact nothing is known
-    if contraction(fixed, 0.0) == 0.0 and not np.isnan(total.value):
+    if bases.contraction(fixed, 0.0) == 0.0 and not np.isnan(total.value):
         out.total[t], out.total_error[t] = -np.inf, 0.0
 
 
@@ -500,7 +480,7 @@ def _write_cycle(fixed: Constants, t: int, state: State, out: Orbits) -> None:
         found = cycle_exponents(fixed, state, impacts)
         out.multiplier[t] = found.multiplier
         _write_exponents(t, fixed, found.largest, found.total, out)
-        certain = is_certain(fixed, state.phase, state.flight, impacts, abs(found.multiplier))
+        certain = trust.is_certain(fixed, state.phase, state.flight, impacts, abs(found.multiplier))
         out.uncertain[t] = 0 if certain else 1
     if out.uncertain[t] == 1:
         out.largest_error[t] = out.total_error[t] = np.inf
@@ -554,7 +534,7 @@ def settle(
     judged, x_judged, doubtful = -1, np.nan, 0
     for t in range(first, last):
         i = t // particles
-        fixed = constants(base, problem, i)
+        fixed = bases.constants(base, problem, i)
         _write_nothing(t, out)
         at_rest = statistics.at_rest[t] > 0
         recurs = cycles[CYCLE.IMPACTS, t] > 0.0 and not at_rest
@@ -582,12 +562,12 @@ def settle(
             if at_rest or not (rests_again or statistics.totals[LANDINGS, t] >= FIRST_ANCHOR):
                 continue
         launched, particle = State(n, x, launch_speed(fixed, problem, i, x)), t % particles
-        state, rests, area, slack = _follow(fixed, launched, particle, begin, end, budget, g)
+        state, rests, area, slack = _simulate(fixed, launched, particle, begin, end, budget, g)
         if rests.cycle > 0:
             _, x, u = state
             if judged != i or x != x_judged:
                 judged, x_judged = i, x
-                doubtful = 0 if is_certain(fixed, x, u, rests.impacts, 0.0) else 1
+                doubtful = 0 if trust.is_certain(fixed, x, u, rests.impacts, 0.0) else 1
             out.regime[t], out.rests[t], out.uncertain[t] = RESTING, rests.cycle, doubtful
             out.impacts[t], out.periods[t] = rests.impacts, rests.periods
             out.since[t] = rests.first + (x - problem.phase[i])
@@ -640,7 +620,7 @@ def shortest_flights(
     """
     for i in range(first, last):
         out.landed[i] = out.left[i] = out.speed[i] = np.nan
-        fixed = constants(base, problem, i)
+        fixed = bases.constants(base, problem, i)
         hit = impact(fixed, 0.0, phase[i], speed[i])
         for _ in range(impacts[i] - 1):
             hit = impact(fixed, 0.0, hit.x_off, hit.u)

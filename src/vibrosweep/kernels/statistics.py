@@ -35,7 +35,7 @@ from vibrosweep.model.observables import Landing, Observable
 # --- Kinds of statistics --------------------------------------------------------------------------
 # A statistic is a number for each landing, or for each flight, and a way to combine the numbers.
 # It is declared once, below.  The choice is a tuple of empty named tuples, whose types decide what
-# is compiled, so that the machine code of each choice can be kept on disk.
+# is compiled, so that the machine code of each choice can be saved on disk.
 
 
 # How the numbers of landings combine.  A count counts landings whose number, a flag, is true; the
@@ -43,7 +43,7 @@ from vibrosweep.model.observables import Landing, Observable
 COUNT, SUM, PRODUCTS, MAX, MIN = "count", "sum", "sum of products", "max", "min"
 START: Final = {COUNT: 0.0, SUM: 0.0, PRODUCTS: 0.0, MAX: -np.inf, MIN: np.inf}
 
-Kinds = tuple[Any, ...]  # empty named tuples, whose types say which statistics are asked for
+Kinds = tuple[Any, ...]  # empty named tuples, whose types say which statistics are requested
 
 
 class Statistic(NamedTuple):
@@ -72,13 +72,13 @@ _DECLARED: Final[dict[type, Statistic]] = {}
 def declare(
     name: str, number: Callable[[Any], Any], combine: str, *, of_flights: bool = False
 ) -> Any:
-    """Declare a statistic; return its marker, an empty named tuple of a type of its own.
+    """Declare a statistic; return its marker, an empty named tuple of a unique type.
 
     A COUNT of flights is right only over a coupled base: elsewhere it includes rests that no flight
     follows, as flights of no time and height.
 
     The name of a statistic from outside the package must contain a digest of its code, because
-    machine code is kept by the names of types.
+    saved machine code is identified by the names of types.
     """
     marker = kind_named(name)
     _DECLARED.setdefault(marker, Statistic(name, number, combine, of_flights))
@@ -125,7 +125,7 @@ def _impact_speed(landing: Landing) -> float:
     return landing.impact_speed
 
 
-# The first two are always kept: cycles and orbits need them.
+# The first two are always present: cycles and orbits need them.
 KINDS: Final[Kinds] = (
     declare("landings", _every, COUNT),
     declare("rests", _rest, COUNT),
@@ -198,12 +198,12 @@ Writer = Callable[[Sequence[Statistic]], Iterator[str]]
 
 LINE = 8  # numbers in a cache line
 OF_LANDINGS, OF_RESTS = (ROWS + LANDINGS) * STRIDE, (ROWS + RESTS) * STRIDE
-PERIODS, CYCLE_LANDINGS, CYCLE_RESTS = 0, 1 + LANDINGS, 1 + RESTS  # places in a `Cycle`
+CYCLE_LANDINGS, CYCLE_RESTS = 1 + LANDINGS, 1 + RESTS  # places in a `Cycle`
 
 
-def scratch(kinds: Kinds = KINDS, more: int = 0) -> Floats:
-    """Scratch memory of one caller of `vibrosweep.kernels.advance.advance`, with `more` rows."""
-    return aligned((ROWS + 3 * len(kinds) + 1 + more) * STRIDE)
+def scratch(kinds: Kinds = KINDS) -> Floats:
+    """Scratch memory of one caller of `vibrosweep.kernels.advance.advance`."""
+    return aligned((ROWS + 3 * len(kinds) + 1) * STRIDE)
 
 
 def _composed(parameters: str) -> Callable[[Writer], Any]:
@@ -238,7 +238,7 @@ def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, 
     """Yield each statistic's place, the statistic, and the text of its number.
 
     In a sum of products, the number of one landing is its rounded product.  A flight of no time,
-    which stands for a rest that no flight follows, is left out of a minimum.
+    which stands for a rest that no flight follows, is excluded from a minimum.
     """
     for k, statistic in enumerate(statistics):
         number = f"number_{k}({'flight' if statistic.of_flights else 'landing'})"
@@ -316,31 +316,19 @@ def added(statistics: Sequence[Statistic]) -> Iterator[str]:
     yield f"return (periods, {', '.join(sums)})"
 
 
-@_composed("s, j, found")
-def set_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Keep the totals of the cycle that lane j has entered."""
-    for k in range(1 + len(statistics)):
-        yield f"s[{(ROWS + 2 * len(statistics) + k) * STRIDE} + j] = found[{k}]"
+@jit
+def set_cycle(kinds: Kinds, s: Floats, j: int, found: Any) -> None:
+    """Store the totals of the cycle that lane j has entered: a `Cycle`, or an array."""
+    row = (ROWS + 2 * len(kinds)) * STRIDE + j
+    for k in range(1 + len(kinds)):
+        s[row + k * STRIDE] = found[k]
 
 
-@_composed("s, j")
-def cycle_of(statistics: Sequence[Statistic]) -> Iterator[str]:
+@jit
+def cycle_of(kinds: Kinds, s: Floats, j: int) -> tuple[float, float, float]:
     """Return periods, landings and rests of the cycle of lane j; no landings if none is known."""
-    rows = [ROWS + 2 * len(statistics) + k for k in (PERIODS, CYCLE_LANDINGS, CYCLE_RESTS)]
-    yield f"return {', '.join(f's[{row * STRIDE} + j]' for row in rows)}"
-
-
-@_composed("rests, line, found")
-def keep_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Keep the totals of a cycle in a line of `rests`."""
-    for k in range(1 + len(statistics)):
-        yield f"rests[line, {1 + k}] = found[{k}]"
-
-
-@_composed("rests, line")
-def kept_cycle(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Return the totals of a cycle that were kept in a line of `rests`."""
-    yield f"return ({', '.join(f'rests[line, {1 + k}]' for k in range(1 + len(statistics)))})"
+    row = (ROWS + 2 * len(kinds)) * STRIDE + j
+    return s[row], s[row + CYCLE_LANDINGS * STRIDE], s[row + CYCLE_RESTS * STRIDE]
 
 
 @_composed("s, j, times")
@@ -391,26 +379,18 @@ def expect(statistics: Sequence[Statistic]) -> Iterator[str]:
 
 
 @_composed("totals, t")
-def forget(statistics: Sequence[Statistic]) -> Iterator[str]:
+def reset(statistics: Sequence[Statistic]) -> Iterator[str]:
     """Reset the totals in place t to those of no landings."""
     for k, statistic in enumerate(statistics):
         yield f"totals[{k}, t] = {START[statistic.combine]}"
 
 
-@_composed("totals, t, landing")
-def add_landing(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Add a landing to the totals in place t."""
+@_composed("totals, t, landing, flight, seen, ends")
+def add_event(statistics: Sequence[Statistic]) -> Iterator[str]:
+    """Add a landing to the totals in place t where it is seen, and a flight where it ends."""
     for k, statistic, number in _numbers(statistics):
-        if not statistic.of_flights:
-            yield f"totals[{k}, t] = {statistic.joined(f'totals[{k}, t]', number)}"
-
-
-@_composed("totals, t, flight")
-def add_flight(statistics: Sequence[Statistic]) -> Iterator[str]:
-    """Add a flight to the totals in place t."""
-    for k, statistic, number in _numbers(statistics):
-        if statistic.of_flights:
-            yield f"totals[{k}, t] = {statistic.joined(f'totals[{k}, t]', number)}"
+        total, counts = f"totals[{k}, t]", "ends" if statistic.of_flights else "seen"
+        yield f"{total} = {statistic.joined(total, number)} if {counts} else {total}"
 
 
 @_composed("totals, t")
@@ -455,13 +435,17 @@ def combine(
 
 # --- Observers ------------------------------------------------------------------------------------
 # An observer, such as a user's function, is called for every landing.  The loop over the lanes
-# stores the last landing of each lane in additional rows, without a branch; a second loop then
-# calls the observer for lanes that have landed in the window.
+# stores the last landing of each lane, without a branch; a second loop then calls the observer for
+# lanes that have landed in the window.
 
 
-@generic
-def note(observer: Any, s: Floats, j: int, landing: Landing, n: float, seen: bool) -> None:
-    """Note a landing of lane j, after n whole periods, and whether it is in the window."""
+@jit
+def note(s: Floats, j: int, landing: Landing, n: float, seen: bool) -> None:
+    """Store a landing of lane j, after n whole periods, and whether it is in the window."""
+    s[ROW.LAST_X + j], s[ROW.LAST_TIME + j] = landing.phase, landing.flight_time
+    s[ROW.LAST_SPEED + j], s[ROW.LAST_REBOUND + j] = landing.impact_speed, landing.rebound
+    s[ROW.LAST_RESTS + j] = 1.0 if landing.rests else 0.0
+    s[ROW.LAST_N + j], s[ROW.LAST_SEEN + j] = n, 1.0 if seen else 0.0
 
 
 @generic
@@ -477,48 +461,16 @@ class Observer(NamedTuple):
     initial: float  # value with which totals begin
 
 
-class ObservedRows(NamedTuple):
-    """First indices of the rows of the last landing of each lane, behind all other rows."""
-
-    PHASE: int
-    TIME: int
-    SPEED: int
-    REBOUND: int
-    RESTS: int
-    SEEN: int
-
-
-BEHIND: Final = ROWS + 3 * len(KINDS) + 1  # an observer takes no other statistics
-OBSERVED: Final = ObservedRows(
-    *((BEHIND + row) * STRIDE for row in range(len(ObservedRows._fields)))
-)
-
-
-def observer_scratch() -> Floats:
-    """Scratch memory of `scratch`, with the rows of a landing."""
-    return scratch(KINDS, len(ObservedRows._fields))
-
-
-@implements(note, Observer)
-def note_for_function(
-    observer: Observer, s: Floats, j: int, landing: Landing, n: float, seen: bool
-) -> None:
-    s[OBSERVED.PHASE + j], s[OBSERVED.TIME + j] = landing.phase, landing.flight_time
-    s[OBSERVED.SPEED + j], s[OBSERVED.REBOUND + j] = landing.impact_speed, landing.rebound
-    s[OBSERVED.RESTS + j] = 1.0 if landing.rests else 0.0
-    s[OBSERVED.SEEN + j] = 1.0 if seen else 0.0
-
-
 @implements(observe, Observer)
 def call_function(observer: Observer, s: Floats, lanes: int, base: Base) -> None:
     for j in range(lanes):
-        if s[OBSERVED.SEEN + j] > 0.0:
+        if s[ROW.LAST_SEEN + j] > 0.0:
             landing = Landing(
-                s[OBSERVED.PHASE + j],
-                s[OBSERVED.TIME + j],
-                s[OBSERVED.SPEED + j],
-                s[OBSERVED.REBOUND + j],
-                s[OBSERVED.RESTS + j] > 0.0,
+                s[ROW.LAST_X + j],
+                s[ROW.LAST_TIME + j],
+                s[ROW.LAST_SPEED + j],
+                s[ROW.LAST_REBOUND + j],
+                s[ROW.LAST_RESTS + j] > 0.0,
             )
             observer.function(observer.totals[int(s[ROW.LANE + j])], landing)
 
@@ -545,7 +497,7 @@ def compiled(observable: Observable) -> Any:
 
 def _made(observable: Observable) -> Any:
     if observable.landings:
-        # numba keeps machine code by the names of types: this one changes with the function
+        # machine code is identified by the names of types: this one changes with the function
         name = f"{observable.name}_{observable.landings}_{observable.code}"
         return declare(name, compiled_anew(observable.function, jit), observable.landings)
     if numba.config.DISABLE_JIT:

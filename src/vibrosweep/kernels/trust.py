@@ -18,32 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, jit, uncounted
 from vibrosweep.kernels.arithmetic import LAUNCH_ERROR, ROUNDING
-from vibrosweep.kernels.bases import (
-    Constants,
-    Flight,
-    Instant,
-    Jacobian,
-    StateError,
-    absolute_error,
-    constants,
-    fly,
-    jacobian,
-    landing_added,
-    launch_error,
-    lift_off,
-    liftoff_error,
-    random,
-    random_liftoff_error,
-    rebound,
-    rebound_error,
-    rest_is_doubtful,
-    wake,
-)
+from vibrosweep.kernels.bases import Constants, Flight, Instant, Jacobian, StateError
 from vibrosweep.kernels.impact import Batch, carry, land, launch, launch_speed
 from vibrosweep.kernels.memory import empty
-from vibrosweep.kernels.noise import Noise
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
@@ -58,7 +38,7 @@ class Trust(NamedTuple):
     until: Floats
     # Largest error of any landing, and with noise also of any lift-off from rest, in forcing
     # periods; infinite where a decision is uncertain, NaN where the impact budget ended before all
-    # landings were followed
+    # landings were simulated
     landing_error: Floats
     # Largest error of the absolute speed after any landing, as the duration in forcing periods of a
     # flight from a base at rest; infinite or NaN where that of the landings is
@@ -163,17 +143,17 @@ def _impact(
     the particle, the number of its impacts until then, and the periods from time 0 to the instant.
     """
     n, x = at
-    time, v = fly(fixed, x, u)
+    time, v = bases.fly(fixed, x, u)
     x_land, passed = land(x, time)
     flight = Flight(x, u, time, x_land, v)
-    fixed = random(fixed, particle, number, n + passed, x_land)
-    derivative = jacobian(fixed, flight)
+    fixed = bases.random(fixed, particle, number, n + passed, x_land)
+    derivative = bases.jacobian(fixed, flight)
     off, faster = spread_of(box)
     spread = StateError(cycles * off, cycles * faster)
-    added = landing_added(fixed, flight, spread)
+    added = bases.landing_added(fixed, flight, spread)
     rounding = added.phase
     error = (landing_error(box, derivative) + rounding) * INFLATION
-    kicked = rebound_error(fixed, flight, added, error, spread)
+    kicked = bases.rebound_error(fixed, flight, added, error, spread)
     c, s, along, across = turn_box(box, derivative)
     box = Enclosure(
         c,
@@ -181,7 +161,7 @@ def _impact(
         along + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
         across + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
     )
-    w = rebound(fixed, x_land, v)
+    w = bases.rebound(fixed, x_land, v)
     return Bounded(x_land, passed, w, error, spread_of(box), box, fixed)
 
 
@@ -191,11 +171,11 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
 
     (x, u) is a state of the cycle; if it has rests, the lift-off from one.  `modulus` is that of
     the leading multiplier, by which the error of one cycle is passed on to the next; it is 0 for a
-    cycle with rests, after which the error begins anew.
+    cycle with rests, after which the error starts again.
     """
     if not modulus < 1.0:
         return False
-    begin = liftoff_error(fixed) if modulus == 0.0 else StateError(0.0, 0.0)
+    begin = bases.liftoff_error(fixed) if modulus == 0.0 else StateError(0.0, 0.0)
     box, x_error = upright(begin), begin.phase
     all_cycles = 1.0 / (1.0 - modulus)
     for _ in range(impacts):
@@ -204,44 +184,29 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
             return False
         off, faster = hit.spread
         spread = StateError(all_cycles * off, all_cycles * faster)
-        if rest_is_doubtful(fixed, hit.x, hit.w, spread):
+        if bases.rest_is_doubtful(fixed, hit.x, hit.w, spread):
             return False
-        _, x, u, leaves = lift_off(fixed, 0.0, hit.x, hit.w)
+        _, x, u, leaves = bases.lift_off(fixed, 0.0, hit.x, hit.w)
         box = hit.box
         if not leaves:
             if not abs(hit.x - x) > hit.error + x_error:
                 return False
-            box = upright(liftoff_error(fixed))
+            box = upright(bases.liftoff_error(fixed))
     return True
 
 
 @jit
-def _lifted(
-    noise: Noise | None, fixed: Constants, hit: Bounded, n: float, later: Instant
-) -> StateError:
-    """Bounds on the errors of the lift-off after a rest that begins in period n.
-
-    Infinite where it is in doubt whether the rest begins before the instant of the lift-off.
-    """
-    if noise is not None:
-        return random_liftoff_error(fixed, n, hit.x, hit.error, later)
-    error = liftoff_error(fixed)
-    doubtful = later.whole < np.inf and abs(hit.x - later.phase) <= hit.error + error.phase
-    return StateError(np.inf, np.inf) if doubtful else error
-
-
-@jit
-def _follow(
+def _simulate(
     batch: Batch, i: int, p: int, tolerance: float, budget: int
 ) -> tuple[float, float, float]:
     """Bounds of one trajectory, as the fields of `Trust`."""
     problem = batch.problem
-    fixed = constants(batch.base, problem, i)
+    fixed = bases.constants(batch.base, problem, i)
     x_end = problem.end_phase[i]
     n_end, (n, x) = problem.end_count[i], launch(batch.launches, i, p, problem.phase[i])
     n -= n_end
     u = launch_speed(fixed, problem, i, x)
-    box = upright(StateError(LAUNCH_ERROR, launch_error(fixed, x, u)))
+    box = upright(StateError(LAUNCH_ERROR, bases.launch_error(fixed, x, u)))
     until, worst, flight_error = np.nan, 0.0, 0.0
     known = True
     for number in range(budget):
@@ -256,24 +221,24 @@ def _follow(
         known = known and hit.error <= tolerance
         if known:
             until = (n + n_end) + (hit.x - problem.phase[i])
-        if rest_is_doubtful(fixed, hit.x, hit.w, hit.spread):
+        if bases.rest_is_doubtful(fixed, hit.x, hit.w, hit.spread):
             break
         n_hit = n
-        n, x, u, leaves = lift_off(hit.fixed, n, hit.x, hit.w)
+        n, x, u, leaves = bases.lift_off(hit.fixed, n, hit.x, hit.w)
         if leaves:
-            flight_error = max(flight_error, absolute_error(fixed, x, u, hit.spread))
+            flight_error = max(flight_error, bases.absolute_error(fixed, x, u, hit.spread))
             box = hit.box
             continue
-        lifted = _lifted(fixed.base.noise, fixed, hit, n_hit + n_end, Instant(n, x))
+        lifted = bases.liftoff_error_after(fixed, n_hit + n_end, hit.x, hit.error, Instant(n, x))
         box = upright(lifted)
         if lifted.phase == np.inf:
             break
         if fixed.base.noise is not None:  # a random lift-off is not known without error
             worst = max(worst, lifted.phase)
-        n, x = wake(fixed, n, x, n_end)
+        n, x = bases.later_lift_off(fixed, n, x, n_end)
         if n == np.inf:
             return (np.inf if known else until), worst, flight_error
-        flight_error = max(flight_error, absolute_error(fixed, x, u, lifted))
+        flight_error = max(flight_error, bases.absolute_error(fixed, x, u, lifted))
     else:
         return until, np.nan, np.nan
     return until, np.inf, np.inf
@@ -289,5 +254,5 @@ def trust(first: int, last: int, batch: Batch, tolerance: Floats, budget: int, o
     particles = batch.launches.whole.shape[1]
     for t in range(first, last):
         i = t // particles
-        found = _follow(batch, i, t % particles, tolerance[i], budget)
+        found = _simulate(batch, i, t % particles, tolerance[i], budget)
         out.until[t], out.landing_error[t], out.flight_error[t] = found

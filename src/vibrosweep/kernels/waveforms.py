@@ -71,7 +71,7 @@ def kick_rounding(shape: Shape, a: float, w: float) -> float:
 
 
 @generic
-def left_out(shape: Shape, a: float, x: float, error: float) -> float:
+def kick_remainder(shape: Shape, a: float, x: float, error: float) -> float:
     """Bound of the change of a w within `error` of x, beyond the one by its computed derivative."""
 
 
@@ -123,7 +123,7 @@ def rise_of(shape: Shape, ratio: float) -> float:
 
 @generic
 def lifts_once(shape: Shape) -> bool:
-    """Return whether a rest ends at one phase only, whatever a and r."""
+    """Return whether a rest ends at one phase only, for any a and r."""
 
 
 @generic
@@ -183,8 +183,8 @@ def kick_rounding_sine(shape: Shape, a: float, w: float) -> float:
     return a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(w)
 
 
-@implements(left_out, Sine)
-def left_out_sine(shape: Shape, a: float, x: float, error: float) -> float:
+@implements(kick_remainder, Sine)
+def kick_remainder_sine(shape: Shape, a: float, x: float, error: float) -> float:
     return a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
 
 
@@ -207,8 +207,8 @@ implements(lift_offs, Parabolic)(lambda shape, a, r, of_sine: 0.25 * (r / a) if 
 implements(lift_off_error, Parabolic)(lambda shape, a, r, phases: RATIO_ERROR * phases)
 
 
-@implements(left_out, Parabolic)
-def left_out_parabolic(shape: Shape, a: float, x: float, error: float) -> float:
+@implements(kick_remainder, Parabolic)
+def kick_remainder_parabolic(shape: Shape, a: float, x: float, error: float) -> float:
     return a * 8.0 * error if abs(abs(x) - 0.25) <= error else 0.0
 
 
@@ -297,8 +297,8 @@ def kick_rounding_harmonics(shape: Harmonics, a: float, w: float) -> float:
     return a * fma(KICK_ERROR + HALF_ULP, abs(w), shape.rounding)
 
 
-@implements(left_out, Harmonics)
-def left_out_harmonics(shape: Harmonics, a: float, x: float, error: float) -> float:
+@implements(kick_remainder, Harmonics)
+def kick_remainder_harmonics(shape: Harmonics, a: float, x: float, error: float) -> float:
     return a * (shape.slope_rounding + shape.bend * error) * error
 
 

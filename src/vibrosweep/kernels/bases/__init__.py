@@ -1,8 +1,8 @@
 """Generic functions that every base implements.
 
-A kernel is compiled for one base and one law, which the type of the constants selects.  Constants
-are a named tuple of the numbers that determine the impacts of one realization.  Each base has its
-constants and implementations in files here; other kernels do not name any base.
+A kernel is compiled for one base and one law, selected by the type of the base.  Constants are a
+named tuple of the base and the numbers that determine the impacts of one realization.  Each base
+has its constants and implementations in files here; other kernels do not name any base.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
 duration of the flight that they begin on a base at rest.  Speeds are relative to the base unless
@@ -10,10 +10,10 @@ stated otherwise.
 
 Functions of whole batches (`fitted`, `lowest`, `lifts`) are called from Python only.
 
-A base answers for the surface that a particle meets: `fly` finds the first instant at which its
+A base implements the surface that a particle meets: `fly` finds the first instant at which its
 clearance leaves the interval from 0 upwards, `speed` and `leave` state the velocity of the surface
-there, `jacobian` the derivatives of both.  All else (statistics, cycles, separations, exponents,
-orbits, bounds) follows from landings, whatever the surface.
+there, `jacobian` the derivatives of both.  Everything else (statistics, cycles, separations,
+exponents, orbits, bounds) follows from landings, whatever the surface.
 
 The search for a landing may take several passes.  A kernel that advances many lanes calls
 `approach` for one pass of each lane; other kernels call `fly` for a whole flight.
@@ -112,7 +112,7 @@ def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
 
 @generic
 def prepare(base: Base, s: Floats, lanes: int) -> None:
-    """Compute, for the first lanes, the numbers that `approach` needs beyond those of `keep`."""
+    """Compute, for the first lanes, what `approach` needs beyond the numbers of `end_pass`."""
 
 
 @generic
@@ -120,7 +120,7 @@ def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     """Make one pass of the search for the landing of lane j.
 
     Returns time of flight, speed of arrival and whether the landing was found; if not, the time is
-    the one to be tried next.
+    the one to try next.
     """
 
 
@@ -130,15 +130,15 @@ def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
 
 
 @generic
-def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
-    """Keep the numbers that the next pass of lane j needs; return whether to count a flight now.
+def end_pass(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+    """Store the numbers that the next pass of lane j needs; return whether to count a flight now.
 
     `seen` is whether the landing, if there is one, is in the window.
     """
 
 
 @generic
-def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
+def abandons(base: Base, s: Floats, j: int, passes: int) -> bool:
     """Return whether the search of lane j is abandoned; called once every so many passes."""
 
 
@@ -149,7 +149,7 @@ def pending(base: Base, s: Floats, j: int) -> bool:
 
 @generic
 def common_age(base: Base) -> float:
-    """Impacts of every lane in a pass; 0 where `keep` counts them lane by lane."""
+    """Impacts of every lane in a pass; 0 where `end_pass` counts them lane by lane."""
 
 
 @generic
@@ -204,8 +204,8 @@ def random(fixed: Constants, particle: float, number: float, n: float, x: float)
 
 
 @generic
-def wake(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
-    """Return when a particle at rest since (n, x) lifts off, if `lift_off` does not say.
+def later_lift_off(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
+    """Return when a particle at rest since (n, x) lifts off, if `lift_off` does not determine it.
 
     Whole periods count from `origin`; they are NaN if no lift-off is found.
     """
@@ -282,6 +282,42 @@ def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
     """Return whether a flight from phase x lands after k periods, not earlier, and bounces."""
 
 
+# --- Flights between two given instants, for `vibrosweep.kernels.closed` and `bifurcations` -------
+
+
+class Slopes(NamedTuple):
+    """Jacobian of an impact and its determinant, times a scale that makes all of them finite.
+
+    Over a base that moves the Jacobian is infinite where the speed of arrival is 0.
+    """
+
+    scale: float  # 1, or the speed of arrival
+    # xx, xu, ux, uu: of phase and speed after the impact, by those before its flight
+    xx: float
+    xu: float
+    ux: float
+    uu: float
+    determinant: float
+
+
+@generic
+def chord(fixed: Constants, x: float, s: float) -> tuple[float, float]:
+    """Speeds relative to the base of a flight of s periods, s > 0, at its phase x and at its end.
+
+    The particle may meet the base on the way.
+    """
+
+
+@generic
+def slopes(fixed: Constants, arc: Flight) -> Slopes:
+    """Jacobian of the impact that ends a flight, also where the speed of arrival is 0."""
+
+
+@generic
+def clearing(fixed: Constants, arc: Flight) -> float:
+    """Least local minimum of the height above the base in a flight; infinite if there is none."""
+
+
 # --- Errors, for the bounds of `vibrosweep.kernels.trust` -----------------------------------------
 
 
@@ -309,7 +345,7 @@ def landing_added(fixed: Constants, flight: Flight, spread: StateError) -> State
     """Bounds on the errors that a flight adds to the phase of its landing and the speed of arrival.
 
     They come from rounding, and from terms of second order in `spread`, which the Jacobian leaves
-    out.  They are infinite where a state within `spread` may land at quite another time.
+    out.  They are infinite where a state within `spread` may land at a very different time.
     """
 
 
@@ -355,11 +391,18 @@ def liftoff_error(fixed: Constants) -> StateError:
 
 
 @generic
-def random_liftoff_error(
+def liftoff_error_after(
     fixed: Constants, n: float, x: float, error: float, later: Instant
 ) -> StateError:
-    """Bounds like those of `liftoff_error`, under noise.
+    """Bounds like those of `liftoff_error`, of a lift-off after a given rest.
 
     The rest begins at (n, x), counted from time 0, with an error of the phase; by `lift_off` it
     ends at `later`.  The bound of the phase is also infinite where the end is in doubt.
     """
+
+
+@jit
+def unless_doubtful(found: StateError, x: float, error: float, later: Instant) -> StateError:
+    """Bounds of the errors of a lift-off; infinite if it may precede the rest, at phase x."""
+    doubtful = later.whole < np.inf and abs(x - later.phase) <= error + found.phase
+    return StateError(np.inf, np.inf) if doubtful else found

@@ -5,34 +5,26 @@ restitution.  It comes to rest if E(z) is at most r and the base presses it, 1 +
 acceleration G = alpha w'(x) / 2 of the base in units of gravity.  It lifts off, with speed 0, when
 the base begins to fall faster than gravity, where 1 + G falls through 0.
 
-Base and constants are named tuples of their own for each kind of waveform.  This file has what does
-not depend on the waveform, or holds for both waveforms with a single lift-off in a period, and the
-flights over the sine; those over harmonics are in `shaped`, those over parabolas in `chained`.
+Each kind of waveform has a named tuple for the base.  This file contains what does not depend on
+the waveform, or is valid for both waveforms with a single lift-off in a period, and the flights
+over the sine; those over harmonics are in `harmonics`, those over parabolas in `parabolic`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels import bases, noise
-from vibrosweep.kernels._jit import Floats, fma, implements, jit, uncompiled, wide_vectors
-from vibrosweep.kernels.arithmetic import (
-    HALF_ULP,
-    cos_turns,
-    rough_lag_and_versine,
-    sin_and_lag,
-    sin_near,
-    sin_turns,
-)
-from vibrosweep.kernels.bases import Base, Constants, Counted, Flight, LiftOff
+from vibrosweep.kernels import arithmetic, bases, noise
+from vibrosweep.kernels._jit import Floats, fma, generic, implements, jit, uncompiled, wide_vectors
+from vibrosweep.kernels.bases import Base, Counted, Flight, LiftOff
 from vibrosweep.kernels.memory import ROW, STRIDE
 from vibrosweep.kernels.noise import SILENT, STILL, Draw, Noise, Source, drawn_in
 from vibrosweep.kernels.restitution import Constant, Law, Restitution, ratio, scale_of, slope
-from vibrosweep.kernels.waveforms import Harmonics, Parabolic, Sine, steepness, velocity
+from vibrosweep.kernels.waveforms import Harmonics, Parabolic, Shape, Sine, steepness, velocity
 from vibrosweep.model.parameters import Dimensionless, arcsin_turns
 from vibrosweep.model.shapes import TWO_PI
 
@@ -47,13 +39,13 @@ class Moving(NamedTuple):
 
     law: Law  # `Rest`, the only law of rebound with a meaning here
     restitution: Restitution = Constant()
-    # None if Gamma <= 1 in all realizations, so that no resting particle ever lifts off
-    arcs: int | None = 1
+    # None if Gamma <= 1 in all realizations: the base never falls faster than gravity
+    beyond_gravity: int | None = 1
     noise: Noise | None = None
     waveform: Sine = Sine()
 
 
-class Shaped(NamedTuple):
+class MovingHarmonics(NamedTuple):
     """The base that moves as a sum of harmonics."""
 
     law: Law
@@ -62,7 +54,7 @@ class Shaped(NamedTuple):
     noise: Noise | None = None
 
 
-class Chained(NamedTuple):
+class MovingParabolic(NamedTuple):
     """The base whose height consists of parabolas."""
 
     law: Law
@@ -80,57 +72,47 @@ class MovingConstants(NamedTuple):
     alpha: float
     r: float
     scale: float  # of speeds, in the law of restitution
-    # Phase at which the base begins to fall faster than gravity and a resting particle lifts off;
-    # NaN if it never does
-    x_lift: float
+    # Phase at which the base begins to fall faster than gravity and a resting particle lifts off,
+    # NaN if it never does; over harmonics, which may have several, `Stretches`
+    x_lift: Any
     # source, draw: noise of the realization, and of one impact
     source: Source
     draw: Draw
 
 
-class ChainedConstants(MovingConstants):
-    """The same numbers, of a base of parabolas."""
+# Bases of every waveform, and of those with a single lift-off in a period
+ANY = Moving, MovingHarmonics, MovingParabolic
+SINGLE = Moving, MovingParabolic
 
 
-class ShapedConstants(NamedTuple):
-    """The same numbers, of a base of harmonics, which may lift particles off at several phases."""
-
-    base: Shaped
-    e: float
-    alpha: float
-    r: float
-    scale: float
-    # falls, presses: phases at which the base begins to fall faster than gravity, and to press
-    # again; NaN where it does not
-    falls: tuple[float, ...]
-    presses: tuple[float, ...]
-    source: Source
-    draw: Draw
+@generic
+def lift_phases(shape: Shape, alpha: float) -> Any:
+    """Phases at which a base with the velocity alpha w(x) lifts resting particles off."""
 
 
-# Constants and bases of every waveform, and of those with a single lift-off in a period
-ANY = MovingConstants, ShapedConstants, ChainedConstants
-ANY_BASE = Moving, Shaped, Chained
-SINGLE = MovingConstants, ChainedConstants
+@generic
+def put_lift(base: Base, x_lift: Any, s: Floats, j: int) -> None:
+    """Put the phases of lift-offs into lane j."""
 
 
-@implements(bases.constants, Moving)
-def constants_moving(base: Moving, problem: Dimensionless, i: int) -> MovingConstants:
+@generic
+def take_lift(base: Base, s: Floats, j: int) -> Any:
+    """Return the phases of lift-offs of lane j."""
+
+
+@implements(bases.constants, *ANY)
+def constants_moving(base: Base, problem: Dimensionless, i: int) -> MovingConstants:
     e = problem.restitution[i]
     alpha = problem.kick[i] / (1.0 + e)
-    gamma = math.pi * alpha
-    x_lift = np.nan
-    if gamma > LARGEST_GAMMA:
+    if 0.5 * alpha * steepness(base.waveform) > LARGEST_GAMMA:
         alpha = np.nan
-    elif gamma > 1.0:
-        # from the sine of half the angle to phase 1/2, which loses no digits near Gamma = 1
-        x_lift = 0.5 - 2.0 * _arcsin_turns(math.sqrt((gamma - 1.0) / (2.0 * gamma)))
+    x_lift, r = lift_phases(base.waveform, alpha), problem.rest_flight[i]
     scale = scale_of(base.restitution, e, problem.restitution_speed[i])
     source = noise.source_of(problem.noise, problem.end_count, i)
-    return MovingConstants(base, e, alpha, problem.rest_flight[i], scale, x_lift, source, STILL)
+    return MovingConstants(base, e, alpha, r, scale, x_lift, source, STILL)
 
 
-@implements(bases.random, MovingConstants)
+@implements(bases.random, *ANY)
 def random_moving(
     fixed: MovingConstants, particle: float, number: float, n: float, x: float
 ) -> MovingConstants:
@@ -139,9 +121,18 @@ def random_moving(
     return MovingConstants(fixed.base, e, alpha, r, fixed.scale, x_lift, fixed.source, draw)
 
 
+@implements(lift_phases, Sine)
+def lift_phases_sine(shape: Sine, alpha: float) -> float:
+    gamma = math.pi * alpha
+    if gamma > 1.0:
+        # from the sine of half the angle to phase 1/2, which loses no digits near Gamma = 1
+        return 0.5 - 2.0 * _arcsin_turns(math.sqrt((gamma - 1.0) / (2.0 * gamma)))  # type: ignore[no-any-return]
+    return np.nan
+
+
 @bases.fitted.register(Moving)
 def fitted_moving(base: Moving, problem: Dimensionless) -> Moving:
-    return base if bases.lifts(base, problem).any() else base._replace(arcs=None)
+    return base if bases.lifts(base, problem).any() else base._replace(beyond_gravity=None)
 
 
 @bases.lowest.register(Moving)
@@ -150,7 +141,7 @@ def lowest_moving(base: Moving, problem: Dimensionless) -> Floats | None:
 
 
 @bases.lifts.register(Moving)
-@bases.lifts.register(Chained)
+@bases.lifts.register(MovingParabolic)
 def lifts_moving(base: Base, problem: Dimensionless) -> NDArray[np.bool_]:
     alpha = problem.kick / (1.0 + problem.restitution)
     return 0.5 * alpha * uncompiled(steepness)(base.waveform) > 1.0
@@ -176,25 +167,27 @@ def after_rest_moving(fixed: MovingConstants) -> tuple[float, float]:
     return fixed.x_lift, 0.0
 
 
-@implements(bases.lifts_alike, Moving, Chained)
+@implements(bases.lifts_alike, Moving, MovingParabolic)
 def lifts_alike_moving(base: Base) -> bool:
     return base.noise is None
 
 
 @implements(bases.speed, *ANY)
-def speed_moving(fixed: Constants, x: float, u: float) -> float:
+def speed_moving(fixed: MovingConstants, x: float, u: float) -> float:
     return fma(fixed.alpha, velocity(fixed.base.waveform, x), u)
 
 
 @implements(bases.rebound, *ANY)
-def rebound_moving(fixed: Constants, x: float, v: float) -> float:
+def rebound_moving(fixed: MovingConstants, x: float, v: float) -> float:
     share = ratio(fixed.base.restitution, fixed.e, fixed.scale, v)
     e = noise.noisy_restitution(fixed.base.noise, share, fixed.draw.restitution)
     return noise.noisy_rebound(fixed.base.noise, e * v, fixed.draw.kick)
 
 
-@implements(bases.wake, *ANY)
-def wake_moving(fixed: MovingConstants, n: float, x: float, origin: float) -> tuple[float, float]:
+@implements(bases.later_lift_off, *ANY)
+def later_lift_off_moving(
+    fixed: MovingConstants, n: float, x: float, origin: float
+) -> tuple[float, float]:
     return n, x
 
 
@@ -209,7 +202,7 @@ def reverses_moving(fixed: MovingConstants, x: float, v: float) -> float:
 
 
 @implements(bases.contraction, *ANY)
-def contraction_moving(fixed: Constants, v: float) -> float:
+def contraction_moving(fixed: MovingConstants, v: float) -> float:
     # the determinant is the slope times the speed of the lift-off before over that of arrival; over
     # a cycle the product of these quotients equals the product of the restitutions
     law = fixed.base.restitution
@@ -217,7 +210,7 @@ def contraction_moving(fixed: Constants, v: float) -> float:
 
 
 @implements(bases.density, *ANY)
-def density_moving(fixed: Constants, u: float) -> float:
+def density_moving(fixed: MovingConstants, u: float) -> float:
     return u
 
 
@@ -230,7 +223,7 @@ def density_moving(fixed: Constants, u: float) -> float:
 #     F(s) = s (y - s) / 2 + alpha / (4 pi) (sin(2 pi x) D - cos(2 pi x) C),
 #     D = 2 pi s - sin(2 pi s),  C = 1 - cos(2 pi s),
 #
-# in which no term is a difference of nearly equal numbers: a chattering particle is followed as
+# in which no term is a difference of nearly equal numbers: a chattering particle is simulated as
 # accurately as a fast one.  It lands at the first s > 0 with F = 0, with the relative speed -2
 # F'(s).
 #
@@ -260,7 +253,7 @@ AHEAD = 0.25  # periods beyond the flight over a base at rest, if the base falls
 LAST = 2.0**-12
 BORDER = 2.0**-30  # turns; a stretch this near to its end counts as ended
 ULP = 2.0**-52
-NOISE = 8.0 * HALF_ULP  # rounding error of the clearance, relative to its terms
+NOISE = 8.0 * arithmetic.HALF_ULP  # rounding error of the clearance, relative to its terms
 
 
 class Begin(NamedTuple):
@@ -279,7 +272,7 @@ class Guess(NamedTuple):
     sure: bool  # True if the clearance certainly has a single root
     time: float  # a time near the landing
     # The particle is above every height of the base from time `rise` until u - rise, u being the
-    # duration of the flight over a base at rest; used only with arcs
+    # duration of the flight over a base at rest; used only with beyond_gravity
     rise: float
 
 
@@ -306,7 +299,7 @@ class Terms(NamedTuple):
 @jit
 def begin_at(x: float, y: float) -> Begin:
     """Beginning of the flight that leaves phase x with speed y."""
-    return Begin(x, y, sin_turns(x), cos_turns(x))
+    return Begin(x, y, arithmetic.sin_turns(x), arithmetic.cos_turns(x))
 
 
 @jit
@@ -367,23 +360,23 @@ def series_terms(fixed: MovingConstants, clear: Clearance) -> Terms:
 def turn(s: float) -> tuple[float, float, float]:
     """Return sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s), which `clearance` needs."""
     part = s - np.rint(s)
-    turned, lag = sin_and_lag(s, part)
-    half = sin_near(0.5 * part)
+    turned, lag = arithmetic.sin_and_lag(s, part)
+    half = arithmetic.sin_near(0.5 * part)
     return turned, lag, 2.0 * half * half
 
 
 @jit
-def first_guess(fixed: MovingConstants, begin: Begin, arcs: int | None) -> Guess:
+def first_guess(fixed: MovingConstants, begin: Begin, beyond_gravity: int | None) -> Guess:
     """Guess when the flight ends.
 
-    If `arcs` is None, the code that only flights with Gamma > 1 need is not compiled.
+    If `beyond_gravity` is None, the code that only flights with Gamma > 1 need is not compiled.
     """
     alpha, x_lift, (x, y, _, cosine) = fixed.alpha, fixed.x_lift, begin
     gamma, u = math.pi * alpha, absolute(fixed, begin)
     pull = fma(gamma, cosine, 1.0)
     parabola = y / pull if pull > 0.0 else np.inf
     sure, most, rise = True, u if u > SLOW else SLOW, np.inf
-    if arcs is not None:
+    if beyond_gravity is not None:
         w = math.pi * u
         fast = (u > 0.0) & (w * w >= gamma * (gamma + 2.0 * (1.0 + cosine)))
         sure = fast | (gamma <= 1.0)
@@ -398,7 +391,7 @@ def rough_clearance(fixed: MovingConstants, begin: Begin, s: float) -> Clearance
     """Clearance after s periods to about five digits, enough for a guess."""
     whole = np.rint(s)
     part = s - whole
-    lag, c = rough_lag_and_versine(part)
+    lag, c = arithmetic.rough_lag_and_versine(part)
     return clearance(fixed, begin, s, fma(TWO_PI, part, -lag), fma(TWO_PI, whole, lag), c)
 
 
@@ -417,13 +410,13 @@ def improved(s: float, f: float, f1: float, f2: float, third: float) -> float:
 
 @jit
 def first_try(
-    fixed: MovingConstants, begin: Begin, guess: Guess, rough: Clearance, arcs: int | None
+    fixed: MovingConstants, begin: Begin, guess: Guess, rough: Clearance, beyond_gravity: int | None
 ) -> float:
     """Return the time to be tried first, from a guess and the clearance at that time."""
     alpha, x_lift, x, sure, f = fixed.alpha, fixed.x_lift, begin.x, guess.sure, rough.f
     third = (math.pi * math.pi / 3.0) * alpha * rough.sine * (f * f)
     s = improved(guess.time, f, rough.f1, fma(-math.pi * alpha, rough.cosine, -1.0), third)
-    if arcs is not None:
+    if beyond_gravity is not None:
         # F is concave in the present stretch, or in the next one, before which it has no root
         falls = abs(x) >= x_lift
         to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
@@ -502,7 +495,7 @@ def try_landing(
     s: float,
     clear: Clearance,
     terms: Terms,
-    arcs: int | None,
+    beyond_gravity: int | None,
 ) -> tuple[float, float, bool]:
     """Try time s; return the landing or the next time to try, the speed, and whether it lands.
 
@@ -521,7 +514,7 @@ def try_landing(
     turned = (TWO_PI * TWO_PI) * step * step
     third, fourth = f3 * fma(turned, -1.0 / 24.0, 0.5), f4 * fma(turned, -1.0 / 120.0, 1.0 / 6.0)
     arrival = -2.0 * fma(step, fma(step, fma(step, fourth, third), f2), f1)
-    if arcs is not None:
+    if beyond_gravity is not None:
         ends = _ends(phase_after(begin.x, s), fixed.x_lift)
         above = guess.rise, absolute(fixed, begin) - guess.rise
         # the third derivative is at most 2 pi Gamma
@@ -536,20 +529,20 @@ def try_landing(
     return tried, arrival, last
 
 
-@implements(bases.fly, MovingConstants)
+@implements(bases.fly, Moving)
 def fly_moving(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     if not abs(x) <= 0.5:  # NaN: the particle rests for good
         return np.nan, np.nan
     if u == 0.0 and not abs(x) >= fixed.x_lift:  # the base presses the particle
         return 0.0, 0.0
-    begin, arcs = begin_at(x, u), fixed.base.arcs
-    guess = first_guess(fixed, begin, arcs)
-    time = first_try(fixed, begin, guess, rough_clearance(fixed, begin, guess.time), arcs)
+    begin, beyond_gravity = begin_at(x, u), fixed.base.beyond_gravity
+    guess = first_guess(fixed, begin, beyond_gravity)
+    time = first_try(fixed, begin, guess, rough_clearance(fixed, begin, guess.time), beyond_gravity)
     v, landed, tries = 0.0, False, 0.0
     while not landed and tries <= TRIES:
         clear = clearance(fixed, begin, time, *turn(time))
         terms = series_terms(fixed, clear)
-        time, v, landed = try_landing(fixed, begin, guess, time, clear, terms, arcs)
+        time, v, landed = try_landing(fixed, begin, guess, time, clear, terms, beyond_gravity)
         tries += 1.0 if clear.f == clear.f else TRIES
     return time if landed else np.nan, v
 
@@ -562,28 +555,36 @@ def fly_moving(fixed: MovingConstants, x: float, u: float) -> tuple[float, float
 FRESH = -1.0  # in place of the next time to be tried: the flight has just begun
 
 
-@implements(bases.put, *SINGLE)
+@implements(bases.put, *ANY)
 def put_moving(fixed: MovingConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
-    s[row + 3 * STRIDE], s[ROW.SCALE + j] = fixed.x_lift, fixed.scale
+    s[ROW.SCALE + j] = fixed.scale
+    put_lift(fixed.base, fixed.x_lift, s, j)
     s[ROW.NEXT + j], s[ROW.COUNTS + j] = FRESH, 0.0
     s[ROW.TRIES + j], s[ROW.AGE_SEEN + j] = 0.0, 0.0
 
 
-@implements(bases.take, Moving)
-def take_moving(base: Moving, s: Floats, j: int) -> MovingConstants:
+@implements(bases.take, *ANY)
+def take_moving(base: Base, s: Floats, j: int) -> MovingConstants:
     row = ROW.CONSTANTS + j
     e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
     draw, scale = drawn_in(base.noise, s, j), s[ROW.SCALE + j]
-    return MovingConstants(base, e, alpha, r, scale, s[row + 3 * STRIDE], SILENT, draw)
+    return MovingConstants(base, e, alpha, r, scale, take_lift(base, s, j), SILENT, draw)
+
+
+@implements(put_lift, *SINGLE)
+def put_lift_single(base: Base, x_lift: float, s: Floats, j: int) -> None:
+    s[ROW.CONSTANTS + 3 * STRIDE + j] = x_lift
+
+
+implements(take_lift, *SINGLE)(lambda base, s, j: s[ROW.CONSTANTS + 3 * STRIDE + j])
 
 
 @implements(bases.prepare, Moving)
 def prepare_moving(base: Moving, s: Floats, lanes: int) -> None:
     _begin(base, s, lanes)
     _near(base, s, lanes)
-    _rough(base, s, lanes)
     _guess(base, s, lanes)
     _turn(base, s, lanes)
     _look(base, s, lanes)
@@ -596,8 +597,7 @@ def _begin(base: Moving, s: Floats, lanes: int) -> None:
     wide_vectors()
     for j in range(lanes):
         x = s[ROW.X + j]
-        s[ROW.SINE + j] = sin_turns(x)
-        s[ROW.COSINE + j] = cos_turns(x)
+        s[ROW.SINE + j], s[ROW.COSINE + j] = arithmetic.sin_turns(x), arithmetic.cos_turns(x)
 
 
 @jit
@@ -605,19 +605,10 @@ def _near(base: Moving, s: Floats, lanes: int) -> None:
     """Guess when the flight of each lane ends."""
     wide_vectors()
     for j in range(lanes):
-        guess = first_guess(bases.take(base, s, j), begun(s, j), base.arcs)
+        guess = first_guess(bases.take(base, s, j), begun(s, j), base.beyond_gravity)
         s[ROW.SURE + j] = 1.0 if guess.sure else 0.0
         s[ROW.GUESS + j] = guess.time
         s[ROW.RISE + j] = guess.rise
-
-
-@jit
-def _rough(base: Moving, s: Floats, lanes: int) -> None:
-    """Compute the clearance of each lane at the guessed time, to about five digits."""
-    wide_vectors()
-    for j in range(lanes):
-        rough = rough_clearance(bases.take(base, s, j), begun(s, j), s[ROW.GUESS + j])
-        _keep_clearance(s, j, rough)
 
 
 @jit
@@ -625,8 +616,9 @@ def _guess(base: Moving, s: Floats, lanes: int) -> None:
     """Compute the time to be tried first in a flight that has just begun."""
     wide_vectors()
     for j in range(lanes):
-        fixed, begin = bases.take(base, s, j), begun(s, j)
-        tried = first_try(fixed, begin, _guessed(s, j), _cleared(s, j), base.arcs)
+        fixed, begin, guess = bases.take(base, s, j), begun(s, j), _guessed(s, j)
+        rough = rough_clearance(fixed, begin, guess.time)
+        tried = first_try(fixed, begin, guess, rough, base.beyond_gravity)
         following = s[ROW.NEXT + j]
         s[ROW.REACHED + j] = tried if following < 0.0 else following
 
@@ -647,7 +639,8 @@ def _look(base: Moving, s: Floats, lanes: int) -> None:
         fixed, reached = bases.take(base, s, j), s[ROW.REACHED + j]
         turned, lag, c = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j]
         clear = clearance(fixed, begun(s, j), reached, turned, lag, c)
-        _keep_clearance(s, j, clear)
+        s[ROW.CLEAR + j], s[ROW.CLEAR_SLOPE + j] = clear.f, clear.f1
+        s[ROW.SINE_THEN + j], s[ROW.COSINE_THEN + j] = clear.sine, clear.cosine
         terms = series_terms(fixed, clear)
         s[ROW.NEWTON + j] = terms.newton
         s[ROW.Q + j] = terms.q
@@ -661,9 +654,13 @@ def _try(base: Moving, s: Floats, lanes: int) -> None:
     wide_vectors()
     for j in range(lanes):
         fixed, begin, guess = bases.take(base, s, j), begun(s, j), _guessed(s, j)
-        clear, reached = _cleared(s, j), s[ROW.REACHED + j]
+        clear = Clearance(
+            s[ROW.CLEAR + j], s[ROW.CLEAR_SLOPE + j], s[ROW.SINE_THEN + j], s[ROW.COSINE_THEN + j]
+        )
         terms = Terms(s[ROW.NEWTON + j], s[ROW.Q + j], s[ROW.Q3 + j], s[ROW.Q4 + j])
-        time, v, landed = try_landing(fixed, begin, guess, reached, clear, terms, base.arcs)
+        time, v, landed = try_landing(
+            fixed, begin, guess, s[ROW.REACHED + j], clear, terms, base.beyond_gravity
+        )
         s[ROW.TIME + j] = time
         s[ROW.SPEED + j] = v
         s[ROW.LANDED + j] = 1.0 if landed else 0.0
@@ -681,37 +678,20 @@ def _guessed(s: Floats, j: int) -> Guess:
     return Guess(s[ROW.SURE + j] != 0.0, s[ROW.GUESS + j], s[ROW.RISE + j])
 
 
-@jit
-def _keep_clearance(s: Floats, j: int, clear: Clearance) -> None:
-    s[ROW.CLEAR + j] = clear.f
-    s[ROW.CLEAR_SLOPE + j] = clear.f1
-    s[ROW.SINE_THEN + j] = clear.sine
-    s[ROW.COSINE_THEN + j] = clear.cosine
-
-
-@jit
-def _cleared(s: Floats, j: int) -> Clearance:
-    """Return the clearance of lane j that has been kept."""
-    return Clearance(
-        s[ROW.CLEAR + j],
-        s[ROW.CLEAR_SLOPE + j],
-        s[ROW.SINE_THEN + j],
-        s[ROW.COSINE_THEN + j],
-    )
-
-
 @implements(bases.approach, *ANY)
-def approach_moving(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
+def approach_moving(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
     return s[ROW.TIME + j], s[ROW.SPEED + j], s[ROW.LANDED + j] != 0.0
 
 
 @implements(bases.may_land, *ANY)
-def may_land_moving(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
+def may_land_moving(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
     return bool(s[ROW.AGE + j] < budget)
 
 
-@implements(bases.keep, *ANY)
-def keep_moving(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+@implements(bases.end_pass, *ANY)
+def end_pass_moving(
+    fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool
+) -> bool:
     counts = s[ROW.COUNTS + j] != 0.0
     s[ROW.AGE + j] += 1.0 if landed else 0.0
     s[ROW.COUNTS + j] = (1.0 if seen else 0.0) + (0.0 if landed else s[ROW.COUNTS + j])
@@ -719,8 +699,8 @@ def keep_moving(fixed: Constants, s: Floats, j: int, time: float, landed: bool, 
     return bool(landed & counts)
 
 
-@implements(bases.gives_up, *ANY_BASE)
-def gives_up_moving(base: Base, s: Floats, j: int, passes: int) -> bool:
+@implements(bases.abandons, *ANY)
+def abandons_moving(base: Base, s: Floats, j: int, passes: int) -> bool:
     stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
     s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
     s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
@@ -729,24 +709,24 @@ def gives_up_moving(base: Base, s: Floats, j: int, passes: int) -> bool:
     return bool((s[ROW.TRIES + j] >= TRIES) | lost)
 
 
-@implements(bases.pending, *ANY_BASE)
+@implements(bases.pending, *ANY)
 def pending_moving(base: Base, s: Floats, j: int) -> bool:
     # after a rest for good no flight follows, and the phase is NaN
     return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
 
 
-@implements(bases.counted, MovingConstants)
+@implements(bases.counted, Moving)
 def counted_moving(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
     return Counted(flight.time, apex(fixed, begin_at(flight.x, flight.u)), 1.0)
 
 
-@implements(bases.counted_now, MovingConstants)
+@implements(bases.counted_now, Moving)
 def counted_now_moving(
     fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float
 ) -> Counted:
     return Counted(time, apex(fixed, begun(s, j)), 1.0)
 
 
-@implements(bases.common_age, *ANY_BASE)
+@implements(bases.common_age, *ANY)
 def common_age_moving(base: Base) -> float:
     return 0.0

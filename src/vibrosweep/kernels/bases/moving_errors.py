@@ -1,4 +1,4 @@
-"""Derivatives of an impact on the moving base, and bounds on the errors that it adds."""
+"""Derivatives of an impact on the moving base, chords of flights, and bounds on errors."""
 
 from __future__ import annotations
 
@@ -23,12 +23,29 @@ from vibrosweep.kernels.arithmetic import (
     sin_near,
     sin_turns,
 )
-from vibrosweep.kernels.bases import Constants, Flight, Instant, Jacobian, StateError
-from vibrosweep.kernels.bases.moving import ANY, BORDER, SINGLE, MovingConstants, ShapedConstants
-from vibrosweep.kernels.bases.shaped import at_phase, stretch
+from vibrosweep.kernels.bases import (
+    Flight,
+    Instant,
+    Jacobian,
+    Slopes,
+    StateError,
+    harmonics,
+    moving,
+)
+from vibrosweep.kernels.bases.harmonics import at_phase, stretch
+from vibrosweep.kernels.bases.moving import (
+    ANY,
+    BORDER,
+    SINGLE,
+    Moving,
+    MovingConstants,
+    MovingHarmonics,
+    begin_at,
+)
 from vibrosweep.kernels.noise import noisy_rebound_slope
 from vibrosweep.kernels.restitution import (
     arrival_to_repeat,
+    is_constant,
     leaving_to_repeat,
     ratio,
     ratio_error,
@@ -36,9 +53,8 @@ from vibrosweep.kernels.restitution import (
     slack,
     slope,
     slope_change,
-    straight,
 )
-from vibrosweep.kernels.waveforms import kick_curvature, kick_slope, velocity
+from vibrosweep.kernels.waveforms import kick_curvature, kick_slope, next_phase, velocity
 from vibrosweep.model.shapes import TWO_PI
 
 # --- Bounds of the motion of a base ---------------------------------------------------------------
@@ -49,7 +65,7 @@ AT_LIFT_OFF = 2.0**-48  # turns; this near to the phase of lift-off the base cou
 UPWARDS = 1.0 + 2.0**-30  # factor for the rounding of extremes of a shape
 
 
-class Limits(NamedTuple):
+class MotionLimits(NamedTuple):
     """Bounds of the acceleration G of a base, in units of gravity, and of its velocity."""
 
     # steep, fall: of |G|, and of -G
@@ -63,7 +79,7 @@ class Limits(NamedTuple):
 
 
 @generic
-def limits(fixed: Constants, slack: float) -> Limits:
+def limits(fixed: MovingConstants, slack: float) -> MotionLimits:
     """Bound the motion of the base for alpha times the factor `slack`."""
 
 
@@ -79,17 +95,17 @@ class Bends(NamedTuple):
 
 
 @generic
-def bends(fixed: Constants, flight: Flight, dx: float, off: float) -> Bends:
+def bends(fixed: MovingConstants, flight: Flight, dx: float, off: float) -> Bends:
     """Bound changes within dx of the phase of a lift-off and `off` of the duration."""
 
 
 @generic
-def keeps_pressing(fixed: Constants, x: float, pull: float, error: float) -> bool:
+def keeps_pressing(fixed: MovingConstants, x: float, pull: float, error: float) -> bool:
     """Return whether a base with 1 + G >= pull at x presses at every phase within an error of x."""
 
 
 @generic
-def below_top(fixed: Constants, x: float, dx: float, slack: float) -> float:
+def below_top(fixed: MovingConstants, x: float, dx: float, slack: float) -> float:
     """Bound of the depth below the top of the base at phases within dx of x.
 
     The depth is given as pi^2 times the square of the speed with which a particle just reaches the
@@ -98,21 +114,21 @@ def below_top(fixed: Constants, x: float, dx: float, slack: float) -> float:
 
 
 @generic
-def first_stretch(fixed: Constants, x: float) -> tuple[bool, float]:
+def first_stretch(fixed: MovingConstants, x: float) -> tuple[bool, float]:
     """Return whether the base falls faster than gravity at x, and periods until that changes."""
 
 
-@implements(limits, MovingConstants)
-def limits_moving(fixed: MovingConstants, slack: float) -> Limits:
+@implements(limits, Moving)
+def limits_moving(fixed: MovingConstants, slack: float) -> MotionLimits:
     gamma = math.pi * (fixed.alpha * slack)
-    return Limits(gamma, gamma, gamma, TWO_PI, 0.0, 0.0)
+    return MotionLimits(gamma, gamma, gamma, TWO_PI, 0.0, 0.0)
 
 
-@implements(limits, ShapedConstants)
-def limits_shaped(fixed: ShapedConstants, slack: float) -> Limits:
+@implements(limits, MovingHarmonics)
+def limits_harmonics(fixed: MovingConstants, slack: float) -> MotionLimits:
     shape, alpha = fixed.base.waveform, fixed.alpha * slack * UPWARDS
     half = 0.5 * alpha
-    return Limits(
+    return MotionLimits(
         half * shape.steepest,
         half * shape.fall,
         math.pi * alpha * shape.fastest,
@@ -122,22 +138,22 @@ def limits_shaped(fixed: ShapedConstants, slack: float) -> Limits:
     )
 
 
-@implements(below_top, MovingConstants)
+@implements(below_top, Moving)
 def below_top_moving(fixed: MovingConstants, x: float, dx: float, slack: float) -> float:
     gamma = math.pi * (fixed.alpha * slack)
     return 2.0 * gamma * (1.0 + cos_turns(x) + TWO_PI * dx + COSINE_ERROR)
 
 
-@implements(below_top, ShapedConstants)
-def below_top_shaped(fixed: ShapedConstants, x: float, dx: float, slack: float) -> float:
+@implements(below_top, MovingHarmonics)
+def below_top_harmonics(fixed: MovingConstants, x: float, dx: float, slack: float) -> float:
     shape = fixed.base.waveform
     _, _, level = at_phase(shape, sin_turns(x), cos_turns(x))
     below = (shape.top - level) + shape.fastest * UPWARDS * dx + 2.0 * shape.rounding
-    return 4.0 * math.pi * math.pi * (fixed.alpha * slack) * below
+    return float(4.0 * math.pi * math.pi * (fixed.alpha * slack) * below)
 
 
-@implements(bends, MovingConstants, ShapedConstants)
-def bends_smooth(fixed: Constants, flight: Flight, dx: float, off: float) -> Bends:
+@implements(bends, Moving, MovingHarmonics)
+def bends_smooth(fixed: MovingConstants, flight: Flight, dx: float, off: float) -> Bends:
     limit = limits(fixed, 1.0)
     gamma, angle = limit.steep, limit.angle
     q = angle * (flight.time + off)
@@ -149,8 +165,8 @@ def bends_smooth(fixed: Constants, flight: Flight, dx: float, off: float) -> Ben
     )
 
 
-@implements(keeps_pressing, MovingConstants, ShapedConstants)
-def keeps_pressing_smooth(fixed: Constants, x: float, pull: float, error: float) -> bool:
+@implements(keeps_pressing, Moving, MovingHarmonics)
+def keeps_pressing_smooth(fixed: MovingConstants, x: float, pull: float, error: float) -> bool:
     limit = limits(fixed, 1.0)
     return 2.0 * limit.angle * limit.steep * SURE * error <= pull
 
@@ -162,8 +178,8 @@ def first_stretch_moving(fixed: MovingConstants, x: float) -> tuple[bool, float]
     return falls, to_press if falls else fixed.x_lift - x
 
 
-@implements(first_stretch, ShapedConstants)
-def first_stretch_shaped(fixed: ShapedConstants, x: float) -> tuple[bool, float]:
+@implements(first_stretch, MovingHarmonics)
+def first_stretch_harmonics(fixed: MovingConstants, x: float) -> tuple[bool, float]:
     _, to_fall, to_press = stretch(fixed, x)
     falls = to_press < to_fall or to_fall <= AT_LIFT_OFF
     return falls, to_press if falls else to_fall
@@ -217,11 +233,11 @@ class Along(NamedTuple):
 
 
 @generic
-def along(fixed: Constants, x: float, y: float, t: float) -> Along:
+def along(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
     """State of a flight from phase x with relative speed y after t periods."""
 
 
-@implements(along, MovingConstants)
+@implements(along, Moving)
 def along_moving(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
     alpha, sine, cosine = fixed.alpha, sin_turns(x), cos_turns(x)
     gamma = math.pi * alpha
@@ -246,8 +262,8 @@ def along_moving(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
     return Along(f, f_error, z, z_error, by_x, then, lost, of_x, of_z, of_lost)
 
 
-@implements(along, ShapedConstants)
-def along_shaped(fixed: ShapedConstants, x: float, y: float, t: float) -> Along:
+@implements(along, MovingHarmonics)
+def along_harmonics(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
     shape, alpha, half = fixed.base.waveform, fixed.alpha, 0.5 * fixed.alpha
     sunk, slowed, by_x, at_first, dropped = 0.0, 0.0, 0.0, 0.0, 0.0
     of_f, of_z, of_x, of_lost = 0.0, 0.0, 0.0, 0.0
@@ -281,7 +297,7 @@ def along_shaped(fixed: ShapedConstants, x: float, y: float, t: float) -> Along:
 
 
 @implements(bases.jacobian, *ANY)
-def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
+def jacobian_moving(fixed: MovingConstants, flight: Flight) -> Jacobian:
     law, s, z = fixed.base.restitution, flight.time, flight.v
     share, q = ratio(law, fixed.e, fixed.scale, z), slope(law, fixed.e, fixed.scale, z)
     q = noisy_rebound_slope(fixed.base.noise, share, q, fixed.draw, z)
@@ -302,7 +318,7 @@ def jacobian_moving(fixed: Constants, flight: Flight) -> Jacobian:
 
 @implements(bases.fixed_residual, *ANY)
 def fixed_residual_moving(
-    fixed: Constants, x: float, k: float, sign: float
+    fixed: MovingConstants, x: float, k: float, sign: float
 ) -> tuple[float, float, float]:
     a, shape = fixed.alpha * (1.0 + fixed.e), fixed.base.waveform
     need = rise_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
@@ -310,7 +326,7 @@ def fixed_residual_moving(
 
 
 @implements(bases.fixed_attracts, *ANY)
-def fixed_attracts_moving(fixed: Constants, x: float, k: float) -> bool:
+def fixed_attracts_moving(fixed: MovingConstants, x: float, k: float) -> bool:
     # both multipliers are inside the unit circle
     law = fixed.base.restitution
     c = arrival_to_repeat(law, fixed.e, fixed.scale, k)
@@ -320,10 +336,91 @@ def fixed_attracts_moving(fixed: Constants, x: float, k: float) -> bool:
 
 
 @implements(bases.fixed_holds, *ANY)
-def fixed_holds_moving(fixed: Constants, x: float, k: float) -> bool:
+def fixed_holds_moving(fixed: MovingConstants, x: float, k: float) -> bool:
     y = leaving_to_repeat(fixed.base.restitution, fixed.e, fixed.scale, k)
     time, _ = bases.fly(fixed, x, y)
     return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y).leaves
+
+
+# --- Flights between two given instants -----------------------------------------------------------
+
+
+HALVINGS = 30  # the error of a minimum is of the order of the square of the last interval
+
+
+@generic
+def height(fixed: MovingConstants, x: float, y: float, s: float) -> tuple[float, float]:
+    """Height above a base that moves, and its derivative, s periods after leaving it."""
+
+
+@implements(height, Moving)
+def height_moving(fixed: MovingConstants, x: float, y: float, s: float) -> tuple[float, float]:
+    clear = moving.clearance(fixed, begin_at(x, y), s, *moving.turn(s))
+    return clear.f, clear.f1
+
+
+@implements(height, MovingHarmonics)
+def height_harmonics(fixed: MovingConstants, x: float, y: float, s: float) -> tuple[float, float]:
+    clear = harmonics.clearance(fixed, begin_at(x, y), s, *harmonics.turn(s))
+    return clear.f, clear.f1
+
+
+@implements(bases.chord, *ANY)
+def chord_moving(fixed: MovingConstants, x: float, s: float) -> tuple[float, float]:
+    # the height is linear in the speed of lift-off: s y / 2 is added to that of y = 0
+    f, f1 = height(fixed, x, 0.0, s)
+    y = -2.0 * f / s
+    return y, -2.0 * f1 - y
+
+
+@implements(bases.slopes, *ANY)
+def slopes_moving(fixed: MovingConstants, arc: Flight) -> Slopes:
+    # as in `jacobian_moving`, without its divisions by the speed of arrival
+    s, z = arc.time, arc.v
+    q, at = slope(fixed.base.restitution, fixed.e, fixed.scale, z), along(fixed, arc.x, arc.u, s)
+    pull, lost = 2.0 * (1.0 + at.acceleration), 2.0 * at.lost
+    ux, uu = q * (pull * at.by_x - lost * z), q * (pull * s - z)
+    return Slopes(z, z + at.by_x, s, ux, uu, q * arc.u)
+
+
+@jit
+def _least(fixed: MovingConstants, arc: Flight, fall: float, length: float) -> float:
+    """Least local minimum in the stretches of a flight in which the base falls faster than gravity.
+
+    They begin at phase `fall`, NaN if there are none.  The height is convex there and concave
+    elsewhere: each has one minimum or none, and so has no other time.  Where a flight begins or
+    ends in a stretch, it rises from the base or falls onto it, without a minimum.
+    """
+    least, low = np.inf, fall - arc.x
+    low -= np.floor(low)  # unlike math.floor, of NaN too
+    while low + length < arc.time:
+        first, last = low, low + length
+        if height(fixed, arc.x, arc.u, first)[1] < 0.0 < height(fixed, arc.x, arc.u, last)[1]:
+            for _ in range(HALVINGS):
+                middle = 0.5 * (first + last)
+                if height(fixed, arc.x, arc.u, middle)[1] > 0.0:
+                    last = middle
+                else:
+                    first = middle
+            least = min(least, height(fixed, arc.x, arc.u, first)[0])
+        low += 1.0
+    return least
+
+
+@implements(bases.clearing, *SINGLE)
+def clearing_single(fixed: MovingConstants, arc: Flight) -> float:
+    return _least(fixed, arc, fixed.x_lift, 1.0 - 2.0 * fixed.x_lift)
+
+
+@implements(bases.clearing, MovingHarmonics)
+def clearing_harmonics(fixed: MovingConstants, arc: Flight) -> float:
+    least = np.inf
+    for k in range(len(fixed.x_lift.falls)):
+        press, passed = next_phase(fixed.x_lift.presses, fixed.x_lift.falls[k])
+        least = min(
+            least, _least(fixed, arc, fixed.x_lift.falls[k], press - fixed.x_lift.falls[k] + passed)
+        )
+    return least
 
 
 # --- Bounds on errors -----------------------------------------------------------------------------
@@ -364,7 +461,7 @@ class Change(NamedTuple):
 
 
 @jit
-def _landed(fixed: Constants, flight: Flight, at: Along) -> Landed:
+def _landed(fixed: MovingConstants, flight: Flight, at: Along) -> Landed:
     """Bound the errors of a landing; `at` is the flight after its computed duration."""
     gamma = limits(fixed, 1.0).steep
     off, z = abs(at.f) + at.f_error, at.z - at.z_error
@@ -377,7 +474,7 @@ def _landed(fixed: Constants, flight: Flight, at: Along) -> Landed:
 
 @jit
 def _change(
-    fixed: Constants, flight: Flight, landed: Landed, spread: StateError
+    fixed: MovingConstants, flight: Flight, landed: Landed, spread: StateError
 ) -> tuple[Change, float, float]:
     """Bound how much the derivatives change over a spread of states.
 
@@ -394,7 +491,7 @@ def _change(
     s_y = s / z
     z_x = pull * s_x + 2.0 * abs(at.lost)
     z_y = pull * s_y + 1.0
-    few = 2.0**-20  # for derivatives that are zero by chance
+    few = 2.0**-20  # for derivatives that happen to be zero
     ds = 2.0 * ((s_x + few) * dx + (s_y + few) * dy)
     dz = 2.0 * ((z_x + few) * dx + (z_y + few) * dy)
     off, z_off = ds + landed.time, dz + landed.v
@@ -416,7 +513,7 @@ def _change(
 
 
 @jit
-def _start(fixed: Constants, flight: Flight, spread: StateError, last: float) -> float:
+def _start(fixed: MovingConstants, flight: Flight, spread: StateError, last: float) -> float:
     """Return a time early in the flight before which no state in a spread lands; or NaN."""
     y = max(0.0, flight.u - spread.speed)
     least = 0.5 * y / (1.0 + limits(fixed, 1.0).steep)
@@ -432,7 +529,9 @@ def _start(fixed: Constants, flight: Flight, spread: StateError, last: float) ->
 
 
 @jit
-def _lowest(fixed: Constants, flight: Flight, spread: StateError, t: float) -> tuple[float, float]:
+def _lowest(
+    fixed: MovingConstants, flight: Flight, spread: StateError, t: float
+) -> tuple[float, float]:
     """Lower bounds of F and F' after t periods, of all states in a spread."""
     at, (dx, dy) = along(fixed, flight.x, flight.u, t), spread
     f = at.f - SURE * (at.f_error + 0.5 * (t * dy + at.of_x * dx))
@@ -440,7 +539,7 @@ def _lowest(fixed: Constants, flight: Flight, spread: StateError, t: float) -> t
 
 
 @jit
-def _above(fixed: Constants, flight: Flight, spread: StateError) -> tuple[bool, float, float]:
+def _above(fixed: MovingConstants, flight: Flight, spread: StateError) -> tuple[bool, float, float]:
     """Return whether all states land faster than the base moves, and when all are above its top."""
     alpha, most, (dx, dy) = fixed.alpha * SURE, limits(fixed, SURE), spread
     u = flight.u + fixed.alpha * velocity(fixed.base.waveform, flight.x)
@@ -460,14 +559,14 @@ def _above(fixed: Constants, flight: Flight, spread: StateError) -> tuple[bool, 
 
 
 @jit
-def _never_falls(fixed: Constants, error: float) -> bool:
+def _never_falls(fixed: MovingConstants, error: float) -> bool:
     """Return whether the base certainly never falls faster than gravity; `error` is relative."""
     limit = limits(fixed, 1.0)
     return limit.fall * (1.0 + error) + limit.slope_rounding <= 1.0
 
 
 @jit
-def _is_first(fixed: Constants, flight: Flight, spread: StateError, last: float) -> bool:
+def _is_first(fixed: MovingConstants, flight: Flight, spread: StateError, last: float) -> bool:
     """Return whether no state in a spread has landed before the time `last`."""
     if _never_falls(fixed, GAMMA_ERROR):  # F is concave
         return flight.u > spread.speed
@@ -489,7 +588,7 @@ def _is_first(fixed: Constants, flight: Flight, spread: StateError, last: float)
 
 
 @jit
-def _pressed(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
+def _pressed(fixed: MovingConstants, flight: Flight, spread: StateError) -> StateError:
     """Return `landing_added` for a particle that lands at once, or after a very short flight."""
     dx, dy = spread
     if flight.u < -dy:
@@ -505,7 +604,7 @@ def _pressed(fixed: Constants, flight: Flight, spread: StateError) -> StateError
 
 
 @implements(bases.landing_added, *ANY)
-def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -> StateError:
+def landing_added_moving(fixed: MovingConstants, flight: Flight, spread: StateError) -> StateError:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
     at = along(fixed, flight.x, flight.u, flight.time)
@@ -522,7 +621,7 @@ def landing_added_moving(fixed: Constants, flight: Flight, spread: StateError) -
 
 @implements(bases.rebound_error, *ANY)
 def rebound_error_moving(
-    fixed: Constants, flight: Flight, added: StateError, error: float, spread: StateError
+    fixed: MovingConstants, flight: Flight, added: StateError, error: float, spread: StateError
 ) -> float:
     law, e, scale, z = fixed.base.restitution, fixed.e, fixed.scale, flight.v
     share, (random, draw) = ratio(law, e, scale, z), (fixed.base.noise, fixed.draw)
@@ -530,7 +629,7 @@ def rebound_error_moving(
         noise.noisy_restitution(random, share, draw.restitution),
         noise.rounding(random, share, z, draw),
     )
-    if straight(law) or share == 0.0:
+    if is_constant(law) or share == 0.0:
         error = left * (added.speed + HALF_ULP * abs(z)) + SMALLEST + of_noise
         return _unless_turned(random, fixed, flight, spread, error)
     q = noise.noisy_slope(random, share, slope(law, e, scale, z), draw.restitution)
@@ -547,7 +646,7 @@ def rebound_error_moving(
 @jit
 def _unless_turned(
     random: noise.Noise | None,
-    fixed: Constants,
+    fixed: MovingConstants,
     flight: Flight,
     spread: StateError,
     error: float,
@@ -564,7 +663,7 @@ def _unless_turned(
 
 @implements(bases.jacobian_error, *ANY)
 def jacobian_error_moving(
-    fixed: Constants, flight: Flight, error: float, spread: StateError
+    fixed: MovingConstants, flight: Flight, error: float, spread: StateError
 ) -> tuple[float, float, float]:
     if flight.time == 0.0:
         return 0.0, 0.0, 0.0
@@ -581,7 +680,7 @@ def jacobian_error_moving(
 
 
 @implements(bases.launch_error, *ANY)
-def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
+def launch_error_moving(fixed: MovingConstants, x: float, u: float) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
     error += HALF_ULP * abs(u) + 2.0 * limit.steep * LAUNCH_ERROR + SMALLEST + limit.rounding
@@ -591,7 +690,7 @@ def launch_error_moving(fixed: Constants, x: float, u: float) -> float:
 
 
 @implements(bases.absolute_error, *ANY)
-def absolute_error_moving(fixed: Constants, x: float, u: float, spread: StateError) -> float:
+def absolute_error_moving(fixed: MovingConstants, x: float, u: float, spread: StateError) -> float:
     base, limit = fixed.alpha * abs(velocity(fixed.base.waveform, x)), limits(fixed, 1.0)
     rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
     error: float = (
@@ -612,7 +711,7 @@ def rest_is_doubtful_moving(fixed: MovingConstants, x: float, w: float, spread: 
     return not (within and fixed.r - w > w_error)
 
 
-@implements(bases.liftoff_error, MovingConstants)
+@implements(bases.liftoff_error, Moving)
 def liftoff_error_moving(fixed: MovingConstants) -> StateError:
     gamma = math.pi * fixed.alpha
     if gamma * (1.0 + 2.0 * GAMMA_ERROR) <= 1.0:  # it is never lifted
@@ -623,32 +722,32 @@ def liftoff_error_moving(fixed: MovingConstants) -> StateError:
     return StateError(2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0)
 
 
-@implements(bases.random_liftoff_error, *ANY)
-def random_liftoff_error_moving(
-    fixed: Constants, n: float, x: float, error: float, later: Instant
+@implements(bases.liftoff_error_after, *ANY)
+def liftoff_error_after_moving(
+    fixed: MovingConstants, n: float, x: float, error: float, later: Instant
 ) -> StateError:
-    found = bases.liftoff_error(fixed)
-    doubtful = later.whole < np.inf and abs(x - later.phase) <= error + found.phase
-    return StateError(np.inf, np.inf) if doubtful else found
+    return bases.unless_doubtful(bases.liftoff_error(fixed), x, error, later)
 
 
 # --- Rests on a base that moves as a sum of harmonics ---------------------------------------------
 
 
 @jit
-def _nearest_end(fixed: ShapedConstants, x: float) -> float:
+def _nearest_end(fixed: MovingConstants, x: float) -> float:
     """Periods between phase x and the nearest end of a stretch in which the base presses."""
     nearest = np.inf
-    for k in range(len(fixed.falls)):
-        for end in (fixed.falls[k], fixed.presses[k]):
+    for k in range(len(fixed.x_lift.falls)):
+        for end in (fixed.x_lift.falls[k], fixed.x_lift.presses[k]):
             apart = abs(x - end)
             apart = min(apart, 1.0 - apart)
             nearest = apart if apart < nearest else nearest
     return nearest
 
 
-@implements(bases.rest_is_doubtful, ShapedConstants)
-def rest_is_doubtful_shaped(fixed: ShapedConstants, x: float, w: float, spread: StateError) -> bool:
+@implements(bases.rest_is_doubtful, MovingHarmonics)
+def rest_is_doubtful_harmonics(
+    fixed: MovingConstants, x: float, w: float, spread: StateError
+) -> bool:
     w_error = spread.speed + REST_ERROR * fixed.r
     if w - fixed.r > w_error:
         return False
@@ -659,19 +758,19 @@ def rest_is_doubtful_shaped(fixed: ShapedConstants, x: float, w: float, spread: 
     return not edge < np.inf or (presses and not fixed.r - w > w_error)
 
 
-@implements(bases.liftoff_error, ShapedConstants)
-def liftoff_error_shaped(fixed: ShapedConstants) -> StateError:
+@implements(bases.liftoff_error, MovingHarmonics)
+def liftoff_error_harmonics(fixed: MovingConstants) -> StateError:
     shape, half, limit = fixed.base.waveform, 0.5 * fixed.alpha, limits(fixed, 1.0)
     off = 4.0 * GAMMA_ERROR * (1.0 + limit.steep) + 2.0 * limit.slope_rounding
     if limit.fall + off <= 1.0:  # it is never lifted
         return StateError(0.0, 0.0)
     jolt = limit.angle * limit.angle * limit.steep  # of |G''|
     worst = 0.0
-    for k in range(len(fixed.falls)):
+    for k in range(len(fixed.x_lift.falls)):
         for x in (shape.dip[k], shape.before[k], shape.after[k]):
             if abs(1.0 + kick_slope(shape, half, x - np.rint(x))) <= off:
                 return StateError(np.inf, np.inf)
-        x = fixed.falls[k]
+        x = fixed.x_lift.falls[k]
         if x == x:
             wrong = abs(1.0 + kick_slope(shape, half, x)) + off
             slope = abs(kick_curvature(shape, half, x)) - limit.angle * limit.slope_rounding

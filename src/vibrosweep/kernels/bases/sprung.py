@@ -9,10 +9,10 @@ being the mass of one in units of that of the base, its height Y obeys
 Y is the sum of a forced motion (`drive_of`), the sag under the load, and a free oscillation D,
 which impacts excite.  Every impact pushes the base down.
 
-An overdamped mount does not swing: D decays with a slow and a fast rate.  Once the fast part has
-decayed, D' = -slow D, and the acceleration would be a small difference of large terms: at a damping
-ratio of 1000 six digits would be lost.  The state is therefore D and B = D' + slow D, which decays
-with the fast rate alone.  For a mount that swings, slow is 0 and B is the velocity D'.
+An overdamped mount does not oscillate: D decays with a slow and a fast rate.  Once the fast part
+has decayed, D' = -slow D, and the acceleration would be a small difference of large terms: at a
+damping ratio of 1000 six digits would be lost.  The state is therefore D and B = D' + slow D, which
+decays with the fast rate alone.  For a mount that oscillates, slow is 0 and B is the velocity D'.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ import numpy as np
 from vibrosweep.kernels import arithmetic
 from vibrosweep.kernels._jit import fma, generic, implements, jit, part
 from vibrosweep.kernels.arithmetic import cos_turns, sin_turns
-from vibrosweep.kernels.bases.chained import CORNER, TOP, stretch_at
+from vibrosweep.kernels.bases.harmonics import next_harmonic, next_turns
 from vibrosweep.kernels.bases.moving import turn
-from vibrosweep.kernels.bases.shaped import next_harmonic, next_turns
+from vibrosweep.kernels.bases.parabolic import CORNER, TOP, stretch_at
 from vibrosweep.kernels.noise import SILENT, Noise, Source, source_of
 from vibrosweep.kernels.restitution import Restitution, ratio, scale_of
 from vibrosweep.kernels.waveforms import Harmonics, Parabolic, Shape, Sine, for_each, steepness
@@ -93,11 +93,11 @@ class Motion(NamedTuple):
     jerk: float
 
 
-class ForcedBounds(NamedTuple):
-    """Bounds of the forced motion: of its height and of the moduli of its derivatives."""
+class Bounds(NamedTuple):
+    """Bounds of a motion of the base, that of the drive alone or that until the next impact."""
 
-    # height; pull, jerk, snap: of Y'', Y''' and Y''''
-    height: float
+    height: float  # upper bound
+    # pull, jerk, snap: of the absolute values of Y'', Y''' and Y''''
     pull: float
     jerk: float
     snap: float
@@ -129,7 +129,7 @@ def forced_motion(drive: Drive, at: Phase) -> ForcedMotion:
 
 
 @generic
-def forced_bounds(drive: Drive) -> ForcedBounds:
+def forced_bounds(drive: Drive) -> Bounds:
     """Bound the forced motion."""
 
 
@@ -202,10 +202,10 @@ def forcing_oscillation(drive: Oscillation, at: Phase, stiffness: float, drag: f
 
 
 @implements(forced_bounds, Oscillation)
-def forced_bounds_oscillation(drive: Oscillation) -> ForcedBounds:
+def forced_bounds_oscillation(drive: Oscillation) -> Bounds:
     height = math.sqrt(fma(drive.p, drive.p, drive.q * drive.q))
     pull = TWO_PI**2 * height
-    return ForcedBounds(height, pull, TWO_PI * pull, TWO_PI**2 * pull)
+    return Bounds(height, pull, TWO_PI * pull, TWO_PI**2 * pull)
 
 
 @implements(add_forced, Oscillation)
@@ -268,7 +268,7 @@ def forcing_oscillations(drive: Drive, at: Phase, stiffness: float, drag: float)
 
 
 @implements(forced_bounds, Oscillations)
-def forced_bounds_oscillations(drive: Oscillations) -> ForcedBounds:
+def forced_bounds_oscillations(drive: Oscillations) -> Bounds:
     height, pull, jerk, snap = 0.0, 0.0, 0.0, 0.0
     for k in range(len(drive.p)):
         v, p, q = TWO_PI * (k + 1), drive.p[k], drive.q[k]
@@ -277,7 +277,7 @@ def forced_bounds_oscillations(drive: Oscillations) -> ForcedBounds:
         pull = fma(v * v, size, pull)
         jerk = fma(v * v * v, size, jerk)
         snap = fma(v * v * v * v, size, snap)
-    return ForcedBounds(height, pull, jerk, snap)
+    return Bounds(height, pull, jerk, snap)
 
 
 @implements(add_forced, Oscillations)
@@ -350,8 +350,8 @@ def forced_motion_parabola(drive: Parabola, at: Phase) -> ForcedMotion:
 
 
 @implements(forced_bounds, Parabola)
-def forced_bounds_parabola(drive: Parabola) -> ForcedBounds:
-    return ForcedBounds(drive.alpha * TOP + abs(drive.sag), 4.0 * drive.alpha, 0.0, 0.0)
+def forced_bounds_parabola(drive: Parabola) -> Bounds:
+    return Bounds(drive.alpha * TOP + abs(drive.sag), 4.0 * drive.alpha, 0.0, 0.0)
 
 
 @implements(add_forced, Parabola)
@@ -404,11 +404,11 @@ class Load(NamedTuple):
     # Time after a push down during which the base is nowhere higher than without it: half a free
     # oscillation
     keeps: float
-    swing: float  # radians of the free oscillation per period; 0 where it is overdamped
+    frequency: float  # angular, of the free oscillation, per period; 0 where it is overdamped
     # slow, fast: rates of decay of an overdamped one, else 0
     slow: float
     fast: float
-    reach: ForcedBounds  # bounds of the forced motion
+    reach: Bounds  # bounds of the forced motion
     # natural, grip: a free motion with the energy of the velocity v reaches the height v / natural
     # and the acceleration grip v
     natural: float
@@ -424,16 +424,6 @@ class Free(NamedTuple):
     # d, b: its state
     d: float
     b: float
-
-
-class Bounds(NamedTuple):
-    """Bounds that hold until the next impact."""
-
-    height: float  # upper bound of the height of the base
-    # pull, jerk, snap: of the absolute values of Y'', Y''' and Y''''
-    pull: float
-    jerk: float
-    snap: float
 
 
 @jit
@@ -464,17 +454,17 @@ def loaded(fixed: Mount, riders: int, side: float) -> Load:
     mass = 1.0 + riders * fixed.mu
     stiffness, drag = fixed.w * fixed.w / mass, fixed.zeta * fixed.w / mass
     drive = drive_of(fixed.waveform, fixed.alpha, fixed.w, fixed.zeta, mass, side)
-    swing = math.sqrt(max(stiffness - drag * drag, 0.0))
-    keeps = math.pi / swing if swing > 0.0 else np.inf
+    frequency = math.sqrt(max(stiffness - drag * drag, 0.0))
+    keeps = math.pi / frequency if frequency > 0.0 else np.inf
     fast = slow = 0.0
-    if swing == 0.0:
+    if frequency == 0.0:
         fast = drag + math.sqrt(max(fma(drag, drag, -stiffness), 0.0))
         slow = stiffness / fast
     level = -2.0 * (mass - 1.0) / (fixed.w * fixed.w) if mass > 1.0 else 0.0
     reach, natural = forced_bounds(drive), math.sqrt(stiffness)
     grip = math.sqrt(4.0 * drag * drag + stiffness)
     return Load(
-        riders, stiffness, drag, drive, level, keeps, swing, slow, fast, reach, natural, grip
+        riders, stiffness, drag, drive, level, keeps, frequency, slow, fast, reach, natural, grip
     )
 
 
@@ -569,7 +559,7 @@ def _series(load: Load, b: float, s: float) -> tuple[float, float]:
 
 @part
 def _overdamped(load: Load, d: float, b: float, s: float) -> Free:
-    """Return the same as `free_motion`, for a mount that does not swing."""
+    """Return the same as `free_motion`, for an overdamped mount."""
     slow, fast, width = load.slow, load.fast, load.fast - load.slow
     left, ended = arithmetic.exp(-slow * s), arithmetic.exp(-fast * s)
     rise, gain = d * _bend(slow * s), -slow * d * arithmetic.expm1(-slow * s)
@@ -587,8 +577,8 @@ def free_motion(load: Load, d: float, b: float, s: float) -> Free:
     """Return the free oscillation after s periods from the state d, b.
 
     Neither its rise nor its gain is a difference of nearly equal numbers while the oscillation has
-    hardly begun: with A = exp(-drag s), sin and cos of the angle q s of the swing, L = s - sin / q,
-    and the stiffness K, they are
+    hardly begun: with A = exp(-drag s), sin and cos of the angle q s, q being its angular
+    frequency, L = s - sin / q, and the stiffness K, they are
 
         -d (1 - (1 + drag s) A + A (1 - cos + drag L)) - b ((1 - A) s + A L)
         -b (1 - A + A (1 - cos + drag sin / q)) - d K A sin / q,
@@ -600,11 +590,11 @@ def free_motion(load: Load, d: float, b: float, s: float) -> Free:
     """
     if s == 0.0 or (d == 0.0 and b == 0.0):
         return Free(0.0, 0.0, d, b)
-    if load.swing == 0.0:
+    if load.frequency == 0.0:
         return _overdamped(load, d, b, s)
-    turns = load.swing / TWO_PI * s
+    turns = load.frequency / TWO_PI * s
     sine, lag, c = turn(turns)
-    sine, lag = sine / load.swing, lag / load.swing
+    sine, lag = sine / load.frequency, lag / load.frequency
     left, lost, bent = _decayed(load.drag * s)
     rise = -d * fma(left, fma(load.drag, lag, c), bent) - b * fma(left, lag, lost * s)
     gain = -b * fma(left, fma(load.drag, sine, c), lost) - d * (load.stiffness * left * sine)
@@ -650,5 +640,5 @@ def recoil_from(noise: Noise | None, fixed: Mount, riders: int, c: float, w: flo
 
 @jit
 def recoil_share(fixed: Mount, riders: int, share: float, sticks: bool) -> float:
-    """Speed that the base loses per unit of approach speed, of which a bounce keeps `share`."""
+    """Speed that the base loses per unit of approach speed, of which a bounce retains `share`."""
     return _pushed(fixed, riders) * (1.0 if sticks else 1.0 + share)

@@ -8,25 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, part
-from vibrosweep.kernels.bases.sprung import (
-    Bounds,
-    Load,
-    Motion,
-    Mount,
-    Phase,
-    bounds,
-    forced_motion,
-    free_pull,
-    loaded,
-    move,
-    phase_of,
-    recoil,
-    recoil_from,
-    side_at,
-    side_of,
-    until_corner,
-    velocity,
-)
+from vibrosweep.kernels.bases import sprung
+from vibrosweep.kernels.bases.sprung import Bounds, Load, Motion, Mount, Phase
 from vibrosweep.kernels.impact import land, launch
 from vibrosweep.kernels.noise import draw_of, noisy_rebound, noisy_restitution
 from vibrosweep.kernels.restitution import ratio
@@ -106,7 +89,7 @@ class Event(NamedTuple):
     """The next event."""
 
     kind: int  # one of `EVENT`
-    who: int  # the particle; -1 for all riders, or where nobody takes part
+    who: int  # the particle; -1 for all riders, or where no particle takes part
     time: float  # since the previous event, in forcing periods
     speed: float  # approach speed of a landing
     dropped: bool  # True if its recoil made the riders leave
@@ -144,7 +127,7 @@ def begin(state: System, fixed: Mount, problem: Dimensionless, launches: Launche
     now[NOW.LIFT], now[NOW.WAITING] = np.inf, mode.size
     for j in range(mode.size):
         particle[PARTICLE.SAFE, j] = _between(particle, j, first)
-    load = loaded(fixed, 0, side_at(fixed.waveform, now[NOW.X]))
+    load = sprung.loaded(fixed, 0, sprung.side_at(fixed.waveform, now[NOW.X]))
     locate(state, load)
     return load
 
@@ -160,11 +143,11 @@ def _between(particle: Floats, j: int, first: int) -> float:
 def locate(state: System, load: Load) -> None:
     """Find height and velocity of the base from its phase and deviation."""
     now = state.now
-    at = phase_of(now[NOW.X])
+    at = sprung.phase_of(now[NOW.X])
     now[NOW.SINE], now[NOW.COSINE] = at.sine, at.cosine
-    forced = forced_motion(load.drive, at)
+    forced = sprung.forced_motion(load.drive, at)
     now[NOW.HEIGHT] = forced.height + load.level + now[NOW.D]
-    now[NOW.SPEED] = forced.speed + velocity(load, now[NOW.D], now[NOW.B])
+    now[NOW.SPEED] = forced.speed + sprung.velocity(load, now[NOW.D], now[NOW.B])
 
 
 @jit
@@ -177,20 +160,20 @@ def phase_now(state: System) -> Phase:
 def motion_after(state: System, load: Load, t: float) -> Motion:
     """Return the motion of the base after the time t from now."""
     now = state.now
-    return move(load, phase_now(state), now[NOW.D], now[NOW.B], t)
+    return sprung.move(load, phase_now(state), now[NOW.D], now[NOW.B], t)
 
 
 @jit
 def acceleration(state: System, load: Load) -> tuple[float, float]:
     """Return the acceleration of the base now, and its rate."""
-    forced = forced_motion(load.drive, phase_now(state))
-    free, rate = free_pull(load, state.now[NOW.D], state.now[NOW.B])
+    forced = sprung.forced_motion(load.drive, phase_now(state))
+    free, rate = sprung.free_pull(load, state.now[NOW.D], state.now[NOW.B])
     return free + forced.pull, rate + forced.jerk
 
 
 @part
 def let_pass(state: System, load: Load, t: float) -> Motion:
-    """Let the time t pass without an event; return the motion of the base."""
+    """Advance by the time t without an event; return the motion of the base."""
     particle, now, mode = state
     motion = motion_after(state, load, t)
     now[NOW.X], passed = land(now[NOW.X], t)
@@ -198,7 +181,7 @@ def let_pass(state: System, load: Load, t: float) -> Motion:
     now[NOW.D], now[NOW.B] = motion.d, motion.b
     now[NOW.LIFT] -= t
     locate(state, load)
-    for j in range(mode.size):  # also if not flying: height and speed are set anew at the lift-off
+    for j in range(mode.size):  # also if not flying: height and speed are set again at the lift-off
         w = particle[PARTICLE.SPEED, j]
         particle[PARTICLE.HEIGHT, j] = fma(t, w - t, particle[PARTICLE.HEIGHT, j]) - motion.rise
         particle[PARTICLE.SPEED, j] = w - 2.0 * t - motion.gain
@@ -221,8 +204,8 @@ def since_now(state: System, j: int) -> float:
 @part
 def under(state: System, fixed: Mount, count: int, side: float) -> Load:
     """Change the load or the side of the drive; the base keeps its height and velocity."""
-    changed, now = loaded(fixed, count, side), state.now
-    forced = forced_motion(changed.drive, phase_now(state))
+    changed, now = sprung.loaded(fixed, count, side), state.now
+    forced = sprung.forced_motion(changed.drive, phase_now(state))
     now[NOW.D] = now[NOW.HEIGHT] - (forced.height + changed.level)
     now[NOW.B] = now[NOW.SPEED] - forced.speed + changed.slow * now[NOW.D]
     return changed
@@ -230,16 +213,16 @@ def under(state: System, fixed: Mount, count: int, side: float) -> Load:
 
 # --- Search for the next landing ------------------------------------------------------------------
 # Every impact moves the base and so changes all later landings.  For each particle a lower bound of
-# the time of its landing is kept, and only the particle with the earliest bound is examined.  Three
-# facts give these bounds:
+# the time of its landing is stored, and only the particle with the earliest bound is examined.
+# Three facts give these bounds:
 #
 # - The step (F' + sqrt(F'^2 + 2 K F)) / K from a clearance F passes no root, because F'' >= -K with
 #   a bound K from the energy of the free oscillation, which does not grow between impacts.
 # - An impact pushes the base down.  For half a free oscillation the base is nowhere higher than it
 #   would have been, so that a bound found before the impact remains valid.
 # - The base stays below a height that follows from its energy.  The time at which a particle falls
-#   to that height remains a bound, whatever other particles do, until the energy exceeds the one
-#   assumed.
+#   to that height remains a bound, whatever the other particles do, until the energy exceeds the
+#   one assumed.
 #
 # If F' < 0 and 4 K F <= F'^2, the next root is unique within the step, and Newton's iteration with
 # the next two derivatives finds it, or with only the next one while a recoil that decays at once
@@ -383,13 +366,13 @@ def lift(state: System, load: Load, until: float) -> bool:
     At most `STEPS` steps are taken; if the time is still not after `until`, nothing is known yet.
     """
     now = state.now
-    jumps = until_corner(load.drive, 0.0) < np.inf
+    jumps = sprung.until_corner(load.drive, 0.0) < np.inf
     for _ in range(STEPS):
         t = now[NOW.LIFT]
         if t > until:
             break
         motion = motion_after(state, load, t)
-        limit = bounds(load, motion.d, motion.b)
+        limit = sprung.bounds(load, motion.d, motion.b)
         if limit.pull <= 2.0:
             now[NOW.LIFT] = np.inf
             return False
@@ -425,8 +408,8 @@ def next_event(
     Without an event, only bounds of future times change.  Returns the event and the load of the
     base after it.
     """
-    limit = bounds(load, state.now[NOW.D], state.now[NOW.B])
-    first, corner = earliest(state), until_corner(load.drive, state.now[NOW.X])
+    limit = sprung.bounds(load, state.now[NOW.D], state.now[NOW.B])
+    first, corner = earliest(state), sprung.until_corner(load.drive, state.now[NOW.X])
     horizon, smooth = min(until, corner), corner == np.inf
     for _ in range(TRIES):
         time = min(first.time, horizon)
@@ -455,8 +438,8 @@ def next_event(
 
 @part
 def _turn(state: System, fixed: Mount, load: Load, t: float) -> tuple[Event, Load]:
-    """Let the drive pass the corner after the time t, and renew the bounds of all flights."""
-    side = side_of(load.drive)
+    """Advance to the corner of the drive after the time t, and renew the bounds of all flights."""
+    side = sprung.side_of(load.drive)
     let_pass(state, load, t)
     state.now[NOW.X] = math.copysign(0.25, side)  # the corner, without rounding
     locate(state, load)
@@ -481,12 +464,12 @@ def _leave(state: System, j: int, w: float, wait: float) -> None:
 @jit
 def _wait(state: System, load: Load, w: float) -> float:
     """Return a time within which a particle that leaves with relative speed w >= 0 cannot land."""
-    limit = bounds(load, state.now[NOW.D], state.now[NOW.B])
+    limit = sprung.bounds(load, state.now[NOW.D], state.now[NOW.B])
     pull, _ = acceleration(state, load)
     falls = -2.0 - pull  # how much faster than gravity the base falls
     # F >= w s - (2 + pull) s^2 / 2, and F >= falls s^2 / 2 - jerk s^3 / 6
     wait = max(2.0 * w / (2.0 + limit.pull), 3.0 * falls / limit.jerk if falls > 0.0 else 0.0)
-    return min(wait, until_corner(load.drive, state.now[NOW.X]))
+    return min(wait, sprung.until_corner(load.drive, state.now[NOW.X]))
 
 
 @part
@@ -496,7 +479,7 @@ def _expect(state: System, load: Load, kick: float, same: bool) -> None:
     `same` is True if the load of the base has not changed.
     """
     particle, now = state.particle, state.now
-    height = bounds(load, now[NOW.D], now[NOW.B]).height
+    height = sprung.bounds(load, now[NOW.D], now[NOW.B]).height
     y, v = now[NOW.HEIGHT], now[NOW.SPEED]
     now[NOW.LIFT] = 0.0 if load.riders > 0 else np.inf
     if height > now[NOW.HIGHEST]:
@@ -517,7 +500,7 @@ def _expect(state: System, load: Load, kick: float, same: bool) -> None:
 
 @jit
 def _push(state: System, kick: float) -> None:
-    """Take the speed `kick` from the base."""
+    """Reduce the speed of the base by `kick`."""
     state.now[NOW.B] -= kick
     state.now[NOW.SPEED] -= kick
 
@@ -527,13 +510,13 @@ def _drop(state: System, fixed: Mount, load: Load) -> tuple[Event, Load]:
     """Let all riders leave the base, which begins to fall faster than gravity."""
     t = state.now[NOW.LIFT]
     let_pass(state, load, t)
-    bare = under(state, fixed, 0, side_of(load.drive))
+    bare = under(state, fixed, 0, sprung.side_of(load.drive))
     _expect(state, bare, 0.0, False)
-    limit = bounds(bare, state.now[NOW.D], state.now[NOW.B])
+    limit = sprung.bounds(bare, state.now[NOW.D], state.now[NOW.B])
     # F'' = 0 now, F''' = -jerk: F >= -jerk s^3 / 6 - snap s^4 / 24
     _, jerk = acceleration(state, bare)
     wait = max(-4.0 * jerk / limit.snap, 0.0) if limit.snap > 0.0 else 0.0
-    corner = until_corner(bare.drive, state.now[NOW.X])
+    corner = sprung.until_corner(bare.drive, state.now[NOW.X])
     if corner < np.inf:  # the acceleration may have jumped
         wait = max(min(wait, corner), _wait(state, bare, 0.0))
     _release(state, 0.0, wait)
@@ -554,7 +537,7 @@ def _launch(state: System, load: Load, who: int, launch_speed: float) -> tuple[E
     now, t = state.now, max(state.particle[PARTICLE.SAFE, who], 0.0)
     let_pass(state, load, t)
     now[NOW.WAITING] -= 1.0
-    height = bounds(load, now[NOW.D], now[NOW.B]).height
+    height = sprung.bounds(load, now[NOW.D], now[NOW.B]).height
     if height > now[NOW.HIGHEST]:  # at the first launch only
         now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
     w = launch_speed - now[NOW.SPEED]
@@ -578,21 +561,21 @@ def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Loa
     scale = max(particle[PARTICLE.SCALE, who], fixed.r)
     if abs(w - fixed.r) <= ROUNDING * scale or c <= math.sqrt(ROUNDING) * scale:
         state.now[NOW.UNDECIDED] += 1.0
-    kick = recoil(fixed, load.riders, c, True)
+    kick = sprung.recoil(fixed, load.riders, c, True)
     presses = motion.pull + 2.0 + 2.0 * load.drag * kick > 0.0  # at the common velocity
     if w <= fixed.r and presses:
         state.mode[who] = MODE.RIDING
         particle[PARTICLE.SAFE, who] = np.inf
         _push(state, kick)
-        after = under(state, fixed, load.riders + 1, side_of(load.drive))
+        after = under(state, fixed, load.riders + 1, sprung.side_of(load.drive))
         _expect(state, after, kick, False)
         return Event(EVENT.STICK, who, t, c, False), after
-    alone = recoil_from(fixed.noise, fixed, 0, c, w)
+    alone = sprung.recoil_from(fixed.noise, fixed, 0, c, w)
     # nothing pulls riders down with the base; they ride on only below the threshold of rest
     dropped = load.riders > 0 and alone > fixed.r
-    kick = alone if dropped else recoil_from(fixed.noise, fixed, load.riders, c, w)
+    kick = alone if dropped else sprung.recoil_from(fixed.noise, fixed, load.riders, c, w)
     _push(state, kick)
-    after = under(state, fixed, 0, side_of(load.drive)) if dropped else load
+    after = under(state, fixed, 0, sprung.side_of(load.drive)) if dropped else load
     _expect(state, after, kick, not dropped)
     _leave(state, who, w, _wait(state, after, w))
     if dropped:

@@ -18,16 +18,9 @@ import numpy as np
 from vibrosweep.kernels import arithmetic
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.arithmetic import cos_turns, sin_turns
-from vibrosweep.kernels.bases.sprung import (
-    Load,
-    Mount,
-    forcing,
-    free_motion,
-    loaded,
-    mount,
-    recoil_share,
-    side_of,
-)
+from vibrosweep.kernels.bases import sprung
+from vibrosweep.kernels.bases.sprung import Load, Mount
+from vibrosweep.kernels.coupled.advance import Coupled
 from vibrosweep.kernels.coupled.events import (
     EVENT,
     MODE,
@@ -41,7 +34,6 @@ from vibrosweep.kernels.coupled.events import (
     phase_now,
     system,
 )
-from vibrosweep.kernels.coupled.follow import Coupled
 from vibrosweep.kernels.memory import unwritten
 from vibrosweep.kernels.restitution import ratio, slope
 
@@ -56,7 +48,7 @@ from vibrosweep.kernels.restitution import ratio, slope
 
 @part
 def _ride(mode: Integers, deviations: Floats) -> None:
-    """Give the riders the deviation of the base."""
+    """Set the deviations of the riders to that of the base."""
     particles = mode.size
     for j in range(particles):
         if mode[j] == MODE.RIDING:
@@ -67,10 +59,10 @@ def _ride(mode: Integers, deviations: Floats) -> None:
 
 @part
 def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
-    """Let deviations follow the flow for the time t, during which particles have this `mode`."""
+    """Propagate deviations for the time t, during which particles have this `mode`."""
     particles = mode.size
-    rise, gain, _, _ = free_motion(load, 1.0, load.slow, t)
-    rise_v, gain_v, _, _ = free_motion(load, 0.0, 1.0, t)
+    rise, gain, _, _ = sprung.free_motion(load, 1.0, load.slow, t)
+    rise_v, gain_v, _, _ = sprung.free_motion(load, 0.0, 1.0, t)
     for column in range(deviations.shape[1]):
         deviation = deviations[:, column]
         for j in range(particles):
@@ -84,8 +76,8 @@ def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
 @jit
 def _pull(state: System, fixed: Mount, load: Load, speed: float) -> float:
     """Acceleration of the base now, at this velocity and under a load."""
-    bare, count = loaded(fixed, 0, side_of(load.drive)), load.riders
-    driven = forcing(bare.drive, phase_now(state), bare.stiffness, bare.drag)
+    bare, count = sprung.loaded(fixed, 0, sprung.side_of(load.drive)), load.riders
+    driven = sprung.forcing(bare.drive, phase_now(state), bare.stiffness, bare.drag)
     free = driven - 2.0 * bare.drag * speed - bare.stiffness * state.now[NOW.HEIGHT]
     return float((free - 2.0 * count * fixed.mu) / (1.0 + count * fixed.mu))
 
@@ -109,10 +101,10 @@ def _impact(
     (pulls, _), sticks = acceleration(state, after), event.kind == EVENT.STICK
     taking = 0 if event.dropped else count
     q = slope(fixed.law, fixed.e, fixed.scale, c)
-    kept = ratio(fixed.law, fixed.e, fixed.scale, c)
-    share = recoil_share(fixed, taking, q, sticks)  # of a change of c that the base loses
+    retained = ratio(fixed.law, fixed.e, fixed.scale, c)
+    share = sprung.recoil_share(fixed, taking, q, sticks)  # of a change of c that the base loses
     gain = 1.0 - share if sticks else 1.0 + q - share  # and that the particle gains
-    kick = recoil_share(fixed, taking, kept, sticks) * c
+    kick = sprung.recoil_share(fixed, taking, retained, sticks) * c
     was = speed + kick  # velocity of the base before the impact; that of the particle was c less
     pulled = _pull(state, fixed, before, was)
     for column in range(deviations.shape[1]):
@@ -126,7 +118,7 @@ def _impact(
         for i in range(particles):
             if event.dropped and rode[i] == MODE.RIDING:  # it keeps its velocity
                 deviation[particles + i] = w + 2.0 * delay
-        leaves = speed if sticks else speed + kept * c
+        leaves = speed if sticks else speed + retained * c
         deviation[j] = y - leaves * delay
         deviation[particles + j] = v + gain * approach + 2.0 * delay
         deviation[2 * particles] = y - speed * delay
@@ -134,7 +126,7 @@ def _impact(
 
 
 @part
-def follow_event(
+def advance_event(
     state: System,
     fixed: Mount,
     load: Load,
@@ -177,7 +169,7 @@ WAVES: Final = len(SINES) + len(COSINES)
 
 
 class JointOrbit(NamedTuple):
-    """Orbits of joint states; each array of shape (realization,) unless said otherwise."""
+    """Orbits of joint states; each array of shape (realization,) unless stated otherwise."""
 
     # impacts, periods, rests: landings of all particles, forcing periods and landings that stick in
     # a cycle; 0 where no recurrence was found
@@ -204,7 +196,7 @@ def empty_joint(realizations: int) -> JointOrbit:
 
 @jit
 def _write_nothing(i: int, out: JointOrbit) -> None:
-    """Write that nothing is known of realization i."""
+    """Write realization i as undetermined."""
     out.impacts[i] = out.periods[i] = out.rests[i] = out.landings[i] = out.at_rest[i] = 0
     out.since[i] = np.nan
     for block in range(BLOCKS):
@@ -225,9 +217,9 @@ class Round(NamedTuple):
 class Notes(NamedTuple):
     """Scratch memory of one thread."""
 
-    # state, kept: state of the realization, and the stored state that it is compared with
+    # state, stored: state of the realization, and the stored state that it is compared with
     state: System
-    kept: System
+    stored: System
     rode: Integers  # modes before an event
     deviation: Floats  # shape (2 * particle + 2, 1)
 
@@ -257,13 +249,20 @@ def _alike(a: System, b: System) -> bool:
     """Return whether two states differ by whole periods and rounding only."""
     turned = a.now[NOW.X] - b.now[NOW.X]
     off = abs(turned - np.rint(turned))
-    off = max(off, abs(a.now[NOW.D] - b.now[NOW.D]), abs(a.now[NOW.B] - b.now[NOW.B]))
+    off = max(
+        off,
+        abs(a.now[NOW.D] - b.now[NOW.D]),
+        abs(a.now[NOW.B] - b.now[NOW.B]),
+    )
     for j in range(a.mode.size):
         if off > ALIKE or a.mode[j] != b.mode[j] or a.mode[j] == MODE.WAITING:
             return False
         if a.mode[j] == MODE.FLYING:
             scale = max(abs(a.particle[PARTICLE.SCALE, j]), 1.0)
-            for row, unit in ((PARTICLE.HEIGHT, scale * scale), (PARTICLE.SPEED, scale)):
+            for row, unit in (
+                (PARTICLE.HEIGHT, scale * scale),
+                (PARTICLE.SPEED, scale),
+            ):
                 off = max(off, abs(a.particle[row, j] - b.particle[row, j]) / unit)
     return bool(off <= ALIKE)
 
@@ -280,10 +279,10 @@ def _amid(state: System) -> bool:
 
 
 @jit
-def _since(state: System, kept: System, landings: int, rests: int) -> Round:
+def _since(state: System, stored: System, landings: int, rests: int) -> Round:
     """Return the counts since a state was stored."""
-    whole = state.now[NOW.N] - kept.now[NOW.N]
-    return Round(landings, int(np.rint(whole + (state.now[NOW.X] - kept.now[NOW.X]))), rests)
+    whole = state.now[NOW.N] - stored.now[NOW.N]
+    return Round(landings, int(np.rint(whole + (state.now[NOW.X] - stored.now[NOW.X]))), rests)
 
 
 @jit
@@ -295,14 +294,14 @@ def _shortest(full: Round, first: Round) -> Round:
 
 
 @jit
-def _keep(state: System, kept: System) -> None:
+def _store(state: System, stored: System) -> None:
     """Copy a state."""
     for j in range(state.mode.size):
-        kept.mode[j] = state.mode[j]
+        stored.mode[j] = state.mode[j]
         for row in range(state.particle.shape[0]):
-            kept.particle[row, j] = state.particle[row, j]
+            stored.particle[row, j] = state.particle[row, j]
     for place in range(state.now.size):
-        kept.now[place] = state.now[place]
+        stored.now[place] = state.now[place]
 
 
 @jit
@@ -334,8 +333,8 @@ def _add_waves(growth: float, x: float, waves: Floats) -> None:
 def _settle(
     fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: JointOrbit
 ) -> None:
-    """Follow realization i to the end of its window."""
-    state, kept, rode, deviation = work
+    """Simulate realization i to the end of its window."""
+    state, stored, rode, deviation = work
     problem = batch.problem
     load = begin(state, fixed, problem, batch.launches, i)
     start = (problem.begin_count[i] - problem.end_count[i]) + problem.begin_phase[i]
@@ -345,10 +344,10 @@ def _settle(
     growth, landed, rests, mark, seen_at, rested = 0.0, 0, 0, 1, 0, 0
     nothing = Round(0, 0, 0)
     first = nothing
-    _keep(state, kept)
+    _store(state, stored)
     while landed <= budget:  # one more event may show that all rest for good
         until = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
-        event, load = follow_event(
+        event, load = advance_event(
             state, fixed, load, problem.launch_flight[i], until, rode, deviation
         )
         if event.kind == EVENT.FINISHED:
@@ -371,16 +370,18 @@ def _settle(
         landed += 1
         rests += 1 if event.kind == EVENT.STICK else 0
         out.landings[i] += 1 if place >= 0 else 0
-        if out.impacts[i] == 0 and _alike(state, kept):
-            full = _since(state, kept, landed - seen_at, rests - rested)
+        if out.impacts[i] == 0 and _alike(state, stored):
+            full = _since(state, stored, landed - seen_at, rests - rested)
             first = full if first.impacts == 0 else first
-            if _same(state, kept):
+            if _same(state, stored):
                 out.impacts[i], out.periods[i], out.rests[i] = _shortest(full, first)
                 out.since[i] = (
-                    kept.now[NOW.N] + problem.end_count[i] + (kept.now[NOW.X] - problem.phase[i])
+                    stored.now[NOW.N]
+                    + problem.end_count[i]
+                    + (stored.now[NOW.X] - problem.phase[i])
                 )
         if landed >= mark and not _amid(state):
-            _keep(state, kept)
+            _store(state, stored)
             first = nothing
             mark, seen_at, rested = 2 * landed, landed, rests
 
@@ -401,6 +402,6 @@ def settle_jointly(
     """
     for i in range(first, last):
         _write_nothing(i, out)
-        fixed = mount(batch.problem, batch.mounts, i)
+        fixed = sprung.mount(batch.problem, batch.mounts, i)
         if np.isfinite(fixed.alpha):
             _settle(fixed, batch, i, budget, work, out)

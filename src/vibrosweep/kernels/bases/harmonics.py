@@ -4,7 +4,7 @@ A resting particle lifts off at the next phase at which 1 + G falls through 0; a
 several such phases.
 
 In the vector kernel a pass makes one step of each lane's search.  The loops are short, as over the
-sine (`vibrosweep.kernels.bases.moving`), and use the same rows, except for those of `ShapedRows`.
+sine (`vibrosweep.kernels.bases.moving`), and use the same rows, except for `HarmonicsRows`.
 """
 
 from __future__ import annotations
@@ -14,42 +14,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels import bases, noise
+from vibrosweep.kernels import arithmetic, bases
 from vibrosweep.kernels._jit import Floats, fma, implements, jit, wide_vectors
-from vibrosweep.kernels.arithmetic import (
-    cos_turns,
-    rough_lag_and_versine,
-    sin_and_lag,
-    sin_near,
-    sin_turns,
-)
-from vibrosweep.kernels.bases import Counted, Flight, LiftOff
-from vibrosweep.kernels.bases.moving import (
-    AHEAD,
-    BORDER,
-    FAST,
-    FRESH,
-    LARGEST_GAMMA,
-    LAST,
-    NOISE,
-    SLOW,
-    TINY,
-    TRIES,
-    ULP,
-    Begin,
-    Shaped,
-    ShapedConstants,
-    Terms,
-    across,
-    begin_at,
-    begun,
-    improved,
-    phase_after,
-    series_step,
-)
+from vibrosweep.kernels.bases import Counted, Flight, LiftOff, moving
+from vibrosweep.kernels.bases.moving import Begin, MovingConstants, MovingHarmonics, Terms
 from vibrosweep.kernels.memory import OF_PHASES, ROW, STRIDE
-from vibrosweep.kernels.noise import SILENT, STILL, drawn_in
-from vibrosweep.kernels.restitution import scale_of
 from vibrosweep.kernels.waveforms import Harmonics, for_each, next_phase, velocity
 from vibrosweep.model.parameters import Dimensionless
 from vibrosweep.model.shapes import TWO_PI
@@ -78,7 +47,7 @@ SHORT = 2.0**-9
 Turns = tuple[float, float, float, float, float]
 
 
-class ShapedGuess(NamedTuple):
+class HarmonicsGuess(NamedTuple):
     """A guess of the landing, from the beginning of the flight alone."""
 
     sure: bool  # True if the clearance certainly has a single root
@@ -88,6 +57,16 @@ class ShapedGuess(NamedTuple):
     rise: float
     u: float
     apex: float  # greatest height above the lowest level of the base
+
+
+class Stretches(NamedTuple):
+    """Phases at which the base begins to fall faster than gravity, and to press again.
+
+    NaN where it does not.
+    """
+
+    falls: tuple[float, ...]
+    presses: tuple[float, ...]
 
 
 class Clear(NamedTuple):
@@ -135,26 +114,26 @@ def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float
 
 
 @jit
-def stretch(fixed: ShapedConstants, x: float) -> tuple[bool, float, float]:
+def stretch(fixed: MovingConstants, x: float) -> tuple[bool, float, float]:
     """Return whether the base presses at phase x, and periods until it falls, or presses again.
 
     A stretch that is within `BORDER` of its end counts as ended.
     """
     to_fall, to_press = np.inf, np.inf
-    for k in range(len(fixed.falls)):
-        fall, press = fixed.falls[k] - x, fixed.presses[k] - x
+    for k in range(len(fixed.x_lift.falls)):
+        fall, press = fixed.x_lift.falls[k] - x, fixed.x_lift.presses[k] - x
         fall = fall + 1.0 if fall < 0.0 else fall
         press = press + 1.0 if press < 0.0 else press
         to_fall = fall if fall < to_fall else to_fall
         to_press = press if press < to_press else to_press
     presses = not to_press < to_fall
-    over = (to_fall if presses else to_press) <= BORDER
+    over = (to_fall if presses else to_press) <= moving.BORDER
     return presses != over, to_fall, to_press
 
 
 @jit
 def clearance(
-    fixed: ShapedConstants, begin: Begin, s: float, turned: float, lag: float, c: float
+    fixed: MovingConstants, begin: Begin, s: float, turned: float, lag: float, c: float
 ) -> Clear:
     """Clearance after s periods.
 
@@ -193,8 +172,8 @@ def clearance(
 def turn(s: float) -> tuple[float, float, float]:
     """Return the functions of s that `clearance` needs."""
     part = s - np.rint(s)
-    turned, lag = sin_and_lag(part, part)
-    half = sin_near(0.5 * part)
+    turned, lag = arithmetic.sin_and_lag(part, part)
+    half = arithmetic.sin_near(0.5 * part)
     return turned, lag, 2.0 * half * half
 
 
@@ -202,12 +181,12 @@ def turn(s: float) -> tuple[float, float, float]:
 def rough_turn(s: float) -> tuple[float, float, float]:
     """Return the functions of `turn` to about five digits."""
     part = s - np.rint(s)
-    lag, c = rough_lag_and_versine(part)
+    lag, c = arithmetic.rough_lag_and_versine(part)
     return fma(TWO_PI, part, -lag), lag, c
 
 
 @jit
-def first_guess(fixed: ShapedConstants, begin: Begin) -> ShapedGuess:
+def first_guess(fixed: MovingConstants, begin: Begin) -> HarmonicsGuess:
     """Guess when the flight ends."""
     shape, alpha = fixed.base.waveform, fixed.alpha
     w, slope, level = at_phase(shape, begin.sine, begin.cosine)
@@ -215,28 +194,28 @@ def first_guess(fixed: ShapedConstants, begin: Begin) -> ShapedGuess:
     pull = fma(0.5 * alpha, slope, 1.0)
     depth = 4.0 * alpha * (shape.top - level)  # below the top, as the square of a speed
     largest = alpha * shape.fastest
-    fast = (u > 0.0) & (u * u >= (largest * largest + depth) * (1.0 + 16.0 * ULP))
-    sure = fast | (0.5 * alpha * shape.fall <= 1.0 - 16.0 * ULP)
+    fast = (u > 0.0) & (u * u >= (largest * largest + depth) * (1.0 + 16.0 * moving.ULP))
+    sure = fast | (0.5 * alpha * shape.fall <= 1.0 - 16.0 * moving.ULP)
     presses, to_fall, _ = stretch(fixed, begin.x)
-    short = u if u > SLOW else SLOW
-    most = short if sure else (to_fall if presses else u + AHEAD)
+    short = u if u > moving.SLOW else moving.SLOW
+    most = short if sure else (to_fall if presses else u + moving.AHEAD)
     parabola = begin.y / pull if pull > 0.0 else np.inf
     s = parabola if parabola < most else most
     rising = u if u > 0.0 else 0.0
-    return ShapedGuess(
+    return HarmonicsGuess(
         sure,
-        u if (u > FAST) & sure else s,
-        0.5 * depth / u * (1.0 + 16.0 * ULP) if u > 0.0 else np.inf,
+        u if (u > moving.FAST) & sure else s,
+        0.5 * depth / u * (1.0 + 16.0 * moving.ULP) if u > 0.0 else np.inf,
         u,
         fma(rising, rising, 4.0 * alpha * (level - shape.bottom)),
     )
 
 
 @jit
-def first_try(fixed: ShapedConstants, begin: Begin, sure: bool, s: float, rough: Clear) -> float:
+def first_try(fixed: MovingConstants, begin: Begin, sure: bool, s: float, rough: Clear) -> float:
     """Return the time to be tried first, from a guess and the clearance at that time."""
     f = rough.f
-    s = improved(s, f, rough.f1, rough.f2, rough.f3 * (f * f) / 6.0)
+    s = moving.improved(s, f, rough.f1, rough.f2, rough.f3 * (f * f) / 6.0)
     # F is concave in the present stretch, or in the next one, before which it has no root
     presses, to_fall, to_press = stretch(fixed, begin.x)
     s = s if sure | (s < to_fall) else to_fall
@@ -246,7 +225,7 @@ def first_try(fixed: ShapedConstants, begin: Begin, sure: bool, s: float, rough:
 
 @jit
 def try_landing(
-    fixed: ShapedConstants, begin: Begin, guess: ShapedGuess, s: float, clear: Clear
+    fixed: MovingConstants, begin: Begin, guess: HarmonicsGuess, s: float, clear: Clear
 ) -> tuple[float, float, bool]:
     """Try time s; return the landing or the next time to try, the speed, and whether it lands."""
     f, f1, f2, f3, f4, f5 = clear
@@ -257,27 +236,27 @@ def try_landing(
     twice = once * newton
     q, q3, q4 = 0.5 * once * f2, twice * f3 / 6.0, twice * newton * f4 / 24.0
     q5 = twice * newton * newton * f5 / 120.0
-    step, tried, small = series_step(s, f1, Terms(newton, q, q3, q4))
-    small &= abs(q5) <= LAST * LAST * LAST * LAST
+    step, tried, small = moving.series_step(s, f1, Terms(newton, q, q3, q4))
+    small &= abs(q5) <= moving.LAST * moving.LAST * moving.LAST * moving.LAST
     small &= abs(newton) <= SHORT / (TWO_PI * len(shape.p))
     nears = f1 < 0.0
-    last = nears & (small | (abs(newton) <= ULP * s))
+    last = nears & (small | (abs(newton) <= moving.ULP * s))
     arrival = fma(step, fma(step, fma(step, f5 / 24.0, f4 / 6.0), 0.5 * f3), f2)
     arrival = -2.0 * fma(step, arrival, f1)
-    ends, above = stretch(fixed, phase_after(begin.x, s)), (guess.rise, guess.u - guess.rise)
+    ends, above = stretch(fixed, moving.phase_after(begin.x, s)), (guess.rise, guess.u - guess.rise)
     # the third derivative is at most alpha times the bend
-    over = across(ends, above, s, (f1, f2, 0.5 * alpha * shape.bend), newton, step)
-    convex = 0.5 * alpha * shape.fall > 1.0 - 16.0 * ULP
+    over = moving.across(ends, above, s, (f1, f2, 0.5 * alpha * shape.bend), newton, step)
+    convex = 0.5 * alpha * shape.fall > 1.0 - 16.0 * moving.ULP
     tried = over if (f > 0.0) & convex & (not last) else tried
     swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
-    noise = s * (alpha * swept * shape.rounding + NOISE * 0.5 * (abs(begin.y) + s))
+    noise = s * (alpha * swept * shape.rounding + moving.NOISE * 0.5 * (abs(begin.y) + s))
     grazes = (f <= 0.0) & (not (guess.sure | last)) & ((-f <= noise) | (not nears))
     tried = s if grazes else tried
     arrival = (-2.0 * f1 if nears else 0.0) if grazes else arrival
     return tried, arrival, last | grazes
 
 
-class ShapedRows(NamedTuple):
+class HarmonicsRows(NamedTuple):
     """Rows whose use differs from that over the base that moves as a sine."""
 
     F2: int
@@ -288,7 +267,7 @@ class ShapedRows(NamedTuple):
     APEX: int
 
 
-AT: Final = ShapedRows(ROW.SINE_THEN, ROW.COSINE_THEN, ROW.NEWTON, ROW.Q, ROW.Q3, ROW.Q4)
+AT: Final = HarmonicsRows(ROW.SINE_THEN, ROW.COSINE_THEN, ROW.NEWTON, ROW.Q, ROW.Q3, ROW.Q4)
 PRESSES: Final = ROW.PHASES + OF_PHASES // 2 * STRIDE
 _falls_of = for_each("dip", "falls(shape, a, shape.dip[{k}], shape.before[{k}])")
 _presses_of = for_each("dip", "falls(shape, a, shape.dip[{k}], shape.after[{k}])")
@@ -296,87 +275,72 @@ _falls_in = for_each("dip", f"s[{ROW.PHASES} + {{row}} + j]")
 _presses_in = for_each("dip", f"s[{PRESSES} + {{row}} + j]")
 
 
-@implements(bases.constants, Shaped)
-def constants_shaped(base: Shaped, problem: Dimensionless, i: int) -> ShapedConstants:
-    e, shape = problem.restitution[i], base.waveform
-    alpha = problem.kick[i] / (1.0 + e)
-    if 0.5 * alpha * shape.fall > LARGEST_GAMMA:
-        alpha = np.nan
-    falls, presses = _falls_of(shape, alpha, 0.0, 0.0, 0), _presses_of(shape, alpha, 0.0, 0.0, 0)
-    source = noise.source_of(problem.noise, problem.end_count, i)
-    scale, r = scale_of(base.restitution, e, problem.restitution_speed[i]), problem.rest_flight[i]
-    return ShapedConstants(base, e, alpha, r, scale, falls, presses, source, STILL)
+implements(moving.lift_phases, Harmonics)(
+    lambda shape, alpha: Stretches(
+        _falls_of(shape, alpha, 0.0, 0.0, 0), _presses_of(shape, alpha, 0.0, 0.0, 0)
+    )
+)
 
 
-@implements(bases.fly, ShapedConstants)
-def fly_shaped(fixed: ShapedConstants, x: float, u: float) -> tuple[float, float]:
+@implements(bases.fly, MovingHarmonics)
+def fly_harmonics(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     if not abs(x) <= 0.5:  # NaN: the particle rests for good
         return np.nan, np.nan
     if u == 0.0 and stretch(fixed, x)[0]:  # the base presses the particle
         return 0.0, 0.0
-    begin = begin_at(x, u)
+    begin = moving.begin_at(x, u)
     guess = first_guess(fixed, begin)
     rough = clearance(fixed, begin, guess.time, *rough_turn(guess.time))
     time = first_try(fixed, begin, guess.sure, guess.time, rough)
     v, landed, tries = 0.0, False, 0.0
-    while not landed and tries <= TRIES:
+    while not landed and tries <= moving.TRIES:
         clear = clearance(fixed, begin, time, *turn(time))
         time, v, landed = try_landing(fixed, begin, guess, time, clear)
-        tries += 1.0 if clear.f == clear.f else TRIES
+        tries += 1.0 if clear.f == clear.f else moving.TRIES
     return time if landed else np.nan, v
 
 
-@implements(bases.lift_off, ShapedConstants)
-def lift_off_shaped(fixed: ShapedConstants, n: float, x: float, w: float) -> LiftOff:
+@implements(bases.lift_off, MovingHarmonics)
+def lift_off_harmonics(fixed: MovingConstants, n: float, x: float, w: float) -> LiftOff:
     presses, _, _ = stretch(fixed, x)
     leaves = (w > fixed.r) | (not presses)
-    lift, passed = next_phase(fixed.falls, x)
+    lift, passed = next_phase(fixed.x_lift.falls, x)
     later = n + passed if lift == lift else np.inf
     return LiftOff(n if leaves else later, x if leaves else lift, w if leaves else 0.0, leaves)
 
 
-@implements(bases.after_rest, ShapedConstants)
-def after_rest_shaped(fixed: ShapedConstants) -> tuple[float, float]:
+@implements(bases.after_rest, MovingHarmonics)
+def after_rest_harmonics(fixed: MovingConstants) -> tuple[float, float]:
     lift = np.nan
-    for k in range(len(fixed.falls)):
-        lift = fixed.falls[k] if fixed.falls[k] == fixed.falls[k] else lift
+    for k in range(len(fixed.x_lift.falls)):
+        lift = fixed.x_lift.falls[k] if fixed.x_lift.falls[k] == fixed.x_lift.falls[k] else lift
     return lift, 0.0
 
 
-@implements(bases.random, ShapedConstants)
-def random_shaped(
-    fixed: ShapedConstants, particle: float, number: float, n: float, x: float
-) -> ShapedConstants:
-    draw = noise.draw_of(fixed.base.noise, fixed.source, particle, number, 0.0)
-    e, alpha, r, scale = fixed.e, fixed.alpha, fixed.r, fixed.scale
-    falls, presses = fixed.falls, fixed.presses
-    return ShapedConstants(fixed.base, e, alpha, r, scale, falls, presses, fixed.source, draw)
-
-
-@implements(bases.lifts_alike, Shaped)
-def lifts_alike_shaped(base: Shaped) -> bool:
+@implements(bases.lifts_alike, MovingHarmonics)
+def lifts_alike_harmonics(base: MovingHarmonics) -> bool:
     return base.noise is None and len(base.waveform.dip) <= 1
 
 
-@implements(bases.leave, ShapedConstants)
-def leave_shaped(fixed: ShapedConstants, x: float, u: float) -> float:
+@implements(bases.leave, MovingHarmonics)
+def leave_harmonics(fixed: MovingConstants, x: float, u: float) -> float:
     y = fma(-fixed.alpha, velocity(fixed.base.waveform, x), u)
-    return -TINY if y == 0.0 and stretch(fixed, x)[0] else y
+    return -moving.TINY if y == 0.0 and stretch(fixed, x)[0] else y
 
 
-@implements(bases.counted, ShapedConstants)
-def counted_shaped(fixed: ShapedConstants, flight: Flight, u_off: float) -> Counted:
-    return Counted(flight.time, first_guess(fixed, begin_at(flight.x, flight.u)).apex, 1.0)
+@implements(bases.counted, MovingHarmonics)
+def counted_harmonics(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
+    return Counted(flight.time, first_guess(fixed, moving.begin_at(flight.x, flight.u)).apex, 1.0)
 
 
-@bases.lifts.register(Shaped)
-def lifts_shaped(base: Shaped, problem: Dimensionless) -> NDArray[np.bool_]:
+@bases.lifts.register(MovingHarmonics)
+def lifts_harmonics(base: MovingHarmonics, problem: Dimensionless) -> NDArray[np.bool_]:
     alpha = problem.kick / (1.0 + problem.restitution)
     return 0.5 * alpha * base.waveform.fall > 1.0
 
 
-@bases.fitted.register(Shaped)
-def fitted_shaped(base: Shaped, problem: Dimensionless) -> Shaped:
+@bases.fitted.register(MovingHarmonics)
+def fitted_harmonics(base: MovingHarmonics, problem: Dimensionless) -> MovingHarmonics:
     alpha = problem.kick / (1.0 + problem.restitution)
     if np.any(0.5 * alpha * base.waveform.fall > 1.0 - 2.0**-40):
         return base
@@ -384,34 +348,26 @@ def fitted_shaped(base: Shaped, problem: Dimensionless) -> Shaped:
     return base._replace(waveform=base.waveform._replace(dip=dip, before=dip, after=dip))
 
 
-@bases.lowest.register(Shaped)
-def lowest_shaped(base: Shaped, problem: Dimensionless) -> Floats | None:
+@bases.lowest.register(MovingHarmonics)
+def lowest_harmonics(base: MovingHarmonics, problem: Dimensionless) -> Floats | None:
     return -4.0 * base.waveform.bottom * (problem.kick / (1.0 + problem.restitution))
 
 
-@implements(bases.put, ShapedConstants)
-def put_shaped(fixed: ShapedConstants, s: Floats, j: int) -> None:
-    row = ROW.CONSTANTS + j
-    s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
-    s[ROW.SCALE + j] = fixed.scale
-    for k in range(len(fixed.falls)):
-        s[ROW.PHASES + k * STRIDE + j] = fixed.falls[k]
-        s[PRESSES + k * STRIDE + j] = fixed.presses[k]
-    s[ROW.NEXT + j], s[ROW.COUNTS + j] = FRESH, 0.0
-    s[ROW.TRIES + j], s[ROW.AGE_SEEN + j] = 0.0, 0.0
+@implements(moving.put_lift, MovingHarmonics)
+def put_lift_harmonics(base: MovingHarmonics, x_lift: Stretches, s: Floats, j: int) -> None:
+    for k in range(len(x_lift.falls)):
+        s[ROW.PHASES + k * STRIDE + j] = x_lift.falls[k]
+        s[PRESSES + k * STRIDE + j] = x_lift.presses[k]
 
 
-@implements(bases.take, Shaped)
-def take_shaped(base: Shaped, s: Floats, j: int) -> ShapedConstants:
-    row, shape = ROW.CONSTANTS + j, base.waveform
-    e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
-    falls, presses = _falls_in(shape, 0.0, 0.0, s, j), _presses_in(shape, 0.0, 0.0, s, j)
-    draw, scale = drawn_in(base.noise, s, j), s[ROW.SCALE + j]
-    return ShapedConstants(base, e, alpha, r, scale, falls, presses, SILENT, draw)
+@implements(moving.take_lift, MovingHarmonics)
+def take_lift_harmonics(base: MovingHarmonics, s: Floats, j: int) -> Stretches:
+    shape = base.waveform
+    return Stretches(_falls_in(shape, 0.0, 0.0, s, j), _presses_in(shape, 0.0, 0.0, s, j))
 
 
-@implements(bases.prepare, Shaped)
-def prepare_shaped(base: Shaped, s: Floats, lanes: int) -> None:
+@implements(bases.prepare, MovingHarmonics)
+def prepare_harmonics(base: MovingHarmonics, s: Floats, lanes: int) -> None:
     _near(base, s, lanes)
     _guess(base, s, lanes)
     _turn(base, s, lanes)
@@ -420,14 +376,14 @@ def prepare_shaped(base: Shaped, s: Floats, lanes: int) -> None:
 
 
 @jit
-def _near(base: Shaped, s: Floats, lanes: int) -> None:
+def _near(base: MovingHarmonics, s: Floats, lanes: int) -> None:
     """Guess when the flight of each lane ends."""
     wide_vectors()
     for j in range(lanes):
         x = s[ROW.X + j]
-        s[ROW.SINE + j] = sin_turns(x)
-        s[ROW.COSINE + j] = cos_turns(x)
-        guess = first_guess(bases.take(base, s, j), begun(s, j))
+        s[ROW.SINE + j] = arithmetic.sin_turns(x)
+        s[ROW.COSINE + j] = arithmetic.cos_turns(x)
+        guess = first_guess(bases.take(base, s, j), moving.begun(s, j))
         s[ROW.SURE + j] = 1.0 if guess.sure else 0.0
         s[ROW.GUESS + j] = guess.time
         s[ROW.RISE + j] = guess.rise
@@ -436,11 +392,11 @@ def _near(base: Shaped, s: Floats, lanes: int) -> None:
 
 
 @jit
-def _guess(base: Shaped, s: Floats, lanes: int) -> None:
+def _guess(base: MovingHarmonics, s: Floats, lanes: int) -> None:
     """Compute the time to be tried first in a flight that has just begun."""
     wide_vectors()
     for j in range(lanes):
-        fixed, begin, guess = bases.take(base, s, j), begun(s, j), s[ROW.GUESS + j]
+        fixed, begin, guess = bases.take(base, s, j), moving.begun(s, j), s[ROW.GUESS + j]
         rough = clearance(fixed, begin, guess, *rough_turn(guess))
         tried = first_try(fixed, begin, s[ROW.SURE + j] != 0.0, guess, rough)
         following = s[ROW.NEXT + j]
@@ -448,7 +404,7 @@ def _guess(base: Shaped, s: Floats, lanes: int) -> None:
 
 
 @jit
-def _turn(base: Shaped, s: Floats, lanes: int) -> None:
+def _turn(base: MovingHarmonics, s: Floats, lanes: int) -> None:
     """Compute how far the base turns until the time that is to be tried."""
     wide_vectors()
     for j in range(lanes):
@@ -456,20 +412,20 @@ def _turn(base: Shaped, s: Floats, lanes: int) -> None:
 
 
 @jit
-def _look(base: Shaped, s: Floats, lanes: int) -> None:
+def _look(base: MovingHarmonics, s: Floats, lanes: int) -> None:
     """Compute the clearance of each lane at the time that is to be tried."""
     wide_vectors()
     for j in range(lanes):
         fixed, reached = bases.take(base, s, j), s[ROW.REACHED + j]
         turned, lag, c = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j]
-        clear = clearance(fixed, begun(s, j), reached, turned, lag, c)
+        clear = clearance(fixed, moving.begun(s, j), reached, turned, lag, c)
         s[ROW.CLEAR + j], s[ROW.CLEAR_SLOPE + j] = clear.f, clear.f1
         s[AT.F2 + j], s[AT.F3 + j] = clear.f2, clear.f3
         s[AT.F4 + j], s[AT.F5 + j] = clear.f4, clear.f5
 
 
 @jit
-def _try(base: Shaped, s: Floats, lanes: int) -> None:
+def _try(base: MovingHarmonics, s: Floats, lanes: int) -> None:
     """Find the landing of each lane, or the time to be tried next, from the clearance."""
     wide_vectors()
     for j in range(lanes):
@@ -482,16 +438,16 @@ def _try(base: Shaped, s: Floats, lanes: int) -> None:
             s[AT.F5 + j],
         )
         sure, rise, u = s[ROW.SURE + j] != 0.0, s[ROW.RISE + j], s[AT.SPEED + j]
-        guess = ShapedGuess(sure, s[ROW.GUESS + j], rise, u, s[AT.APEX + j])
-        fixed, begin, reached = bases.take(base, s, j), begun(s, j), s[ROW.REACHED + j]
+        guess = HarmonicsGuess(sure, s[ROW.GUESS + j], rise, u, s[AT.APEX + j])
+        fixed, begin, reached = bases.take(base, s, j), moving.begun(s, j), s[ROW.REACHED + j]
         time, v, landed = try_landing(fixed, begin, guess, reached, clear)
         s[ROW.TIME + j] = time
         s[ROW.SPEED + j] = v
         s[ROW.LANDED + j] = 1.0 if landed else 0.0
 
 
-@implements(bases.counted_now, ShapedConstants)
-def counted_now_shaped(
-    fixed: ShapedConstants, s: Floats, j: int, time: float, u_off: float
+@implements(bases.counted_now, MovingHarmonics)
+def counted_now_harmonics(
+    fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float
 ) -> Counted:
     return Counted(time, s[AT.APEX + j], 1.0)

@@ -18,35 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels import bases, noise
+from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, fma, implements, jit, wide_vectors
 from vibrosweep.kernels.arithmetic import HALF_ULP
-from vibrosweep.kernels.bases import Counted, Flight, StateError
-from vibrosweep.kernels.bases.chords import height
-from vibrosweep.kernels.bases.moving import (
-    BORDER,
-    LARGEST_GAMMA,
-    TRIES,
-    ULP,
-    Chained,
-    ChainedConstants,
-    phase_after,
-)
-from vibrosweep.kernels.bases.moving_errors import (
-    ALPHA_ERROR,
-    GAMMA_ERROR,
-    Along,
-    Bends,
-    Limits,
-    along,
-    below_top,
-    bends,
-    keeps_pressing,
-    limits,
-)
+from vibrosweep.kernels.bases import Counted, Flight, StateError, moving, moving_errors
+from vibrosweep.kernels.bases.moving import MovingConstants, MovingParabolic
+from vibrosweep.kernels.bases.moving_errors import Along, Bends, MotionLimits
 from vibrosweep.kernels.memory import ROW, STRIDE
-from vibrosweep.kernels.noise import SILENT, STILL, drawn_in
-from vibrosweep.kernels.restitution import scale_of
 from vibrosweep.kernels.waveforms import Parabolic, velocity
 from vibrosweep.model.parameters import Dimensionless
 
@@ -54,7 +32,7 @@ TOP = 0.125  # largest height W; the lowest is its negative
 CORNER = 0.25  # phase at which the acceleration turns downwards; upwards at its negative
 
 
-class ChainedGuess(NamedTuple):
+class ParabolicGuess(NamedTuple):
     """A guess of the landing, from the beginning of the flight alone."""
 
     begin: float  # time at which the search begins
@@ -64,16 +42,9 @@ class ChainedGuess(NamedTuple):
     apex: float  # greatest height above the lowest level of the base
 
 
-@implements(bases.constants, Chained)
-def constants_chained(base: Chained, problem: Dimensionless, i: int) -> ChainedConstants:
-    e = problem.restitution[i]
-    alpha = problem.kick[i] / (1.0 + e)
-    x_lift = CORNER if 2.0 * alpha > 1.0 else np.nan
-    if 2.0 * alpha > LARGEST_GAMMA:
-        alpha = np.nan
-    scale = scale_of(base.restitution, e, problem.restitution_speed[i])
-    source = noise.source_of(problem.noise, problem.end_count, i)
-    return ChainedConstants(base, e, alpha, problem.rest_flight[i], scale, x_lift, source, STILL)
+implements(moving.lift_phases, Parabolic)(
+    lambda shape, alpha: CORNER if 2.0 * alpha > 1.0 else np.nan
+)
 
 
 @jit
@@ -96,7 +67,7 @@ def since(x: float, t: float) -> tuple[float, float, float]:
     sign, y = stretch_at(x)
     past = t - (CORNER - y)
     past = past if past > 0.0 else 0.0  # since the first corner
-    then, w = phase_after(x, t), velocity(Parabolic(), x)
+    then, w = moving.phase_after(x, t), velocity(Parabolic(), x)
     near = past <= 0.5
     rise = sign * fma(2.0 * t, t, -4.0 * past * past)
     far = fma(-t, w, level_at(then) - level_at(x))
@@ -115,16 +86,16 @@ def clearance(alpha: float, x: float, y: float, t: float) -> tuple[float, float]
 
 
 @jit
-def first_guess(alpha: float, x: float, y: float) -> ChainedGuess:
+def first_guess(alpha: float, x: float, y: float) -> ParabolicGuess:
     """Guess when the flight from phase x with speed y ends."""
     u, level = fma(alpha, velocity(Parabolic(), x), y), level_at(x)
     depth = 4.0 * alpha * (TOP - level)  # below the top, as the square of a speed
-    rise = 0.5 * depth / u * (1.0 + 16.0 * ULP) if u > 0.0 else np.inf
+    rise = 0.5 * depth / u * (1.0 + 16.0 * moving.ULP) if u > 0.0 else np.inf
     # it falls to the top level faster than the base ever moves, and cannot land before that
-    fast = (u > 0.0) & (u * u >= fma(alpha, alpha, depth) * (1.0 + 16.0 * ULP))
+    fast = (u > 0.0) & (u * u >= fma(alpha, alpha, depth) * (1.0 + 16.0 * moving.ULP))
     rising = u if u > 0.0 else 0.0
     until = u - rise
-    return ChainedGuess(
+    return ParabolicGuess(
         until if fast & (until > 0.0) else 0.0,
         rise,
         until,
@@ -134,7 +105,7 @@ def first_guess(alpha: float, x: float, y: float) -> ChainedGuess:
 
 @jit
 def try_stretch(
-    alpha: float, x: float, y: float, guess: ChainedGuess, t: float
+    alpha: float, x: float, y: float, guess: ParabolicGuess, t: float
 ) -> tuple[float, float, bool, float]:
     """Solve the equation of the stretch that begins after t periods without a landing.
 
@@ -143,9 +114,9 @@ def try_stretch(
     """
     clear, f1 = clearance(alpha, x, y, t)
     f = clear if clear > 0.0 else 0.0
-    sign, place = stretch_at(phase_after(x, t))
+    sign, place = stretch_at(moving.phase_after(x, t))
     left = CORNER - place
-    ends = left <= BORDER
+    ends = left <= moving.BORDER
     left = left + 0.5 if ends else left
     bend = fma(2.0 * alpha, -sign if ends else sign, 1.0)
     inside = fma(f1, f1, 2.0 * bend * f)
@@ -159,49 +130,32 @@ def try_stretch(
     return t + step if lands else following, 2.0 * root, lands, clear
 
 
-@implements(bases.fly, ChainedConstants)
-def fly_chained(fixed: ChainedConstants, x: float, u: float) -> tuple[float, float]:
+@implements(bases.fly, MovingParabolic)
+def fly_parabolic(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     if not abs(x) <= 0.5:  # NaN: the particle rests for good
         return np.nan, np.nan
     if u == 0.0 and not abs(x) >= fixed.x_lift:  # the base presses the particle
         return 0.0, 0.0
     guess = first_guess(fixed.alpha, x, u)
     time, v, landed, tries = guess.begin, 0.0, False, 0.0
-    while not landed and tries <= TRIES:
+    while not landed and tries <= moving.TRIES:
         time, v, landed, clear = try_stretch(fixed.alpha, x, u, guess, time)
-        tries += 1.0 if clear == clear else TRIES
+        tries += 1.0 if clear == clear else moving.TRIES
     return time if landed else np.nan, v
 
 
-@implements(bases.random, ChainedConstants)
-def random_chained(
-    fixed: ChainedConstants, particle: float, number: float, n: float, x: float
-) -> ChainedConstants:
-    draw = noise.draw_of(fixed.base.noise, fixed.source, particle, number, 0.0)
-    e, alpha, r, x_lift = fixed.e, fixed.alpha, fixed.r, fixed.x_lift
-    return ChainedConstants(fixed.base, e, alpha, r, fixed.scale, x_lift, fixed.source, draw)
-
-
-@implements(bases.counted, ChainedConstants)
-def counted_chained(fixed: ChainedConstants, flight: Flight, u_off: float) -> Counted:
+@implements(bases.counted, MovingParabolic)
+def counted_parabolic(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
     return Counted(flight.time, first_guess(fixed.alpha, flight.x, flight.u).apex, 1.0)
 
 
-@bases.lowest.register(Chained)
-def lowest_chained(base: Chained, problem: Dimensionless) -> Floats | None:
+@bases.lowest.register(MovingParabolic)
+def lowest_parabolic(base: MovingParabolic, problem: Dimensionless) -> Floats | None:
     return 4.0 * TOP * (problem.kick / (1.0 + problem.restitution))
 
 
-@implements(bases.take, Chained)
-def take_chained(base: Chained, s: Floats, j: int) -> ChainedConstants:
-    row = ROW.CONSTANTS + j
-    e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
-    draw, scale = drawn_in(base.noise, s, j), s[ROW.SCALE + j]
-    return ChainedConstants(base, e, alpha, r, scale, s[row + 3 * STRIDE], SILENT, draw)
-
-
-@implements(bases.prepare, Chained)
-def prepare_chained(base: Chained, s: Floats, lanes: int) -> None:
+@implements(bases.prepare, MovingParabolic)
+def prepare_parabolic(base: MovingParabolic, s: Floats, lanes: int) -> None:
     wide_vectors()
     for j in range(lanes):
         alpha, x, y = s[ROW.CONSTANTS + STRIDE + j], s[ROW.X + j], s[ROW.U + j]
@@ -214,9 +168,9 @@ def prepare_chained(base: Chained, s: Floats, lanes: int) -> None:
         s[ROW.CLEAR + j] = clear
 
 
-@implements(bases.counted_now, ChainedConstants)
-def counted_now_chained(
-    fixed: ChainedConstants, s: Floats, j: int, time: float, u_off: float
+@implements(bases.counted_now, MovingParabolic)
+def counted_now_parabolic(
+    fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float
 ) -> Counted:
     return Counted(time, first_guess(fixed.alpha, s[ROW.X + j], s[ROW.U + j]).apex, 1.0)
 
@@ -228,11 +182,11 @@ def counted_now_chained(
 
 # Error of W(x + t) - W(x) - t w(x) and of w(x + t) - w(x), relative to the size of their terms:
 # that of alpha, half an ulp of 1 in a phase, which moves w by 4 times as much, four roundings each
-TERM_ERROR = ALPHA_ERROR + 16.0 * HALF_ULP
+TERM_ERROR = moving_errors.ALPHA_ERROR + 16.0 * HALF_ULP
 
 
-@implements(along, ChainedConstants)
-def along_chained(fixed: ChainedConstants, x: float, y: float, t: float) -> Along:
+@implements(moving_errors.along, MovingParabolic)
+def along_parabolic(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
     alpha, half = fixed.alpha, 0.5 * fixed.alpha
     rise, gain, size = since(x, t)
     f = fma(0.5 * t, y - t, -half * rise)
@@ -240,7 +194,7 @@ def along_chained(fixed: ChainedConstants, x: float, y: float, t: float) -> Alon
     z = fma(alpha, gain, 2.0 * t - y)
     turns = min(12.0 * t, 2.0)
     z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * TERM_ERROR * turns
-    first, last = stretch_at(x)[0], stretch_at(phase_after(x, t))[0]
+    first, last = stretch_at(x)[0], stretch_at(moving.phase_after(x, t))[0]
     return Along(
         f,
         f_error,
@@ -255,25 +209,25 @@ def along_chained(fixed: ChainedConstants, x: float, y: float, t: float) -> Alon
     )
 
 
-@implements(height, ChainedConstants)
-def height_chained(fixed: ChainedConstants, x: float, y: float, s: float) -> tuple[float, float]:
+@implements(moving_errors.height, MovingParabolic)
+def height_parabolic(fixed: MovingConstants, x: float, y: float, s: float) -> tuple[float, float]:
     return clearance(fixed.alpha, x, y, s)
 
 
-@implements(limits, ChainedConstants)
-def limits_chained(fixed: ChainedConstants, slack: float) -> Limits:
+@implements(moving_errors.limits, MovingParabolic)
+def limits_parabolic(fixed: MovingConstants, slack: float) -> MotionLimits:
     alpha = fixed.alpha * slack
-    return Limits(2.0 * alpha, 2.0 * alpha, math.pi * alpha, np.inf, 0.0, 0.0)
+    return MotionLimits(2.0 * alpha, 2.0 * alpha, math.pi * alpha, np.inf, 0.0, 0.0)
 
 
-@implements(below_top, ChainedConstants)
-def below_top_chained(fixed: ChainedConstants, x: float, dx: float, slack: float) -> float:
+@implements(moving_errors.below_top, MovingParabolic)
+def below_top_parabolic(fixed: MovingConstants, x: float, dx: float, slack: float) -> float:
     below = (TOP - level_at(x)) + dx + HALF_ULP
     return 4.0 * math.pi * math.pi * (fixed.alpha * slack) * below
 
 
-@implements(bends, ChainedConstants)
-def bends_chained(fixed: ChainedConstants, flight: Flight, dx: float, off: float) -> Bends:
+@implements(moving_errors.bends, MovingParabolic)
+def bends_parabolic(fixed: MovingConstants, flight: Flight, dx: float, off: float) -> Bends:
     step = 4.0 * fixed.alpha  # of G at a corner
     begins = abs(abs(flight.x) - CORNER) < dx
     ends = abs(abs(flight.landing) - CORNER) <= dx + off + HALF_ULP
@@ -283,12 +237,15 @@ def bends_chained(fixed: ChainedConstants, flight: Flight, dx: float, off: float
     return Bends(of_p, 2.0 * step if ends else 0.0, 2.0 * step * jumps)
 
 
-@implements(keeps_pressing, ChainedConstants)
-def keeps_pressing_chained(fixed: ChainedConstants, x: float, pull: float, error: float) -> bool:
-    return not abs(abs(x) - CORNER) <= error or 2.0 * fixed.alpha * (1.0 + GAMMA_ERROR) < 1.0
+@implements(moving_errors.keeps_pressing, MovingParabolic)
+def keeps_pressing_parabolic(fixed: MovingConstants, x: float, pull: float, error: float) -> bool:
+    return (
+        not abs(abs(x) - CORNER) <= error
+        or 2.0 * fixed.alpha * (1.0 + moving_errors.GAMMA_ERROR) < 1.0
+    )
 
 
-@implements(bases.liftoff_error, ChainedConstants)
-def liftoff_error_chained(fixed: ChainedConstants) -> StateError:
-    doubtful = abs(2.0 * fixed.alpha - 1.0) <= 8.0 * GAMMA_ERROR
+@implements(bases.liftoff_error, MovingParabolic)
+def liftoff_error_parabolic(fixed: MovingConstants) -> StateError:
+    doubtful = abs(2.0 * fixed.alpha - 1.0) <= 8.0 * moving_errors.GAMMA_ERROR
     return StateError(np.inf if doubtful else 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Follow realizations with a base of finite mass; keep statistics, or every landing as well."""
+"""Advance realizations with a base of finite mass: statistics, and every landing if requested."""
 
 from __future__ import annotations
 
@@ -6,20 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import ordering, record
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncached, uncounted
-from vibrosweep.kernels.bases import Counted, Instant
-from vibrosweep.kernels.bases.sprung import (
-    Load,
-    bounds,
-    forced_motion,
-    loaded,
-    mount,
-    move,
-    phase_of,
-    side_of,
-    until_corner,
-    velocity,
-)
+from vibrosweep.kernels.bases import Counted, Instant, sprung
+from vibrosweep.kernels.bases.sprung import Load
 from vibrosweep.kernels.coupled.events import (
     EVENT,
     MODE,
@@ -34,45 +24,19 @@ from vibrosweep.kernels.coupled.events import (
     system,
 )
 from vibrosweep.kernels.memory import unwritten
-from vibrosweep.kernels.ordering import (
-    Listed,
-    Order,
-    Orders,
-    Turns,
-    before_window,
-    empty_orders,
-    empty_turns,
-    has_landed,
-    in_window,
-    latest,
-    neighbours,
-    no_order,
-    nobody,
-    note_turn,
-    particle_of,
-    write_order,
-)
-from vibrosweep.kernels.record import (
-    Record,
-    Scale,
-    Units,
-    no_landings,
-    seconds,
-    write_landing,
-    write_lift_off,
-)
+from vibrosweep.kernels.ordering import Listed, Order, Orders, Turns
+from vibrosweep.kernels.record import Record, Scale, Units
 from vibrosweep.kernels.separation import UNKNOWN, Separations, empty_separations, write_separations
 from vibrosweep.kernels.statistics import (
     Kinds,
     Observer,
     Statistics,
-    add_flight,
-    add_landing,
+    add_event,
     add_up,
     empty_statistics,
     empty_sums,
     flight_sums,
-    forget,
+    reset,
 )
 from vibrosweep.model.measures import Status
 from vibrosweep.model.observables import Landing
@@ -115,17 +79,17 @@ def landings(particles: int, indices: int = INDICES) -> Landings:
     """Allocate memory of landings, for `indices` impact numbers."""
     stay, numbered = np.zeros(particles), np.zeros((3, indices))
     total, number = np.zeros(particles, np.int64), np.zeros(indices, np.int64)
-    return Landings(empty_turns(particles), stay, total, numbered, number)
+    return Landings(ordering.empty_turns(particles), stay, total, numbered, number)
 
 
 @jit
 def clear(memory: Landings) -> Noted:
-    """Forget all landings."""
+    """Discard all landings."""
     for j in range(memory.total.size):
         memory.total[j] = 0
     for place in range(memory.number.size):
         memory.number[place] = 0
-    return Noted(np.inf, np.inf, 0, False, no_order(memory.turns))
+    return Noted(np.inf, np.inf, 0, False, ordering.no_order(memory.turns))
 
 
 @jit
@@ -155,14 +119,14 @@ def _numbered(memory: Landings, landing: Listed, mine: int, gap: float) -> float
     """Compare landing number `mine` of a particle with the previous landing of that number.
 
     Returns the smallest separation so far; NaN, from then on, if a landing is no longer remembered.
-    Independent particles are followed number by number (`vibrosweep.kernels.separation`), which
+    Independent particles are simulated number by number (`vibrosweep.kernels.separation`), which
     needs no memory of other numbers.  Coupled particles land in the order of time, so that a number
     is remembered until all particles have reached it.
     """
     place, numbered = mine % memory.number.size, memory.numbered
     if memory.number[place] == mine:
         before = Listed(numbered[0, place], numbered[1, place], 0.0, numbered[2, place])
-        gap, _ = neighbours(before, landing, gap, 0)
+        gap, _ = ordering.neighbours(before, landing, gap, 0)
     elif _displaced(memory, mine):
         return np.nan
     numbered[0, place], numbered[1, place] = landing.whole, landing.phase
@@ -180,19 +144,19 @@ def _last_of(memory: Landings, j: int) -> Listed:
 @jit
 def _occupants(memory: Landings, begin: Instant) -> tuple[Listed, int]:
     """Return a particle that is on the base as the window begins, and whether there is another."""
-    before, shared = nobody(), 0
+    before, shared = ordering.no_landing(), 0
     for j in range(memory.total.size):
-        if has_landed(memory.turns, j):
-            occupant = in_window(_last_of(memory, j), begin)
+        if ordering.has_landed(memory.turns, j):
+            occupant = ordering.in_window(_last_of(memory, j), begin)
             if occupant.whole < np.inf:
-                _, shared = neighbours(before, occupant, np.inf, shared)
+                _, shared = ordering.neighbours(before, occupant, np.inf, shared)
                 before = occupant
     return before, shared
 
 
 @jit
 def close(memory: Landings, noted: Noted, begin: Instant) -> Noted:
-    """Note the end of the window; if nobody has landed in it, the base may still be shared."""
+    """Note the end of the window; without a landing in it, the base may still be shared."""
     gap, same, shared, seen, order = noted
     if not seen:
         _, shared = _occupants(memory, begin)
@@ -203,18 +167,18 @@ def close(memory: Landings, noted: Noted, begin: Instant) -> Noted:
 def note(memory: Landings, noted: Noted, landing: Listed, late: bool, begin: Instant) -> Noted:
     """Note a landing; `late` is True if it is in the last period of the window."""
     seen = landing.who >= 0.0
-    who = int(particle_of(landing.who))
+    who = int(ordering.particle_of(landing.who))
     gap, shared, same = noted.gap, noted.shared, noted.same
     memory.total[who] += 1
     if seen:
         if noted.seen:
-            before = _last_of(memory, latest(memory.turns))
+            before = _last_of(memory, ordering.latest(memory.turns))
         else:
             before, shared = _occupants(memory, begin)
-        gap, shared = neighbours(before, landing, gap, shared)
+        gap, shared = ordering.neighbours(before, landing, gap, shared)
         same = _numbered(memory, landing, memory.total[who], same)
     memory.stay[who] = landing.stay
-    order = note_turn(memory.turns, noted.order, landing, late)
+    order = ordering.note_turn(memory.turns, noted.order, landing, late)
     return Noted(gap, same, shared, seen, order)
 
 
@@ -290,7 +254,7 @@ def begin_statistics(
     for j in range(work.counts.size):
         t = first + j
         work.counts[j] = work.flies[j] = work.rides[j] = 0
-        forget(by_particle.kinds, by_particle.totals, t)
+        reset(by_particle.kinds, by_particle.totals, t)
         by_particle.at_rest[t] = 0
         launch_height[t] = -np.inf
         if observer is not None:
@@ -333,17 +297,13 @@ def count_landing(
 ) -> None:
     """Count a landing, if it is `seen`, and the flight that ends with it, in place t."""
     j, sticks = event.who, event.kind == EVENT.STICK
-    time = _flight_time(work, j)
-    if work.flies[j] == 1:
-        add_flight(by_particle.kinds, by_particle.totals, t, Counted(time, work.lifted[2, j], 1.0))
-        work.flies[j] = 0
-    work.counts[j] = 1 if seen else 0
-    if seen:
-        speed = 0.0 if sticks else work.state.particle[PARTICLE.SPEED, j]
-        landing = Landing(work.state.now[NOW.X], time, event.speed, speed, sticks)
-        add_landing(by_particle.kinds, by_particle.totals, t, landing)
-        if observer is not None:
-            observer.function(observer.totals[t], landing)
+    time, speed = _flight_time(work, j), work.state.particle[PARTICLE.SPEED, j]
+    landing = Landing(work.state.now[NOW.X], time, event.speed, 0.0 if sticks else speed, sticks)
+    flight = Counted(time, work.lifted[2, j], 1.0)
+    add_event(by_particle.kinds, by_particle.totals, t, landing, flight, seen, work.flies[j] == 1)
+    work.flies[j], work.counts[j] = 0, 1 if seen else 0
+    if observer is not None and seen:
+        observer.function(observer.totals[t], landing)
 
 
 @jit
@@ -359,7 +319,7 @@ def judge(first: int, particles: int, status: int, by_particle: Statistics) -> N
 # --- The motion of the base -----------------------------------------------------------------------
 
 
-class Track(NamedTuple):
+class EventStates(NamedTuple):
     """Motion of the base after every event, each array of shape (realization, event)."""
 
     time: Floats  # s; NaN past the last event
@@ -375,23 +335,25 @@ class MotionRecord(NamedTuple):
     """Record of every landing and of the motion of the base, as far as its arrays reach."""
 
     record: Record
-    track: Track
+    track: EventStates
     units: Units
 
 
-def empty_track(realizations: int, events: int) -> Track:
+def empty_track(realizations: int, events: int) -> EventStates:
     """Allocate the motion up to so many events of each realization."""
     time, deviation, beyond, side = (np.full((realizations, events), np.nan) for _ in range(4))
-    return Track(time, deviation, beyond, unwritten((realizations, events), np.int64), side)
+    return EventStates(time, deviation, beyond, unwritten((realizations, events), np.int64), side)
 
 
 @part
-def write_base(state: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
+def write_base(
+    state: System, load: Load, scale: Scale, i: int, event: int, out: EventStates
+) -> None:
     """Write the motion of the base after an event of realization i."""
     if event < out.time.shape[1]:
-        out.time[i, event] = seconds(scale, state.now[NOW.N], state.now[NOW.X])
+        out.time[i, event] = record.seconds(scale, state.now[NOW.N], state.now[NOW.X])
         out.deviation[i, event], out.beyond[i, event] = state.now[NOW.D], state.now[NOW.B]
-        out.riders[i, event], out.side[i, event] = load.riders, side_of(load.drive)
+        out.riders[i, event], out.side[i, event] = load.riders, sprung.side_of(load.drive)
 
 
 @uncounted
@@ -400,7 +362,7 @@ def trace(
     mounts: Mounts,
     scale: Scale,
     i: int,
-    track: Track,
+    track: EventStates,
     times: Floats,
     out: Floats,
 ) -> None:
@@ -409,17 +371,17 @@ def trace(
     Times in s, none before the first event; `out` is of shape (2, time), in g / (2 f^2) and
     g / (2 f).
     """
-    fixed, event = mount(problem, mounts, i), 0
+    fixed, event = sprung.mount(problem, mounts, i), 0
     for k in range(times.size):
         while event + 1 < track.time.shape[1] and track.time[i, event + 1] <= times[k]:
             event += 1
-        load = loaded(fixed, track.riders[i, event], track.side[i, event])
+        load = sprung.loaded(fixed, track.riders[i, event], track.side[i, event])
         turns = scale.frequency * track.time[i, event] + scale.phase
-        at = phase_of(turns - np.rint(turns))
+        at = sprung.phase_of(turns - np.rint(turns))
         d, b = track.deviation[i, event], track.beyond[i, event]
         passed = scale.frequency * (times[k] - track.time[i, event])
-        motion, forced = move(load, at, d, b, passed), forced_motion(load.drive, at)
-        speed = forced.speed + velocity(load, d, b)
+        motion, forced = sprung.move(load, at, d, b, passed), sprung.forced_motion(load.drive, at)
+        speed = forced.speed + sprung.velocity(load, d, b)
         out[0, k] = (forced.height + load.level + d) + speed * passed + motion.rise
         out[1, k] = speed + motion.gain
 
@@ -427,8 +389,8 @@ def trace(
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 AFTER_THE_END = 100_000  # events after the end within which counted flights must land
-# Periods after the end within which the lift-off of resting particles is awaited: if the base lifts
-# them without further impacts, it does so within one period
+# Periods after the end within which resting particles are simulated until they lift off: if the
+# base lifts them without further impacts, it does so within one period
 PATIENCE = 1.0
 SAME_INSTANT = 2.0**-50  # periods; two sums of the same time and phase differ by less
 
@@ -453,7 +415,7 @@ class PerRealization(NamedTuple):
 
 def empty_per_realization(realizations: int) -> PerRealization:
     """Allocate the results of realizations."""
-    separations, order = empty_separations(realizations), empty_orders(realizations)
+    separations, order = empty_separations(realizations), ordering.empty_orders(realizations)
     return PerRealization(separations, order, unwritten(realizations, np.int64))
 
 
@@ -463,7 +425,7 @@ def _listed(state: System, event: Event, begin: Instant, least: float) -> Listed
     n, x = state.now[NOW.N], state.now[NOW.X]
     seen = begin.whole - n <= x - begin.phase
     stay = np.inf if event.kind == EVENT.STICK else least
-    return Listed(n, x, stay, float(event.who) if seen else before_window(event.who))
+    return Listed(n, x, stay, float(event.who) if seen else ordering.before_window(event.who))
 
 
 @part
@@ -485,7 +447,7 @@ def _write(work: Work, event: Event, first: int, scale: Scale, out: Record) -> N
     """Write a landing, and the lift-off of a particle that bounces."""
     now = work.state.now
     k, sticks = work.landings.total[event.who] - 1, event.kind == EVENT.STICK
-    write_landing(out, first + event.who, k, scale, now[NOW.N], now[NOW.X], sticks)
+    record.write_landing(out, first + event.who, k, scale, now[NOW.N], now[NOW.X], sticks)
     if not sticks:
         _write_lift_off(work, event.who, first, scale, out)
 
@@ -496,7 +458,7 @@ def _write_lift_off(work: Work, j: int, first: int, scale: Scale, out: Record) -
     now = work.state.now
     speed = now[NOW.SPEED] + work.state.particle[PARTICLE.SPEED, j]
     k = work.landings.total[j] - 1
-    write_lift_off(out, first + j, k, scale, now[NOW.N], now[NOW.X], speed)
+    record.write_lift_off(out, first + j, k, scale, now[NOW.N], now[NOW.X], speed)
 
 
 @part
@@ -520,7 +482,7 @@ def _conclude(work: Work, noted: Noted, complete: bool, i: int, out: PerRealizat
     """Write the results of a realization; `complete` if all landings up to the end were found."""
     shared = noted.shared if complete else UNKNOWN
     write_separations(out.separations, i, noted.gap, noted.same, shared)
-    write_order(out.order, i, work.landings.turns, noted.order, complete)
+    ordering.write_order(out.order, i, work.landings.turns, noted.order, complete)
     out.undecided[i] = int(work.state.now[NOW.UNDECIDED])
 
 
@@ -543,12 +505,6 @@ def _horizon(work: Work, until: float, past: bool) -> float:
     return until + PATIENCE if until >= -PATIENCE and _any(work.rides) else -np.inf
 
 
-@jit
-def _scale(problem: Dimensionless, units: Units, i: int) -> Scale:
-    """Units and origin of time of realization i."""
-    return Scale(units.frequency[i], units.velocity[i], problem.end_count[i], problem.phase[i])
-
-
 @part
 def _resting(
     work: Work, load: Load, weighs: bool, first: int, left: float, found: Statistics
@@ -560,8 +516,8 @@ def _resting(
     """
     motion = motion_after(work.state, load, left)
     # the corners of a drive keep exciting a base under a load
-    calm = load.riders == 0 or not weighs or until_corner(load.drive, 0.0) == np.inf
-    stays = calm and bounds(load, motion.d, motion.b).pull <= 2.0
+    calm = load.riders == 0 or not weighs or sprung.until_corner(load.drive, 0.0) == np.inf
+    stays = calm and sprung.bounds(load, motion.d, motion.b).pull <= 2.0
     if stays and (load.riders == work.rides.size or not weighs):
         for j in range(work.rides.size):
             found.at_rest[first + j] = work.rides[j]
@@ -569,7 +525,7 @@ def _resting(
 
 
 @uncounted
-def follow(
+def advance_coupled(
     first: int,
     last: int,
     batch: Coupled,
@@ -579,9 +535,9 @@ def follow(
     per_realization: PerRealization,
     written: MotionRecord,
 ) -> int:
-    """Follow realizations first ... last - 1 to the end of their windows.
+    """Simulate realizations first ... last - 1 to the end of their windows.
 
-    They are followed further until counted flights have ended, and until particles at rest at the
+    They are continued until counted flights have ended, and until particles at rest at the
     end have left the base or have rested for another `PATIENCE`.  A particle may land `budget`
     times; `work` is not shared between threads, and only the slots of these realizations are
     written.  Returns `last`, or the realization that must be repeated with a larger `work`.
@@ -590,13 +546,13 @@ def follow(
     found, sums, launch_height, observer = statistics
     state, memory, particles = work.state, work.landings, work.counts.size
     for i in range(first, last):
-        fixed, place = mount(problem, mounts, i), i * particles
+        fixed, place = sprung.mount(problem, mounts, i), i * particles
         load = begin(state, fixed, problem, launches, i)
         begin_statistics(work, place, found, launch_height, observer)
-        no_landings(written.record, place, place + particles)
+        record.no_landings(written.record, place, place + particles)
         noted = clear(memory)
         opening = Instant(problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
-        scale, speed = _scale(problem, written.units, i), problem.launch_flight[i]
+        scale, speed = record.scale_of(problem, written.units, i), problem.launch_flight[i]
         past, events, late = False, 0, 0
         status = COMPLETED if np.isfinite(fixed.alpha) else NON_FINITE
         while status == COMPLETED:
@@ -648,5 +604,5 @@ def follow(
     return last
 
 
-# Machine code for an observer that only this process has is not kept on disk
-follow_uncached = uncached(follow)
+# Machine code for an observer that only this process has is not saved on disk
+advance_coupled_uncached = uncached(advance_coupled)
