@@ -13,7 +13,7 @@ from flint import arb
 
 import vibrosweep as vs
 from honest import random_spec
-from tests.scenes import RIGID
+from tests.scenes import OBSERVABLES, RIGID, root
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, OF_TRAJECTORIES, RECORD, Regime, Status
@@ -698,35 +698,6 @@ SWEEP = {
 }
 
 
-def lost(landing):
-    return landing.impact_speed**2 - landing.rebound * landing.rebound
-
-
-def root(landing):
-    return math.sqrt(landing.impact_speed)
-
-
-def late(landing):
-    return 1.0 if landing.phase > 0.1 else 0.0
-
-
-def arrival(landing):
-    return landing.impact_speed
-
-
-def rests(landing):
-    return landing.rests
-
-
-OBSERVABLES = [
-    vs.Observable("lost", lost, "sum of squares lost", "m2 s-2", landings="sum"),
-    vs.Observable("root", root, "least root", landings="min"),
-    vs.Observable("late", late, "late landings", landings="sum", particles="max"),
-    vs.Observable("fastest", arrival, "fastest arrival", "m s-1", landings="max", particles="each"),
-    vs.Observable("rests_seen", rests, "rests", landings="sum"),
-]
-
-
 def computed(path, observables, **more):
     vs.run(SWEEP | more, path, observables=observables).close()
     return path
@@ -744,8 +715,13 @@ def test_every_field_and_combination_over_every_base(base, tmp_path):
     assert [*report.estimated] == ["root"]
 
 
-def test_some_observables_can_be_left_out(tmp_path):
+def test_a_change_of_an_observable_is_found_unless_it_is_left_out(tmp_path):
     path = computed(tmp_path / "out.h5", OBSERVABLES)
+    with h5py.File(path, "r+") as file:
+        file["flight_time_max"][0, 0, 1] += 1e-5
+    outcomes = vs.verify(path, observables=OBSERVABLES).outcomes
+    wrong = [j.variable for o in outcomes for j in o.judgements if j.complaint]
+    assert wrong == ["flight_time_max"]
     report = vs.verify(path, observables=OBSERVABLES[:1])
     assert report.passed
     assert {*report.not_compared()} == {one.name for one in OBSERVABLES[1:]}
@@ -760,9 +736,9 @@ def test_no_landing_has_no_maximum_and_a_sum_of_zero(tmp_path):
 
 
 def test_another_function_than_that_of_the_file_is_refused(tmp_path):
-    path = computed(tmp_path / "out.h5", OBSERVABLES[3:])
+    path = computed(tmp_path / "out.h5", OBSERVABLES)
     other = vs.Observable("fastest", root, "root", "m s-1", landings="max", particles="each")
-    for wrong in (other, OBSERVABLES[0]):
+    for wrong in (other, vs.Observable("unknown", root, "root", landings="min")):
         with pytest.raises(vs.errors.DataError, match=wrong.name):
             vs.verify(path, observables=[wrong])
 

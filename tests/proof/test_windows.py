@@ -322,6 +322,7 @@ def test_under_a_law_the_slope_takes_the_place_of_the_restitution(base, law):
     assert float(proved.cycle.determinant.v) == pytest.approx(q * share, rel=1e-8)
 
 
+@pytest.mark.weekly
 def test_windows_between_points_are_closed_forms_and_proved():
     """0 < -G < 2 (1 + q e) / ((1 + q) (1 + e)), with e and q at the speed c + E(c) = k g / f."""
     pairs, frequency = [[0.1, 0.95], [2.0, 0.85]], 25.0
