@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.cases import each_of
 from vibrosweep import cli
 from vibrosweep.cli import main
 
@@ -527,7 +528,7 @@ def test_exit_codes():
     assert (cli.DONE, cli.MISTAKE, cli.INTERRUPTED) == (0, 2, 130)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("words", "message"),
     [
         (["bifurcation", str(SINGLE), "-o", ""], "'' is not the name of a file"),

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import simulate, sobol, sweep, theory
 from vibrosweep.analysis.basins import capacity
@@ -72,8 +73,8 @@ def observed(record, name):
     return values[name]
 
 
-@pytest.mark.parametrize("name", OBSERVABLES)
-@pytest.mark.parametrize(
+@each_of("name", OBSERVABLES)
+@each_of(
     "scene",
     [
         # ten impacts in each period, one of them followed by a rest
@@ -97,7 +98,6 @@ def observed(record, name):
             }
         ).scene,
     ],
-    ids=["high-bounce", "moving with rests", "moving"],
 )
 def test_observables_are_those_of_the_landings(name, scene):
     # one amplitude: both directions launch as the scene says and settle on one orbit
@@ -257,7 +257,7 @@ def asked(monkeypatch):
     return seen
 
 
-@pytest.mark.parametrize("name", ANALYSES)
+@each_of("name", ANALYSES)
 def test_an_analysis_that_keeps_no_landing_skips_what_is_known(name, asked, workers):
     ANALYSES[name](workers)
     assert asked
@@ -271,7 +271,7 @@ def test_a_record_follows_every_landing(asked, workers):
     assert not any(one.skip for one in asked)
 
 
-@pytest.mark.parametrize("name", NAMED)
+@each_of("name", NAMED)
 def test_skips_do_not_change_a_window(name):
     scene = keyword_spec({"particles": 3, "duration": 300.0}).scene
     skipped, followed = (

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.cases import each_of
 from vibrosweep.cli import main
 from vibrosweep.commands.describe import describe
 from vibrosweep.commands.sweeps import examples_in
@@ -200,7 +201,7 @@ def with_title(source, target, title):
         file.attrs.create("title", np.bytes_(title), dtype=h5py.string_dtype())
 
 
-@pytest.mark.parametrize(
+@each_of(
     "origin",
     [
         "hub",

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.cli import main
 from vibrosweep.commands import COMMANDS
 
@@ -37,7 +38,7 @@ def printed(capsys, *words):
     return json.loads(capsys.readouterr().out, parse_constant=pytest.fail), code
 
 
-@pytest.mark.parametrize("space", [*NAMESPACES, vs.errors], ids=lambda space: space.__name__)
+@each_of("space", [*NAMESPACES, vs.errors])
 def test_a_public_namespace_lists_its_public_names_only(space):
     assert dir(space) == sorted(space.__all__)
 
@@ -83,7 +84,7 @@ def test_the_command_that_was_meant(word, meant, capsys):
     )
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "lab"])
+@each_of("name", [name for name in COMMANDS if name != "lab"])
 def test_each_help_ends_with_an_example_that_is_understood(name, capsys):
     from vibrosweep.cli import _parser
 

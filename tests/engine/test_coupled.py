@@ -8,6 +8,7 @@ import pytest
 
 import vibrosweep as vs
 from one_slot import is_clear, pair_gaps, pattern_orbit
+from tests.cases import each_of
 from vibrosweep import simulate, theory
 from vibrosweep.engine import coupled
 from vibrosweep.engine.coupled import base_track, measure_coupled, standard_error
@@ -47,7 +48,7 @@ LAUNCHES = (0.0, 0.125, 0.3, 0.55)
 MOUNT = {"mass_ratio": 0.02, "mount_frequency": 0.37, "mount_damping": 0.05}
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("restitution", "gamma"),
     [(0.9, 0.4), (0.85, 0.97), (0.5, 2.5), (0.0, 2.2), (0.3, 3.7), (1.0, 0.2)],
 )
@@ -403,7 +404,7 @@ def locked_phases(base, k):
     return np.array(found)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("damping", "mass_ratio", "natural", "above", "restitution"),
     [
         (0.0, 0.05, 0.725, 1.3, 0.9),
@@ -625,8 +626,8 @@ def test_floquet_map_of_staggered_particles(natural, printed):
     assert np.linalg.det(end.matrix) == pytest.approx(np.linalg.det(monodromy(cycle)), rel=1e-9)
 
 
-@pytest.mark.parametrize("mass_ratio", [0.05, 0.2, 0.5])
-@pytest.mark.parametrize("natural", [0.37, 1.6])
+@each_of("mass_ratio", [0.05, 0.2, 0.5])
+@each_of("natural", [0.37, 1.6])
 def test_a_locked_orbit_without_damping_exists_just_above_its_limit_even_if_unstable(
     mass_ratio, natural
 ):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scenes import STILL
 from vibrosweep.kernels.noise import OF_DRIVE, OF_KICK, OF_RESTITUTION, deviate, key_of
 
@@ -251,7 +252,7 @@ def test_how_far_apart_two_particles_in_one_slot_stay():
     assert np.abs(apart).max() < 1e-10
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("given", "words"),
     [
         ({"kick_noise": -0.1}, "kick_noise = -0.1.*at least 0"),

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 import pytest
 import xarray as xr
@@ -118,32 +117,34 @@ def test_a_sum_over_repeated_cycles_is_that_of_all_landings():
 SCRIPT = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
+import softening
 import vibrosweep as vs
 from longest_flight import LONGEST_FLIGHT
 given = {"particles": 1, "transient": 1.0, "separation": False, "observables": [LONGEST_FLIGHT]}
+given |= {"restitution_law": "softening", "restitution_speed": 4.905}
 found = vs.sweep(restitution=0.9, amplitude=1.2, **given)
-print(json.dumps(found.flight_time_max.values.ravel().tolist()))
+print(json.dumps([found.flight_time_max.item(), found.impact_count.item()]))
 """
 
 
 def test_an_edit_never_runs_stale_machine_code(tmp_path):
-    text = SOURCE.read_text()
+    """Neither of a measure nor of a law."""
 
-    def run():
+    def run(name, old, new):
+        for file in (SOURCE, SOURCE.with_name("softening.py")):
+            text = file.read_text()
+            assert (old in text) == (name == file.name)
+            (tmp_path / file.name).write_text(text.replace(old, new))
         words = [sys.executable, "-W", "ignore", "-c", SCRIPT, str(tmp_path)]
         done = subprocess.run(words, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
-    (tmp_path / SOURCE.name).write_text(text)
-    first = run()
-    edited = text.replace("return landing.flight_time", "return -1.0 * landing.flight_time")
-    assert edited != text
-    (tmp_path / SOURCE.name).write_text(edited)
-    second = run()
-    assert max(first) > 0.0 > max(second)
-    (tmp_path / SOURCE.name).write_text(text)
-    assert run() == first
+    flight, count = run("", "no such text", "")
+    negative, same = run(SOURCE.name, "return landing", "return -1.0 * landing")
+    assert (negative < 0.0 < flight, same) == (True, count)
+    assert run("softening.py", "e / (1.0 + s)", "0.5 * e")[1] != count
+    assert run("", "no such text", "") == [flight, count]
 
 
 # The recipe of a measure of the package, done on a copy of the package.
@@ -193,16 +194,34 @@ def shortest_flight(scene):
     return np.min((landed[1:] - left[:-1])[seen])
 
 
-def test_the_new_measure_is_that_of_all_landings_and_verify_notices_a_change(tmp_path):
-    package = Path(vs.__file__).parent
+@pytest.fixture
+def changed_package(tmp_path):
+    """A folder with a copy of the package, to which the recipe was applied."""
     ignored = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(package, tmp_path / "src" / "vibrosweep", ignore=ignored)
+    shutil.copytree(Path(vs.__file__).parent, tmp_path / "src" / "vibrosweep", ignore=ignored)
     apply(RECIPE.read_text(), tmp_path)
-    words = [sys.executable, "-W", "error", "-c", SCRIPT_MEASURE_OF_THE_PACKAGE, json.dumps(SCENES)]
-    environment = os.environ | {"PYTHONPATH": str(tmp_path / "src")}
-    done = subprocess.run(words, capture_output=True, text=True, env=environment, cwd=tmp_path)
+    return tmp_path
+
+
+def with_measure(folder, script, *arguments):
+    words = [sys.executable, "-W", "error", "-c", script, *arguments]
+    environment = os.environ | {"PYTHONPATH": str(folder / "src")}
+    done = subprocess.run(words, capture_output=True, text=True, env=environment, cwd=folder)
     assert done.returncode == 0, done.stderr
-    for scene, found in zip(SCENES, json.loads(done.stdout), strict=True):
+    return json.loads(done.stdout)
+
+
+def test_the_recipe_of_a_measure_still_applies(changed_package):
+    script = "import json, vibrosweep.model.measures as m; print(json.dumps([*m.VARIABLES]))"
+    assert {"flight_time_min", "particle_flight_time_min"} <= {
+        *with_measure(changed_package, script)
+    }
+
+
+@pytest.mark.weekly
+def test_the_new_measure_is_that_of_all_landings_and_verify_notices_a_change(changed_package):
+    computed = with_measure(changed_package, SCRIPT_MEASURE_OF_THE_PACKAGE, json.dumps(SCENES))
+    for scene, found in zip(SCENES, computed, strict=True):
         np.testing.assert_allclose(found, shortest_flight(scene), rtol=1e-9)
 
 

@@ -14,6 +14,7 @@ from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import theory
 from vibrosweep.errors import DataError
@@ -117,8 +118,8 @@ def test_separations_below_the_contact_time_are_coloured_and_zeros_have_a_marker
     assert names == ["landing or resting together", "$\\tau_c$ = 0.0001 s"]
 
 
-@pytest.mark.parametrize(("low", "high"), [(-3.0, 0.5), (-3.0, -1.0), (1.0, 3.0)])
-@pytest.mark.parametrize("as_grid", [True, False])
+@each_of(("low", "high"), [(-3.0, 0.5), (-3.0, -1.0), (1.0, 3.0)])
+@each_of("as_grid", [True, False])
 def test_signed_numbers_diverge_from_zero_and_the_legend_has_minus_infinity(
     low, high, as_grid, small_grid, make_sweep
 ):
@@ -559,8 +560,8 @@ def test_a_dataset_without_windows_is_refused(windows):
         stability_windows(windows.drop_vars("A_min"))
 
 
-@pytest.mark.parametrize("base", FIXED)
-@pytest.mark.parametrize("forcing", FORCINGS)
+@each_of("base", FIXED)
+@each_of("forcing", FORCINGS)
 def test_windows_of_any_forcing_are_drawn_with_its_symbol(forcing, base):
     scene, scan = (
         keyword_spec({"duration": 2000.0, "base": base, "frequency": 2.0}).scene,

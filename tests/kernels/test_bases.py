@@ -13,6 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from proved_pieces import step
+from tests.cases import each_of
 from tests.general import as_the_engine_chooses
 from vibrosweep import simulate, theory
 from vibrosweep.kernels import bases
@@ -202,6 +203,7 @@ for kind in KINDS:
 """
 
 
+@pytest.mark.weekly
 def test_every_generic_function_gives_the_same_bits_compiled_and_in_plain_python(
     capsys, monkeypatch
 ):
@@ -363,9 +365,9 @@ def flights_locked(found):
     return turns - np.rint(turns), one.rebound_velocity.values * 2.0 * f / g
 
 
-@pytest.mark.parametrize("rebound", ["rest", "reflect"])
-@pytest.mark.parametrize("k", [1, 2, 3, 4])
-@pytest.mark.parametrize("e", [0.8, 0.9])
+@each_of("rebound", ["rest", "reflect"])
+@each_of("k", [1, 2, 3, 4])
+@each_of("e", [0.8, 0.9])
 def test_a_locked_orbit_attracts_to_its_closed_form(k, e, rebound):
     low, high = theory.amplitude_min(k, e, **FORCING), theory.amplitude_max(k, e, **FORCING)
     amplitude, phi = float(low + 0.5 * (high - low)), 0.3

@@ -26,6 +26,7 @@ import vibrosweep
 import vibrosweep as vs
 from numba_names import HOME, command_without, complaints, from_numba
 from numba_names import PACKAGE as PACKAGE_NUMBA
+from tests.cases import each_of
 from tests.general import as_the_engine_chooses
 from tests.scenes import KINDS_OF_NOISE
 from vibrosweep.engine import coupled
@@ -142,7 +143,7 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
                 assert np.array_equal(values, other[name], equal_nan=values.dtype.kind == "f"), name
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("a", "b", "c"),
     [
         (1.0 + 2.0**-52, 1.0 - 2.0**-52, -1.0),
@@ -435,7 +436,7 @@ AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi
     [
         pytest.param("high-bounce", 128, "xmm", "avx2", marks=pytest.mark.weekly),
         ("moving", 256, "ymm", "avx2"),
-        ("moving", 512, "zmm", "avx512f"),
+        pytest.param("moving", 512, "zmm", "avx512f", marks=pytest.mark.weekly),
     ],
 )
 def test_the_hot_loop_uses_registers_of_the_width_that_is_asked_for(base, bits, register, feature):
@@ -530,7 +531,7 @@ def arrays(results):
             yield from arrays(values)
 
 
-@pytest.mark.parametrize("results", EMPTY, ids=lambda results: type(results).__name__)
+@each_of("results", EMPTY)
 def test_a_single_unwritten_number_is_reported(results):
     for values in arrays(results):
         if values.dtype.kind in "fc":

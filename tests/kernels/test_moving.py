@@ -24,6 +24,7 @@ from first_roots import (
 )
 from proved_pieces import first_landing
 from tests import general
+from tests.cases import each_of
 from vibrosweep.engine.landings import recorded
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels import bases
@@ -364,7 +365,7 @@ def test_a_doubtful_rest_is_reported(problem_of, gamma):
         assert not doubt(fixed, -edge + 1e-6, 0.9e-3, StateError(1e-9, 1e-9))
 
 
-@pytest.mark.parametrize("away", [1e-15, 1e-12, 1e-6, 0.1, 9.0])
+@each_of("away", [1e-15, 1e-12, 1e-6, 0.1, 9.0])
 def test_the_phase_of_a_lift_off_is_within_its_error(problem_of, away):
     problem = problem_of(0.7, 1.0 + away)
     fixed = bases.constants(BASE, problem, 0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.cases import each_of
 from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.measures import Status
@@ -32,7 +33,7 @@ PUBLISHED = [
 ]
 
 
-@pytest.mark.parametrize(("launch_time", "n", "landing", "rebound"), PUBLISHED)
+@each_of(("launch_time", "n", "landing", "rebound"), PUBLISHED)
 def test_published_impacts(launch_time, n, landing, rebound):
     found = simulate(launch_time=launch_time)[{"realization": 0, "particle": 0, "impact": n - 1}]
     assert found.landing_time.item() == pytest.approx(landing, rel=1e-12)

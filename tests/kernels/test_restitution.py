@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scenes import STILL_MOVING
 from vibrosweep.kernels.bases import (
     constants,
@@ -198,8 +199,8 @@ def realization(parameters, name, rebound="rest", **given):
     )
 
 
-@pytest.mark.parametrize("rebound", ["rest", "reflect"])
-@pytest.mark.parametrize("name", FALLING)
+@each_of("rebound", ["rest", "reflect"])
+@each_of("name", FALLING)
 def test_the_jacobian_is_the_derivative_and_its_determinant_the_slope(parameters, name, rebound):
     given = {"restitution": 0.8, "amplitude": 0.6, "restitution_speed": 0.3}
     fixed = realization(parameters, name, rebound, **given)

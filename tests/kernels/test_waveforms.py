@@ -166,14 +166,11 @@ def test_cycles_with_different_rests_are_found_and_counted():
         "duration": 400.0,
         "regimes": True,
         "lyapunov": True,
-        "separation": True,
-        "trust": True,
     }
     long = vs.sweep(scene, threads=1)
     again = vs.sweep(scene, threads=2)
     for name in long.data_vars:
         np.testing.assert_array_equal(long[name].values, again[name].values)
-    assert np.isfinite(long["landing_time_error"].values).any()
     resting = long["cycle_rests"].values
     assert (resting == 1).any()
     assert (resting > 1).any()

@@ -13,6 +13,7 @@ from flint import arb
 
 import vibrosweep as vs
 from honest import random_spec
+from tests.cases import each_of
 from tests.scenes import OBSERVABLES, RIGID, root
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
@@ -637,8 +638,8 @@ def agree(proved, plain):
     return proved is not None and math.isclose(float(proved), plain, rel_tol=1e-9, abs_tol=1e-12)
 
 
-@pytest.mark.parametrize("transient", [0.0, 4.0])
-@pytest.mark.parametrize("seed", range(60))
+@each_of("transient", [0.0, 4.0])
+@each_of("seed", range(60))
 def test_definitions(seed, transient):
     rng = np.random.default_rng(seed)
     particles, most = int(rng.integers(1, 6)), int(rng.integers(1, 8))

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.cases import each_of
 from vibrosweep import open_record, open_sweep, simulate, sweep
 from vibrosweep.api.results import has_record
 from vibrosweep.cli import main
@@ -193,13 +194,17 @@ NOT_RUN = re.compile("million|plane|basin|bifurcation|boundaries|branches|orbits
 NUMBERED = re.compile(r"_\d+$")
 
 
-@pytest.mark.parametrize("spec", SWEEPS, ids=lambda p: p.stem)
-def test_every_sweep_of_the_repository_is_valid(spec):
-    assert read_spec(spec).title
+# these need machine code that no other test needs
+RARE = {"steel_ball", "two_tones"}
 
 
 @pytest.mark.parametrize(
-    "spec", [p for p in SWEEPS if not NOT_RUN.match(p.stem)], ids=lambda p: p.stem
+    "spec",
+    [
+        pytest.param(p, id=p.stem, marks=[pytest.mark.weekly] * (p.stem in RARE))
+        for p in SWEEPS
+        if not NOT_RUN.match(p.stem)
+    ],
 )
 def test_every_sweep_of_the_repository(spec, tmp_path):
     path = tmp_path / "out.h5"
@@ -628,8 +633,8 @@ def test_every_figure_is_drawn(path_sprung, tmp_path):
 # A result in memory: values that were not computed are never filled in.
 
 
-@pytest.mark.parametrize("rows", [0, 3])
-@pytest.mark.parametrize("name", ["impact_count", "dt_min", "status", "restitution"])
+@each_of("rows", [0, 3])
+@each_of("name", ["impact_count", "dt_min", "status", "restitution"])
 def test_a_result_in_which_values_are_missing_is_refused(name, rows):
     found = InMemory()
     found.dimensions({"realization": 4})
@@ -647,14 +652,15 @@ def test_a_result_in_which_values_are_missing_is_refused(name, rows):
     assert found.dataset()[name].values.tolist() == [1.0] * 4
 
 
-@pytest.mark.parametrize("name", sorted(VARIABLES))
+@each_of("name", sorted(VARIABLES))
 def test_every_variable_begins_with_its_code_for_no_value(name, monkeypatch):
     memory = np.empty  # the memory that it returns may still hold old numbers
-    monkeypatch.setattr(np, "empty", lambda *a, **k: np.full_like(memory(*a, **k), 1))
     found, variable = InMemory(), VARIABLES[name]
-    found.dimensions({"realization": 2, "particle": 3})
-    found.coordinate("amplitude", ("realization",), {})
-    found.variable(variable)
+    with monkeypatch.context() as patch:
+        patch.setattr(np, "empty", lambda *a, **k: np.full_like(memory(*a, **k), 1))
+        found.dimensions({"realization": 2, "particle": 3})
+        found.coordinate("amplitude", ("realization",), {})
+        found.variable(variable)
     values, amplitude = (found._arrays[one][1] for one in (name, "amplitude"))
     assert np.isnan(amplitude).all()
     if variable.dtype == "float64":
@@ -750,7 +756,7 @@ def test_columns_stand_below_their_heads():
     )
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("values", "said"),
     [
         ([-np.inf, -np.inf], "-inf in every realization"),
@@ -776,7 +782,7 @@ def test_an_empty_summary_is_not_an_error():
     assert len(list(Summary().lines())) == 1
 
 
-@pytest.mark.parametrize("name", sorted(OF_REALIZATIONS))
+@each_of("name", sorted(OF_REALIZATIONS))
 def test_codes_for_no_value_enter_no_mean(name):
     variable = OF_REALIZATIONS[name]
     if variable.flags:

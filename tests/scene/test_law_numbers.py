@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scenes import RIGID
 from vibrosweep.errors import SpecError
 from vibrosweep.model.restitution_laws import kinks_of, require_law, text_of
@@ -69,7 +70,7 @@ def test_equal_points_are_a_constant_restitution_bit_for_bit():
         np.testing.assert_array_equal(level[name], constant[name])
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("given", "message"),
     [
         (

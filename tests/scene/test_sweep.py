@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.mistakes import ABSENT, visible
 from vibrosweep.model.observables import Measures
@@ -53,7 +54,7 @@ def test_paper():
     assert list(spec.record.inputs) == list(PARAMETERS)
 
 
-@pytest.mark.parametrize("path", SWEEPS, ids=lambda p: p.stem)
+@each_of("path", SWEEPS)
 def test_every_sweep_of_the_repository_is_sound(path):
     spec = read_spec(path)
     text = path.read_text(encoding="utf-8")
@@ -372,7 +373,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize(("text", "key", "value"), MISTAKES.values(), ids=MISTAKES)
+@each_of(("text", "key", "value"), MISTAKES.values())
 def test_each_mistake_is_one_clear_line_with_its_key_and_value(text, key, value):
     with pytest.raises(SpecError) as caught:
         parse_spec(text if "title" in text or not text else TITLE + text, Path("dir/bad.toml"))
@@ -385,7 +386,7 @@ def test_each_mistake_is_one_clear_line_with_its_key_and_value(text, key, value)
     assert "\n" not in said
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("text", "parts"),
     [
         ("[sampel]", ['did you mean "sample"?']),
@@ -416,7 +417,7 @@ def test_a_message_tells_what_is_allowed_and_the_remedy(text, parts):
         assert part in said
 
 
-@pytest.mark.parametrize("text", [text for text, *_ in MISTAKES.values()], ids=list(MISTAKES))
+@each_of("text", [text for text, *_ in MISTAKES.values()])
 def test_no_message_speaks_of_the_machinery(text):
     said = message(text).lower()
     for word in ("pydantic", "value error", "input should", "validation", "type=", "nonetype"):
@@ -451,7 +452,7 @@ def test_a_misspelt_key_is_not_reported_as_missing_too():
     assert 'did you mean "realizations"?' in said
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("text", "part"),
     [
         ("a b", "line 1, column 3"),
@@ -592,7 +593,7 @@ def test_other_bases_hold_nothing_of_a_mount():
     assert spec.scene.inputs.keys() == PARAMETERS.keys()
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("text", "parts"),
     [
         (SCENE + "mount_frequency = 3.0", ["scene.mass_ratio: is missing", "particle_mass and"]),
@@ -726,7 +727,7 @@ def test_results_name_the_waveform(tmp_path):
     assert vs.sweep(duration=1.0).waveform == "sine"
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("given", "message"),
     [
         ("square", 'must be "sine", "parabolic", or the harmonics'),
