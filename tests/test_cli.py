@@ -197,12 +197,6 @@ def test_help_loads_nothing_but_the_standard_library():
     assert done.stderr.strip() == "vibrosweep"
 
 
-def test_importing_the_package_loads_little():
-    code = "import sys, vibrosweep; print([m for m in ('numba', 'xarray') if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
 # mistakes in commands and sweep files
 
 
@@ -226,13 +220,6 @@ def test_a_bad_sweep_file(spec, refused, tmp_path, text, words):
     assert [p.name for p in tmp_path.iterdir()] == ["sweep.toml"]
 
 
-def test_all_mistakes_at_once(spec, refused, tmp_path):
-    path = spec('title = "x"\n[scene]\nrestitution = 2\namplitude = -1\nparticles = 0')
-    message = refused("run", path, "-o", tmp_path / "out.h5")
-    assert message.startswith(f"vibrosweep: {path}: 3 mistakes\n")
-    assert all(key in message for key in ("restitution", "amplitude", "particles"))
-
-
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
@@ -253,15 +240,6 @@ def test_a_sweep_file_that_is_none(refused, tmp_path, result):
     assert "no such" in refused("run", tmp_path / "none.toml")
     assert "is a directory" in refused("run", tmp_path)
     assert "sweep file" in refused("run", result)
-
-
-def test_an_existing_output_is_kept(refused, vibrosweep, result, tmp_path):
-    old = result.read_bytes()
-    assert "was not replaced" in refused("run", SINGLE, "-o", result)
-    assert result.read_bytes() == old
-    code, _, messages = vibrosweep("run", SINGLE, "-o", result, "--force")
-    assert (code, messages) == (0, "")
-    assert [p.name for p in tmp_path.iterdir()] == ["result.h5"]
 
 
 def test_outputs_that_cannot_be_written(refused, spec, tmp_path):
@@ -417,26 +395,6 @@ def test_a_killed_run_continues(start, spec, refused, vibrosweep, tmp_path):
     assert variables(output) == variables(tmp_path / "whole.h5")
 
 
-def test_a_killed_run_without_chunks_leaves_nothing_in_the_way(start, spec, vibrosweep, tmp_path):
-    output = tmp_path / "out.h5"
-    with start("run", spec(KERNEL), "-o", output) as process:
-        wait_for(process, tmp_path, PARTIAL)
-        process.kill()
-    assert list(tmp_path.glob("*.h5")) == []
-    assert vibrosweep("run", SINGLE, "-o", output)[0] == 0
-    assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml", "out.h5"}
-
-
-def test_two_runs_on_one_output(start, spec, refused, vibrosweep, tmp_path):
-    output = tmp_path / "out.h5"
-    with start("run", spec(KERNEL), "-o", output) as process:
-        wait_for(process, tmp_path, PARTIAL)
-        message = refused("run", SINGLE, "-o", output, "--force")
-        assert f"is being computed by another run (process {process.pid} on " in message
-        process.kill()
-    assert vibrosweep("run", SINGLE, "-o", output)[0] == 0
-
-
 def test_a_spent_budget_is_listed_and_tried_again(spec, refused, vibrosweep, tmp_path):
     text = 'title = "x"\n[sample]\nrealizations = 9\namplitude = [0.001, 3.0]\n[measure]\n'
     path, output = spec(text + "impact_budget = 16"), tmp_path / "out.h5"
@@ -478,16 +436,6 @@ def test_a_plan(spec, refused, vibrosweep, tmp_path, memory):
     memory(10**7)
     for command in ("plan", "run"):
         assert "shorten the duration" in refused(command, record, "-o", tmp_path / "out.h5")
-
-
-def test_an_interruption_exits_with_130(vibrosweep, monkeypatch):
-    def describe(path):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("vibrosweep.commands.describe.describe", describe)
-    code, _, message = vibrosweep("info", "x.h5")
-    assert code == 130
-    assert message.count("\n") == 1
 
 
 def test_a_call_leaves_the_process_alone(vibrosweep, result):

@@ -435,16 +435,6 @@ def test_locked_attractors_are_those_of_the_theory(plane):
     assert int(capacity(plane)["capacity_without_rests"]) == slots > 0
 
 
-def test_a_launch_one_period_later_is_one_slot_further(plane):
-    now, later = plane.isel(launch_time=slice(0, 12)), plane.isel(launch_time=slice(12, 24))
-    recurs = now["slot"].values >= 0
-    assert recurs.mean() > 0.3
-    np.testing.assert_array_equal(now["basin"], later["basin"])
-    periods = plane["cycle_periods"].values[now["basin"].values]
-    shifted = np.mod(now["slot"].values + 1, np.maximum(periods, 1))
-    np.testing.assert_array_equal(later["slot"].values[recurs], shifted[recurs])
-
-
 def test_states_are_relative_to_the_base_as_it_moves():
     """Also under harmonics: the states of continued scans and basins depend on the waveform."""
     shape = {"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}

@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -95,16 +94,6 @@ def test_each_help_ends_with_an_example_that_is_understood(name, capsys):
     program, *words = example.removeprefix("example: ").split()
     assert program == "vibrosweep"
     assert _parser(words).parse_args(words).perform
-
-
-def test_help_imports_nothing_that_is_slow():
-    program = (
-        "import sys; from vibrosweep.cli import main\n"
-        "try: main(['--help'])\nexcept SystemExit: pass\n"
-        "print(*(sys.modules.keys() & {'numpy', 'numba', 'xarray', 'matplotlib', 'h5py'}))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout.splitlines()[-1] == ""
 
 
 def test_completion_knows_every_option(monkeypatch, capsys):

@@ -318,14 +318,6 @@ def test_a_flight_whose_square_overflows_gets_a_status(parameters, observe, reco
     assert measure(*scene, workers)["status"].item() == Status.NON_FINITE
 
 
-def test_a_hundred_thousand_particles():
-    launch = np.arange(100_000) / 100_000
-    found = simulate(launch_time=launch, duration=2.1, amplitude=0.0)
-    assert found.impact_count.shape == (1, 100_000)
-    first = found.landing_time.values[0, :, 0]
-    assert np.max(np.abs(first - (launch + 10.0 / 9.81))) <= 3 * np.spacing(1.0)
-
-
 def test_a_record_that_would_not_fit_into_memory_is_refused(memory):
     memory(2000)
     with pytest.raises(ParameterError, match=r"1 trajectories with \d+ or more .* shorten"):

@@ -31,7 +31,7 @@ QUARTERS = np.array([0.0, 0.125, 0.25, 0.375, 0.5])
 
 
 def phases():
-    """Phases everywhere, next to each fold and zero, and tiny; checks/sine_error.py has millions."""
+    """Phases everywhere, next to each fold and zero, and tiny; `checks/sine_error.py` has more."""
     rng = np.random.default_rng(5)
     steps = np.arange(-300, 301)[:, np.newaxis]
     near = (QUARTERS + steps * np.spacing(np.maximum(QUARTERS, 2.0**-60))).ravel()

@@ -152,17 +152,6 @@ def test_without_mass_particles_move_as_over_the_moving_base():
         np.testing.assert_allclose(sprung[key], moving[key], rtol=1e-9, atol=1e-9)
 
 
-def test_a_realization_of_a_sweep_is_replayed():
-    scene = {"restitution": 0.8, "amplitude": [1.2, 1.4], "particles": 2, "duration": 6.0}
-    mount = {"base": "sprung", "mass_ratio": 0.2, "mount_frequency": 0.4}
-    random = NOISE | {"noise_seed": 5, "restitution_law": "plastic", "restitution_speed": 4.0}
-    sweep = vs.sweep(scene | mount | random | {"per_particle": True})
-    record = vs.simulate(sweep.isel(amplitude=1))
-    assert (record.impact_count.values == sweep.particle_impact_count.values[1]).all()
-    still = vs.sweep(scene | mount | {"per_particle": True})
-    assert (still.flight_time_mean != sweep.flight_time_mean).all()
-
-
 def test_momentum_is_conserved(parameters):
     batch = parameters(mount_frequency=0.4, mount_damping=0.1, mass_ratio=0.2, restitution=0.8)
     problem, noise = dimensionless(batch, 1.0), noise_of((1, 1, None, None), 0)

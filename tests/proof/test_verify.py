@@ -404,30 +404,6 @@ def test_values_that_no_sweep_writes_are_refused(claimed, edited, harm):
         everything(path)
 
 
-def test_locked_orbits(computed):
-    text = """
-title = "Orbits of one and of two impacts, and one that is not yet settled"
-[scene]
-particles = 2
-launch = [0.125, 0.15]
-duration = 900.0
-[sample]
-design = "grid"
-restitution = [0.5, 0.9]
-amplitude = [2.6, 3.1]
-[measure]
-regimes = true
-trust = true
-"""
-    path = computed(text)
-    report = everything(path)
-    assert report.passed
-    with h5py.File(path) as file:
-        locked = np.argwhere(file["regime"][...] == Regime.LOCKED)
-        assert {1, 2} & set(file["cycle_impacts"][...][tuple(locked.T)].tolist())
-        assert report.variables()["cycle_impacts"].errors
-
-
 def test_command(claimed, changed, capsys):
     assert main(["verify", str(claimed), "--sample", "9", "--seed", "3"]) == 0
     assert "passed" in capsys.readouterr().out
