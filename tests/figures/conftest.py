@@ -14,11 +14,12 @@ from vibrosweep.model.parameters import PARAMETERS
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}
 
 
-def build_record(launch_time=(0.0,), duration=12.0, **changed):
+def build_record(launch_time=(0.0,), duration=12.0, rebound="rest", **changed):
     """Record of every landing, with no more variables and attributes than figures need."""
     launches = [*np.atleast_1d(launch_time)]
-    record = simulate(launch_time=launches, duration=duration, **TABLE_1 | changed)
-    record.attrs = {"rebound": record.attrs["rebound"]}
+    scene = {"launch_time": launches, "duration": duration, "rebound": rebound}
+    record = simulate(**scene, **TABLE_1 | changed)
+    record.attrs = {"rebound": rebound}
     record = record.set_coords([*TABLE_1, "duration"]).drop_vars("base_acceleration")
     names = ("landing_time", "liftoff_time", "rebound_velocity", "rested", "impact_count", "status")
     return record[[*names]]
