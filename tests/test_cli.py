@@ -374,7 +374,7 @@ def test_an_interrupted_run_keeps_what_is_finished(start, spec, vibrosweep, tmp_
 
 def test_a_killed_run_continues(start, spec, refused, vibrosweep, tmp_path):
     """A few kills at random moments; checks/kills.py makes hundreds."""
-    output, delays = tmp_path / "out.h5", np.random.default_rng(1).uniform(0.0, 0.1, 4)
+    output, delays = tmp_path / "out.h5", np.random.default_rng(1).uniform(0.0, 0.1, 2)
     path = spec(CHUNKS.replace("10_000_000", "60_000"))
     kept = set()
     for number, delay in enumerate(delays):
