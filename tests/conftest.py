@@ -173,82 +173,12 @@ def paper(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def moving_record():
-    """Record of every landing on a moving base, followed in plain Python from the equations."""
+    """Record of every landing on a moving base."""
+    from vibrosweep import simulate
 
-    def flight(x, y, alpha):
-        """Duration of the flight from phase x with the relative speed y, to the first landing."""
-        turn = 2.0 * np.pi
-        gamma = np.pi * alpha
-        # after a lift-off the clearance grows until the base falls slower than gravity again
-        s = 0.0 if y > 0.0 else 1.0 - 2.0 * x
-        for _ in range(200):
-            ahead = alpha / 2.0 * (np.sin(turn * x) - np.sin(turn * (x + s)))
-            slope = (y - 2.0 * s) / 2.0 + ahead
-            fall = np.cos(turn * (x + s)) - np.cos(turn * x) + turn * s * np.sin(turn * x)
-            clearance = s * (y - s) / 2.0 + alpha / (4.0 * np.pi) * fall
-            # the clearance lies above a parabola that is positive up to this step
-            step = (slope + np.sqrt(max(slope**2 + 2.0 * (1.0 + gamma) * clearance, 0.0))) / (
-                1.0 + gamma
-            )
-            s += step
-            if abs(step) < 1e-15 * (1.0 + s):
-                break
-        return s, 2.0 * s - y + alpha * (np.sin(turn * (x + s)) - np.sin(turn * x))
-
-    def particle(p, launch, duration):
-        f, g, e = p["frequency"], p["gravity"], p["restitution"]
-        unit, alpha = g / (2.0 * f), 2.0 * f * p["amplitude"] / g / (1.0 + e)
-        gamma, shift = np.pi * alpha, p["phase"] / (2.0 * np.pi)
-        lift = np.arccos(-1.0 / gamma) / (2.0 * np.pi) if gamma > 1.0 else 0.5
-        n, x = divmod(f * launch + shift + 0.5, 1.0)
-        x, rows = x - 0.5, []
-        y = p["launch_velocity"] / unit - alpha * np.sin(2.0 * np.pi * x)
-        while True:
-            presses = gamma <= 1.0 or abs(x) <= lift
-            at_once = y < 0.0 or (y == 0.0 and presses and x != lift)
-            s, z = (0.0, -y) if at_once else flight(x, y, alpha)
-            whole, x = divmod(x + s + 0.5, 1.0)
-            n, x, y = n + whole, x - 0.5, e * z
-            time = (n + x - shift) / f
-            if time > duration:
-                return rows
-            up, rested = time, 0
-            if y <= f * p["contact_time"] and (gamma <= 1.0 or abs(x) <= lift):
-                rested, x, y = 1, lift, 0.0
-                up = (n + x - shift) / f if gamma > 1.0 else np.nan
-            speed = (y + alpha * np.sin(2.0 * np.pi * x)) * unit
-            rows.append((time, up, speed if np.isfinite(up) else np.nan, rested))
-            if np.isnan(up):
-                return rows
-
-    def make(launch_time=(0.0,), duration=12.0, **changed):
-        import xarray as xr
-
-        from vibrosweep.model.parameters import PARAMETERS
-
-        p = {name: one.default for name, one in PARAMETERS.items()} | changed
-        launches = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
-        rows = [particle(p, float(launch), duration) for launch in launches]
-        table = np.full((4, 1, launches.size, max(1, *map(len, rows), 1)), np.nan)
-        for i, one in enumerate(rows):
-            if one:
-                table[:, 0, i, : len(one)] = np.array(one).T
-        dims = ("realization", "particle", "impact")
-        names = ("landing_time", "liftoff_time", "rebound_velocity")
-        return xr.Dataset(
-            {
-                **{name: (dims, values) for name, values in zip(names, table[:3], strict=True)},
-                "rested": (dims, np.nan_to_num(table[3]).astype(np.int8)),
-                "impact_count": (dims[:2], np.isfinite(table[0]).sum(axis=-1)),
-                "status": (dims[:2], np.zeros((1, launches.size), np.int8)),
-            },
-            coords={
-                **{name: ((), value) for name, value in p.items()},
-                "launch_time": ((dims[1],), launches),
-                "duration": ((), duration),
-            },
-            attrs={"rebound": "rest", "base": "moving"},
-        )
+    def make(launch_time=(0.0,), duration=12.0, **given):
+        launches = [*np.atleast_1d(launch_time)]
+        return simulate(base="moving", launch_time=launches, duration=duration, **given)
 
     return make
 

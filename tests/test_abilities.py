@@ -8,6 +8,7 @@ import pytest
 
 import vibrosweep as vs
 from docs.page_tables import choices
+from tests.cases import each_of
 from tests.scenes import KINDS_OF_NOISE
 from together import LAWFUL, combinations, together
 from vibrosweep.abilities import (
@@ -93,7 +94,7 @@ def look(base, analysis, **others):
         return verify(path) if analysis == "verify" else open_points(path)
 
 
-@pytest.mark.parametrize(("base", "asked"), [c for c in CELLS if refusal(c[0], **c[1])], ids=str)
+@each_of(("base", "asked"), [c for c in CELLS if refusal(c[0], **c[1])])
 def test_what_a_base_cannot_do_is_refused_with_its_sentence(base, asked):
     sentence = refusal(base, **asked)
     if "analysis" in asked:
@@ -106,9 +107,7 @@ def test_what_a_base_cannot_do_is_refused_with_its_sentence(base, asked):
     assert sentence in [mistake.rule for mistake in listed.value.mistakes]
 
 
-@pytest.mark.parametrize(
-    ("base", "asked"), [c for c in CELLS if not refusal(c[0], **c[1])], ids=str
-)
+@each_of(("base", "asked"), [c for c in CELLS if not refusal(c[0], **c[1])])
 def test_what_a_base_can_do_is_not_refused(base, asked):
     if asked.get("analysis") in (
         "windows",
@@ -128,7 +127,7 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
 NOISE = dict.fromkeys(KINDS_OF_NOISE, 0.1)
 
 
-@pytest.mark.parametrize("analysis", ANALYSES)
+@each_of("analysis", ANALYSES)
 def test_an_analysis_of_a_scene_with_noise_is_computed_or_refused(analysis):
     sentence = refusal("high-bounce", analysis=analysis, noise=NOISE)
     if not sentence:
@@ -139,7 +138,7 @@ def test_an_analysis_of_a_scene_with_noise_is_computed_or_refused(analysis):
     assert str(caught.value).endswith(sentence)
 
 
-@pytest.mark.parametrize("measure", [m for m in MEASURES if not MEASURES[m].coupled])
+@each_of("measure", [m for m in MEASURES if not MEASURES[m].coupled])
 def test_a_measure_of_a_scene_with_noise_is_taken_or_refused(measure):
     sentence = refusal("high-bounce", measure=measure, noise=NOISE)
     if not sentence:
@@ -167,7 +166,7 @@ def test_a_law_that_somebody_adds_is_refused_where_no_base_implements_it(base, m
         Scene(base=base, rebound="softening")
 
 
-@pytest.mark.parametrize("analysis", WITHOUT_MEANING)
+@each_of("analysis", WITHOUT_MEANING)
 def test_a_keyword_without_a_meaning_is_refused(analysis):
     given = dict.fromkeys(WITHOUT_MEANING[analysis], True)
     with pytest.raises(SpecError) as listed:

@@ -8,6 +8,7 @@ import xarray as xr
 from matplotlib import pyplot
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scenes import KINDS_OF_NOISE, TWO_TONES
 from vibrosweep import analysis, figures
 from vibrosweep.errors import DataError
@@ -167,12 +168,12 @@ def test_transposed_and_saved_again(name, function, kind, tmp_path):
         same(function(resaved(plain.where(everything), tmp_path)), known)
 
 
-@pytest.mark.parametrize("kind", MAKERS)
+@each_of("kind", MAKERS)
 def test_a_plain_dataset_stays_as_it_is(kind):
     xr.testing.assert_identical(arranged(made(kind)), made(kind))
 
 
-@pytest.mark.parametrize(("name", "function"), OF_RECORDS.items(), ids=OF_RECORDS)
+@each_of(("name", "function"), OF_RECORDS.items())
 def test_one_realization_of_a_record_by_its_number(name, function):
     record = made("record")
     for i in range(3):
@@ -180,7 +181,7 @@ def test_one_realization_of_a_record_by_its_number(name, function):
         same(function(record.isel(realization=i)), known)
 
 
-@pytest.mark.parametrize(("name", "function"), OF_RECORDS.items(), ids=OF_RECORDS)
+@each_of(("name", "function"), OF_RECORDS.items())
 def test_realizations_of_a_record_in_another_order_and_masked(name, function):
     record, order = made("record"), [2, 0, 1]
     known, shuffled = function(record), function(record.isel(realization=order))
@@ -205,7 +206,7 @@ def test_realizations_of_a_record_in_another_order_and_masked(name, function):
             assert (variable <= 0).all(), variable.name
 
 
-@pytest.mark.parametrize("name", [name for name in OF_SWEEPS if name != "flat"])
+@each_of("name", [name for name in OF_SWEEPS if name != "flat"])
 def test_masked_realizations_are_left_out(name):
     sweep, function = made("sweep"), OF_SWEEPS[name]
     shown = np.flatnonzero(sweep.amplitude < 6.0)

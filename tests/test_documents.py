@@ -17,6 +17,7 @@ import vibrosweep
 import vibrosweep as vs
 from docs.page_tables import PAGES as PAGES_WITH_TABLES
 from docs.page_tables import insert
+from tests.cases import each_of
 from vibrosweep.cli import main
 from vibrosweep.commands import COMMANDS
 from vibrosweep.errors import ExistingOutputError, ParameterError, TakenOutputError
@@ -43,7 +44,7 @@ ROOMS = [path.parent.name for path in PACKAGE.glob("*/__init__.py")] + ["api"]
 MADE = ("claims/", "pictures/")  # by the commands of a page
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@each_of("page", PAGES)
 def test_files_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
     path = r"(?:\.?\w+/)+(?:[\w-]+\.(?:py|toml|md|json))?"
@@ -54,7 +55,7 @@ def test_files_that_a_page_names_exist(page):
     assert {name for name in missing if not name.startswith(MADE)} == set()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@each_of("page", PAGES)
 def test_functions_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
     for name in re.findall(rf"`(?:vibrosweep\.)?((?:{'|'.join(ROOMS)})(?:\.\w+)+)[`(]", text):
@@ -84,9 +85,7 @@ def test_every_command_is_listed(page):
     assert [name for name in COMMANDS if not re.search(rf"`vibrosweep {name}[ `]", text)] == []
 
 
-@pytest.mark.parametrize(
-    "page", sorted((DOCS / "tutorials").glob("[!i]*.md")), ids=lambda p: p.stem
-)
+@each_of("page", sorted((DOCS / "tutorials").glob("[!i]*.md")))
 def test_every_tutorial_can_be_downloaded_and_finds_the_program(page):
     text = page.read_text(encoding="utf-8")
     assert f"<{page.stem}.ipynb>`" in text
@@ -120,7 +119,7 @@ def captions():
     return {picture: " ".join(words.split()) for picture, words in cards}
 
 
-@pytest.mark.parametrize("picture", sorted(captions()))
+@each_of("picture", sorted(captions()))
 def test_every_caption_states_its_scene(picture):
     """Restitution, forcing, frequency, number of particles, base and law."""
     text = captions()[picture]
@@ -248,7 +247,7 @@ def test_the_page_lists_the_public_names_and_no_others():
     assert {path for path in data if not re.search(rf"\b{path.split('.')[-1]}``", PAGE)} == set()
 
 
-@pytest.mark.parametrize("home", NAMESPACES)
+@each_of("home", NAMESPACES)
 def test_no_public_name_is_that_of_a_hidden_module(home):
     """Once the module is imported, the name would refer to it."""
     folders = getattr(NAMESPACES[home], "__path__", [])
@@ -257,7 +256,7 @@ def test_no_public_name_is_that_of_a_hidden_module(home):
     assert names & beside == set()
 
 
-@pytest.mark.parametrize("home", NAMESPACES)
+@each_of("home", NAMESPACES)
 def test_names_that_are_loaded_late_are_those_that_are_public(home):
     late = getattr(NAMESPACES[home], "_HOMES", None)
     if late is not None:
@@ -284,7 +283,7 @@ def test_every_name_shows_an_example():
             assert re.search(rf"^(>>>|\.\.\.) .*\b{name}\b", shown, re.MULTILINE), path
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@each_of("name", FUNCTIONS)
 def test_every_public_function_tells_its_errors_and_shows_an_example(name):
     told = sections(getattr(vibrosweep, name))
     assert re.search(r"^\w+Error", told["Raises"], re.MULTILINE)

@@ -24,6 +24,7 @@ from packaging.requirements import Requirement
 
 import vibrosweep
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep import __version__
 from vibrosweep.api import result_kinds
 from vibrosweep.cli import main
@@ -223,7 +224,7 @@ def needed(function):
     return [p.name for p in named if p.default is p.empty and p.kind not in varying]
 
 
-@pytest.mark.parametrize("name", [name for name, one in PUBLIC.items() if needed(one)])
+@each_of("name", [name for name, one in PUBLIC.items() if needed(one)])
 def test_absurd_arguments(name):
     for value in ABSURD:
         with contextlib.suppress(VibrosweepError):
@@ -318,7 +319,7 @@ def test_plots_of_a_record_are_headed_by_what_was_chosen(tmp_path):
             assert found.amplitude.dims == found.duration.dims == ()
 
 
-@pytest.mark.parametrize("parameter", [*INPUTS.values()], ids=lambda parameter: parameter.name)
+@each_of("parameter", [*INPUTS.values()])
 def test_labels_of_axes_fit_into_one_line(parameter):
     """Matplotlib would cut off a label that xarray breaks into two lines."""
     assert len(f"{parameter.long_name} [{parameter.units}]") <= 30
@@ -398,7 +399,7 @@ def test_a_file_of_every_kind_is_made(results):
         assert xr.load_dataset(path, engine="h5netcdf").attrs[KIND] == name
 
 
-@pytest.mark.parametrize("name", KINDS)
+@each_of("name", KINDS)
 def test_info(results, said, name):
     text = said(0, "info", results[name])
     assert "dimensions: " in text
@@ -409,7 +410,7 @@ def test_info(results, said, name):
             assert line in text
 
 
-@pytest.mark.parametrize("name", KINDS)
+@each_of("name", KINDS)
 def test_figures(results, said, name, tmp_path):
     words = ("figures", results[name], "-o", tmp_path)
     if name == "impacts":
@@ -422,7 +423,7 @@ def test_figures(results, said, name, tmp_path):
         assert {path.stem for path in tmp_path.iterdir()} == {KINDS[name].stem}
 
 
-@pytest.mark.parametrize("name", KINDS)
+@each_of("name", KINDS)
 def test_verify(results, said, name):
     pytest.importorskip("flint")
     if not KINDS[name].unverified:
@@ -433,7 +434,7 @@ def test_verify(results, said, name):
     assert KINDS[name].unverified in message
 
 
-@pytest.mark.parametrize("name", [name for name in KINDS if name != "sweep"])
+@each_of("name", [name for name in KINDS if name != "sweep"])
 def test_python_names_the_kind(results, name):
     with pytest.raises(DataError, match=f"a result of {KINDS[name].command}; .* xarr"):
         vs.open_sweep(results[name])

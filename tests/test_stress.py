@@ -12,6 +12,7 @@ from sine_error import check_scheme, families, prove, sample, worst_of
 from stress import FAMILIES
 from stress_checks import Case, examine
 from stress_exact import EXACT
+from tests.cases import each_of
 from trust_check import compare, draw, kernel_jobs
 from vibrosweep import theory
 from vibrosweep.engine.measure import measure
@@ -67,8 +68,8 @@ def test_whatever_hypothesis_finds(alone, case):
         assert examine(case, alone).faults == []
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("name", FAMILIES)
+@each_of("law", LAWS)
+@each_of("name", FAMILIES)
 def test_extreme_scenes(alone, name, law):
     landings = 0
     for number in range(5):
@@ -81,8 +82,8 @@ def test_extreme_scenes(alone, name, law):
     assert landings > 0
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("name", EXACT)
+@each_of("law", LAWS)
+@each_of("name", EXACT)
 def test_identities(alone, name, law):
     tried, faults = EXACT[name](law, 20, 7, alone)
     assert tried > 0
@@ -140,7 +141,7 @@ def test_one_step(states):
     assert np.all(np.abs(errors.own) <= 3.0 * np.spacing(larger))
 
 
-@pytest.mark.parametrize("orbit", LOCKED)
+@each_of("orbit", LOCKED)
 def test_locked_orbits_stay(orbit):
     _, excess = locked_row(*orbit, 100_000)
     assert excess <= 1e-15

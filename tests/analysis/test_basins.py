@@ -8,6 +8,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scans import basins
 from vibrosweep import simulate
 from vibrosweep.analysis.basins import basin_measures, capacity, share_interval, summary
@@ -59,7 +60,7 @@ CYCLES = [
 ]
 
 
-@pytest.mark.parametrize("scene", CYCLES, ids=str)
+@each_of("scene", CYCLES)
 def test_the_impact_of_an_attractor_is_the_one_before_its_shortest_flight(scene):
     times, speeds, end = [0.0, 0.09, 0.3, 0.62], [0.5, 3.0, 7.4], 3000.0
     found = basins(keyword_spec({**scene, "duration": end}).scene, times, speeds)

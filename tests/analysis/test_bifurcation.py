@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import simulate, sobol, sweep, theory
 from vibrosweep.analysis.basins import capacity
@@ -72,8 +73,8 @@ def observed(record, name):
     return values[name]
 
 
-@pytest.mark.parametrize("name", OBSERVABLES)
-@pytest.mark.parametrize(
+@each_of("name", OBSERVABLES)
+@each_of(
     "scene",
     [
         # ten impacts in each period, one of them followed by a rest
@@ -97,7 +98,6 @@ def observed(record, name):
             }
         ).scene,
     ],
-    ids=["high-bounce", "moving with rests", "moving"],
 )
 def test_observables_are_those_of_the_landings(name, scene):
     # one amplitude: both directions launch as the scene says and settle on one orbit
@@ -257,7 +257,7 @@ def asked(monkeypatch):
     return seen
 
 
-@pytest.mark.parametrize("name", ANALYSES)
+@each_of("name", ANALYSES)
 def test_an_analysis_that_keeps_no_landing_skips_what_is_known(name, asked, workers):
     ANALYSES[name](workers)
     assert asked
@@ -271,7 +271,7 @@ def test_a_record_follows_every_landing(asked, workers):
     assert not any(one.skip for one in asked)
 
 
-@pytest.mark.parametrize("name", NAMED)
+@each_of("name", NAMED)
 def test_skips_do_not_change_a_window(name):
     scene = keyword_spec({"particles": 3, "duration": 300.0}).scene
     skipped, followed = (
@@ -433,16 +433,6 @@ def test_locked_attractors_are_those_of_the_theory(plane):
     locked = plane["regime"].values == Regime.LOCKED
     slots = plane["cycle_periods"].values[locked].sum()
     assert int(capacity(plane)["capacity_without_rests"]) == slots > 0
-
-
-def test_a_launch_one_period_later_is_one_slot_further(plane):
-    now, later = plane.isel(launch_time=slice(0, 12)), plane.isel(launch_time=slice(12, 24))
-    recurs = now["slot"].values >= 0
-    assert recurs.mean() > 0.3
-    np.testing.assert_array_equal(now["basin"], later["basin"])
-    periods = plane["cycle_periods"].values[now["basin"].values]
-    shifted = np.mod(now["slot"].values + 1, np.maximum(periods, 1))
-    np.testing.assert_array_equal(later["slot"].values[recurs], shifted[recurs])
 
 
 def test_states_are_relative_to_the_base_as_it_moves():

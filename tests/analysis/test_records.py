@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep import simulate
 from vibrosweep.analysis.records import arrival_speeds, base_motion, course, positions, return_map
 from vibrosweep.commands.describe import describe
@@ -209,7 +210,7 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+@each_of("scene", SCENES.values())
 def test_a_ragged_record_is_the_rectangle_without_its_empty_places(scene):
     full, ragged = vs.simulate(**scene), vs.simulate(**scene, ragged=True)
     assert ragged.sizes["landing"] == full.impact_count.sum()

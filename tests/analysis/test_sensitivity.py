@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.cases import each_of
 from vibrosweep import sobol, sweep
 from vibrosweep.analysis.records import moves, recoils
 from vibrosweep.analysis.sensitivity import sobol_indices
@@ -98,7 +99,7 @@ def test_outputs_must_be_measured_and_defined():
 COUPLED = {"base": "sprung", "mass_ratio": 0.01, "mount_frequency": 0.5}
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("output", "options"),
     [
         # the impact budget runs out before it is known

@@ -10,6 +10,7 @@ import xarray as xr
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.cases import each_of
 from tests.scans import find_windows
 from vibrosweep import theory, windows
 from vibrosweep.analysis.conditions import FAILS, HOLDS, NAMED, UNDETERMINED, Condition, named
@@ -62,8 +63,8 @@ def test_gravity_and_the_reflect_law_give_the_same_locked_windows_of_positive_ki
     assert found["A_max"].item() == pytest.approx(upper, rel=1e-8)
 
 
-@pytest.mark.parametrize(("base", "frequency"), [("high-bounce", 1.0), ("moving", 17.0)])
-@pytest.mark.parametrize("forcing", ["base_velocity", "base_displacement", "base_acceleration"])
+@each_of(("base", "frequency"), [("high-bounce", 1.0), ("moving", 17.0)])
+@each_of("forcing", ["base_velocity", "base_displacement", "base_acceleration"])
 def test_any_forcing_can_be_scanned(forcing, base, frequency):
     e, omega = np.array([0.5, 0.8, 0.95]), 2.0 * np.pi * frequency
     scale = {"base_displacement": 1.0 / omega, "base_acceleration": omega / 9.81}.get(forcing, 1.0)
@@ -175,8 +176,8 @@ def test_a_second_window_under_the_reflect_law_is_found_whatever_the_scan():
         assert row["A_max"].values == pytest.approx([3.0067668922, 9.3208084], rel=1e-7)
 
 
-@pytest.mark.parametrize("points", [50, 400, 3000])
-@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+@each_of("points", [50, 400, 3000])
+@each_of("rebound", ["rest", "reflect"])
 def test_no_locked_orbit_attracts_without_loss_of_energy(points, rebound):
     scan = np.linspace(0.01, 14.5, points)
     found = find_windows(
@@ -189,7 +190,7 @@ def test_no_locked_orbit_attracts_without_loss_of_energy(points, rebound):
     assert (found[ENDS.name] == NO_WINDOW).all()
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("scan", "ends"),
     [
         ([0.1, 2.0, 4.0], 0),
@@ -244,7 +245,7 @@ def sides_of(found, condition, scene, workers):
             yield side, [measure(one, observation, workers) for one in parameters]
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("name", "changes"),
     [
         ("ordered", {"duration": 800.0, "launch": [0.125, 0.3], "particles": 2}),
@@ -333,7 +334,7 @@ def test_a_function_that_gives_no_booleans_is_refused():
         find_windows(keyword_spec({"duration": 12.0}).scene, [0.9], [1.0, 2.0], [wrong])
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("given", "key"),
     [
         ({"amplitude": [1.0]}, "sample.amplitude"),
@@ -371,7 +372,7 @@ def test_an_unknown_variable_of_a_condition_is_refused():
         Condition("mine", lambda ds: ds["dtmin"] > 0, ("dtmin",))
 
 
-@pytest.mark.parametrize("name", sorted(NAMED))
+@each_of("name", sorted(NAMED))
 def test_a_condition_names_the_variables_that_a_dataset_lacks_and_their_key(name, paper):
     import xarray as xr
 
@@ -466,7 +467,7 @@ def test_windows_under_noise_are_shares_of_replicas():
     assert "noise_stream" not in found.variables
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("given", "words"),
     [
         ({"continuation": True}, "continuation = True: looks for orbits that repeat"),
@@ -577,7 +578,7 @@ def held(particles=2, **values):
     return xr.Dataset(data, {"contact_time": ("realization", [1e-4])}, {"particles": particles})
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("name", "measured", "code"),
     [
         ("ordered", {"regime": [LOCKED, LOCKED]}, HOLDS),
@@ -600,7 +601,6 @@ def held(particles=2, **values):
         ("collision_free", {"collision_free": 0}, FAILS),
         ("collision_free", {"collision_free": UNDETERMINED}, UNDETERMINED),
     ],
-    ids=str,
 )
 def test_a_named_condition_has_three_codes(name, measured, code):
     assert named(name).judge(held(**measured)).tolist() == [code]
@@ -640,7 +640,7 @@ def test_booleans_of_ones_own_are_undetermined_where_nothing_is_known(measured, 
     assert flags.judge(held(collision_free=UNDETERMINED)).tolist() == [UNDETERMINED]
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("name", "changes"),
     [
         ("ordered", {"duration": 60.0}),

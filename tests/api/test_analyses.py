@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.bifurcation import bifurcation
 from vibrosweep.analysis.separations import separation_against, separation_distribution
@@ -116,7 +117,7 @@ def test_separations_of_keywords_and_of_a_result():
     )
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("call", "error", "message"),
     [
         (lambda: vs.windows(amplitude=1.0, restitution=[0.8]), SpecError, "a list of values"),
@@ -156,8 +157,8 @@ ORBITS = [
 ]
 
 
-@pytest.mark.parametrize("base", ["high-bounce", "moving"])
-@pytest.mark.parametrize(("analysis", "keywords"), ORBITS)
+@each_of("base", ["high-bounce", "moving"])
+@each_of(("analysis", "keywords"), ORBITS)
 def test_orbits_that_are_observed_too_briefly_are_warned_of_once_and_noted(
     analysis, keywords, base
 ):
@@ -172,8 +173,8 @@ def test_orbits_that_are_observed_too_briefly_are_warned_of_once_and_noted(
     assert "observation" not in found.attrs["notes"]
 
 
-@pytest.mark.parametrize("base", ["high-bounce", "moving"])
-@pytest.mark.parametrize(("analysis", "keywords"), ORBITS)
+@each_of("base", ["high-bounce", "moving"])
+@each_of(("analysis", "keywords"), ORBITS)
 def test_without_a_duration_orbits_are_observed_until_they_settle(analysis, keywords, base):
     found = analysis(**keywords, base=base, restitution=0.9, frequency=25.0)
     enough = vs.theory.recognition_periods(0.9, base=base)
@@ -221,7 +222,7 @@ SHAKEN = {"frequency": 60.0, "base_acceleration": [0.5, 1.0]}
 LINE = {"restitution": 0.5, "amplitude": [1.0, 2.0]}
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("analysis", "keywords", "subjects"),
     [
         (vs.windows, SHAKEN, {"defaults", "base"}),  # locked orbits, which no particle looks for
@@ -285,7 +286,7 @@ def test_every_function_states_the_type_of_its_keywords():
     assert {*FUNCTIONS.values()} == {*keyword_types.__all__}
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@each_of("name", FUNCTIONS)
 def test_signatures_name_every_keyword_so_that_notebooks_complete_it(name):
     """IPython completes what a signature names; it does not look into types."""
     shown = inspect.signature(getattr(vs, name)).parameters
@@ -437,7 +438,7 @@ def test_a_description_lists_an_observable_and_verification_does_not_compare_it(
 ABSURD = [1, None, "x", 3.5, [], {}, 1j, b"x", float("nan"), 10**400]
 
 
-@pytest.mark.parametrize("value", ABSURD)
+@each_of("value", ABSURD)
 def test_what_is_registered_has_its_type(value):
     for register in (
         lambda: vs.register_law(value),
@@ -452,7 +453,7 @@ def test_what_is_registered_has_its_type(value):
             register()
 
 
-@pytest.mark.parametrize("threads", [10**400, 10**20, 0, -1, 1.5, "2", True])
+@each_of("threads", [10**400, 10**20, 0, -1, 1.5, "2", True])
 def test_a_number_of_threads_that_no_machine_has(threads):
     with pytest.raises(ParameterError, match=r"threads = .*at least 1 and at most 4096"):
         vs.sweep(amplitude=1.0, duration=5.0, threads=threads)

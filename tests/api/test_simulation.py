@@ -10,6 +10,7 @@ import xarray as xr
 
 import vibrosweep
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scenes import KINDS_OF_NOISE, STILL_MOVING
 from vibrosweep import analysis, figures, simulate
 from vibrosweep.errors import (
@@ -141,7 +142,7 @@ ALLOWED = {name: parameter.allowed for name, parameter in PARAMETERS.items()}
 ARRAY = "a finite number or a 1-D array of finite numbers"
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("name", "value", "allowed"),
     [
         ("restitution", -0.1, ALLOWED["restitution"]),
@@ -211,7 +212,7 @@ def test_arrays_of_different_lengths_are_refused_by_name():
         simulate(restitution=[0.8, 0.9], amplitude=[1.0, 2.0, 3.0], gravity=[9.81])
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("changes", "message"),
     [
         ({"duration": 1e20}, r"duration = 1e\+20 s is 1e\+20 forcing periods:"),
@@ -410,7 +411,7 @@ RANGES = {
 MASS = {"particle_mass": 0.01, "base_mass": 0.2}
 
 
-@pytest.mark.parametrize("name", INPUTS)
+@each_of("name", INPUTS)
 def test_every_input_is_read_back(name):
     """The counts are those of the sweep whichever input varies, and its loss is an error."""
     scene = {}

@@ -124,15 +124,6 @@ def test_every_public_name_is_found_and_documented():
     assert issubclass(vs.errors.SpecError, vs.errors.VibrosweepError)
 
 
-def test_importing_loads_nothing_heavy():
-    code = (
-        "import sys, vibrosweep as vs; vs.errors; "
-        "print({'numba', 'numpy', 'xarray', 'scipy', 'matplotlib', 'h5py'} & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
-
-
 def test_one_realization_without_any_keyword():
     found = vs.sweep()
     assert dict(found.sizes) == {"realization": 1, "particle": 1}

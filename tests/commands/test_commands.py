@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.cases import each_of
 from vibrosweep.cli import main
 from vibrosweep.commands.describe import describe
 from vibrosweep.commands.sweeps import examples_in
@@ -61,19 +62,6 @@ def test_damage_is_reported_or_harmless(paper, tmp_path, seed):
         lines = str(error).splitlines()
     said = ("is not a result of vibrosweep, or is damaged", "is damaged, or was changed")
     assert lines[0].startswith(("Table", *(f"{path}: {words}" for words in said)))
-
-
-def test_files_that_are_no_results_are_refused(tmp_path):
-    text, empty, foreign = (tmp_path / name for name in ("text.h5", "empty.h5", "foreign.h5"))
-    text.write_text("no HDF5")
-    empty.touch()
-    with h5py.File(foreign, "w") as file:
-        file["x"] = np.arange(3)
-    for path in (text, empty, foreign, tmp_path, tmp_path / ("x" * 300)):
-        with pytest.raises(DataError, match="not a result"):
-            list(describe(path))
-    with pytest.raises(DataError, match="no such"):
-        list(describe(tmp_path / "none.h5"))
 
 
 # ``vibrosweep examples``: lists and copies the sweeps that come with the package.
@@ -200,7 +188,7 @@ def with_title(source, target, title):
         file.attrs.create("title", np.bytes_(title), dtype=h5py.string_dtype())
 
 
-@pytest.mark.parametrize(
+@each_of(
     "origin",
     [
         "hub",

@@ -4,6 +4,7 @@ import argparse
 
 import pytest
 
+from tests.cases import each_of
 from vibrosweep.cli import _parser, main
 from vibrosweep.commands import COMMANDS
 from vibrosweep.errors import ParameterError
@@ -94,13 +95,13 @@ def test_absurd_values(words, place, capsys):
                 ended([*complete(words, place), f"{one.option_strings[-1]}={value}"], capsys)
 
 
-@pytest.mark.parametrize("words", FILES, ids=" ".join)
+@each_of("words", FILES)
 def test_absurd_files(words, place, capsys):
     names = ("", ".", "none.h5", str(place / "bad.csv"), "x" * 300, "é\n", "nan")
     for name in names:
         assert ended([*complete(words, place)[:-1], name], capsys) == 2, name
 
 
-@pytest.mark.parametrize("words", LEAVES, ids=" ".join)
+@each_of("words", LEAVES)
 def test_unknown_options(words, place, capsys):
     assert ended([*complete(words, place), "--nope"], capsys) == 2

@@ -2,13 +2,13 @@
 
 import json
 import re
-import subprocess
 import sys
 from types import SimpleNamespace
 
 import pytest
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.cli import main
 from vibrosweep.commands import COMMANDS
 
@@ -37,7 +37,7 @@ def printed(capsys, *words):
     return json.loads(capsys.readouterr().out, parse_constant=pytest.fail), code
 
 
-@pytest.mark.parametrize("space", [*NAMESPACES, vs.errors], ids=lambda space: space.__name__)
+@each_of("space", [*NAMESPACES, vs.errors])
 def test_a_public_namespace_lists_its_public_names_only(space):
     assert dir(space) == sorted(space.__all__)
 
@@ -83,7 +83,7 @@ def test_the_command_that_was_meant(word, meant, capsys):
     )
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "lab"])
+@each_of("name", [name for name in COMMANDS if name != "lab"])
 def test_each_help_ends_with_an_example_that_is_understood(name, capsys):
     from vibrosweep.cli import _parser
 
@@ -94,16 +94,6 @@ def test_each_help_ends_with_an_example_that_is_understood(name, capsys):
     program, *words = example.removeprefix("example: ").split()
     assert program == "vibrosweep"
     assert _parser(words).parse_args(words).perform
-
-
-def test_help_imports_nothing_that_is_slow():
-    program = (
-        "import sys; from vibrosweep.cli import main\n"
-        "try: main(['--help'])\nexcept SystemExit: pass\n"
-        "print(*(sys.modules.keys() & {'numpy', 'numba', 'xarray', 'matplotlib', 'h5py'}))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout.splitlines()[-1] == ""
 
 
 def test_completion_knows_every_option(monkeypatch, capsys):

@@ -7,9 +7,11 @@ import pytest
 
 from vibrosweep import simulate
 from vibrosweep.cli import main
+from vibrosweep.doctor import machine
 from vibrosweep.doctor.machine import kernels, warm_up
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
+from vibrosweep.model.parameters import LAWS
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs machine code")
 
@@ -41,7 +43,13 @@ def signatures():
     return counts
 
 
-def test_no_command_compiles_after_warming_up(compute, tmp_path, capsys):
+@pytest.fixture(params=[("rest",), pytest.param(LAWS, marks=pytest.mark.weekly)], ids=str)
+def laws(request, monkeypatch):
+    monkeypatch.setattr(machine, "LAWS", request.param)
+    return request.param
+
+
+def test_no_command_compiles_after_warming_up(laws, compute, tmp_path, capsys):
     assert main(["warmup"]) == 0
     assert "found on disk, in " in capsys.readouterr().out
     warm = signatures()
@@ -49,13 +57,14 @@ def test_no_command_compiles_after_warming_up(compute, tmp_path, capsys):
     assert {name for name, count in warm.items() if not count} <= COLD
     (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1.2\n0.8,1.1\n")
     simulate(restitution=0.8, launch_time=[0.0, 0.1], duration=2.0)
-    simulate(amplitude=[0.8, 1.0], duration=2.0, rebound="reflect")
+    simulate(amplitude=[0.8, 1.0], duration=2.0, rebound=laws[-1])
     for text in SWEEPS:
-        result = compute(text)
+        result = compute(text.replace("reflect", laws[-1]))
         assert main(["verify", str(result), "--sample", "1"]) == 0
     assert signatures() == warm
 
 
+@pytest.mark.usefixtures("laws")
 def test_all_machine_code_is_on_disk_afterwards():
     warm_up()
     done = warm_up()

@@ -1,6 +1,5 @@
 """Particles on a base of finite mass, and theory of bases that move."""
 
-import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,9 +7,10 @@ import pytest
 
 import vibrosweep as vs
 from one_slot import is_clear, pair_gaps, pattern_orbit
+from tests.cases import each_of
 from vibrosweep import simulate, theory
 from vibrosweep.engine import coupled
-from vibrosweep.engine.coupled import base_track, measure_coupled, standard_error
+from vibrosweep.engine.coupled import measure_coupled, standard_error
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
@@ -47,7 +47,7 @@ LAUNCHES = (0.0, 0.125, 0.3, 0.55)
 MOUNT = {"mass_ratio": 0.02, "mount_frequency": 0.37, "mount_damping": 0.05}
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("restitution", "gamma"),
     [(0.9, 0.4), (0.85, 0.97), (0.5, 2.5), (0.0, 2.2), (0.3, 3.7), (1.0, 0.2)],
 )
@@ -65,98 +65,10 @@ def test_without_mass_particles_do_not_act_on_each_other(restitution, gamma):
         np.testing.assert_allclose(coupled[name], alone[name], rtol=0.0, atol=1e-12)
 
 
-def recorded(parameters, particles=4, duration=8.0):
-    """Landings, and the motion of the base."""
-    scene = Scene(particles, LAUNCHES[:particles], duration, "rest", base="sprung").recorded(10**6)
-    with Workers(1) as workers:
-        track = base_track(parameters, scene, workers)
-    found = vs.simulate(
-        base="sprung",
-        launch_time=list(LAUNCHES[:particles]),
-        duration=duration,
-        **{name: float(values[0]) for name, values in parameters.items()},
-    )
-    return found.isel(realization=0), track
-
-
-@pytest.mark.parametrize(
-    ("mu", "natural", "damping"), [(0.02, 0.37, 0.05), (0.3, 1.7, 0.0), (0.1, 0.8, 2.0)]
-)
-def test_each_landing_is_on_the_base_and_each_impact_keeps_momentum(mu, natural, damping):
-    given = {"restitution": 0.6, "amplitude": 2.5, "mass_ratio": mu}
-    given |= {"mount_frequency": natural, "mount_damping": damping}
-    parameters = all_parameters({name: np.array([value]) for name, value in given.items()})
-    found, track = recorded(parameters)
-    g, e = 9.81, 0.6
-    instants = found.landing_time.values[np.isfinite(found.landing_time.values)]
-    checked = 0
-    for j in range(found.sizes["particle"]):
-        n = int(found.impact_count[j])
-        lands, leaves = (found[k].values[j, :n] for k in ("landing_time", "liftoff_time"))
-        speeds = found.rebound_velocity.values[j, :n]
-        for k in range(n - 1):
-            if not np.isfinite(leaves[k]):
-                continue
-            start, _ = track.at(np.array([leaves[k]]))
-            flight = lands[k + 1] - leaves[k]
-            then, after = track.at(np.array([lands[k + 1]]))
-            height = start[0] + speeds[k] * flight - 0.5 * g * flight**2
-            assert height == pytest.approx(then[0], abs=1e-11)
-            middle = leaves[k] + flight * np.linspace(0.02, 0.98, 49)
-            base, _ = track.at(middle)
-            path = start[0] + speeds[k] * (middle - leaves[k]) - 0.5 * g * (middle - leaves[k]) ** 2
-            assert np.all(path > base - 1e-11)
-            if found.rested.values[j, k + 1] or np.sum(abs(instants - lands[k + 1]) < 1e-9) > 1:
-                continue
-            _, was = track.at(np.array([np.nextafter(lands[k + 1], 0.0)]))
-            arrives = speeds[k] - g * flight
-            new = speeds[k + 1] if leaves[k + 1] == lands[k + 1] else np.nan
-            assert new - after[0] == pytest.approx(e * (was[0] - arrives), abs=1e-10)
-            riding = round((mu * (new - arrives) / (was[0] - after[0]) - 1.0) / mu)
-            mass = 1.0 + riding * mu  # of the base and its riders
-            assert mu * new + mass * after[0] == pytest.approx(
-                mu * arrives + mass * was[0], abs=1e-10
-            )
-            checked += riding == 0
-    assert checked > 10
-
-
 def measured(observation, threads=1, **given):
     parameters = all_parameters({name: np.asarray(values) for name, values in given.items()})
     with Workers(threads) as workers:
         return measure_coupled(parameters, observation, workers)
-
-
-def test_statistics_are_those_of_the_landings():
-    rng = np.random.default_rng(5)
-    given = {
-        "restitution": rng.uniform(0.3, 0.95, 6),
-        "amplitude": rng.uniform(0.5, 9.0, 6),
-        "mass_ratio": np.full(6, 0.03),
-        "mount_frequency": rng.uniform(0.2, 2.0, 6),
-        "mount_damping": np.full(6, 0.05),
-    }
-    asked = Measures(separation=True, per_particle=True, ordering=True, transient=2.0)
-    found = measured(Scene(4, LAUNCHES, 7.0, "rest", asked, base="sprung"), **given)
-    record = vs.simulate(base="sprung", launch_time=list(LAUNCHES), duration=7.0, **given)
-    for i in range(6):
-        one = record.isel(realization=i)
-        seen = one.landing_time.values >= 2.0
-        assert np.array_equal(found["particle_impact_count"][i], seen.sum(axis=1))
-        assert found["rest_count"][i] == (one.rested.values[seen] == 1).sum()
-        times = [(t, j) for j in range(4) for t in one.landing_time.values[j][seen[j]]]
-        gaps = [abs(s - t) for (s, a), (t, b) in itertools.combinations(times, 2) if a != b]
-        assert found["dt_min"][i] == pytest.approx(min(gaps), abs=1e-13)
-        same = [
-            abs(one.landing_time.values[a, k] - one.landing_time.values[b, k])
-            for a, b in itertools.combinations(range(4), 2)
-            for k in range(one.sizes["impact"])
-            if seen[a, k] and seen[b, k]
-        ]
-        assert found["dt_min_same_index"][i] == pytest.approx(min(same), abs=1e-13)
-        last = np.array([np.nanmax(one.landing_time.values[j]) for j in range(4)])
-        phase = np.exp(2j * np.pi * last).mean()
-        assert found["order_1"][i] == pytest.approx(abs(phase), abs=1e-12)
 
 
 @pytest.mark.parametrize("k", [1, 2])
@@ -357,23 +269,6 @@ def last(times, count):
     return np.array([own[np.isfinite(own)][-count:] for own in times])
 
 
-def test_without_mass_the_base_is_the_moving_one():
-    launch = [0.1, 0.4, 0.45, 0.7]
-    light = landings_coupled_theory(launch, 1, 60.0, mass_ratio=0.0)
-    moving = simulate(
-        base="moving",
-        restitution=E,
-        base_acceleration=GAMMA,
-        launch_velocity=UNIT,
-        launch_time=list(launch),
-        duration=60.0,
-    )["landing_time"].values
-    for one, other in zip(light[0], moving[0], strict=True):
-        n = np.count_nonzero(np.isfinite(other))
-        assert np.count_nonzero(np.isfinite(one)) == n
-        assert np.abs(one[:n] - other[:n]).max() < 1e-12 * 60.0
-
-
 def locked_phases(base, k):
     """Phases of the last landings of those of eight launches that were locked to mode k.
 
@@ -403,7 +298,7 @@ def locked_phases(base, k):
     return np.array(found)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("damping", "mass_ratio", "natural", "above", "restitution"),
     [
         (0.0, 0.05, 0.725, 1.3, 0.9),
@@ -625,8 +520,8 @@ def test_floquet_map_of_staggered_particles(natural, printed):
     assert np.linalg.det(end.matrix) == pytest.approx(np.linalg.det(monodromy(cycle)), rel=1e-9)
 
 
-@pytest.mark.parametrize("mass_ratio", [0.05, 0.2, 0.5])
-@pytest.mark.parametrize("natural", [0.37, 1.6])
+@each_of("mass_ratio", [0.05, 0.2, 0.5])
+@each_of("natural", [0.37, 1.6])
 def test_a_locked_orbit_without_damping_exists_just_above_its_limit_even_if_unstable(
     mass_ratio, natural
 ):

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.commands.describe import describe
 from vibrosweep.engine import measure as engine
 from vibrosweep.engine.measure import impact_speeds, measure, measure_all
@@ -117,7 +118,7 @@ def test_statistics_are_those_of_the_record_bit_for_bit(
             assert measured["particle_rebound_height_max"][i, p] == 0.25 * speed.max() ** 2
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("launch", "transient", "counted"),
     [
         ((0.0,), 0.0, True),
@@ -285,7 +286,7 @@ def test_an_error_in_a_task_reaches_the_caller(workers):
         workers.run(fail, 10, 2)
 
 
-@pytest.mark.parametrize(("total", "size"), [(0, 5), (1, 5), (5, 5), (17, 4), (3, 1)])
+@each_of(("total", "size"), [(0, 5), (1, 5), (5, 5), (17, 4), (3, 1)])
 def test_tasks_cover_everything_once(total, size, workers):
     seen = []
     workers.run(lambda first, last: seen.append((first, last)), total, size)

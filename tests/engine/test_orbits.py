@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibrosweep import simulate, theory
+from vibrosweep import simulate
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import NO_ORBIT, measure
 from vibrosweep.engine.workers import Workers
@@ -258,26 +258,6 @@ def scene(**given):
 def run(parameters, observation):
     with Workers(2) as workers:
         return measure(parameters, observation, workers)
-
-
-def test_a_locked_orbit_has_one_impact_in_each_period():
-    found = run(scene(), observed(2000.0, launch=(0.125,), particles=1))
-    assert found["regime"].item() == Regime.LOCKED
-    assert (found["cycle_impacts"].item(), found["cycle_periods"].item()) == (1, 1)
-    assert found["locked_count"].item() == 1
-
-
-@pytest.mark.parametrize("k", [1, 2])
-def test_the_period_doubles_above_the_upper_edge(k):
-    edge = float(theory.amplitude_max(k, 0.8))
-    amplitude = np.array([0.98 * edge, 1.01 * edge])
-    speed = theory.locked_velocity(k).item()
-    phase = 2.0 * np.pi * (theory.locked_phase(k, 0.8, amplitude) + 1e-3)
-    parameters = scene(restitution=0.8, amplitude=amplitude, launch_velocity=speed, phase=phase)
-    found = run(parameters, observed(50_000.0, launch=(0.0,), particles=1))
-    assert found["regime"].ravel().tolist() == [Regime.LOCKED] * 2
-    assert found["cycle_impacts"].ravel().tolist() == [1, 2]
-    assert found["cycle_periods"].ravel().tolist() == [k, 2 * k]
 
 
 def test_a_particle_without_excitation_is_at_rest():

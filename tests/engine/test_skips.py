@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.cases import each_of
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure, measure_all
 from vibrosweep.engine.workers import Workers
@@ -69,9 +70,9 @@ def assert_same(skipped, followed, *, rtol, rounded=("mean",)):
             np.testing.assert_array_equal(skipped[name], values, err_msg=name)
 
 
-@pytest.mark.parametrize("rebound", LAWS)
-@pytest.mark.parametrize("transient", [0.0, 321.4])
-@pytest.mark.parametrize("particles", [2, 5, 20])
+@each_of("rebound", LAWS)
+@each_of("transient", [0.0, 321.4])
+@each_of("particles", [2, 5, 20])
 def test_orbits_that_recur(rebound, transient, particles):
     scene = observed(1500.0, particles, rebound=rebound, transient=transient)
     skipped, followed = both(drawn(11, 120 // particles), scene)
@@ -179,10 +180,10 @@ def test_one_particle_has_no_separations():
     assert np.all(skipped["collision_free"] == 1)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("base", "rebound"), [("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest")]
 )
-@pytest.mark.parametrize("late", [False, True], ids=["from the launch", "in a late window"])
+@each_of("late", [False, True])
 def test_every_landing_is_counted_once_in_any_number_of_periods(base, rebound, late):
     """Orbits whose cycles divide a common period land as often in each; 2^53 cannot be counted."""
     common, early = 5040, 2**14

@@ -1,6 +1,5 @@
 """A law of another package: its orbit, its proof, and an edit."""
 
-import os
 import subprocess
 import sys
 from importlib import import_module
@@ -75,34 +74,6 @@ def test_an_invalid_law_is_refused(law):
         vs.register_law(vs.Law("plastic", law.ratio, law.slope, law.bend))
     with pytest.raises(ParameterError, match="ratio must take 2 arguments"):
         vs.Law("other", law.bend, law.slope, law.bend)
-
-
-SCRIPT = """
-import sys
-sys.path.insert(0, sys.argv[1])
-import softening
-import vibrosweep as vs
-scene = {"restitution_law": "softening", "restitution_speed": 4.905}
-found = vs.sweep(restitution=0.9, amplitude=1.2, particles=1, separation=False, **scene)
-print(int(found.impact_count.sum()))
-"""
-
-
-def test_an_edit_never_runs_stale_machine_code(tmp_path):
-    text = SOURCE.read_text()
-
-    def run(source, **environment):
-        (tmp_path / SOURCE.name).write_text(source)
-        words = [sys.executable, "-W", "ignore", "-c", SCRIPT, str(tmp_path)]
-        of_run = {**os.environ, **environment}
-        done = subprocess.run(words, env=of_run, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return int(done.stdout)
-
-    edited = text.replace("e / (1.0 + s)", "0.5 * e")
-    assert edited != text
-    before = run(text)
-    assert run(edited) == run(edited, NUMBA_DISABLE_JIT="1") != before
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")

@@ -1,90 +1,28 @@
-"""Small datasets from a plain loop over the map, independent of the package's own kernels."""
+"""Small datasets, and sweeps that are measured from records by plain code."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 import pytest
 import xarray as xr
 from matplotlib import pyplot
 
+from vibrosweep import simulate
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}
 
 
-def liftoff(t, p, w_rest):
-    """First instant from t on at which the kick rises through the speed of rest."""
-    if p["amplitude"] <= w_rest:
-        return math.nan
-    turn = math.asin(w_rest / p["amplitude"]) / (2 * math.pi)
-    x = p["frequency"] * t + p["phase"] / (2 * math.pi)
-    return t + (math.ceil(x - turn) + turn - x) / p["frequency"]
-
-
-def trajectory(p, launch, duration, rebound="rest"):
-    """Rows of (landing, lift-off, rebound velocity, rested) of one particle."""
-    w_rest = p["gravity"] * p["contact_time"] / 2
-    t, v, rows = launch, p["launch_velocity"], []
-    while True:
-        t += 2 * v / p["gravity"]
-        if not t <= duration:
-            return rows
-        kick = p["amplitude"] * math.sin(2 * math.pi * p["frequency"] * t + p["phase"])
-        v = p["restitution"] * v + kick
-        if rebound == "reflect":
-            v = abs(v)
-        if v > w_rest:
-            rows.append((t, t, v, 0))
-            continue
-        up = liftoff(t, p, w_rest)
-        v = math.nan if math.isnan(up) else w_rest
-        rows.append((t, up, v, 1))
-        t = up
-
-
 def build_record(launch_time=(0.0,), duration=12.0, rebound="rest", **changed):
-    """Record of every landing, as `simulate` lays it out."""
-    parameters = {**TABLE_1, **changed}
-    count = max(np.size(v) for v in parameters.values())
-    launches = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
-    rows = [
-        [
-            trajectory(
-                {k: float(np.broadcast_to(v, count)[r]) for k, v in parameters.items()},
-                float(launch),
-                duration,
-                rebound,
-            )
-            for launch in launches
-        ]
-        for r in range(count)
-    ]
-    impacts = max(1, max(len(one) for some in rows for one in some))
-    table = np.full((4, count, launches.size, impacts), np.nan)
-    for r, some in enumerate(rows):
-        for i, one in enumerate(some):
-            if one:
-                table[:, r, i, : len(one)] = np.array(one).T
-    dims = ("realization", "particle", "impact")
-    return xr.Dataset(
-        {
-            "landing_time": (dims, table[0]),
-            "liftoff_time": (dims, table[1]),
-            "rebound_velocity": (dims, table[2]),
-            "rested": (dims, np.nan_to_num(table[3]).astype(np.int8)),
-            "impact_count": (dims[:2], np.isfinite(table[0]).sum(axis=-1)),
-            "status": (dims[:2], np.zeros((count, launches.size), np.int8)),
-        },
-        coords={
-            **{k: ((dims[0],) if np.ndim(v) else (), v) for k, v in parameters.items()},
-            "launch_time": ((dims[1],), launches),
-            "duration": ((), duration),
-        },
-        attrs={"rebound": rebound},
-    )
+    """Record of every landing, with no more variables and attributes than figures need."""
+    launches = [*np.atleast_1d(launch_time)]
+    scene = {"launch_time": launches, "duration": duration, "rebound": rebound}
+    record = simulate(**scene, **TABLE_1 | changed)
+    record.attrs = {"rebound": rebound}
+    record = record.set_coords([*TABLE_1, "duration"]).drop_vars("base_acceleration")
+    names = ("landing_time", "liftoff_time", "rebound_velocity", "rested", "impact_count", "status")
+    return record[[*names]]
 
 
 def describe(sweep):

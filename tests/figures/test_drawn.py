@@ -8,6 +8,7 @@ import xarray as xr
 from matplotlib.colors import to_rgba
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.figures.drawn import (
     bars,
     colour_at,
@@ -61,8 +62,8 @@ def on_kicks(random):
     }
 
 
-@pytest.mark.parametrize("several", [False, True])
-@pytest.mark.parametrize("name", ["dt_min", "rebound_height_max", "impact_count", "status"])
+@each_of("several", [False, True])
+@each_of("name", ["dt_min", "rebound_height_max", "impact_count", "status"])
 def test_dots_of_a_plane(name, several, random, make_sweep):
     sweep = random_sweep(make_sweep, random, **(on_kicks(random) if several else {}))
     plot, *bar = drawn(figures.parameter_plane, sweep, name)
@@ -113,7 +114,7 @@ def test_kicks_that_differ_by_rounding_are_one_row(make_sweep):
     assert len(drawn(figures.height_against_restitution, sweep.isel(realization=equal))) == 1
 
 
-@pytest.mark.parametrize("several", [False, True])
+@each_of("several", [False, True])
 def test_dots_of_heights(several, random, make_sweep):
     sweep = random_sweep(make_sweep, random, **(on_kicks(random) if several else {}))
     sweep["rebound_height_max"] -= 1.0

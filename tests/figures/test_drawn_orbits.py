@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.figures.drawn import (
     bars,
     colour_at,
@@ -71,7 +72,7 @@ def random_orbits(random, **axes):
     return xr.Dataset(numbers | codes, coords=given | {n: ((n,), v) for n, v in axes.items()})
 
 
-@pytest.mark.parametrize("sizes", [(6, 5), (1, 4), (3, 1), (1, 1)])
+@each_of("sizes", [(6, 5), (1, 4), (3, 1), (1, 1)])
 def test_numbers_of_stable_orbits(sizes, random):
     e, a = (axis(random, size) for size in sizes)
     found = random_orbits(random, restitution=e, amplitude=a)
@@ -114,7 +115,7 @@ def random_basins(random, times=9, attractors=12):
     return xr.Dataset(numbers, coords=coords).isel(launch_time=order)
 
 
-@pytest.mark.parametrize(("times", "attractors"), [(9, 12), (9, 3), (1, 2)])
+@each_of(("times", "attractors"), [(9, 12), (9, 3), (1, 2)])
 def test_basins(times, attractors, random):
     basins = random_basins(random, times, attractors)
     (plot,) = drawn(figures.basins_of_attraction, basins)
@@ -164,9 +165,7 @@ def changed(dataset, name, value):
     return named({name: value})
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [*CONTRADICTIONS, ("amplitude", 1.3), ("restitution", 0.9)]
-)
+@each_of(("name", "value"), [*CONTRADICTIONS, ("amplitude", 1.3), ("restitution", 0.9)])
 def test_orbits_that_contradict_the_basins_under_them_are_refused(name, value):
     random = np.random.default_rng(0)
     basins, orbits = random_basins(random), random_orbits(random)
@@ -187,7 +186,7 @@ def random_shares(random, count):
     return xr.Dataset(numbers, coords=coords, attrs={"along": "amplitude"})
 
 
-@pytest.mark.parametrize("count", [6, 1])
+@each_of("count", [6, 1])
 def test_shares_are_as_thick_as_they_are_large(count, random):
     basins = random_shares(random, count)
     (plot,) = drawn(figures.basin_shares, basins)
@@ -217,7 +216,7 @@ def test_both_panels_of_a_bifurcation_diagram_show_the_same_forcings_on_any_axes
     assert lower.get_xlim() == upper.get_xlim()
 
 
-@pytest.mark.parametrize("launched", [True, False])
+@each_of("launched", [True, False])
 def test_a_bifurcation_diagram(launched, random):
     at = axis(random, 5)
     dims, shape = ("direction", "amplitude", "particle"), (2, at.size, 3)
@@ -468,7 +467,7 @@ def test_boundaries_over_a_sweep_are_in_the_units_of_its_axis(random):
             np.testing.assert_array_equal(np.fmax(*of_line), y)
 
 
-@pytest.mark.parametrize(("name", "value"), CONTRADICTIONS)
+@each_of(("name", "value"), CONTRADICTIONS)
 def test_boundaries_that_contradict_the_plane_under_them_are_refused(name, value):
     random = np.random.default_rng(0)
     lines = random_lines(random, "curve").assign(bifurcation=("curve", [0, 1, 5]))
@@ -482,7 +481,7 @@ def test_boundaries_that_contradict_the_plane_under_them_are_refused(name, value
         drawn(figures.orbit_boundaries, lines, sweep=several)
 
 
-@pytest.mark.parametrize("count", [5, 1])
+@each_of("count", [5, 1])
 def test_windows(count, random):
     e, scan = axis(random, count), np.sort(random.uniform(0.1, 3.0, 7))
     dims = ("condition", "direction", "restitution")

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 from matplotlib.collections import FillBetweenPolyCollection, LineCollection, PathCollection
 
+from tests.cases import each_of
 from vibrosweep import theory
 from vibrosweep.analysis.records import (
     BaseMotion,
@@ -122,7 +123,7 @@ def test_launch_times_may_differ_between_realizations(make_record):
     assert figure.axes[0].get_xlim() == (-1.0, 12.0)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("arguments", "message"),
     [
         ({"particles": [20]}, "particles = .20.:"),
@@ -204,8 +205,8 @@ def locked_points(figure, marker):
     return np.concatenate([line.get_xydata() for line in lines]) if lines else np.empty((0, 2))
 
 
-@pytest.mark.parametrize("rebound", ["rest", "reflect"])
-@pytest.mark.parametrize("amplitude", [0.0, 0.4, 1.2, 3.4])
+@each_of("rebound", ["rest", "reflect"])
+@each_of("amplitude", [0.0, 0.4, 1.2, 3.4])
 def test_points_lie_in_the_strip(rebound, amplitude, make_record):
     record = make_record(np.arange(10) / 10, 30.0, rebound, amplitude=amplitude)
     v, after = drawn_points(return_map(record).figure).T

@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from PIL import Image
 
+from tests.cases import each_of
 from vibrosweep import open_record, open_sweep
 from vibrosweep.analysis import separations_against_chance
 from vibrosweep.cli import main
@@ -24,7 +25,7 @@ from vibrosweep.model.measures import OF_REALIZATIONS
 from vibrosweep.model.measures import VARIABLES as ALL
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("units", "drawn"),
     [("m s-1", " (m s$^{-1}$)"), ("m s-2", " (m s$^{-2}$)"), ("Hz", " (Hz)"), ("1", ""), ("", "")],
 )
@@ -89,7 +90,7 @@ def test_a_remark_that_fits_no_line_is_broken_after_commas():
         assert title.get_window_extent().x1 < axes.figure.bbox.x1
 
 
-@pytest.mark.parametrize("name", sorted(OF_REALIZATIONS))
+@each_of("name", sorted(OF_REALIZATIONS))
 def test_codes_for_no_value_are_left_blank(name):
     variable = OF_REALIZATIONS[name]
     none = np.nan if variable.dtype == "float64" else 0 if variable.cycle else -1
@@ -227,9 +228,10 @@ def test_every_file_opens(written):
 
 
 def test_the_same_data_give_the_same_files(written, whole, twenty, tmp_path):
-    again = save_all(whole, twenty, tmp_path)
-    for one, other in zip(written, again, strict=True):
-        assert one.read_bytes() == other.read_bytes(), one.name
+    few = whole.drop_vars(["dt_min", "regime", "lyapunov_max", "slot_count"])
+    again = {path.name: path.read_bytes() for path in save_all(few, twenty, tmp_path)}
+    assert len(again) == 10  # lines, strips and dots
+    assert again.items() <= {path.name: path.read_bytes() for path in written}.items()
 
 
 def test_without_data_nothing_is_written(tmp_path):

@@ -14,6 +14,7 @@ from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import theory
 from vibrosweep.errors import DataError
@@ -117,8 +118,8 @@ def test_separations_below_the_contact_time_are_coloured_and_zeros_have_a_marker
     assert names == ["landing or resting together", "$\\tau_c$ = 0.0001 s"]
 
 
-@pytest.mark.parametrize(("low", "high"), [(-3.0, 0.5), (-3.0, -1.0), (1.0, 3.0)])
-@pytest.mark.parametrize("as_grid", [True, False])
+@each_of(("low", "high"), [(-3.0, 0.5), (-3.0, -1.0), (1.0, 3.0)])
+@each_of("as_grid", [True, False])
 def test_signed_numbers_diverge_from_zero_and_the_legend_has_minus_infinity(
     low, high, as_grid, small_grid, make_sweep
 ):
@@ -174,16 +175,6 @@ def test_a_sweep_whose_particles_meet_everywhere(sweep):
     figure = parameter_plane(everywhere).figure
     assert len(figure.axes) == 1
     figure.canvas.draw()
-
-
-def test_a_grid_is_drawn_as_its_own_cells(small_grid):
-    sweep = small_grid
-    mesh = numbers_of(parameter_plane(sweep, "rebound_height_max").figure)
-    assert isinstance(mesh, QuadMesh)
-    np.testing.assert_array_equal(mesh.get_array().ravel(), sweep.rebound_height_max)
-    corners = mesh.get_coordinates()
-    np.testing.assert_allclose(corners[0, 0], [0.8 - 0.015, 0.3 - 0.4])
-    assert mesh.axes.get_ylim()[0] == 0.0
 
 
 def test_a_kick_axis_where_frequency_varies(make_sweep):
@@ -315,13 +306,6 @@ def lines_at(figure):
     return [float(line.get_ydata()[0]) for line in figure.axes[0].lines]
 
 
-def test_one_dot_per_realization_coloured_by_amplitude(sweep):
-    dots = dots_of(height_against_restitution(sweep).figure, "rebounds")
-    expected = np.column_stack([sweep.restitution, sweep.rebound_height_max])
-    np.testing.assert_array_equal(np.asarray(dots.get_offsets()), expected)
-    np.testing.assert_array_equal(dots.get_array(), sweep.amplitude)
-
-
 def test_a_forcing_given_as_acceleration_colours_the_dots(sweep):
     gamma = 2.0 * np.pi * sweep.amplitude / (9.81 * (1.0 + sweep.restitution))
     given = sweep.assign_coords(base_acceleration=gamma)
@@ -401,13 +385,6 @@ def test_realizations_without_a_rebound_are_counted(make_sweep):
     sweep["rebound_height_max"][:] = np.nan
     sweep["flight_height_max"][:] = np.nan
     height_against_restitution(sweep).figure.canvas.draw()
-
-
-def test_very_many_realizations_are_counted_in_cells(synthetic_sweep):
-    sweep = synthetic_sweep(30_000)
-    figure = height_against_restitution(sweep).figure
-    (mesh,) = [c for c in figure.axes[0].collections if isinstance(c, QuadMesh)]
-    assert mesh.get_array().sum() == 30_000
 
 
 def test_missing_variables_and_ranges_are_named_restitution(sweep):
@@ -539,28 +516,13 @@ def labels(axes):
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
-def test_every_window_is_a_bar_between_its_ends(windows):
-    locked, periodic = stability_windows(windows)
-    assert labels(locked) == ["locked(1)", "locked(4)"]
-    ways = {f"periodic, {way}" for way in ("both ways", "up only", "down only")}
-    assert set(labels(periodic)) - {"undetermined"} <= ways
-    lower = windows["A_min"].sel(condition=["locked(1)", "locked(4)"], direction="up")
-    upper = windows["A_max"].sel(condition=["locked(1)", "locked(4)"], direction="up")
-    known = np.isfinite(lower.values)
-    found = sorted([*lower.values[known], *upper.values[known]])
-    assert ends_of(locked) == pytest.approx(found)
-    names = [text.get_text() for text in locked.texts]
-    assert any("(4)" in name for name in names)
-    assert not any("(2)" in name for name in names)
-
-
 def test_a_dataset_without_windows_is_refused(windows):
     with pytest.raises(DataError, match="figure stability_windows needs the variable A_min"):
         stability_windows(windows.drop_vars("A_min"))
 
 
-@pytest.mark.parametrize("base", FIXED)
-@pytest.mark.parametrize("forcing", FORCINGS)
+@each_of("base", FIXED)
+@each_of("forcing", FORCINGS)
 def test_windows_of_any_forcing_are_drawn_with_its_symbol(forcing, base):
     scene, scan = (
         keyword_spec({"duration": 2000.0, "base": base, "frequency": 2.0}).scene,
@@ -651,23 +613,6 @@ def test_any_number_of_conditions_and_any_mode_can_be_drawn(modes):
     assert len(labels(axes)) == len(names)
     handles = axes.get_legend().get_lines()
     assert len({to_rgb(line.get_color()) for line in handles}) == len(names)
-
-
-def test_a_bifurcation_diagram_shows_every_impact_and_exponent():
-    diagram = bifurcation(SCENE, np.linspace(0.4, 3.4, 15), samples=5)
-    upper, lower = bifurcation_diagram(diagram)
-    dots = [c for c in upper.collections if not isinstance(c, QuadMesh)]
-    shown = np.concatenate([np.asarray(c.get_offsets()) for c in dots])
-    names = "rebound_velocity", "launched_rebound_velocity"
-    assert shown.shape == (sum(diagram[name].size for name in names), 2)
-    assert diagram["rebound_velocity"].size == 2 * 15 * 2 * 5
-    largest = max(float(diagram[name].max()) for name in names)
-    pixels = [c.get_coordinates()[..., 1].max() for c in upper.collections if c not in dots]
-    assert max([np.nanmax(shown[:, 1]), *pixels]) == pytest.approx(largest)
-    assert "velocity at lift-off" in upper.get_ylabel()
-    heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in lower.lines])
-    assert np.isfinite(heights).all()
-    assert lower.get_ylim()[0] < heights.min()
 
 
 def test_a_bifurcation_diagram_says_how_many_orbits_are_unsettled():

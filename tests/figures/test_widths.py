@@ -8,6 +8,7 @@ import xarray as xr
 from matplotlib import pyplot
 
 import vibrosweep as vs
+from tests.cases import each_of
 from tests.figures.test_axes import INDICES
 from tests.figures.test_drawn_orbits import (
     random_basins,
@@ -138,9 +139,9 @@ NAMES = (
 )
 
 
-@pytest.mark.parametrize("layout", [None, "constrained"])
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", NAMES)
+@each_of("layout", [None, "constrained"])
+@each_of("width", WIDTHS)
+@each_of("name", NAMES)
 def test_nothing_is_cut_and_the_axes_keep_their_share(name, width, layout, drawings):
     draw, count = drawings[name]
     if name == "sobol":

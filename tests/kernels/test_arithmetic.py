@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from proved_pieces import sine
+from tests.cases import each_of
 from vibrosweep.kernels import arithmetic, noise
 from vibrosweep.kernels._jit import kernel
 from vibrosweep.kernels.arithmetic import (
@@ -29,14 +30,14 @@ QUARTERS = np.array([0.0, 0.125, 0.25, 0.375, 0.5])
 
 
 def phases():
-    """2 10^5 phases: everywhere, next to each fold and zero, and tiny."""
+    """Phases everywhere, next to each fold and zero, and tiny; `checks/sine_error.py` has more."""
     rng = np.random.default_rng(5)
     steps = np.arange(-300, 301)[:, np.newaxis]
     near = (QUARTERS + steps * np.spacing(np.maximum(QUARTERS, 2.0**-60))).ravel()
     near = near[(near >= 0.0) & (near <= 0.5)]
-    tiny = np.concatenate([2.0 ** -np.arange(1.0, 1075.0), 10.0 ** rng.uniform(-300, -1, 10_000)])
-    folded = 0.5 - 10.0 ** rng.uniform(-16, -1, 10_000)
-    positive = np.concatenate([near, tiny, folded, rng.uniform(0.0, 0.5, 80_000)])
+    tiny = np.concatenate([2.0 ** -np.arange(1.0, 1075.0), 10.0 ** rng.uniform(-300, -1, 2_000)])
+    folded = 0.5 - 10.0 ** rng.uniform(-16, -1, 2_000)
+    positive = np.concatenate([near, tiny, folded, rng.uniform(0.0, 0.5, 15_000)])
     return np.concatenate([positive, -positive])
 
 
@@ -47,7 +48,7 @@ def compared():
     The place is that of the double nearest to the exact value.
     """
     x = phases()
-    assert x.size > 200_000
+    assert x.size > 40_000
     found = np.array([sin_turns(turns) for turns in x.tolist()])
     exact, error = np.empty(x.size), np.empty(x.size)
     for i, (turns, value) in enumerate(zip(x.tolist(), found.tolist(), strict=True)):
@@ -80,7 +81,7 @@ def test_small_phases_are_rounded_almost_exactly(compared):
     # the polynomial is its first coefficient, which is kept as a sum of two doubles
     x, *_, places = compared
     small = (np.abs(x) < 2.0**-30) & (np.abs(x) > 2.0**-1000)
-    assert small.sum() > 5000
+    assert small.sum() > 3000
     assert places[small].max() < 0.51
 
 
@@ -101,7 +102,7 @@ def test_the_sine_is_odd_and_folds_about_its_peak(compared):
     assert np.array_equal(found[:half], -found[half:])
     folded = 0.5 - x[:half]
     exact = 0.5 - folded == x[:half]
-    assert exact.sum() > half // 2
+    assert exact.sum() > half // 4
     mirrored = np.array([sin_turns(turns) for turns in folded[exact].tolist()])
     assert np.array_equal(mirrored, found[:half][exact])
 
@@ -253,7 +254,7 @@ def test_known_answers_of_the_generator():
     assert (found == words).all()
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("number", "stream", "particle", "seed"),
     [
         (0, 0, 0, 0),

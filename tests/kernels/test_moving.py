@@ -23,6 +23,8 @@ from first_roots import (
     wide,
 )
 from proved_pieces import first_landing
+from tests import general
+from tests.cases import each_of
 from vibrosweep.engine.landings import recorded
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels import bases
@@ -57,15 +59,13 @@ def problem(size, most, periods, seed=1, **fixed):
     return dimensionless(given, periods), launches("staggered", PARTICLES, given["frequency"])
 
 
-def streamed(base, scene, launch, budget=600_000):
+def streamed(base, scene, launch, budget=600_000, run=general.advance):
     total = scene.kick.size * PARTICLES
     out, memory = empty_statistics(total), memory_around(scratch())
-    batch = Batch(base, scene, launch)
-    options = Options(budget)
-    lanes = advance(Share(0, total, 0), batch, options, None, memory, out, None, None)
+    given = Batch(base, scene, launch), Options(budget), None, memory, out, None, None
+    lanes = run(Share(0, total, 0), *given)
     while lanes:
-        share = Share(total, total, lanes)
-        lanes = advance(share, batch, options, None, memory, out, None, None)
+        lanes = run(Share(total, total, lanes), *given)
     return out
 
 
@@ -131,7 +131,7 @@ def test_without_arcs_the_bits_are_the_same():
     base = base_of("moving", "rest")
     less = fitted(base, scene)
     assert less.beyond_gravity is None
-    assert same(streamed(base, scene, launch), streamed(less, scene, launch))
+    assert same(streamed(base, scene, launch), streamed(less, scene, launch, run=advance))
     lifting, _ = problem(200, 2.0, 40.0)
     assert fitted(base, lifting) == base
 
@@ -365,7 +365,7 @@ def test_a_doubtful_rest_is_reported(problem_of, gamma):
         assert not doubt(fixed, -edge + 1e-6, 0.9e-3, StateError(1e-9, 1e-9))
 
 
-@pytest.mark.parametrize("away", [1e-15, 1e-12, 1e-6, 0.1, 9.0])
+@each_of("away", [1e-15, 1e-12, 1e-6, 0.1, 9.0])
 def test_the_phase_of_a_lift_off_is_within_its_error(problem_of, away):
     problem = problem_of(0.7, 1.0 + away)
     fixed = bases.constants(BASE, problem, 0)
@@ -452,7 +452,7 @@ def followed_moving_errors(problem_of):
     for jump in (1, 0):
         out, memory = empty_statistics(700), memory_around(scratch())
         cycles, rests = empty_cycles(700), empty_rests(out.kinds)
-        given = batch, Options(600_000, 0.0, 1, jump), False, memory, out, cycles, rests
+        given = batch, Options(600_000, 0.0, 1, jump), 1, memory, out, cycles, rests
         advance(Share(700, 700, advance(Share(0, 700, 0), *given)), *given)
         found.append((out, cycles))
     orbits = empty_orbits(700)

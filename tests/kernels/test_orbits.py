@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.cases import each_of
 from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import find_orbits
 from vibrosweep.kernels.bases import (
@@ -67,8 +68,8 @@ def at_locked_orbit(parameters, k, e, amplitude, away=0.0):
     )
 
 
-@pytest.mark.parametrize("k", [1, 2, 3, 4])
-@pytest.mark.parametrize("e", [0.3, 0.9])
+@each_of("k", [1, 2, 3, 4])
+@each_of("e", [0.3, 0.9])
 def test_multipliers_of_locked_orbits_are_the_closed_form(k, e, parameters, settled):
     low, high = float(theory.amplitude_min(k, e)), float(theory.amplitude_max(k, e))
     amplitude = low + np.array([0.05, 0.5, 0.99]) * (high - low)
@@ -86,8 +87,8 @@ def test_multipliers_of_locked_orbits_are_the_closed_form(k, e, parameters, sett
     assert found["phase"][:, 0] == pytest.approx(theory.locked_phase(k, e, amplitude), abs=1e-12)
 
 
-@pytest.mark.parametrize("k", [1, 2, 3, 4])
-@pytest.mark.parametrize("e", [0.3, 0.9])
+@each_of("k", [1, 2, 3, 4])
+@each_of("e", [0.3, 0.9])
 def test_the_exponent_of_a_locked_orbit_changes_sign_at_the_upper_edge(k, e, parameters, settled):
     amplitude = float(theory.amplitude_max(k, e)) * (1.0 + np.array([-1e-4, 1e-4]))
     modulus = np.abs(theory.multipliers(k, e, amplitude)).max(axis=1)
@@ -100,8 +101,8 @@ def test_the_exponent_of_a_locked_orbit_changes_sign_at_the_upper_edge(k, e, par
     assert largest == pytest.approx(np.log(modulus), abs=5.0 / 2000.0)
 
 
-@pytest.mark.parametrize("k", [1, 2, 3, 4])
-@pytest.mark.parametrize("e", [0.3, 0.6, 0.9])
+@each_of("k", [1, 2, 3, 4])
+@each_of("e", [0.3, 0.6, 0.9])
 def test_recurrence_finds_the_doubled_period_right_above_the_edge(k, e, parameters, settled):
     edge = float(theory.amplitude_max(k, e))
     amplitude = edge * (1.0 + np.array([-1e-3, 1e-3]))
@@ -549,8 +550,8 @@ def solved(e, a, k, r=1e-4, sign=1.0):
     return found
 
 
-@pytest.mark.parametrize("k", [1, 2, 3, 4])
-@pytest.mark.parametrize("e", [0.0, 0.3, 0.7, 0.9, 0.99])
+@each_of("k", [1, 2, 3, 4])
+@each_of("e", [0.0, 0.3, 0.7, 0.9, 0.99])
 def test_states_change_at_the_edges_of_the_closed_forms(k, e):
     near = np.array([-1e-3, -1e-9, -1e-12, 1e-12, 1e-9])
     lower = float(theory.amplitude_min(k, e, **UNITS)) * (1.0 + near)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import vibrosweep as vs
 from study.records import order_of_landings
+from tests.cases import each_of
 from vibrosweep.engine.measure import measure
 from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.coupled.advance import clear, close, lacks_memory, note
@@ -99,9 +100,9 @@ def check(inputs, scene, workers, record, brute=all_pairs):
     return measured
 
 
-@pytest.mark.parametrize("rebound", LAWS)
-@pytest.mark.parametrize("transient", [0.0, 1.7])
-@pytest.mark.parametrize("particles", [1, 2, 3, 8, 31])
+@each_of("rebound", LAWS)
+@each_of("transient", [0.0, 1.7])
+@each_of("particles", [1, 2, 3, 8, 31])
 def test_staggered_launches(rebound, transient, particles, random_scenes, observe, workers, record):
     inputs = random_scenes(seed=particles, size=24, contact_time=1e-2)
     scene = observe(particles=particles, duration=3.0, transient=transient, rebound=rebound)
@@ -110,9 +111,9 @@ def test_staggered_launches(rebound, transient, particles, random_scenes, observ
         assert set(measured["base_shared"]) == {0, 1}
 
 
-@pytest.mark.parametrize("rebound", LAWS)
-@pytest.mark.parametrize("transient", [0.0, 1.1])
-@pytest.mark.parametrize("particles", [4, 130, 200])
+@each_of("rebound", LAWS)
+@each_of("transient", [0.0, 1.1])
+@each_of("particles", [4, 130, 200])
 def test_listed_launches_before_and_inside_the_window(
     rebound, transient, particles, random_scenes, observe, workers, record
 ):
@@ -156,8 +157,8 @@ def test_equal_launches_share_every_landing(
     assert np.all(measured["base_shared"][landed] == 1)
 
 
-@pytest.mark.parametrize("transient", [0.0, 20.3])
-@pytest.mark.parametrize(
+@each_of("transient", [0.0, 20.3])
+@each_of(
     "launch",
     [
         np.zeros(17),  # all coincide
@@ -228,7 +229,7 @@ DYADIC = {
 RESTS = 0.75  # launch that lands at 1.75 and rests until 2.0008
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("launch", "transient", "duration", "shared"),
     [
         ((RESTS, 0.9), 1.8, 1.95, 1),  # lands on an occupant who came before the window
@@ -251,9 +252,7 @@ def test_occupants_at_the_beginning_of_the_window(
     assert measured["base_shared"] == shared
 
 
-@pytest.mark.parametrize(
-    "order", [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
-)
+@each_of("order", [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)])
 def test_an_occupant_is_no_landing_between_two_others(order, parameters, observe, workers):
     # a landing exactly at the beginning of the window, one soon after, and an occupant
     times = (0.875, RESTS, 0.9375)

@@ -58,27 +58,59 @@ def exact(one, x, order=0):
     return total
 
 
+# what runs in plain Python, in a process of its own: nothing is compiled
+FOLLOW = """
+import json, sys
+import vibrosweep as vs
+asked, swept = json.load(sys.stdin)
+names = ("landing_time", "liftoff_time", "rebound_velocity", "rested", "impact_count")
+found = [vs.simulate(**scene) for scene in asked]
+landings = [{name: one[name].values.tolist() for name in names} for one in found]
+counted = vs.sweep(**swept, per_particle=True)
+names = ("particle_impact_count", "particle_rest_count")
+print(json.dumps([landings, [counted[name].values.tolist() for name in names]]))
+"""
+ONE_TONE = {"amplitude": [0.3, 1.2, 2.0], "launch_time": [0.2, 0.0], "duration": 60.0}
+TWICE = {"amplitude": [0.15, 0.6, 1.0], "waveform": {"harmonics": [[1, 2.0, 0.0]]}}
+ONE_TONE_MOVING = {"amplitude": [1.0, 3.0, 5.0], "launch_time": [0.2, 0.0], "duration": 6.0}
+ONE_TONE_MOVING |= {"base": "moving", "restitution": 0.3}
+SCENE = {"restitution": 0.5, "base_velocity": [0.4, 0.9, 2.6], "phase": 0.3, "duration": 3.0}
+SCENE |= {"base": "moving", "waveform": "parabolic", "contact_time": 3e-2}
+LAUNCHES = [0.0, 0.3]
+
+
+@pytest.fixture(scope="module")
+def interpreted():
+    """Landings of scenes, and counts of the vector kernel for the last of them."""
+    tone = {"waveform": {"harmonics": [[1, 1.0, 0.0]]}}
+    asked = [ONE_TONE | tone, ONE_TONE | TWICE, ONE_TONE_MOVING | tone]
+    ran = subprocess.run(
+        [sys.executable, "-c", FOLLOW],
+        input=json.dumps(
+            [[*asked, SCENE | {"launch_time": LAUNCHES}], SCENE | {"launch": LAUNCHES}]
+        ),
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(ran.stdout)
+
+
 def test_a_known_trajectory():
     """The expected numbers were computed to 40 digits without this program."""
-    one = vs.simulate(
-        amplitude=1.2, launch_time=0.2, waveform={"harmonics": [[1, 1.0, 0.0], [2, 0.2, 0.0]]}
-    )
+    one = vs.simulate(amplitude=1.2, launch_time=0.2, waveform=TWO_TONES)
     lands, speeds = (one[name].values[0, 0] for name in ("landing_time", "rebound_velocity"))
-    assert lands[:2] == pytest.approx([1.219367991845056, 2.395303123620822], abs=1e-14)
-    assert speeds[:2] == pytest.approx([5.767961821360131, 5.692615952193482], abs=1e-13)
-    assert lands[7] == pytest.approx(8.416088615464953, abs=1e-13)
+    assert lands[:2] == pytest.approx([1.21936799184505602, 2.31276695452635529], abs=1e-14)
+    assert speeds[:2] == pytest.approx([5.36312191195177318, 5.47875273604222883], abs=1e-13)
+    assert lands[7] == pytest.approx(8.31803752140725671, abs=1e-13)
 
 
-def test_one_tone_is_the_sine_and_the_weight_scales():
-    scene = {"amplitude": [0.3, 1.2, 2.0], "launch_time": [0.2, 0.0], "duration": 60.0}
-    sine = vs.simulate(**scene)
-    for weight in (1.0, 2.0):
-        shaped = vs.simulate(
-            **{**scene, "amplitude": [0.3 / weight, 1.2 / weight, 2.0 / weight]},
-            waveform={"harmonics": [[1, weight, 0.0]]},
-        )
+def test_one_tone_is_the_sine_and_the_weight_scales(interpreted):
+    sine = vs.simulate(**ONE_TONE)
+    for shaped in interpreted[0][:2]:
         for name in NAMES:
-            np.testing.assert_array_equal(shaped[name].values, sine[name].values)
+            np.testing.assert_array_equal(shaped[name], sine[name].values)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -134,14 +166,11 @@ def test_cycles_with_different_rests_are_found_and_counted():
         "duration": 400.0,
         "regimes": True,
         "lyapunov": True,
-        "separation": True,
-        "trust": True,
     }
     long = vs.sweep(scene, threads=1)
     again = vs.sweep(scene, threads=2)
     for name in long.data_vars:
         np.testing.assert_array_equal(long[name].values, again[name].values)
-    assert np.isfinite(long["landing_time_error"].values).any()
     resting = long["cycle_rests"].values
     assert (resting == 1).any()
     assert (resting > 1).any()
@@ -238,16 +267,13 @@ def test_a_known_trajectory_shaped_flights():
     assert speeds == pytest.approx([5.238099419590123, 5.544664747235231], abs=1e-14)
 
 
-def test_one_tone_is_the_sine():
+def test_one_tone_is_the_sine(interpreted):
     """Up to rounding, as long as that has not grown; rests and lift-offs included."""
-    scene = {"amplitude": [1.0, 3.0, 5.0], "launch_time": [0.2, 0.0], "base": "moving"}
-    scene["restitution"] = 0.3
-    sine = vs.simulate(**scene, duration=6.0)
-    one = vs.simulate(**scene, duration=6.0, waveform={"harmonics": [[1, 1.0, 0.0]]})
+    sine, one = vs.simulate(**ONE_TONE_MOVING), interpreted[0][2]
     assert sine.rested.values.any()
-    np.testing.assert_array_equal(one.impact_count, sine.impact_count)
+    np.testing.assert_array_equal(one["impact_count"], sine.impact_count)
     for name in NAMES_SHAPED_FLIGHTS:
-        np.testing.assert_allclose(one[name].values, sine[name].values, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(one[name], sine[name].values, rtol=1e-9, atol=1e-9)
 
 
 def test_lanes_and_records_agree_for_any_number_of_threads():
@@ -403,38 +429,9 @@ def has_root(f, f1, bend, left):
     return ends or dips
 
 
-FOLLOW = """
-import json, sys
-import vibrosweep as vs
-scene, launches = json.load(sys.stdin)
-one = vs.simulate(**scene, launch_time=launches)
-names = ("landing_time", "liftoff_time", "rebound_velocity")
-found = [one[name].values[:, :, :].tolist() for name in names]
-swept = vs.sweep(**scene, launch=launches, per_particle=True)
-names = ("particle_impact_count", "particle_rest_count", "particle_rebound_height_max")
-print(json.dumps([found, [swept[name].values.tolist() for name in names]]))
-"""
-SCENE = {"restitution": 0.5, "base_velocity": [0.4, 0.9, 2.6], "phase": 0.3, "duration": 3.0}
-SCENE |= {"base": "moving", "waveform": "parabolic", "contact_time": 3e-2}
-LAUNCHES = [0.0, 0.3]
-
-
-@pytest.fixture(scope="module")
-def interpreted():
-    """Landings, and statistics of the vector kernel, in plain Python: nothing is compiled."""
-    ran = subprocess.run(
-        [sys.executable, "-c", FOLLOW],
-        input=json.dumps([SCENE, LAUNCHES]),
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return json.loads(ran.stdout)
-
-
 def test_landings_are_those_of_the_proof(interpreted):
-    (landings, lift_offs, speeds), (counts, rests, _) = interpreted
+    (*_, parabolic), (counts, rests) = interpreted
+    landings, lift_offs, speeds = (parabolic[name] for name in NAMES_SHAPED_FLIGHTS)
     given = {name: one.default for name, one in PARAMETERS.items()}
     given |= {"restitution": 0.5, "phase": 0.3, "contact_time": 3e-2}
     rested = 0

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from docs.page_tables import TABLES, insert
+from tests.cases import each_of
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.model.measures import (
@@ -41,7 +42,7 @@ def test_every_key_is_a_measure_or_an_option_and_every_variable_has_one_home():
     assert VARIABLES.keys() == homes.keys() == MEASURE_OF.keys() | {v.name for v in ALWAYS}
 
 
-@pytest.mark.parametrize("key", MEASURES)
+@each_of("key", MEASURES)
 def test_a_measure_brings_what_it_requires_and_nothing_else(key):
     asked = Measures(**{key: True})
     expected = {key, *MEASURES[key].requires}
@@ -54,7 +55,7 @@ def test_exponents_require_regimes():
     assert replace(Measures(lyapunov=True), regimes=False).regimes
 
 
-@pytest.mark.parametrize("variable", [*VARIABLES.values(), *RECORD.values()], ids=lambda v: v.name)
+@each_of("variable", [*VARIABLES.values(), *RECORD.values()])
 def test_a_code_fits_its_type_and_only_codes_are_eight_bits(variable):
     codes = [code for code, _ in variable.flags]
     assert bool(codes) == (variable.dtype == "int8")
@@ -62,7 +63,7 @@ def test_a_code_fits_its_type_and_only_codes_are_eight_bits(variable):
     assert len(set(codes)) == len(codes)
 
 
-@pytest.mark.parametrize("key", MEASURES)
+@each_of("key", MEASURES)
 def test_a_sweep_file_asks_for_a_measure_by_its_key(key):
     base = "sprung" if MEASURES[key].coupled else "high-bounce"
     mount = "mass_ratio = 0.01\nmount_frequency = 1.0\n" if MEASURES[key].coupled else ""
@@ -73,7 +74,7 @@ def test_a_sweep_file_asks_for_a_measure_by_its_key(key):
         parse_spec(f"{text}{key} = 1")
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("key", "refused"),
     [
         ("transient", -1e-300),
@@ -101,7 +102,7 @@ def test_tables_go_between_their_markers():
         insert(empty.replace("<!-- end variables -->", ""))
 
 
-@pytest.mark.parametrize("name", [n for n in VARIABLES if "lyapunov" in n or "exponent" in n])
+@each_of("name", [n for n in VARIABLES if "lyapunov" in n or "exponent" in n])
 def test_an_exponent_says_whether_it_is_per_impact_or_per_period(name):
     variable = VARIABLES[name]
     per = "period" if name.startswith("joint") else "impact"
@@ -145,7 +146,7 @@ def defined(text, **outside):
     return names["f"]
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("changes", "words"),
     [
         ({"name": "impact_count"}, "name = 'impact_count' "),

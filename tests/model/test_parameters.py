@@ -15,6 +15,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.kernels.restitution import REBOUND_OF
@@ -142,7 +143,7 @@ def test_an_endless_window_begins_before_every_landing(parameters):
     assert problem.begin_count[0] == -math.inf
 
 
-@pytest.mark.parametrize("particles", [1, 2, 3, 7, 20])
+@each_of("particles", [1, 2, 3, 7, 20])
 def test_staggered_launches_share_one_period_evenly(particles):
     count, phase = launches(STAGGERED, particles, np.array([0.3, 7.0]))
     assert count.shape == phase.shape == (1, particles)
@@ -172,7 +173,7 @@ def test_every_default_is_allowed():
         assert parameter.accepts(parameter.default)
 
 
-@pytest.mark.parametrize("name", PARAMETERS)
+@each_of("name", PARAMETERS)
 def test_a_range_is_kept_and_put_into_words(name):
     parameter = PARAMETERS[name]
     below = np.nextafter(parameter.low, -math.inf)
@@ -271,8 +272,8 @@ def test_all_ways_lead_to_one_amplitude(e, f, g, v):
         assert [*found] == [n for n in INPUTS if n in found]
 
 
-@pytest.mark.parametrize("forcing", FORCINGS)
-@pytest.mark.parametrize("varied", [name for name in INPUTS if name not in OF_MOUNT])
+@each_of("forcing", FORCINGS)
+@each_of("varied", [name for name in INPUTS if name not in OF_MOUNT])
 def test_only_quantities_that_follow_from_the_varied_input_differ(forcing, varied):
     if varied in FORCINGS and varied != forcing:
         return
@@ -283,8 +284,8 @@ def test_only_quantities_that_follow_from_the_varied_input_differ(forcing, varie
     assert changed == {*differing([varied], forcing)}
 
 
-@pytest.mark.parametrize("first", FORCINGS)
-@pytest.mark.parametrize("second", FORCINGS)
+@each_of("first", FORCINGS)
+@each_of("second", FORCINGS)
 def test_two_forcings_are_refused(first, second):
     if first == second:
         assert forcing_of(["phase", first]) == first
@@ -337,14 +338,14 @@ def test_a_ratio_of_masses_and_a_frequency_are_enough():
         assert mount_mistakes("sprung", {"amplitude", *given}) == {}
 
 
-@pytest.mark.parametrize("base", [HIGH_BOUNCE, MOVING])
-@pytest.mark.parametrize("name", OF_MOUNT)
+@each_of("base", [HIGH_BOUNCE, MOVING])
+@each_of("name", OF_MOUNT)
 def test_another_base_has_no_mount(base, name):
     assert mount_mistakes(base, {"amplitude"}) == {}
     assert 'write base = "sprung"' in mount_mistakes(base, [name])[name]
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("given", "about"),
     [
         ([], {"mass_ratio", "mount_frequency"}),
@@ -487,7 +488,7 @@ def test_no_word_with_an_answer_is_a_key():
     )
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("word", "answer"),
     [
         ("noise", "restitution_noise, kick_noise or drive_noise"),
@@ -555,7 +556,7 @@ def possible(function):
     return {name: values.get(name, 1.0) for name in names}
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@each_of("name", FUNCTIONS)
 def test_every_argument_has_its_range(name):
     given = possible(FUNCTIONS[name])
     FUNCTIONS[name](**given)
@@ -570,7 +571,7 @@ def test_the_first_value_outside_is_named():
         vs.theory.amplitude_min(1, [0.5, 1.5, np.nan])
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@each_of("name", FUNCTIONS)
 def test_the_error_of_a_wrong_call_names_the_function(name):
     with pytest.raises(TypeError, match=rf"^{name}\(\) got .*'colour'"):
         FUNCTIONS[name](**possible(FUNCTIONS[name]), colour=1)
@@ -593,7 +594,7 @@ def identified(function):
     return tuple(parts(function, "here"))
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("before", "after"),
     [
         (USES, "def f(t, x): t[0] -= K"),
@@ -642,7 +643,7 @@ def test_functions_that_call_each_other_have_a_fingerprint():
     )
 
 
-@pytest.mark.parametrize("value", [[1.0], np.ones(2), {"a": 1}, object(), (1.0, [2.0])])
+@each_of("value", [[1.0], np.ones(2), {"a": 1}, object(), (1.0, [2.0])])
 def test_values_that_could_change_unnoticed_are_refused(value):
     with pytest.raises(ParameterError, match=r"here: .* uses K, of type "):
         identified(defined(USES, K=value))
@@ -662,7 +663,7 @@ def test_random_numbers_are_refused(expression):
             identified(defined("def f(t, x): t[0] += K()", K=drawing))
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("body", "changes"),
     [
         ("t[0] = 1.0", True),

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep import theory
 from vibrosweep.errors import ParameterError, SpecError, TableError
 from vibrosweep.model.forcing import completed
@@ -83,8 +84,8 @@ def test_upward_and_downward_acceleration_differ():
     assert two.fall < upward / 1.5
 
 
-@pytest.mark.parametrize("one", [SINE, Waveform("parabolic"), TWO_TONES], ids=lambda one: one.name)
-@pytest.mark.parametrize("name", ["base_velocity", "base_displacement", "base_acceleration"])
+@each_of("one", [SINE, Waveform("parabolic"), TWO_TONES])
+@each_of("name", ["base_velocity", "base_displacement", "base_acceleration"])
 def test_each_forcing_gives_the_amplitude_from_which_it_follows(one, name):
     shared = {"restitution": 0.8, "frequency": 3.0, "gravity": 9.81}
     velocity = 0.7
@@ -127,8 +128,8 @@ def test_two_tones_have_two_windows_that_overlap():
     assert (first.ends, second.ends) == (FOLD, DOUBLING)
 
 
-@pytest.mark.parametrize("base", ["high-bounce", "moving"])
-@pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
+@each_of("base", ["high-bounce", "moving"])
+@each_of("e", [0.1, 0.5, 0.9])
 def test_a_sine_has_the_windows_of_its_closed_form(base, e):
     for k in (1, 2, 3):
         (window,) = windows_of(SINE, mode_of(k, e, base))
@@ -205,7 +206,7 @@ def test_ends_move_no_more_than_the_errors_of_their_conditions_say(need, limit, 
 VISCOELASTIC = {"restitution_law": "viscoelastic", "restitution_speed": 1.0}
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("given", "said"),
     [
         ({"restitution_law": "plastic"}, 'restitution_speed: is missing; restitution_law = "plas'),

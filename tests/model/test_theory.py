@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from tests.cases import each_of
 from vibrosweep import theory
 from vibrosweep.errors import ParameterError
 
@@ -162,8 +163,8 @@ def test_unforced_rest_impact_in_exact_arithmetic(u0, e, r):
     assert theory.unforced_rest_impact(u0, e, r) == n
 
 
-@pytest.mark.parametrize("e", [0.5, 0.25])
-@pytest.mark.parametrize("n", [1, 2, 3, 7, 30, 100])
+@each_of("e", [0.5, 0.25])
+@each_of("n", [1, 2, 3, 7, 30, 100])
 def test_unforced_rest_impact_decides_exact_ties(e, n):
     r = e**n  # exact
     assert theory.unforced_rest_impact(1.0, e, r) == n
@@ -178,7 +179,7 @@ def test_an_elastic_particle_without_excitation_never_rests():
     assert theory.unforced_rest_time(5.0, 1.0, 2.0) == 10.0 / 9.81
 
 
-@pytest.mark.parametrize("e", [0.0, 0.3, 0.9, 0.999, 1 - 1e-9, 1 - 1e-12])
+@each_of("e", [0.0, 0.3, 0.9, 0.999, 1 - 1e-9, 1 - 1e-12])
 def test_unforced_rest_time_is_the_sum_of_the_flights(e):
     first = 10.0 / 9.81
     contact_time = first * max(e**3, 1e-5) * (1.0 + 1e-13)
@@ -326,7 +327,7 @@ def test_mode_1_is_stable_up_to_the_known_acceleration(e, gamma):
     assert gamma_of(theory.amplitude_max(1, e, base="moving"), e) == pytest.approx(gamma, abs=6e-7)
 
 
-@pytest.mark.parametrize("k", [1, 2, 3, 4, 7, 12])
+@each_of("k", [1, 2, 3, 4, 7, 12])
 def test_no_closed_form_is_given_where_the_first_flight_meets_the_base_on_its_way(k):
     def meets(e):
         alpha = k * (1.0 - e) / (1.0 + e)

@@ -10,6 +10,7 @@ from flint import arb as arb_claims
 from flint import arb as arb_exponents
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.analysis.conditions import Condition
 from vibrosweep.analysis.continuation import FIX_E
 from vibrosweep.analysis.orbits import Plane, branches_along
@@ -89,9 +90,9 @@ def test_the_end_of_the_first_mode_at_nine_tenths_has_the_digits_known():
         assert float(gamma.rad()) < 1e-29
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("e", [0.3, 0.9, 0.99])
-@pytest.mark.parametrize("k", [1, 3])
+@each_of("base", BASES)
+@each_of("e", [0.3, 0.9, 0.99])
+@each_of("k", [1, 3])
 def test_closed_forms_lie_in_the_enclosures(base, e, k):
     with ctx.workprec(160):
         exactly = arb(e)
@@ -282,8 +283,8 @@ def phase_where_it_falls(waveform, value):
     return x[i] + (w[i] - value) / (w[i] - w[i + 1]) * (x[i + 1] - x[i])
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("waveform", [SINE, TWO_TONES, PARABOLIC], ids=lambda w: w.name)
+@each_of("base", BASES)
+@each_of("waveform", [SINE, TWO_TONES, PARABOLIC])
 def test_one_impact_has_the_multipliers_of_the_closed_forms(base, waveform):
     """z^2 - (1 + e + a w') z + e, and z^2 - (1 + e^2 + (1 + e) a w' / 2) z + e^2."""
     e, a = 0.8, 0.3
@@ -322,6 +323,7 @@ def test_under_a_law_the_slope_takes_the_place_of_the_restitution(base, law):
     assert float(proved.cycle.determinant.v) == pytest.approx(q * share, rel=1e-8)
 
 
+@pytest.mark.weekly
 def test_windows_between_points_are_closed_forms_and_proved():
     """0 < -G < 2 (1 + q e) / ((1 + q) (1 + e)), with e and q at the speed c + E(c) = k g / f."""
     pairs, frequency = [[0.1, 0.95], [2.0, 0.85]], 25.0
@@ -454,10 +456,10 @@ def test_orbits_have_no_observables(found, tmp_path):
 SCENE = {name: one.default for name, one in PARAMETERS.items()}
 
 
-@pytest.mark.parametrize("rebound", ["rest", "reflect"])
-@pytest.mark.parametrize("k", [1, 2])
-@pytest.mark.parametrize("restitution", [0.3, 0.9, 0.999])
-@pytest.mark.parametrize("place", [0.001, 0.5, 0.999])
+@each_of("rebound", ["rest", "reflect"])
+@each_of("k", [1, 2])
+@each_of("restitution", [0.3, 0.9, 0.999])
+@each_of("place", [0.001, 0.5, 0.999])
 def test_locked_orbit(rebound, k, restitution, place):
     e = restitution
     least = (1.0 - e) * k
@@ -621,7 +623,7 @@ def test_a_kick_that_barely_lifts_leaves_stays_undecided():
     assert BOUNDS.record_claims(weak, 1.0)["liftoff_time"] == math.inf
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("stored", "proved", "claim", "sound"),
     [
         (1.0, arb_claims(1), 0.0, True),

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.cases import each_of
 from vibrosweep import open_record, open_sweep, simulate, sweep
 from vibrosweep.cli import main
 from vibrosweep.commands.describe import describe
@@ -21,8 +22,7 @@ from vibrosweep.figures import save_all
 from vibrosweep.figures.registry import FIGURES, available
 from vibrosweep.figures.style import for_file
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.measures import MEASURES, OF_REALIZATIONS, VARIABLES, Status
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.measures import OF_REALIZATIONS, VARIABLES, Status
 from vibrosweep.proof.verifying import verify
 from vibrosweep.runs import chunks, driver, progress
 from vibrosweep.runs import driver as module
@@ -83,66 +83,6 @@ def test_the_seed_decides(compute):
     assert bits(compute(DRAWN)) != bits(compute(DRAWN.replace("seed = 3", "seed = 4")))
 
 
-def test_measures_are_those_of_the_landings(compute):
-    """Sampled frequencies, staggered launches: every fifth realization against its own record."""
-    path = compute(DRAWN + ALL_MEASURES + "transient = 2.0\n")
-    sweep = xr.load_dataset(path)
-    assert np.ptp(sweep["frequency"].values) > 1
-    for i in range(0, sweep.sizes["realization"], 5):
-        one = sweep.isel(realization=i)
-        scene = "".join(f"{name} = {float(one[name])!r}\n" for name in PARAMETERS)
-        alone = compute(f"[scene]\nparticles = 5\nduration = 8.0\n{scene}[record]\n")
-        found = open_record(alone).load().isel(realization=0)
-        seen = found["landing_time"] >= 2.0
-        speed = found["rebound_velocity"].where(seen)
-        height, flight = speed**2 / (2 * 9.81), 2 * speed / 9.81
-        assert one["status"] == 0
-        assert one["impact_count"] == seen.sum()
-        assert one["rest_count"] == found["rested"].where(seen).sum()
-        np.testing.assert_allclose(one["rebound_height_max"], height.max(), rtol=1e-12)
-        np.testing.assert_allclose(one["rebound_height_mean"], height.mean(), rtol=1e-12)
-        np.testing.assert_allclose(one["flight_time_mean"], flight.mean(), rtol=1e-12)
-        for name, expected in {
-            "particle_impact_count": seen.sum("impact"),
-            "particle_rest_count": found["rested"].where(seen).sum("impact"),
-            "particle_rebound_height_max": height.max("impact"),
-            "particle_rebound_height_mean": height.mean("impact"),
-            "particle_flight_time_mean": flight.mean("impact"),
-        }.items():
-            np.testing.assert_allclose(one[name], expected, rtol=1e-12)
-
-
-def test_the_launch_counts_for_the_height_of_flights_only(compute):
-    scene = "[scene]\namplitude = 0.1\nrestitution = 0.5\nlaunch = [0.5]\n"
-    launch = 5.0**2 / (2 * 9.81)
-    early = xr.load_dataset(compute(scene))
-    late = xr.load_dataset(compute(scene + "[measure]\ntransient = 0.6\n"))
-    assert early["flight_height_max"] == pytest.approx(launch)
-    assert early["rebound_height_max"] < launch
-    assert late["flight_height_max"] == late["rebound_height_max"] == early["rebound_height_max"]
-
-
-def test_without_landings_measures_of_flights_are_undefined(compute):
-    result = xr.load_dataset(compute("[scene]\nparticles = 2\nduration = 0.5\n" + ALL_MEASURES))
-    assert result["impact_count"] == 0
-    undefined = ("rebound_height_mean", "rebound_height_max", "flight_time_mean", "dt_min")
-    assert all(np.isnan(result[name]).all() for name in undefined)
-    assert result["flight_height_max"] == pytest.approx(5.0**2 / (2 * 9.81))
-    assert result["collision_free"] == 1
-
-
-def test_a_spent_budget_is_reported_and_harms_no_other_realization(compute):
-    text = "[scene]\nparticles = 2\n[sample]\nrealizations = 20\namplitude = [0.001, 3.0]\n"
-    limited = xr.load_dataset(compute(text + ALL_MEASURES + "impact_budget = 64\n"))
-    free = xr.load_dataset(compute(text + ALL_MEASURES))
-    spent = limited["status"] == 1
-    assert 0 < spent.sum() < 20
-    assert (limited["base_shared"].where(spent, -1) == -1).all()
-    assert np.isnan(limited["dt_min"].where(spent)).all()
-    kept = ~spent.values
-    assert limited["dt_min"][kept].equals(free["dt_min"][kept])
-
-
 # figures of the sweeps of the repository
 RECORDED = ("height_time", "height_time_all", "return_map")
 SAMPLED = {
@@ -193,13 +133,17 @@ NOT_RUN = re.compile("million|plane|basin|bifurcation|boundaries|branches|orbits
 NUMBERED = re.compile(r"_\d+$")
 
 
-@pytest.mark.parametrize("spec", SWEEPS, ids=lambda p: p.stem)
-def test_every_sweep_of_the_repository_is_valid(spec):
-    assert read_spec(spec).title
+# these need machine code that no other test needs
+RARE = {"steel_ball", "two_tones"}
 
 
 @pytest.mark.parametrize(
-    "spec", [p for p in SWEEPS if not NOT_RUN.match(p.stem)], ids=lambda p: p.stem
+    "spec",
+    [
+        pytest.param(p, id=p.stem, marks=[pytest.mark.weekly] * (p.stem in RARE))
+        for p in SWEEPS
+        if not NOT_RUN.match(p.stem)
+    ],
 )
 def test_every_sweep_of_the_repository(spec, tmp_path):
     path = tmp_path / "out.h5"
@@ -276,12 +220,6 @@ def test_a_huge_sweep_does_not_fill_memory_before_it_starts(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         module.run_sweep(spec, tmp_path / "out.h5", threads=2, runner=first_chunk)
     assert max(batches) <= chunks.MOST_PER_PIECE // 5
-
-
-def test_per_particle_variables_come_only_when_asked_for(compute):
-    names = {variable.name for variable in MEASURES["per_particle"].variables}
-    assert not names & set(bits(compute(DRAWN)))
-    assert names <= set(bits(compute(DRAWN + ALL_MEASURES)))
 
 
 # A parameter that a sweep file does not state is reported to be at its default.
@@ -513,14 +451,6 @@ def test_another_base_or_forcing_or_unit_of_time_is_another_sweep():
     assert differences(one, identity(spec_of("base_velocity")))
 
 
-def test_a_run_is_not_continued_under_another_base(tmp_path):
-    path = tmp_path / "out.h5"
-    spec = spec_of("amplitude")
-    run_sweep(spec, path, threads=1)
-    with pytest.raises(RunError, match=r"scene\.base: was high-bounce, is moving"):
-        retry_failed(spec_of("amplitude", base="moving"), path, threads=1)
-
-
 def test_a_result_without_a_base_attribute_is_of_the_high_bounce_base(tmp_path):
     path = tmp_path / "old.h5"
     run_sweep(spec_of("amplitude"), path, threads=1)
@@ -606,19 +536,6 @@ def test_a_sweep_is_described_and_planned(path_sprung, workers):
     assert plan.chunks == 1
 
 
-def test_realizations_that_spent_their_budget_are_computed_again(path_sprung, tmp_path):
-    few = parse_spec(TEXT_SPRUNG.replace("separation", "impact_budget = 12\nseparation"))
-    output = tmp_path / "few.h5"
-    run_sweep(few, output, threads=1)
-    failed = int(np.sum(xr.load_dataset(output)["status"] != 0))
-    assert failed > 0
-    _, again = retry_failed(few, output, threads=1, impact_budget=10_000_000)
-    assert again == failed
-    whole = xr.load_dataset(path_sprung)
-    for name, values in xr.load_dataset(output).variables.items():
-        assert values.values.tobytes() == whole[name].values.tobytes(), name
-
-
 def test_every_figure_is_drawn(path_sprung, tmp_path):
     with open_sweep(path_sprung) as sweep, open_record(path_sprung) as record:
         files = save_all(sweep, record, tmp_path)
@@ -628,8 +545,8 @@ def test_every_figure_is_drawn(path_sprung, tmp_path):
 # A result in memory: values that were not computed are never filled in.
 
 
-@pytest.mark.parametrize("rows", [0, 3])
-@pytest.mark.parametrize("name", ["impact_count", "dt_min", "status", "restitution"])
+@each_of("rows", [0, 3])
+@each_of("name", ["impact_count", "dt_min", "status", "restitution"])
 def test_a_result_in_which_values_are_missing_is_refused(name, rows):
     found = InMemory()
     found.dimensions({"realization": 4})
@@ -647,14 +564,15 @@ def test_a_result_in_which_values_are_missing_is_refused(name, rows):
     assert found.dataset()[name].values.tolist() == [1.0] * 4
 
 
-@pytest.mark.parametrize("name", sorted(VARIABLES))
+@each_of("name", sorted(VARIABLES))
 def test_every_variable_begins_with_its_code_for_no_value(name, monkeypatch):
     memory = np.empty  # the memory that it returns may still hold old numbers
-    monkeypatch.setattr(np, "empty", lambda *a, **k: np.full_like(memory(*a, **k), 1))
     found, variable = InMemory(), VARIABLES[name]
-    found.dimensions({"realization": 2, "particle": 3})
-    found.coordinate("amplitude", ("realization",), {})
-    found.variable(variable)
+    with monkeypatch.context() as patch:
+        patch.setattr(np, "empty", lambda *a, **k: np.full_like(memory(*a, **k), 1))
+        found.dimensions({"realization": 2, "particle": 3})
+        found.coordinate("amplitude", ("realization",), {})
+        found.variable(variable)
     values, amplitude = (found._arrays[one][1] for one in (name, "amplitude"))
     assert np.isnan(amplitude).all()
     if variable.dtype == "float64":
@@ -750,7 +668,7 @@ def test_columns_stand_below_their_heads():
     )
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("values", "said"),
     [
         ([-np.inf, -np.inf], "-inf in every realization"),
@@ -776,7 +694,7 @@ def test_an_empty_summary_is_not_an_error():
     assert len(list(Summary().lines())) == 1
 
 
-@pytest.mark.parametrize("name", sorted(OF_REALIZATIONS))
+@each_of("name", sorted(OF_REALIZATIONS))
 def test_codes_for_no_value_enter_no_mean(name):
     variable = OF_REALIZATIONS[name]
     if variable.flags:

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vibrosweep
+from tests.cases import each_of
 from vibrosweep.cli import main
 from vibrosweep.engine import landings
 from vibrosweep.engine.workers import Workers
@@ -67,7 +68,7 @@ def costs(monkeypatch):
     return says
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("realizations", "seconds", "chunk"),
     [
         (200, 1e-4, 200),  # short: not cut

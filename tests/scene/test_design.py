@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
 from vibrosweep.mistakes import ABSENT, Cell
 from vibrosweep.runs.driver import retry_failed
@@ -240,9 +241,7 @@ BAD_CELLS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("text", "extra", "column", "row", "value"), BAD_CELLS.values(), ids=BAD_CELLS
-)
+@each_of(("text", "extra", "column", "row", "value"), BAD_CELLS.values())
 def test_a_mistake_names_its_file_column_row_and_value(csv, text, extra, column, row, value):
     path = csv(text)
     with pytest.raises(TableError) as caught:
@@ -255,7 +254,7 @@ def test_a_mistake_names_its_file_column_row_and_value(csv, text, extra, column,
     assert "\n" not in said
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("text", "extra", "parts"),
     [
         ("", "", ["is empty", "column names"]),
@@ -465,7 +464,7 @@ def test_a_table_gives_the_forcing_once(csv, header, extra):
         opened_table(csv(f"{header}\n0.5,1.0,1.0\n"), extra)
 
 
-@pytest.mark.parametrize("name", ["case", "sample", "plate", "speed", "time", "run", "day"])
+@each_of("name", ["case", "sample", "plate", "speed", "time", "run", "day"])
 def test_a_word_that_only_resembles_a_parameter_is_a_label(csv, name):
     design = opened_table(csv(f"{name},restitution,amplitude\n1,0.85,1.1\nB,0.9,1.3\n"))
     assert list(design.labels[name].values) == ["1", "B"]
@@ -545,7 +544,7 @@ def test_the_digest_is_that_of_names_and_values():
         assert one != GivenTable.from_table({**PAIRS, **changed})
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("table", "message"),
     [
         ({"restitution": [0.5, 1.5], "amplitude": [1, 2]}, 'column "restitution", row 2 .* 1.5'),

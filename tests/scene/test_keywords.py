@@ -11,6 +11,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.cases import each_of
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.model.parameters import Periods
 from vibrosweep.scene.design import GridAxis, Range
@@ -109,7 +110,7 @@ def test_even_axes_are_written_briefly_and_exactly():
     assert parse_spec(spec.text).design.sampled["restitution"].values == tuple(uneven.tolist())
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("asks", "message"),
     [
         ({"restituton": 0.9}, 'restituton = 0.9: is not a known keyword; did you mean "restitut'),
@@ -173,8 +174,8 @@ def test_fractions_and_decimals_are_numbers():
         keyword_spec({"amplitude": Fraction(10**400)})
 
 
-@pytest.mark.parametrize("value", [1, "x", [], 1j])
-@pytest.mark.parametrize("table", ["scene", "sample", "measure", "record"])
+@each_of("value", [1, "x", [], 1j])
+@each_of("table", ["scene", "sample", "measure", "record"])
 def test_a_table_that_is_no_mapping(table, value):
     with pytest.raises(SpecError, match=rf"{table} = .*must be a mapping"):
         keyword_spec({"amplitude": 1.0, table: value})

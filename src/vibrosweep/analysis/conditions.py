@@ -467,5 +467,5 @@ def _from_orbit(
     parameters["phase"] = np.zeros_like(phase)  # the phase is that of the forcing
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     shape = phase.size, scene.particles
-    at = np.ascontiguousarray(np.broadcast_to(phase[:, np.newaxis], shape))
+    at = np.array(np.broadcast_to(phase[:, np.newaxis], shape))  # can be written, as all launches
     return problem._replace(launch_flight=np.full(phase.size, k)), Launches(np.zeros(shape), at)

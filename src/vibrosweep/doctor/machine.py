@@ -20,6 +20,7 @@ from vibrosweep.doctor import Finding
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels._jit import Deferred, cache_directory, jit, kernel, read_only_caches
 from vibrosweep.kernels._numba import HAS_CACHE, VARIABLE, lost, remedy, target, vector_bits
+from vibrosweep.model.parameters import LAWS, SPRUNG
 from vibrosweep.runs.chunks import TRAJECTORIES_PER_BATCH
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
@@ -232,7 +233,6 @@ def warm_up() -> Compiled:
     from vibrosweep.kernels.impact import KIND_OF
     from vibrosweep.model.forcing import AMPLITUDE
     from vibrosweep.model.observables import Measures
-    from vibrosweep.model.parameters import LAWS, SPRUNG
     from vibrosweep.scene.scene import Scene
     from vibrosweep.scene.sweep import batch, keyword_spec
 

@@ -12,6 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from proved_pieces import sine, step
+from tests.cases import each_of
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.model.measures import Status
 from vibrosweep.model.parameters import PARAMETERS
@@ -32,7 +33,7 @@ def run(**changes):
     return trajectory(**(TABLE_1 | changes))
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("launch_time", "n", "landing", "rebound"),
     [
         (0.125, 1, 1.144367991845056, 5.445257903944113),
@@ -60,8 +61,8 @@ def test_published_rest():
     assert result.status is Status.COMPLETED
 
 
-@pytest.mark.parametrize("rebound", ["rest", "reflect"])
-@pytest.mark.parametrize("digits", [5, 20, 60])
+@each_of("rebound", ["rest", "reflect"])
+@each_of("digits", [5, 20, 60])
 def test_every_ball_is_as_narrow_as_asked(rebound, digits):
     result = run(rebound=rebound, digits=digits, amplitude=3.4, contact_time=0.1, duration=30.0)
     tolerance = arb(10) ** -digits

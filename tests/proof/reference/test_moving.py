@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from proved_pieces import first_landing
+from tests.cases import each_of
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.reference.arithmetic import UndecidableError
 from vibrosweep.proof.reference.laws import Constant
@@ -51,8 +52,8 @@ def test_published_impacts(n, landing, rebound):
     assert result.rebound_velocity[n - 1] == pytest.approx(rebound, rel=0, abs=6e-16)
 
 
-@pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
-@pytest.mark.parametrize("k", [1, 2, 3])
+@each_of("e", [0.1, 0.5, 0.9])
+@each_of("k", [1, 2, 3])
 def test_locked_orbit(e, k):
     least = math.pi * k * (1.0 - e) / (1.0 + e)
     widest = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2
@@ -144,7 +145,7 @@ def test_jacobian_is_the_limit_of_differences(e, gamma, x, y):
         assert found.determinant.overlaps(a * d - b * c)
 
 
-@pytest.mark.parametrize("gamma", [1.001, 1.2, 2.0, 3.0, math.sqrt(1.0 + math.pi**2), 5.0])
+@each_of("gamma", [1.001, 1.2, 2.0, 3.0, math.sqrt(1.0 + math.pi**2), 5.0])
 def test_first_flight_after_a_lift_off(gamma):
     # e = 0 and a slow launch: the particle rests at once
     result = in_periods(gamma, 0.0, 0.0, 1e-3)

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from tests.cases import each_of
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.shapes import SINE, Waveform
@@ -103,7 +104,7 @@ def test_particles_without_mass_see_the_moving_base(changes):
     assert all(event.deviation == 0 for event in found.events)
 
 
-@pytest.mark.parametrize("values", SCENES)
+@each_of("values", SCENES)
 def test_momentum_and_energy_of_each_impact(values):
     changes = scene(*values)
     found = run((0.0, 0.21, 0.4), 4.0, **changes)
@@ -131,7 +132,7 @@ def test_momentum_and_energy_of_each_impact(values):
     assert kinds & 5 == 5  # some bounce and some stick
 
 
-@pytest.mark.parametrize("values", SCENES)
+@each_of("values", SCENES)
 def test_flights_begin_and_end_on_the_base(values):
     found = run((0.0, 0.21, 0.4), 3.0, **scene(*values))
     with ctx.workprec(2 * found.precision_bits):
@@ -181,8 +182,8 @@ def test_the_base_responds_to_every_impact_by_its_own_oscillation():
     assert len(hits) > 20
 
 
-@pytest.mark.parametrize("mass_ratio", [0.01, 0.2, 0.5])
-@pytest.mark.parametrize(("k", "nu"), [(1, 0.37), (2, 0.77), (1, 4.3)])
+@each_of("mass_ratio", [0.01, 0.2, 0.5])
+@each_of(("k", "nu"), [(1, 0.37), (2, 0.77), (1, 4.3)])
 def test_locked_orbit_without_damping(mass_ratio, k, nu):
     """The sine of the landing phase is Gamma_k (1 + mu) / Gamma: one impact every k periods."""
     with ctx.workprec(300):
@@ -295,8 +296,8 @@ MOUNTS = [
 PARABOLIC = Waveform("parabolic")
 
 
-@pytest.mark.parametrize("shape", [SINE, TWO_TONES, PARABOLIC], ids=lambda one: one.name)
-@pytest.mark.parametrize(("nu", "zeta", "mu", "riders"), MOUNTS)
+@each_of("shape", [SINE, TWO_TONES, PARABOLIC])
+@each_of(("nu", "zeta", "mu", "riders"), MOUNTS)
 def test_motion_solves_its_equation(nu, zeta, mu, riders, shape):
     w0, load = 2.0 * math.pi * nu, riders * mu
 
@@ -317,7 +318,7 @@ def test_motion_solves_its_equation(nu, zeta, mu, riders, shape):
         assert float(arc.derivative(2, s)) == pytest.approx(force(t, (y, v))[1], abs=1e-8)
 
 
-@pytest.mark.parametrize(("nu", "zeta", "mu", "riders"), MOUNTS)
+@each_of(("nu", "zeta", "mu", "riders"), MOUNTS)
 def test_parts_and_bounds(nu, zeta, mu, riders):
     with ctx.workprec(400):
         arc, step = arc_of(nu, zeta, mu, riders), arb(2) ** -120
@@ -343,7 +344,7 @@ def test_parts_and_bounds(nu, zeta, mu, riders):
             assert (rate + velocity).overlaps(arc.derivative(1, s))
 
 
-@pytest.mark.parametrize(("nu", "zeta", "mu", "riders"), MOUNTS)
+@each_of(("nu", "zeta", "mu", "riders"), MOUNTS)
 def test_state_of_another_instant_gives_the_same_motion(nu, zeta, mu, riders):
     with ctx.workprec(200):
         arc, late = arc_of(nu, zeta, mu, riders), arb(0.01)
