@@ -11,11 +11,12 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
+from vibrosweep import waiting
 from vibrosweep.api.sweeps import as_sweep
 from vibrosweep.cli import main
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
 from vibrosweep.figures import parameter_plane
-from vibrosweep.runs import chunks, progress
+from vibrosweep.runs import chunks
 from vibrosweep.runs.driver import sweep_in_memory
 from vibrosweep.scene.keys import SECTIONS
 
@@ -79,7 +80,7 @@ def test_a_finished_result_is_opened_and_another_kept(tmp_path):
 
 
 def test_a_bar_is_shown_where_it_is_wanted(capsys, monkeypatch):
-    monkeypatch.setattr(progress, "SECONDS_BEFORE_BAR", 0.0)
+    monkeypatch.setattr(waiting, "SECONDS_BEFORE_BAR", 0.0)
     vs.sweep(**DRAWN)
     assert capsys.readouterr().err == ""
     vs.sweep(**DRAWN, progress=True)

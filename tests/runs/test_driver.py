@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 from tests.cases import each_of
-from vibrosweep import open_record, open_sweep, simulate, sweep
+from vibrosweep import open_record, open_sweep, simulate, sweep, waiting
 from vibrosweep.cli import main
 from vibrosweep.commands.describe import describe
 from vibrosweep.errors import ParameterError, RunError, TableError
@@ -24,7 +24,7 @@ from vibrosweep.figures.style import for_file
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.measures import OF_REALIZATIONS, VARIABLES, Status
 from vibrosweep.proof.verifying import verify
-from vibrosweep.runs import chunks, driver, progress
+from vibrosweep.runs import chunks, driver
 from vibrosweep.runs import driver as module
 from vibrosweep.runs.chunks import differences, identity
 from vibrosweep.runs.driver import InMemory, retry_failed, run_sweep
@@ -730,7 +730,7 @@ class Gone(io.StringIO):
 @pytest.fixture
 def clock(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(waiting.time, "monotonic", lambda: now[0])
     return now
 
 

@@ -95,7 +95,7 @@ def number(name: str, words: str, default: int, metavar: str = "N") -> Argument:
 
 
 def spec(holds: str) -> Argument:
-    """Describe the sweep file, in which a command looks for what is said."""
+    """Describe the sweep file of a command, which must hold what the words say."""
     return argument("spec", metavar="SPEC.toml", type=Path, help=holds)
 
 

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from vibrosweep.commands import say, tell
-from vibrosweep.errors import DataError
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def info(options: argparse.Namespace) -> None:
@@ -25,13 +18,6 @@ def info(options: argparse.Namespace) -> None:
 
 
 def figures(options: argparse.Namespace) -> None:
-    from vibrosweep.store.reading import using
-
-    with using(options.result):
-        _draw(options, options.result, options.output)
-
-
-def _draw(options: argparse.Namespace, path: Path, directory: Path) -> None:
     from vibrosweep.analysis.records import as_rectangle
     from vibrosweep.figures.registry import FIGURES, left_out, save_all, save_formats
     from vibrosweep.figures.style import for_file
@@ -42,37 +28,28 @@ def _draw(options: argparse.Namespace, path: Path, directory: Path) -> None:
         open_record,
         open_sweep,
         read_kind,
+        using,
     )
 
-    kind = read_kind(path)
-    if kind is not SWEEP:
-        figure = for_file(kind.axes, load_dataset(path))
-        say(options, *map(str, save_formats(figure, directory, kind.stem or kind.name)))
-        return
-    needed = {name for entry in FIGURES.values() for name in entry.needs.variables}
-
-    def without_particles(sweep: xr.Dataset) -> xr.Dataset:
-        """Leave out variables of single particles that no figure needs, since they may be large."""
-        single = {name for name, one in sweep.variables.items() if "particle" in one.dims}
-        return sweep.drop_vars(single - needed)
-
-    sweep = _loaded(path, open_sweep, without_particles)
-    record = _loaded(path, open_record, as_rectangle) if has_record(path) else None
-    for written in save_all(sweep, record, directory):
-        say(options, str(written))
-    if line := left_out(sweep, record):
-        say(options, line)
-
-
-def _loaded(
-    path: Path, opener: Callable[[Path], xr.Dataset], part: Callable[[xr.Dataset], xr.Dataset]
-) -> xr.Dataset:
-    """Load the part of a dataset that figures need."""
-    with opener(path) as dataset:
-        try:
-            return part(dataset).load()
-        except (OSError, RuntimeError) as error:
-            raise DataError(f"{path}: is damaged; compute it again") from error
+    path, directory, record = options.result, options.output, None
+    with using(path):
+        kind = read_kind(path)
+        if kind is not SWEEP:
+            figure = for_file(kind.axes, load_dataset(path))
+            say(options, *map(str, save_formats(figure, directory, kind.stem or kind.name)))
+            return
+        needed = {name for entry in FIGURES.values() for name in entry.needs.variables}
+        with open_sweep(path) as found:
+            # variables of single particles that no figure needs may be large
+            single = {name for name, one in found.variables.items() if "particle" in one.dims}
+            sweep = found.drop_vars(single - needed).load()
+        if has_record(path):
+            with open_record(path) as found:
+                record = as_rectangle(found).load()
+        for written in save_all(sweep, record, directory):
+            say(options, str(written))
+        if line := left_out(sweep, record):
+            say(options, line)
 
 
 def explore(options: argparse.Namespace) -> None:
@@ -80,29 +57,23 @@ def explore(options: argparse.Namespace) -> None:
     from vibrosweep.store.reading import using
 
     require_bokeh()
+    from vibrosweep.explorer.points import open_points, with_borders
+
     with using(options.result):
-        _explore(options)
+        points = open_points(options.result)
+        if options.boundaries is not None:
+            points = with_borders(points, options.boundaries)
+        if options.output is not None:
+            from vibrosweep.explorer.static import write_page
 
+            print(write_page(points, options.output, force=options.force))
+            return
+        from vibrosweep.explorer.server import serve
 
-def _explore(options: argparse.Namespace) -> None:
-    from vibrosweep.explorer.points import open_points
+        def started(address: str) -> None:
+            print(f"{points.title}: {address} (Ctrl-C ends it)", flush=True)
 
-    points = open_points(options.result)
-    if options.boundaries is not None:
-        from vibrosweep.explorer.points import with_borders
-
-        points = with_borders(points, options.boundaries)
-    if options.output is not None:
-        from vibrosweep.explorer.static import write_page
-
-        print(write_page(points, options.output, force=options.force))
-        return
-    from vibrosweep.explorer.server import serve
-
-    def started(address: str) -> None:
-        print(f"{points.title}: {address} (Ctrl-C ends it)", flush=True)
-
-    serve(points, options.port, started, options.frame_in)
+        serve(points, options.port, started, options.frame_in)
 
 
 def verify(options: argparse.Namespace) -> int:
