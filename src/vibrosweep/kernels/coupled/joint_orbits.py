@@ -20,7 +20,6 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.arithmetic import cos_turns, sin_turns
 from vibrosweep.kernels.bases import sprung
 from vibrosweep.kernels.bases.sprung import Load, Mount
-from vibrosweep.kernels.coupled.advance import Coupled
 from vibrosweep.kernels.coupled.events import (
     EVENT,
     MODE,
@@ -34,6 +33,7 @@ from vibrosweep.kernels.coupled.events import (
     phase_now,
     system,
 )
+from vibrosweep.kernels.coupled.realizations import Coupled
 from vibrosweep.kernels.memory import unwritten
 from vibrosweep.kernels.restitution import ratio, slope
 
