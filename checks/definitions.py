@@ -27,7 +27,7 @@ from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.coupled.advance import landings
+from vibrosweep.kernels.coupled.realizations import landings
 from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import Periods
 from vibrosweep.scene.scene import Scene

@@ -17,7 +17,6 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels._jit import uncounted
 from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.bases.sprung import bounds, loaded, mount, side_at, velocity
-from vibrosweep.kernels.coupled.advance import Coupled, clear, landings, note, work_for
 from vibrosweep.kernels.coupled.events import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
 from vibrosweep.kernels.coupled.joint_orbits import (
     BLOCKS,
@@ -29,6 +28,7 @@ from vibrosweep.kernels.coupled.joint_orbits import (
     propagate,
     settle_jointly,
 )
+from vibrosweep.kernels.coupled.realizations import Coupled, clear, landings, note, work_for
 from vibrosweep.kernels.ordering import Listed
 from vibrosweep.kernels.restitution import Constant
 from vibrosweep.kernels.waveforms import Sine

@@ -35,8 +35,8 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.kernels import _numba, _pieces
 from vibrosweep.kernels._jit import _fma_exact, generic, implements
-from vibrosweep.kernels.coupled.advance import empty_per_realization
 from vibrosweep.kernels.coupled.joint_orbits import empty_joint
+from vibrosweep.kernels.coupled.realizations import empty_per_realization
 from vibrosweep.kernels.fixed import empty_fixed
 from vibrosweep.kernels.impact import KIND_OF
 from vibrosweep.kernels.memory import require_written

@@ -13,8 +13,8 @@ from study.records import order_of_landings
 from tests.cases import each_of
 from vibrosweep.engine.measure import measure
 from vibrosweep.kernels.bases import Instant
-from vibrosweep.kernels.coupled.advance import clear, close, lacks_memory, note
-from vibrosweep.kernels.coupled.advance import landings as landings_sequence
+from vibrosweep.kernels.coupled.realizations import clear, close, lacks_memory, note
+from vibrosweep.kernels.coupled.realizations import landings as landings_sequence
 from vibrosweep.kernels.ordering import HARMONICS as HARMONICS_SEQUENCE
 from vibrosweep.kernels.ordering import Listed, empty_orders, write_order
 from vibrosweep.kernels.separation import (

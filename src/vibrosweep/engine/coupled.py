@@ -20,7 +20,8 @@ from vibrosweep.engine.measure import (
     units_of,
 )
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels.coupled.advance import (
+from vibrosweep.kernels.coupled.joint_orbits import BLOCKS, empty_joint, notes, settle_jointly
+from vibrosweep.kernels.coupled.realizations import (
     Coupled,
     CoupledStatistics,
     EventStates,
@@ -35,7 +36,6 @@ from vibrosweep.kernels.coupled.advance import (
     trace,
     work_for,
 )
-from vibrosweep.kernels.coupled.joint_orbits import BLOCKS, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.record import Scale, empty_record
 from vibrosweep.kernels.restitution import restitution_of

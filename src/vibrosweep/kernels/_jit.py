@@ -12,7 +12,7 @@ Which decorator a function takes:
     uncompiled   a generic function that Python calls too rarely to be worth compiling
     intrinsic    numba's own, for single instructions of the processor: the last functions here
 
-Every rounding of the kernels is written down: no fast-math flag is set, and products are fused
+Every rounding of the kernels is explicit: no fast-math flag is set, and products are fused
 with sums only where `fma` says so.  A scalar loop, a vector loop and plain Python therefore give
 the same bits, whatever the compiler makes of them.
 """
@@ -224,7 +224,8 @@ def generic(declared: F) -> F:
             ) from None
 
     def call(first: Any, *others: Any) -> Any:
-        return implementation(type(getattr(first, "base", first)))(first, *others)
+        chooses = first.base if "base" in getattr(first, "_fields", ()) else first
+        return implementation(type(chooses))(first, *others)
 
     def code(first: Any, *others: Any) -> Any:
         if "base" in getattr(first, "fields", ()):

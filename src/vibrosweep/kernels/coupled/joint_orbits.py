@@ -20,7 +20,6 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.arithmetic import cos_turns, sin_turns
 from vibrosweep.kernels.bases import sprung
 from vibrosweep.kernels.bases.sprung import Load, Mount
-from vibrosweep.kernels.coupled.advance import Coupled
 from vibrosweep.kernels.coupled.events import (
     EVENT,
     MODE,
@@ -34,6 +33,7 @@ from vibrosweep.kernels.coupled.events import (
     phase_now,
     system,
 )
+from vibrosweep.kernels.coupled.realizations import Coupled
 from vibrosweep.kernels.memory import unwritten
 from vibrosweep.kernels.restitution import ratio, slope
 
@@ -231,40 +231,19 @@ def notes(particles: int) -> Notes:
 
 
 @jit
-def _same(a: System, b: System) -> bool:
-    """Return whether two states differ by whole periods only."""
-    if a.now[NOW.X] != b.now[NOW.X] or a.now[NOW.D] != b.now[NOW.D] or a.now[NOW.B] != b.now[NOW.B]:
-        return False
-    for j in range(a.mode.size):
-        if a.mode[j] != b.mode[j] or a.mode[j] == MODE.WAITING:
-            return False
-        for row in (PARTICLE.HEIGHT, PARTICLE.SPEED):
-            if a.mode[j] == MODE.FLYING and a.particle[row, j] != b.particle[row, j]:
-                return False
-    return True
-
-
-@jit
-def _alike(a: System, b: System) -> bool:
-    """Return whether two states differ by whole periods and rounding only."""
+def _alike(a: System, b: System, within: float) -> bool:
+    """Return whether two states differ by whole periods and at most by `within` in all else."""
     turned = a.now[NOW.X] - b.now[NOW.X]
     off = abs(turned - np.rint(turned))
-    off = max(
-        off,
-        abs(a.now[NOW.D] - b.now[NOW.D]),
-        abs(a.now[NOW.B] - b.now[NOW.B]),
-    )
+    off = max(off, abs(a.now[NOW.D] - b.now[NOW.D]), abs(a.now[NOW.B] - b.now[NOW.B]))
     for j in range(a.mode.size):
-        if off > ALIKE or a.mode[j] != b.mode[j] or a.mode[j] == MODE.WAITING:
+        if off > within or a.mode[j] != b.mode[j] or a.mode[j] == MODE.WAITING:
             return False
         if a.mode[j] == MODE.FLYING:
             scale = max(abs(a.particle[PARTICLE.SCALE, j]), 1.0)
-            for row, unit in (
-                (PARTICLE.HEIGHT, scale * scale),
-                (PARTICLE.SPEED, scale),
-            ):
+            for row, unit in ((PARTICLE.HEIGHT, scale * scale), (PARTICLE.SPEED, scale)):
                 off = max(off, abs(a.particle[row, j] - b.particle[row, j]) / unit)
-    return bool(off <= ALIKE)
+    return bool(off <= within)
 
 
 @jit
@@ -370,10 +349,10 @@ def _settle(
         landed += 1
         rests += 1 if event.kind == EVENT.STICK else 0
         out.landings[i] += 1 if place >= 0 else 0
-        if out.impacts[i] == 0 and _alike(state, stored):
+        if out.impacts[i] == 0 and _alike(state, stored, ALIKE):
             full = _since(state, stored, landed - seen_at, rests - rested)
             first = full if first.impacts == 0 else first
-            if _same(state, stored):
+            if _alike(state, stored, 0.0):
                 out.impacts[i], out.periods[i], out.rests[i] = _shortest(full, first)
                 out.since[i] = (
                     stored.now[NOW.N]
@@ -388,12 +367,7 @@ def _settle(
 
 @uncounted
 def settle_jointly(
-    first: int,
-    last: int,
-    batch: Coupled,
-    budget: int,
-    work: Notes,
-    out: JointOrbit,
+    first: int, last: int, batch: Coupled, budget: int, work: Notes, out: JointOrbit
 ) -> None:
     """Find the orbits of realizations first ... last - 1 until the end of their windows.
 
